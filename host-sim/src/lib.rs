@@ -1,0 +1,2 @@
+//! Simulated plant, virtual board, scenarios and reports.
+pub mod scenario;

@@ -1,0 +1,2 @@
+//! The `thermyo` command.
+fn main() {}

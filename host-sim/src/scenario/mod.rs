@@ -1,0 +1,3 @@
+//! Scenario files: schema, defaults, validation.
+mod model;
+pub use model::*;
