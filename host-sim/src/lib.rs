@@ -1,2 +1,3 @@
 //! Simulated plant, virtual board, scenarios and reports.
+pub mod plant;
 pub mod scenario;

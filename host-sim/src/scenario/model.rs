@@ -532,6 +532,8 @@ pub struct GasSensor {
     pub range_min_k: f64,
     /// Highest temperature that the front end resolves \[K\].
     pub range_max_k: f64,
+    /// Lag of the light housing around the foil, in series with it \[s\] (`full` only).
+    pub housing_time_constant_s: f64,
 }
 
 impl Default for GasSensor {
@@ -541,8 +543,9 @@ impl Default for GasSensor {
             noise_k: 0.05,
             position: 0.5,
             span: 0.25,
-            range_min_k: 260.0,
-            range_max_k: 340.0,
+            range_min_k: 270.0,
+            range_max_k: 330.0,
+            housing_time_constant_s: 0.2,
         }
     }
 }

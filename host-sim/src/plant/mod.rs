@@ -1,0 +1,134 @@
+//! The simulated plant, in f64: what the air, the muscle and the sensors really do.
+//!
+//! It shares no equation's code with `model-core`; a test that compares the two compares two
+//! derivations.
+
+use std::fmt;
+
+/// What acts on the plant during one step: the share of the step that each valve is driven, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Actuation {
+    /// Inlet valve.
+    pub inlet: f64,
+    /// Outlet valve. A normally open valve is driven to close; this is already its opening.
+    pub outlet: f64,
+}
+
+/// The plant's state as an outside observer with perfect instruments would see it, SI.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Truth {
+    /// Time since the start \[s\].
+    pub time_s: f64,
+    /// Absolute pressure in the muscle or vessel \[Pa\].
+    pub pressure_pa: f64,
+    /// Gas volume \[m3\].
+    pub volume_m3: f64,
+    /// Muscle length; a vessel's is its volume over its section \[m\].
+    pub length_m: f64,
+    /// Rate of change of the length \[m/s\].
+    pub speed_m_s: f64,
+    /// Gas mass \[kg\].
+    pub mass_kg: f64,
+    /// Mass flow in \[kg/s\].
+    pub flow_in_kg_s: f64,
+    /// Mass flow out \[kg/s\].
+    pub flow_out_kg_s: f64,
+    /// Mass-weighted mean gas temperature \[K\].
+    pub gas_temperature_k: f64,
+    /// Mean temperature of the wall, weighted by heat capacity \[K\].
+    pub wall_temperature_k: f64,
+    /// Temperature of the foil in the gas \[K\].
+    pub sensor_gas_k: f64,
+    /// Temperature of the sensor in the wall \[K\].
+    pub sensor_wall_k: f64,
+    /// What the pressure sensor's element sees, after its lag \[Pa\].
+    pub sensor_pressure_pa: f64,
+    /// What the potentiometer's wiper sees, after its lag \[m\].
+    pub sensor_length_m: f64,
+    /// Friction force, positive when it opposes contraction \[N\].
+    pub friction_n: f64,
+}
+
+/// The books of one run: what went in and out since the start, and what is there. All in J and kg.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Ledger {
+    /// Gas mass at the start \[kg\].
+    pub mass_initial_kg: f64,
+    /// Gas mass now \[kg\].
+    pub mass_kg: f64,
+    /// Mass that flowed in \[kg\].
+    pub mass_in_kg: f64,
+    /// Mass that flowed out \[kg\].
+    pub mass_out_kg: f64,
+    /// Internal energy of the gas at the start \[J\].
+    pub energy_initial_j: f64,
+    /// Internal energy of the gas now \[J\].
+    pub energy_j: f64,
+    /// Enthalpy that flowed in \[J\].
+    pub enthalpy_in_j: f64,
+    /// Enthalpy that flowed out \[J\].
+    pub enthalpy_out_j: f64,
+    /// Heat from gas to wall \[J\].
+    pub heat_to_wall_j: f64,
+    /// Work of the gas on the muscle's wall (integral of P dV) \[J\].
+    pub work_j: f64,
+    /// Friction heat \[J\].
+    pub friction_heat_j: f64,
+    /// Part of the friction heat that went into the wall \[J\].
+    pub friction_to_wall_j: f64,
+    /// Heat from wall to ambient \[J\].
+    pub heat_to_ambient_j: f64,
+    /// Energy of the wall at the start, relative to the initial temperature \[J\].
+    pub wall_energy_j: f64,
+}
+
+impl Ledger {
+    /// Mass that appeared from nowhere, relative to what was handled.
+    pub fn mass_balance_error(&self) -> f64 {
+        let residual = self.mass_kg - self.mass_initial_kg - self.mass_in_kg + self.mass_out_kg;
+        residual.abs() / (self.mass_initial_kg + self.mass_in_kg + self.mass_out_kg)
+    }
+
+    /// Energy that appeared from nowhere in the gas, relative to what was handled.
+    pub fn energy_balance_error(&self) -> f64 {
+        let residual = self.energy_j - self.energy_initial_j - self.enthalpy_in_j
+            + self.enthalpy_out_j
+            + self.heat_to_wall_j
+            + self.work_j;
+        residual.abs() / (self.energy_initial_j + self.enthalpy_in_j + self.enthalpy_out_j)
+    }
+}
+
+/// The plant left the range in which its equations hold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diverged {
+    /// When \[s\].
+    pub time_s: f64,
+    /// The state, as `name = value unit` pairs.
+    pub state: String,
+}
+
+impl fmt::Display for Diverged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the plant diverged at {} s: {}", self.time_s, self.state)
+    }
+}
+
+impl std::error::Error for Diverged {}
+
+/// A simulated plant.
+pub trait Plant: Send {
+    /// Advances by one exchange step (`[run] step_s`).
+    ///
+    /// # Errors
+    /// [`Diverged`] when a state is not finite or leaves the range of the equations.
+    fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged>;
+    /// The state now.
+    fn truth(&self) -> Truth;
+    /// The books since the start.
+    fn ledger(&self) -> Ledger;
+    /// Wall surface temperature per axial zone, port first \[K\]; one element without zones.
+    fn axial_wall_k(&self) -> Vec<f64>;
+    /// Gas temperature per axial zone, port first \[K\].
+    fn axial_gas_k(&self) -> Vec<f64>;
+}
