@@ -1,3 +1,51 @@
-//! Skeleton.
-#![no_std]
+//! Thermodynamic model, temperature estimator and valve controller of a pneumatic muscle actuator
+//! (pMA, McKibben muscle), as one core for the board and the host.
+//!
+//! The core takes a [`Sample`] of raw ADC codes and gives a [`Telemetry`] with the [`Command`] of
+//! valve openings, once per fixed step. It is `no_std`, allocates nothing, cannot panic, and
+//! computes in f32 with operations that give the same bits on every machine.
+//!
+//! ```
+//! use model_core::{AdcCode, Command, Config, Core, Sample, SetPoint};
+//!
+//! let mut core = Core::new(&Config::default()).unwrap();
+//! let sample = Sample {
+//!     pressure: AdcCode(7770),
+//!     gas: AdcCode(15_950),
+//!     length: AdcCode(23_757),
+//!     emergency_stop: false,
+//! };
+//! assert_eq!(core.step(&sample).command, Command::VENT);
+//! core.set(SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 5.0 });
+//! ```
+//!
+//! Equation numbers are those of Kopecny and Zalud, "Sensors for Evaluation of Thermodynamical
+//! Model of pMA", 2013.
+
+#![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
+#![deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![cfg_attr(test, allow(clippy::indexing_slicing, clippy::unwrap_used))]
+// `!(x > 0.0)` is how a NaN is caught.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+
+pub mod balance;
+pub mod body;
+pub mod config;
+pub mod control;
+pub mod estimator;
+pub mod front_end;
+pub mod gas;
+pub mod geometry;
+pub mod heat;
+pub mod math;
+pub mod model;
+pub mod sample;
+mod step;
+pub mod supervisor;
+pub mod valve;
+pub mod valve_drive;
+
+pub use config::{Config, ConfigError};
+pub use sample::{AdcCode, Command, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
+pub use step::Core;

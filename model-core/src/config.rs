@@ -1,0 +1,299 @@
+//! Everything that the core is told before it starts, and what each value may be.
+
+use crate::front_end::FrontEnd;
+use crate::gas::Gas;
+use crate::geometry::{Braid, Friction, Muscle};
+use crate::heat::Heat;
+use crate::valve::Valve;
+use serde::{Deserialize, Serialize};
+
+/// Configuration of the core. [`Config::default`] is the nominal muscle of the project's scenarios.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Config {
+    /// Fixed step of the core \[s\].
+    pub step_s: f32,
+    /// The gas.
+    pub gas: Gas,
+    /// The surroundings.
+    pub ambient: Reservoir,
+    /// The supply behind the inlet valve.
+    pub supply: Reservoir,
+    /// What holds the gas.
+    pub body: Body,
+    /// Heat transfer and wall.
+    pub heat: Heat,
+    /// Friction of the muscle.
+    pub friction: Friction,
+    /// What the muscle pulls against.
+    pub load: Load,
+    /// Inlet and outlet valve.
+    pub valve: Valve,
+    /// How the valves are driven.
+    pub drive: ValveDrive,
+    /// The analog front ends.
+    pub front_end: FrontEnd,
+    /// The gas sensor's element.
+    pub gas_sensor: GasSensor,
+    /// Estimator tuning.
+    pub estimator: EstimatorConfig,
+    /// Above this absolute pressure the supervisor vents \[Pa\].
+    pub pressure_limit_pa: f32,
+}
+
+/// A reservoir of gas.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Reservoir {
+    /// Absolute pressure \[Pa\].
+    pub pressure_pa: f32,
+    /// Temperature \[K\].
+    pub temperature_k: f32,
+}
+
+/// What holds the gas.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Body {
+    /// A McKibben muscle.
+    Muscle(Muscle),
+    /// A vessel, or a cylinder: volume = section * length.
+    Vessel {
+        /// Section \[m2\].
+        section_m2: f32,
+        /// Inner surface \[m2\].
+        surface_m2: f32,
+    },
+}
+
+/// What the muscle pulls against.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Load {
+    /// A constant force \[N\].
+    Isotonic {
+        /// Force \[N\].
+        force_n: f32,
+    },
+    /// A fixed length \[m\].
+    Isometric {
+        /// Length \[m\].
+        length_m: f32,
+    },
+}
+
+/// How the valves are driven.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ValveDrive {
+    /// PWM period, in steps of the core \[-\].
+    pub period_steps: u16,
+    /// Shortest opening that the valve still follows \[s\].
+    pub minimum_pulse_s: f32,
+}
+
+/// The gas sensor's element.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct GasSensor {
+    /// Lag \[s\].
+    pub time_constant_s: f32,
+    /// Noise of one conversion, standard deviation \[K\].
+    pub noise_k: f32,
+}
+
+/// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct EstimatorConfig {
+    /// Gas and wall temperature at the start \[K\].
+    pub initial_sd_k: f32,
+    /// Drift of the gas temperature's error \[K\].
+    pub gas_drift_k: f32,
+    /// Drift of the wall temperature's error \[K\].
+    pub wall_drift_k: f32,
+    /// Heat-transfer scale at the start \[-\].
+    pub heat_scale_sd: f32,
+    /// Drift of the heat-transfer scale \[-\].
+    pub heat_scale_drift: f32,
+    /// Logarithm of the sensor's lag at the start \[-\].
+    pub lag_sd: f32,
+    /// Drift of the logarithm of the sensor's lag \[-\].
+    pub lag_drift: f32,
+    /// Error of the sensor's reading that averaging does not remove (non-linearity) \[K\].
+    pub sensor_bias_k: f32,
+}
+
+impl Default for EstimatorConfig {
+    fn default() -> Self {
+        Self {
+            initial_sd_k: 3.0,
+            gas_drift_k: 0.05,
+            wall_drift_k: 0.05,
+            heat_scale_sd: 0.3,
+            heat_scale_drift: 0.01,
+            lag_sd: 0.2,
+            lag_drift: 0.003,
+            sensor_bias_k: 0.03,
+        }
+    }
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            step_s: 0.001,
+            gas: Gas::AIR,
+            ambient: Reservoir { pressure_pa: 101_325.0, temperature_k: 298.0 },
+            supply: Reservoir { pressure_pa: 700_000.0, temperature_k: 298.0 },
+            body: Body::Muscle(Muscle {
+                // 300 mm by 20 mm at rest, threads at 23 deg.
+                braid: Braid { thread_length_m: 0.325_908_1, turns: 2.026_714 },
+                rest_length_m: 0.3,
+                bladder_stiffness_n_m: 600.0,
+                dead_volume_m3: 5.0e-6,
+            }),
+            heat: Heat {
+                inner_w_m2_k: 25.0,
+                inner_per_flow: 4.0e4,
+                outer_w_m2_k: 8.0,
+                outer_per_speed: 60.0,
+                wall_heat_capacity_j_k: 65.0,
+            },
+            friction: Friction {
+                force_n: 15.0,
+                reference_temperature_k: 298.0,
+                softening_per_k: 0.01,
+                heat_fraction: 0.9,
+            },
+            load: Load::Isotonic { force_n: 100.0 },
+            valve: Valve { conductance_m3_s_pa: 4.0e-9, critical_ratio: 0.3 },
+            drive: ValveDrive { period_steps: 10, minimum_pulse_s: 0.002 },
+            front_end: FrontEnd {
+                pressure_range_pa: 700_000.0,
+                length_range_m: 0.4,
+                gas_min_k: 270.0,
+                gas_max_k: 330.0,
+            },
+            gas_sensor: GasSensor { time_constant_s: 3.0, noise_k: 0.05 },
+            estimator: EstimatorConfig::default(),
+            pressure_limit_pa: 690_000.0,
+        }
+    }
+}
+
+/// A value that the core cannot work with.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ConfigError {
+    /// Which one.
+    pub field: &'static str,
+    /// What it is.
+    pub value: f32,
+    /// Smallest value allowed.
+    pub minimum: f32,
+    /// Largest value allowed.
+    pub maximum: f32,
+}
+
+impl core::fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { field, value, minimum, maximum } = self;
+        write!(f, "{field} = {value}: must be from {minimum} to {maximum}")
+    }
+}
+
+impl core::error::Error for ConfigError {}
+
+impl Config {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value that is not a number or lies outside of its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let within = |field: &'static str, value: f32, minimum: f32, maximum: f32| {
+            if value >= minimum && value <= maximum {
+                Ok(())
+            } else {
+                Err(ConfigError { field, value, minimum, maximum })
+            }
+        };
+        within("step_s", self.step_s, 1.0e-4, 0.1)?;
+        within("gas.gas_constant_j_kg_k", self.gas.gas_constant_j_kg_k, 50.0, 5000.0)?;
+        within("gas.heat_capacity_ratio", self.gas.heat_capacity_ratio, 1.01, 1.7)?;
+        within("ambient.pressure_pa", self.ambient.pressure_pa, 1.0, 1.0e8)?;
+        within("ambient.temperature_k", self.ambient.temperature_k, 100.0, 1000.0)?;
+        within("supply.pressure_pa", self.supply.pressure_pa, 1.0, 1.0e8)?;
+        within("supply.temperature_k", self.supply.temperature_k, 100.0, 1000.0)?;
+        match self.body {
+            Body::Muscle(muscle) => {
+                let b = muscle.braid.thread_length_m;
+                within("muscle.thread_length_m", b, 0.01, 10.0)?;
+                within("muscle.turns", muscle.braid.turns, 0.1, 1000.0)?;
+                within("muscle.rest_length_m", muscle.rest_length_m, 0.578 * b, 0.999 * b)?;
+                within("muscle.bladder_stiffness_n_m", muscle.bladder_stiffness_n_m, 0.0, 1.0e6)?;
+                within("muscle.dead_volume_m3", muscle.dead_volume_m3, 0.0, 0.1)?;
+            }
+            Body::Vessel { section_m2, surface_m2 } => {
+                within("vessel.section_m2", section_m2, 1.0e-7, 1.0e5)?;
+                within("vessel.surface_m2", surface_m2, 0.0, 1.0e5)?;
+            }
+        }
+        within("heat.inner_w_m2_k", self.heat.inner_w_m2_k, 0.0, 1.0e5)?;
+        within("heat.inner_per_flow", self.heat.inner_per_flow, 0.0, 1.0e9)?;
+        within("heat.outer_w_m2_k", self.heat.outer_w_m2_k, 0.0, 1.0e5)?;
+        within("heat.outer_per_speed", self.heat.outer_per_speed, 0.0, 1.0e6)?;
+        within("wall.heat_capacity_j_k", self.heat.wall_heat_capacity_j_k, 0.01, 1.0e9)?;
+        within("friction.force_n", self.friction.force_n, 0.0, 1.0e5)?;
+        within(
+            "friction.reference_temperature_k",
+            self.friction.reference_temperature_k,
+            100.0,
+            1000.0,
+        )?;
+        within("friction.softening_per_k", self.friction.softening_per_k, -0.2, 0.2)?;
+        within("friction.heat_fraction", self.friction.heat_fraction, 0.0, 1.0)?;
+        match self.load {
+            Load::Isotonic { force_n } => within("load.force_n", force_n, 0.0, 1.0e6)?,
+            Load::Isometric { length_m } => within("load.length_m", length_m, 0.001, 10.0)?,
+        }
+        within("valve.conductance_m3_s_pa", self.valve.conductance_m3_s_pa, 1.0e-13, 1.0e-3)?;
+        within("valve.critical_ratio", self.valve.critical_ratio, 0.01, 0.99)?;
+        within("valve.period_steps", f32::from(self.drive.period_steps), 1.0, 1000.0)?;
+        within("valve.minimum_pulse_s", self.drive.minimum_pulse_s, 0.0, 0.1)?;
+        let front_end = &self.front_end;
+        within("sensor.pressure.range_pa", front_end.pressure_range_pa, 1.0e3, 1.0e9)?;
+        within("sensor.length.range_m", front_end.length_range_m, 0.001, 100.0)?;
+        within("sensor.gas.range_min_k", front_end.gas_min_k, 73.0, 800.0)?;
+        within("sensor.gas.range_max_k", front_end.gas_max_k, front_end.gas_min_k + 1.0, 1100.0)?;
+        within("sensor.gas.time_constant_s", self.gas_sensor.time_constant_s, 0.001, 1.0e3)?;
+        within("sensor.gas.noise_k", self.gas_sensor.noise_k, 0.0, 100.0)?;
+        let estimator = &self.estimator;
+        for (field, value) in [
+            ("estimator.initial_sd_k", estimator.initial_sd_k),
+            ("estimator.gas_drift_k", estimator.gas_drift_k),
+            ("estimator.wall_drift_k", estimator.wall_drift_k),
+            ("estimator.heat_scale_sd", estimator.heat_scale_sd),
+            ("estimator.heat_scale_drift", estimator.heat_scale_drift),
+            ("estimator.lag_sd", estimator.lag_sd),
+            ("estimator.lag_drift", estimator.lag_drift),
+            ("estimator.sensor_bias_k", estimator.sensor_bias_k),
+        ] {
+            within(field, value, 0.0, 100.0)?;
+        }
+        within("pressure_limit_pa", self.pressure_limit_pa, 1.0, 1.0e9)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_holds() {
+        assert_eq!(Config::default().check(), Ok(()));
+    }
+
+    #[test]
+    fn nonsense_is_named() {
+        let mut config = Config::default();
+        config.valve.critical_ratio = f32::NAN;
+        assert_eq!(config.check().unwrap_err().field, "valve.critical_ratio");
+        let mut config = Config::default();
+        config.friction.heat_fraction = 1.5;
+        let error = config.check().unwrap_err();
+        assert_eq!((error.value, error.minimum, error.maximum), (1.5, 0.0, 1.0));
+    }
+}

@@ -1,0 +1,434 @@
+//! The gas temperature in real time: an extended Kalman filter whose state moves at every step and
+//! whose covariance moves once per [`INTERVAL_STEPS`].
+//!
+//! Pressure P and length (hence volume V) are measured fast and well. With the energy balance (3)
+//! they give the enthalpy that came in or left, whatever valve it went through:
+//!
+//! ```text
+//! H = V dP/(k-1) + k/(k-1) P dV + h A (T - T_w) dt      (3), (4)
+//! dm = H/(cp T_in) while charging, H/(cp T) while discharging, 0 with both valves closed
+//! T = P V/(m R)                                          (1)
+//! ```
+//!
+//! No valve needs to be calibrated; that a valve is open is known from the duty. What drifts, the
+//! slow Pt sensor corrects: T_s' = (T - T_s)/tau.
+//!
+//! | state | error carried in the covariance |
+//! |---|---|
+//! | m | u = dT/T = -dm/m, relative error of the gas temperature |
+//! | T_w | wall temperature \[K\] |
+//! | T_s | temperature of the sensor's element \[K\] |
+//! | s | scale of the heat transfer h A |
+//! | tau | logarithm of the sensor's lag |
+//!
+//! The matrix of the linearised error over one interval D (x = s h A D/(m cp), M_in the mass that
+//! came in):
+//!
+//! ```text
+//! u'   = (1 - x - M_in/m) u + x/T T_w - x (T - T_w)/(s T) s     while gas flows, u otherwise
+//! T_w' = s h A D/C_w (T u - T_w) + ... - h_o A D/C_w T_w + Q/(s C_w) s
+//! T_s' = D/tau (T u - T_s) - D (T - T_s)/tau ln(tau)
+//! ```
+
+use crate::body::Shape;
+use crate::config::Config;
+use crate::front_end::Converter;
+use crate::math::{CompensatedSum, exp, limit, sqrt};
+use crate::sample::{AdcCode, Estimate};
+
+/// Steps per update of the covariance and of the sensor's correction.
+pub const INTERVAL_STEPS: u16 = 20;
+
+/// What the estimator needs to know of one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measurement {
+    /// Measured absolute pressure \[Pa\].
+    pub pressure_pa: f32,
+    /// Measured length \[m\], limited to what the body can have.
+    pub length_m: f32,
+    /// Raw code of the gas sensor; `None` while the sensor is not to be trusted.
+    pub gas: Option<AdcCode>,
+    /// The inlet has been driven lately.
+    pub charging: bool,
+    /// The outlet has been driven lately.
+    pub discharging: bool,
+}
+
+/// Covariance of the five errors: upper triangle, named by row and column.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Covariance {
+    gas_gas: f32,
+    gas_wall: f32,
+    gas_sensor: f32,
+    gas_scale: f32,
+    gas_lag: f32,
+    wall_wall: f32,
+    wall_sensor: f32,
+    wall_scale: f32,
+    wall_lag: f32,
+    sensor_sensor: f32,
+    sensor_scale: f32,
+    sensor_lag: f32,
+    scale_scale: f32,
+    scale_lag: f32,
+    lag_lag: f32,
+}
+
+/// Linearised error dynamics over one interval: the entries that differ from the identity.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Transition {
+    gas_gas: f32,
+    gas_wall: f32,
+    gas_scale: f32,
+    wall_gas: f32,
+    wall_wall: f32,
+    wall_scale: f32,
+    sensor_gas: f32,
+    sensor_sensor: f32,
+    sensor_lag: f32,
+}
+
+/// Sums over one interval.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Interval {
+    steps: u16,
+    gas_k: f32,
+    inflow_kg: f32,
+    heat_j: f32,
+    codes: u32,
+    code_count: u16,
+    flowing_steps: u16,
+}
+
+/// State of the estimator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimator {
+    // Constants of the configuration, worked out once.
+    shape: Shape,
+    converter: Converter,
+    config: Config,
+    per_k_minus_1: f32,
+    per_cp: f32,
+    per_gas_constant: f32,
+    // State.
+    mass_kg: CompensatedSum,
+    gas_k: f32,
+    wall_k: f32,
+    sensor_k: f32,
+    scale: f32,
+    lag_s: f32,
+    covariance: Covariance,
+    gas_sd_k: f32,
+    // Since the last step.
+    pressure_pa: f32,
+    volume_m3: f32,
+    // Since the last interval.
+    length_m: f32,
+    wall_w_k: f32,
+    interval: Interval,
+    correction: Option<f32>,
+    started: bool,
+}
+
+impl Estimator {
+    /// An estimator that starts with the first measurement.
+    pub fn new(config: &Config) -> Self {
+        let k = config.gas.heat_capacity_ratio;
+        let sd = &config.estimator;
+        let initial = sd.initial_sd_k * sd.initial_sd_k;
+        let relative = initial / (config.ambient.temperature_k * config.ambient.temperature_k);
+        Self {
+            shape: Shape::new(&config.body),
+            converter: Converter::new(&config.front_end),
+            config: *config,
+            per_k_minus_1: 1.0 / (k - 1.0),
+            per_cp: 1.0 / config.gas.cp_j_kg_k(),
+            per_gas_constant: 1.0 / config.gas.gas_constant_j_kg_k,
+            mass_kg: CompensatedSum::new(1.0),
+            gas_k: config.ambient.temperature_k,
+            wall_k: config.ambient.temperature_k,
+            sensor_k: config.ambient.temperature_k,
+            scale: 1.0,
+            lag_s: config.gas_sensor.time_constant_s,
+            covariance: Covariance {
+                gas_gas: relative,
+                wall_wall: initial,
+                sensor_sensor: initial,
+                scale_scale: sd.heat_scale_sd * sd.heat_scale_sd,
+                lag_lag: sd.lag_sd * sd.lag_sd,
+                ..Covariance::default()
+            },
+            gas_sd_k: sd.initial_sd_k,
+            pressure_pa: 0.0,
+            volume_m3: 0.0,
+            length_m: 0.0,
+            wall_w_k: 0.0,
+            interval: Interval::default(),
+            correction: None,
+            started: false,
+        }
+    }
+
+    /// The estimate after the last step.
+    pub fn estimate(&self) -> Estimate {
+        Estimate {
+            gas_k: self.gas_k,
+            gas_sd_k: self.gas_sd_k,
+            wall_k: self.wall_k,
+            sensor_k: self.sensor_k,
+            mass_kg: self.mass_kg.value(),
+            heat_scale: self.scale,
+            sensor_lag_s: self.lag_s,
+        }
+    }
+
+    /// One step. The work of an interval's end is spread: the covariance moves in its first step,
+    /// the sensor's reading corrects in its second.
+    pub fn step(&mut self, measurement: &Measurement) {
+        let pressure_pa = limit(measurement.pressure_pa, 1.0, 1.0e9);
+        let volume_m3 = self.shape.volume_m3(measurement.length_m);
+        if !self.started {
+            self.start(pressure_pa, volume_m3, measurement);
+        }
+        self.propagate(pressure_pa, volume_m3, measurement);
+        if let Some(code) = measurement.gas {
+            self.interval.codes += u32::from(code.0);
+            self.interval.code_count += 1;
+        }
+        if let Some(reading_k) = self.correction.take() {
+            self.correct(reading_k);
+        }
+        if self.interval.steps >= INTERVAL_STEPS {
+            self.end_interval(measurement.length_m);
+        }
+    }
+
+    /// Everything has the sensor's temperature, until something better is known.
+    fn start(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
+        if let Some(code) = measurement.gas {
+            let reading_k = self.converter.gas_k(f32::from(code.0));
+            self.gas_k = reading_k;
+            self.wall_k = reading_k;
+            self.sensor_k = reading_k;
+        }
+        self.mass_kg =
+            CompensatedSum::new(pressure_pa * volume_m3 * self.per_gas_constant / self.gas_k);
+        self.pressure_pa = pressure_pa;
+        self.volume_m3 = volume_m3;
+        self.length_m = measurement.length_m;
+        self.started = true;
+        self.update_conductance(0.0);
+    }
+
+    /// Mass and temperature over one step, from what pressure and volume did.
+    fn propagate(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
+        let step_s = self.config.step_s;
+        let mean_pressure_pa = 0.5 * (pressure_pa + self.pressure_pa);
+        let product_change = pressure_pa * volume_m3 - self.pressure_pa * self.volume_m3;
+        let work_j = mean_pressure_pa * (volume_m3 - self.volume_m3);
+        let heat_j = self.wall_w_k * (self.gas_k - self.wall_k) * step_s;
+        self.pressure_pa = pressure_pa;
+        self.volume_m3 = volume_m3;
+        self.interval.steps += 1;
+        self.interval.heat_j += heat_j;
+        if measurement.charging || measurement.discharging {
+            // (3), (4) solved for the enthalpy that crossed the port.
+            let enthalpy_j = product_change * self.per_k_minus_1 + work_j + heat_j;
+            // The direction comes from the duties where they are one-sided: the noise of a
+            // difference of pressures would be rectified.
+            let entering = if measurement.charging && measurement.discharging {
+                enthalpy_j > 0.0
+            } else {
+                measurement.charging
+            };
+            let port_k = if entering { self.config.supply.temperature_k } else { self.gas_k };
+            let change_kg = enthalpy_j * self.per_cp / port_k;
+            self.mass_kg.add(change_kg);
+            self.interval.flowing_steps += 1;
+            if entering {
+                self.interval.inflow_kg += change_kg;
+            }
+        }
+        self.gas_k = self.temperature_k();
+        self.interval.gas_k += self.gas_k;
+    }
+
+    /// T = P V/(m R), limited to where air is a gas and the wall is not ash.
+    fn temperature_k(&self) -> f32 {
+        let product = self.pressure_pa * self.volume_m3 * self.per_gas_constant;
+        limit(product / self.mass_kg.value(), 100.0, 1000.0)
+    }
+
+    /// Heat transfer for the coming interval, from the length and the inflow of the last one.
+    fn update_conductance(&mut self, inflow_kg_s: f32) {
+        let surface_m2 = self.shape.surface_m2(self.length_m);
+        self.wall_w_k = self.scale * self.config.heat.inner_w_k(surface_m2, inflow_kg_s);
+    }
+
+    fn end_interval(&mut self, length_m: f32) {
+        let interval = self.interval;
+        self.interval = Interval::default();
+        let steps = f32::from(INTERVAL_STEPS);
+        let duration_s = steps * self.config.step_s;
+        let gas_k = interval.gas_k / steps;
+        let speed_m_s = (length_m - self.length_m) / duration_s;
+        self.length_m = length_m;
+
+        let heat = &self.config.heat;
+        let surface_m2 = self.shape.surface_m2(length_m);
+        let per_wall = 1.0 / heat.wall_heat_capacity_j_k;
+        let outer_share = heat.outer_w_k(surface_m2, speed_m_s) * duration_s * per_wall;
+        let friction_j = self.config.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s;
+        let lag_share = duration_s / (self.lag_s + 0.5 * duration_s);
+        let inner_j_k = self.wall_w_k * duration_s;
+        let flowing = f32::from(interval.flowing_steps) / steps;
+        let per_mass = 1.0 / self.mass_kg.value();
+        let exchange = inner_j_k * per_mass * self.per_cp * flowing;
+        let transition = Transition {
+            gas_gas: -limit(exchange + interval.inflow_kg * per_mass, -0.9, 0.9),
+            gas_wall: exchange / gas_k,
+            gas_scale: -exchange * (gas_k - self.wall_k) / (self.scale * gas_k),
+            wall_gas: inner_j_k * per_wall * gas_k,
+            wall_wall: -(inner_j_k * per_wall + outer_share),
+            wall_scale: interval.heat_j * per_wall / self.scale,
+            sensor_gas: lag_share * gas_k,
+            sensor_sensor: -lag_share,
+            sensor_lag: -lag_share * (gas_k - self.sensor_k),
+        };
+        self.wall_k += (interval.heat_j + friction_j) * per_wall
+            - outer_share * (self.wall_k - self.config.ambient.temperature_k);
+        self.sensor_k += lag_share * (gas_k - self.sensor_k);
+        let inflow_kg_s = interval.inflow_kg / duration_s;
+        self.wall_w_k = self.scale * heat.inner_w_k(surface_m2, inflow_kg_s);
+        self.covariance.propagate(&transition);
+        self.add_drift(duration_s, gas_k);
+
+        if interval.code_count > 0 {
+            let mean_code = interval.codes as f32 / f32::from(interval.code_count);
+            self.correction = Some(self.converter.gas_k(mean_code));
+        }
+    }
+
+    fn add_drift(&mut self, duration_s: f32, gas_k: f32) {
+        let drift = &self.config.estimator;
+        let relative = drift.gas_drift_k / gas_k;
+        let p = &mut self.covariance;
+        p.gas_gas += relative * relative * duration_s;
+        p.wall_wall += drift.wall_drift_k * drift.wall_drift_k * duration_s;
+        // Rounding must not starve the sensor's own variance.
+        p.sensor_sensor += 1.0e-6;
+        p.scale_scale += drift.heat_scale_drift * drift.heat_scale_drift * duration_s;
+        p.lag_lag += drift.lag_drift * drift.lag_drift * duration_s;
+        p.limit();
+    }
+
+    /// Kalman update with one reading of the gas sensor.
+    fn correct(&mut self, reading_k: f32) {
+        let noise_k = self.config.gas_sensor.noise_k;
+        let bias_k = self.config.estimator.sensor_bias_k;
+        // What is left of the noise after averaging eight conversions over an interval; the bias
+        // is the same in every reading of a second or so, and is counted as if it were.
+        let readings_per_second = 1.0 / (f32::from(INTERVAL_STEPS) * self.config.step_s);
+        let variance = noise_k * noise_k / (8.0 * f32::from(INTERVAL_STEPS))
+            + bias_k * bias_k * readings_per_second;
+        let innovation = reading_k - self.sensor_k;
+        let p = self.covariance;
+        let per_s = 1.0 / (p.sensor_sensor + variance);
+        let [gas, wall, sensor, scale, lag] = [
+            p.gas_sensor * per_s,
+            p.wall_sensor * per_s,
+            p.sensor_sensor * per_s,
+            p.sensor_scale * per_s,
+            p.sensor_lag * per_s,
+        ];
+        self.covariance.reduce(gas, wall, scale, lag, variance * per_s);
+
+        // u = dT/T = -dm/m
+        let relative = limit(gas * innovation, -0.05, 0.05);
+        self.mass_kg = CompensatedSum::new(self.mass_kg.value() / (1.0 + relative));
+        self.gas_k = self.temperature_k();
+        self.wall_k = limit(self.wall_k + wall * innovation, 100.0, 1000.0);
+        self.sensor_k += sensor * innovation;
+        self.scale = limit(self.scale + scale * innovation, 0.2, 5.0);
+        self.lag_s = limit(
+            self.lag_s * exp(limit(lag * innovation, -0.1, 0.1)),
+            0.2 * self.config.gas_sensor.time_constant_s,
+            5.0 * self.config.gas_sensor.time_constant_s,
+        );
+        self.gas_sd_k = self.gas_k * sqrt(self.covariance.gas_gas);
+    }
+}
+
+impl Covariance {
+    /// P' = F P F^T, F = I + `f`, over the entries of F that are not zero.
+    fn propagate(&mut self, f: &Transition) {
+        let p = *self;
+        // M = F P, the rows that change.
+        let gas = |gas: f32, wall: f32, scale: f32| {
+            f.gas_gas * gas + f.gas_wall * wall + f.gas_scale * scale
+        };
+        let wall = |gas: f32, wall: f32, scale: f32| {
+            f.wall_gas * gas + f.wall_wall * wall + f.wall_scale * scale
+        };
+        let sensor = |gas: f32, sensor: f32, lag: f32| {
+            f.sensor_gas * gas + f.sensor_sensor * sensor + f.sensor_lag * lag
+        };
+        let m_gas_gas = p.gas_gas + gas(p.gas_gas, p.gas_wall, p.gas_scale);
+        let m_gas_wall = p.gas_wall + gas(p.gas_wall, p.wall_wall, p.wall_scale);
+        let m_gas_sensor = p.gas_sensor + gas(p.gas_sensor, p.wall_sensor, p.sensor_scale);
+        let m_gas_scale = p.gas_scale + gas(p.gas_scale, p.wall_scale, p.scale_scale);
+        let m_gas_lag = p.gas_lag + gas(p.gas_lag, p.wall_lag, p.scale_lag);
+        let m_wall_gas = p.gas_wall + wall(p.gas_gas, p.gas_wall, p.gas_scale);
+        let m_wall_wall = p.wall_wall + wall(p.gas_wall, p.wall_wall, p.wall_scale);
+        let m_wall_sensor = p.wall_sensor + wall(p.gas_sensor, p.wall_sensor, p.sensor_scale);
+        let m_wall_scale = p.wall_scale + wall(p.gas_scale, p.wall_scale, p.scale_scale);
+        let m_wall_lag = p.wall_lag + wall(p.gas_lag, p.wall_lag, p.scale_lag);
+        let m_sensor_gas = p.gas_sensor + sensor(p.gas_gas, p.gas_sensor, p.gas_lag);
+        let m_sensor_sensor = p.sensor_sensor + sensor(p.gas_sensor, p.sensor_sensor, p.sensor_lag);
+        let m_sensor_scale = p.sensor_scale + sensor(p.gas_scale, p.sensor_scale, p.scale_lag);
+        let m_sensor_lag = p.sensor_lag + sensor(p.gas_lag, p.sensor_lag, p.lag_lag);
+        // P' = M F^T, upper triangle.
+        self.gas_gas = m_gas_gas + gas(m_gas_gas, m_gas_wall, m_gas_scale);
+        self.gas_wall = m_gas_wall + wall(m_gas_gas, m_gas_wall, m_gas_scale);
+        self.gas_sensor = m_gas_sensor + sensor(m_gas_gas, m_gas_sensor, m_gas_lag);
+        self.gas_scale = m_gas_scale;
+        self.gas_lag = m_gas_lag;
+        self.wall_wall = m_wall_wall + wall(m_wall_gas, m_wall_wall, m_wall_scale);
+        self.wall_sensor = m_wall_sensor + sensor(m_wall_gas, m_wall_sensor, m_wall_lag);
+        self.wall_scale = m_wall_scale;
+        self.wall_lag = m_wall_lag;
+        self.sensor_sensor = m_sensor_sensor + sensor(m_sensor_gas, m_sensor_sensor, m_sensor_lag);
+        self.sensor_scale = m_sensor_scale;
+        self.sensor_lag = m_sensor_lag;
+    }
+
+    /// P' = (I - K H) P for a reading of the sensor; `rest` = R/(P_ss + R), so that the sensor's
+    /// own entries shrink by a product and never by a difference.
+    fn reduce(&mut self, gas: f32, wall: f32, scale: f32, lag: f32, rest: f32) {
+        let p = *self;
+        self.gas_gas -= gas * p.gas_sensor;
+        self.gas_wall -= gas * p.wall_sensor;
+        self.gas_scale -= gas * p.sensor_scale;
+        self.gas_lag -= gas * p.sensor_lag;
+        self.wall_wall -= wall * p.wall_sensor;
+        self.wall_scale -= wall * p.sensor_scale;
+        self.wall_lag -= wall * p.sensor_lag;
+        self.scale_scale -= scale * p.sensor_scale;
+        self.scale_lag -= scale * p.sensor_lag;
+        self.lag_lag -= lag * p.sensor_lag;
+        self.gas_sensor *= rest;
+        self.wall_sensor *= rest;
+        self.sensor_sensor *= rest;
+        self.sensor_scale *= rest;
+        self.sensor_lag *= rest;
+    }
+
+    /// Variances stay positive and bounded.
+    fn limit(&mut self) {
+        self.gas_gas = limit(self.gas_gas, 1.0e-9, 0.01);
+        self.wall_wall = limit(self.wall_wall, 1.0e-5, 1.0e3);
+        self.sensor_sensor = limit(self.sensor_sensor, 1.0e-7, 1.0e3);
+        self.scale_scale = limit(self.scale_scale, 1.0e-7, 0.25);
+        self.lag_lag = limit(self.lag_lag, 1.0e-8, 0.25);
+    }
+}

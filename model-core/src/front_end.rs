@@ -1,0 +1,179 @@
+//! From ADC codes to SI: the board's analog front ends, read backwards.
+//!
+//! Every channel is ratiometric: sensor, bridge and ADC share one reference, so that only fractions
+//! of it matter. The arithmetic of the circuits is in `docs/board.md`.
+
+use crate::math::sqrt;
+use crate::sample::{AdcCode, CODE_MAX, OVERSAMPLING};
+use serde::{Deserialize, Serialize};
+
+/// IEC 60751, platinum above 0 degC: R = R0 (1 + A t + B t^2), \[1/K\].
+pub const PLATINUM_A: f32 = 3.9083e-3;
+/// IEC 60751, \[1/K2\].
+pub const PLATINUM_B: f32 = -5.775e-7;
+/// 0 degC \[K\].
+pub const ZERO_CELSIUS_K: f32 = 273.15;
+/// Resistance of a Pt1000 at 0 degC \[ohm\].
+pub const PT1000_OHM: f32 = 1000.0;
+/// Upper resistor of the Pt1000's half bridge \[ohm\].
+pub const BRIDGE_OHM: f32 = 4700.0;
+/// Codes nearer to a rail than this are a broken or saturated sensor: 2 % of the range.
+pub const RAIL_MARGIN: u16 = CODE_MAX / 50;
+
+/// Ranges of the three front ends.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct FrontEnd {
+    /// Pressure at full scale; the sensor gives 10 to 90 % of the reference over 0 to this \[Pa\].
+    pub pressure_range_pa: f32,
+    /// Length at full scale; 5 to 95 % of the reference over 0 to this \[m\].
+    pub length_range_m: f32,
+    /// Temperature at 5 % of the reference \[K\].
+    pub gas_min_k: f32,
+    /// Temperature at 95 % of the reference \[K\].
+    pub gas_max_k: f32,
+}
+
+/// A front end with its constants worked out once: value = offset + slope code, and for the
+/// bridge its ratio instead of the value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Converter {
+    pressure: Line,
+    length: Line,
+    bridge: Line,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Line {
+    offset: f32,
+    slope: f32,
+}
+
+impl Line {
+    /// The line with `low_value` at `low` and `high_value` at `high`, both fractions of the
+    /// reference.
+    fn new((low, low_value): (f32, f32), (high, high_value): (f32, f32)) -> Self {
+        let slope = (high_value - low_value) / (high - low);
+        let per_code = 1.0 / (4096.0 * f32::from(OVERSAMPLING));
+        // A conversion truncates: the middle of a code lies half a step above it, for a sum of
+        // eight that is four.
+        let half = 0.5 * f32::from(OVERSAMPLING) * per_code;
+        Self { offset: low_value + slope * (half - low), slope: slope * per_code }
+    }
+
+    fn at(&self, code: AdcCode) -> f32 {
+        self.offset + self.slope * f32::from(code.0)
+    }
+}
+
+impl Converter {
+    /// Works the constants out.
+    pub fn new(front_end: &FrontEnd) -> Self {
+        Self {
+            pressure: Line::new((0.1, 0.0), (0.9, front_end.pressure_range_pa)),
+            length: Line::new((0.05, 0.0), (0.95, front_end.length_range_m)),
+            bridge: Line::new(
+                (0.05, bridge_ratio(front_end.gas_min_k)),
+                (0.95, bridge_ratio(front_end.gas_max_k)),
+            ),
+        }
+    }
+
+    /// Absolute pressure \[Pa\].
+    pub fn pressure_pa(&self, code: AdcCode) -> f32 {
+        self.pressure.at(code)
+    }
+
+    /// Length \[m\].
+    pub fn length_m(&self, code: AdcCode) -> f32 {
+        self.length.at(code)
+    }
+
+    /// Temperature of the Pt1000 \[K\] from a mean of codes, which need not be whole.
+    pub fn gas_k(&self, mean_code: f32) -> f32 {
+        platinum_temperature_k(
+            BRIDGE_OHM * ratio_to_resistance(self.bridge.offset + self.bridge.slope * mean_code),
+        )
+    }
+
+    /// Temperature change per code at `mean_code` \[K\]: the resolution that quantisation leaves.
+    pub fn gas_k_per_code(&self, mean_code: f32) -> f32 {
+        self.gas_k(mean_code + 0.5) - self.gas_k(mean_code - 0.5)
+    }
+}
+
+/// Whether a code lies so near to a rail that no healthy sensor gives it.
+pub fn at_rail(code: AdcCode) -> bool {
+    code.0 < RAIL_MARGIN || code.0 > CODE_MAX - RAIL_MARGIN
+}
+
+/// Resistance of a Pt1000 \[ohm\] at a temperature \[K\], IEC 60751 without the term below 0 degC
+/// (at -40 degC it is 0.02 %).
+pub fn platinum_resistance_ohm(temperature_k: f32) -> f32 {
+    let celsius = temperature_k - ZERO_CELSIUS_K;
+    PT1000_OHM * (1.0 + celsius * (PLATINUM_A + celsius * PLATINUM_B))
+}
+
+/// Temperature \[K\] of a Pt1000 of a resistance \[ohm\]: the quadratic of
+/// [`platinum_resistance_ohm`], solved so that nothing cancels.
+pub fn platinum_temperature_k(resistance_ohm: f32) -> f32 {
+    let excess = resistance_ohm / PT1000_OHM - 1.0;
+    let root = sqrt(PLATINUM_A * PLATINUM_A + 4.0 * PLATINUM_B * excess);
+    ZERO_CELSIUS_K + 2.0 * excess / (PLATINUM_A + root)
+}
+
+/// Ratio of the half bridge, R/(R + BRIDGE_OHM), at a temperature \[K\].
+fn bridge_ratio(temperature_k: f32) -> f32 {
+    let resistance = platinum_resistance_ohm(temperature_k);
+    resistance / (resistance + BRIDGE_OHM)
+}
+
+/// R/BRIDGE_OHM from the ratio R/(R + BRIDGE_OHM).
+fn ratio_to_resistance(ratio: f32) -> f32 {
+    ratio / (1.0 - ratio)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FRONT_END: FrontEnd = FrontEnd {
+        pressure_range_pa: 700_000.0,
+        length_range_m: 0.4,
+        gas_min_k: 270.0,
+        gas_max_k: 330.0,
+    };
+
+    /// IEC 60751 tables, 0 to 100 degC.
+    #[test]
+    fn platinum_table() {
+        for (celsius, ohm) in [(0.0, 1000.0), (25.0, 1097.35), (50.0, 1193.97), (100.0, 1385.06)] {
+            let r = platinum_resistance_ohm(celsius + ZERO_CELSIUS_K);
+            assert!((r / ohm - 1.0).abs() < 1e-5, "{r} for {ohm}");
+            let t = platinum_temperature_k(ohm);
+            assert!((t - celsius - ZERO_CELSIUS_K).abs() < 0.01, "{t} at {celsius} degC");
+        }
+    }
+
+    #[test]
+    fn range_ends() {
+        let converter = Converter::new(&FRONT_END);
+        let code = |fraction: f32| AdcCode((fraction * 32768.0) as u16);
+        assert!(converter.pressure_pa(code(0.1)).abs() < 150.0);
+        assert!((converter.pressure_pa(code(0.9)) - 700_000.0).abs() < 150.0);
+        assert!((converter.length_m(code(0.95)) - 0.4).abs() < 1e-4);
+        assert!((converter.gas_k(0.05 * 32768.0) - 270.0).abs() < 0.02);
+        assert!((converter.gas_k(0.95 * 32768.0) - 330.0).abs() < 0.02);
+        assert!((converter.gas_k_per_code(16_000.0) - 0.0020).abs() < 0.0002);
+    }
+
+    proptest! {
+        #[test]
+        fn every_code_gives_a_finite_value(code in any::<u16>()) {
+            let converter = Converter::new(&FRONT_END);
+            prop_assert!(converter.pressure_pa(AdcCode(code)).is_finite());
+            prop_assert!(converter.length_m(AdcCode(code)).is_finite());
+            prop_assert!(converter.gas_k(f32::from(code)).is_finite());
+        }
+    }
+}

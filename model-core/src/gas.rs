@@ -1,0 +1,146 @@
+//! The ideal gas and the paper's reduced pressure equations.
+//!
+//! Paper: L. Kopecny, L. Zalud, "Sensors for Evaluation of Thermodynamical Model of pMA", 2013.
+//! Equation numbers are the paper's throughout the crate.
+
+use serde::{Deserialize, Serialize};
+
+/// Ideal gas with constant heat capacities.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Gas {
+    /// Specific gas constant R \[J/(kg K)\], 50 to 5000.
+    pub gas_constant_j_kg_k: f32,
+    /// Ratio of specific heats k = cp/cv \[-\], above 1, at most 1.7.
+    pub heat_capacity_ratio: f32,
+}
+
+impl Gas {
+    /// Dry air (287.05 J/(kg K), 1.4).
+    pub const AIR: Self = Self { gas_constant_j_kg_k: 287.05, heat_capacity_ratio: 1.4 };
+
+    /// Heat capacity at constant volume, cv = R/(k-1) \[J/(kg K)\].
+    pub fn cv_j_kg_k(&self) -> f32 {
+        self.gas_constant_j_kg_k / (self.heat_capacity_ratio - 1.0)
+    }
+
+    /// Heat capacity at constant pressure, cp = k R/(k-1) \[J/(kg K)\].
+    pub fn cp_j_kg_k(&self) -> f32 {
+        self.heat_capacity_ratio * self.cv_j_kg_k()
+    }
+
+    /// Gas mass \[kg\], eq. (1): m = P V/(R T).
+    pub fn mass_kg(&self, pressure_pa: f32, volume_m3: f32, temperature_k: f32) -> f32 {
+        pressure_pa * volume_m3 / (self.gas_constant_j_kg_k * temperature_k)
+    }
+
+    /// Absolute pressure \[Pa\], eq. (1): P = m R T/V.
+    pub fn pressure_pa(&self, mass_kg: f32, volume_m3: f32, temperature_k: f32) -> f32 {
+        mass_kg * self.gas_constant_j_kg_k * temperature_k / volume_m3
+    }
+
+    /// Temperature \[K\], eq. (1): T = P V/(m R).
+    pub fn temperature_k(&self, pressure_pa: f32, volume_m3: f32, mass_kg: f32) -> f32 {
+        pressure_pa * volume_m3 / (mass_kg * self.gas_constant_j_kg_k)
+    }
+}
+
+/// What the reduced equations need to know of the gas volume at one instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chamber {
+    /// Absolute pressure P \[Pa\].
+    pub pressure_pa: f32,
+    /// Gas temperature T \[K\].
+    pub temperature_k: f32,
+    /// Volume V \[m3\].
+    pub volume_m3: f32,
+    /// dV/dt \[m3/s\].
+    pub volume_rate_m3_s: f32,
+    /// Mass flow in \[kg/s\].
+    pub inflow_kg_s: f32,
+    /// Mass flow out \[kg/s\].
+    pub outflow_kg_s: f32,
+}
+
+/// The coefficients of eq. (9), each between 1 (isothermal) and k (adiabatic).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Blend {
+    /// Charging.
+    pub alpha_in: f32,
+    /// Discharging.
+    pub alpha_out: f32,
+    /// Change of volume.
+    pub alpha: f32,
+}
+
+/// dP/dt \[Pa/s\] of the adiabatic chamber, eq. (6). Assumes that the inflow has the chamber's
+/// temperature; [`crate::balance`] does not.
+pub fn pressure_rate_adiabatic(gas: &Gas, chamber: &Chamber) -> f32 {
+    let k = gas.heat_capacity_ratio;
+    pressure_rate_blended(gas, chamber, &Blend { alpha_in: k, alpha_out: k, alpha: k })
+}
+
+/// dP/dt \[Pa/s\] of the isothermal chamber, eq. (8).
+pub fn pressure_rate_isothermal(gas: &Gas, chamber: &Chamber) -> f32 {
+    pressure_rate_blended(gas, chamber, &Blend { alpha_in: 1.0, alpha_out: 1.0, alpha: 1.0 })
+}
+
+/// dP/dt \[Pa/s\], eq. (9): R T/V (a_in m_in - a_out m_out) - a P/V dV/dt. With the volume of a
+/// muscle (eq. 10, 11 in [`crate::geometry`]) this is eq. (12).
+pub fn pressure_rate_blended(gas: &Gas, chamber: &Chamber, blend: &Blend) -> f32 {
+    let flow = blend.alpha_in * chamber.inflow_kg_s - blend.alpha_out * chamber.outflow_kg_s;
+    (gas.gas_constant_j_kg_k * chamber.temperature_k * flow
+        - blend.alpha * chamber.pressure_pa * chamber.volume_rate_m3_s)
+        / chamber.volume_m3
+}
+
+/// Heat flow into the gas \[W\] that keeps it isothermal, eq. (7):
+/// q_in - q_out = P dV/dt - (P/rho)(m_in - m_out), with P/rho = R T.
+pub fn isothermal_heat_w(gas: &Gas, chamber: &Chamber) -> f32 {
+    chamber.pressure_pa * chamber.volume_rate_m3_s
+        - gas.gas_constant_j_kg_k
+            * chamber.temperature_k
+            * (chamber.inflow_kg_s - chamber.outflow_kg_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn state_equation_is_its_own_inverse(
+            p in 1.0e4_f32..2.0e6, v in 1.0e-6_f32..1.0, t in 150.0_f32..600.0
+        ) {
+            let gas = Gas::AIR;
+            let m = gas.mass_kg(p, v, t);
+            prop_assert!((gas.pressure_pa(m, v, t) / p - 1.0).abs() < 1e-6);
+            prop_assert!((gas.temperature_k(p, v, m) / t - 1.0).abs() < 1e-6);
+        }
+
+        /// Eq. (5) holds for the heat of eq. (7) and the pressure rate of eq. (8), and for no heat
+        /// with eq. (6).
+        #[test]
+        fn reduced_forms_satisfy_the_energy_equation(
+            p in 1.0e5_f32..7.0e5, v in 5.0e-5_f32..5.0e-4, t in 220.0_f32..380.0,
+            dv in -1.0e-3_f32..1.0e-3, inflow in 0.0_f32..3.0e-3, outflow in 0.0_f32..3.0e-3
+        ) {
+            let gas = Gas::AIR;
+            let chamber = Chamber {
+                pressure_pa: p, temperature_k: t, volume_m3: v, volume_rate_m3_s: dv,
+                inflow_kg_s: inflow, outflow_kg_s: outflow,
+            };
+            let k = gas.heat_capacity_ratio;
+            let density = p / (gas.gas_constant_j_kg_k * t);
+            let residual = |heat: f32, rate: f32| {
+                (k - 1.0) / (k * p) * heat + (inflow - outflow) / density - dv - v / (k * p) * rate
+            };
+            let scale = inflow / density + outflow / density + dv.abs() + 1e-9;
+            let isothermal =
+                residual(isothermal_heat_w(&gas, &chamber), pressure_rate_isothermal(&gas, &chamber));
+            let adiabatic = residual(0.0, pressure_rate_adiabatic(&gas, &chamber));
+            prop_assert!(isothermal.abs() < 1e-5 * scale, "{isothermal} of {scale}");
+            prop_assert!(adiabatic.abs() < 1e-5 * scale, "{adiabatic} of {scale}");
+        }
+    }
+}

@@ -1,0 +1,347 @@
+//! Geometry and force of a McKibben muscle (paper eq. 10, 11 and Fig. 1; Chou and Hannaford 1994).
+//!
+//! A braid of threads of length b that turn n times around the muscle: L = b cos(theta),
+//! D = b sin(theta)/(n pi), with theta the angle between thread and axis.
+
+use crate::math::{exp, limit, sqrt};
+use core::f32::consts::PI;
+use serde::{Deserialize, Serialize};
+
+/// The braid: the two coefficients b and n of Fig. 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Braid {
+    /// Thread length b \[m\].
+    pub thread_length_m: f32,
+    /// Number of thread turns n \[-\].
+    pub turns: f32,
+}
+
+/// Why a braid cannot be built from what was given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BraidError {
+    /// A length or diameter is not a positive number.
+    NotPositive {
+        /// The value given \[m\].
+        value_m: f32,
+    },
+    /// The braid angle at rest lies outside of 1 to 54 deg (54.7 deg is where the force vanishes).
+    AngleOutOfRange {
+        /// The value given \[deg\].
+        angle_deg: f32,
+    },
+    /// Fewer than two pairs, or pairs of one diameter only: two unknowns need two equations.
+    TooFewPairs,
+    /// The pairs do not describe a braid: diameter has to grow as length shrinks.
+    NotABraid,
+}
+
+impl Braid {
+    /// Coefficients from length, diameter and braid angle (to the axis) at rest, Fig. 1.
+    ///
+    /// # Errors
+    /// [`BraidError`] for lengths that are not positive and angles outside of 1 to 54 deg.
+    pub fn from_rest(
+        length_m: f32,
+        diameter_m: f32,
+        braid_angle_deg: f32,
+    ) -> Result<Self, BraidError> {
+        for value_m in [length_m, diameter_m] {
+            if !(value_m > 0.0 && value_m < f32::INFINITY) {
+                return Err(BraidError::NotPositive { value_m });
+            }
+        }
+        if !(1.0..=54.0).contains(&braid_angle_deg) {
+            return Err(BraidError::AngleOutOfRange { angle_deg: braid_angle_deg });
+        }
+        let (sin, cos) = sin_cos(braid_angle_deg * (PI / 180.0));
+        let thread_length_m = length_m / cos;
+        Ok(Self { thread_length_m, turns: thread_length_m * sin / (PI * diameter_m) })
+    }
+
+    /// Coefficients from measured pairs of length and diameter \[m\], by least squares.
+    ///
+    /// L^2 = b^2 - (n pi)^2 D^2 is linear in b^2 and (n pi)^2.
+    ///
+    /// # Errors
+    /// [`BraidError`] when a value is not positive, when there are fewer than two different
+    /// diameters, or when the line through the pairs rises.
+    pub fn from_pairs(length_diameter_m: &[(f32, f32)]) -> Result<Self, BraidError> {
+        let mut mean_x = 0.0;
+        let mut mean_y = 0.0;
+        let mut count = 0.0;
+        for &(length_m, diameter_m) in length_diameter_m {
+            for value_m in [length_m, diameter_m] {
+                if !(value_m > 0.0 && value_m < f32::INFINITY) {
+                    return Err(BraidError::NotPositive { value_m });
+                }
+            }
+            count += 1.0;
+            mean_x += diameter_m * diameter_m;
+            mean_y += length_m * length_m;
+        }
+        if count < 2.0 {
+            return Err(BraidError::TooFewPairs);
+        }
+        mean_x /= count;
+        mean_y /= count;
+        let mut variance = 0.0;
+        let mut covariance = 0.0;
+        for &(length_m, diameter_m) in length_diameter_m {
+            let x = diameter_m * diameter_m - mean_x;
+            variance += x * x;
+            covariance += x * (length_m * length_m - mean_y);
+        }
+        if variance <= 1.0e-10 * mean_x * mean_x * count {
+            return Err(BraidError::TooFewPairs);
+        }
+        let turns_pi_squared = -covariance / variance;
+        let thread_squared = mean_y + turns_pi_squared * mean_x;
+        if !(turns_pi_squared > 0.0 && thread_squared > 0.0) {
+            return Err(BraidError::NotABraid);
+        }
+        Ok(Self { thread_length_m: sqrt(thread_squared), turns: sqrt(turns_pi_squared) / PI })
+    }
+}
+
+/// Sine and cosine of an angle in the first octant and a little more (0 to 1 rad), to f32 accuracy.
+fn sin_cos(angle_rad: f32) -> (f32, f32) {
+    let x2 = angle_rad * angle_rad;
+    let sin =
+        angle_rad * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))));
+    let cos = 1.0
+        - x2 / 2.0 * (1.0 - x2 / 12.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0 * (1.0 - x2 / 90.0))));
+    (sin, cos)
+}
+
+/// A muscle: braid, bladder and fittings.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Muscle {
+    /// The braid's coefficients.
+    pub braid: Braid,
+    /// Length at rest, also the longest length: the load rests on a stop there \[m\].
+    pub rest_length_m: f32,
+    /// Stiffness of the bladder against contraction \[N/m\].
+    pub bladder_stiffness_n_m: f32,
+    /// Volume of the end fittings and of the tube, not swept by the braid \[m3\].
+    pub dead_volume_m3: f32,
+}
+
+/// A muscle with the constants of its geometry worked out once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Geometry {
+    muscle: Muscle,
+    /// b^2 \[m2\].
+    thread_squared_m2: f32,
+    /// 1/(4 pi n^2).
+    per_4_pi_n2: f32,
+    /// Shortest length that the equations cover: there the force vanishes, 3 L^2 = b^2 \[m\].
+    shortest_m: f32,
+}
+
+impl Geometry {
+    /// Works the constants out.
+    pub fn new(muscle: Muscle) -> Self {
+        let b = muscle.braid.thread_length_m;
+        let n = muscle.braid.turns;
+        Self {
+            muscle,
+            thread_squared_m2: b * b,
+            per_4_pi_n2: 1.0 / (4.0 * PI * n * n),
+            shortest_m: b * 0.577_350_26,
+        }
+    }
+
+    /// The muscle that this is the geometry of.
+    pub fn muscle(&self) -> &Muscle {
+        &self.muscle
+    }
+
+    /// Shortest length \[m\]: b/sqrt(3), where the force vanishes at any pressure.
+    pub fn shortest_m(&self) -> f32 {
+        self.shortest_m
+    }
+
+    /// `length_m` limited to what the muscle can have \[m\].
+    pub fn limit_length_m(&self, length_m: f32) -> f32 {
+        limit(length_m, self.shortest_m, self.muscle.rest_length_m)
+    }
+
+    /// Gas volume \[m3\], eq. (10) plus the dead volume: V = L (b^2 - L^2)/(4 pi n^2) + V_dead.
+    pub fn volume_m3(&self, length_m: f32) -> f32 {
+        length_m * (self.thread_squared_m2 - length_m * length_m) * self.per_4_pi_n2
+            + self.muscle.dead_volume_m3
+    }
+
+    /// dV/dL \[m2\], from eq. (11): (b^2 - 3 L^2)/(4 pi n^2); negative while the muscle can pull.
+    pub fn volume_slope_m2(&self, length_m: f32) -> f32 {
+        (self.thread_squared_m2 - 3.0 * length_m * length_m) * self.per_4_pi_n2
+    }
+
+    /// Diameter \[m\], Fig. 1: D = b sin(theta)/(n pi) = sqrt(b^2 - L^2)/(n pi).
+    pub fn diameter_m(&self, length_m: f32) -> f32 {
+        sqrt(self.thread_squared_m2 - length_m * length_m) / (PI * self.muscle.braid.turns)
+    }
+
+    /// Surface of the braided part \[m2\]: pi D L.
+    pub fn surface_m2(&self, length_m: f32) -> f32 {
+        PI * self.diameter_m(length_m) * length_m
+    }
+
+    /// Pulling force without friction \[N\]: -P_g dV/dL (Chou and Hannaford) less the bladder's
+    /// pull back towards the rest length.
+    pub fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
+        -gauge_pressure_pa * self.volume_slope_m2(length_m)
+            + self.muscle.bladder_stiffness_n_m * (length_m - self.muscle.rest_length_m)
+    }
+
+    /// Length \[m\] at which the muscle holds `force_n`, limited to what it can have.
+    ///
+    /// The positive root of 3 c P_g L^2 + s L - (c P_g b^2 + s L_0 + F) = 0, c = 1/(4 pi n^2) and
+    /// s the bladder's stiffness, written so that nothing cancels.
+    pub fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
+        let stiffness = self.muscle.bladder_stiffness_n_m;
+        let pressure_term = self.per_4_pi_n2 * gauge_pressure_pa;
+        let constant = pressure_term * self.thread_squared_m2
+            + stiffness * self.muscle.rest_length_m
+            + force_n;
+        let discriminant = stiffness * stiffness + 12.0 * pressure_term * constant;
+        let denominator = stiffness + sqrt(discriminant);
+        if !(denominator > 0.0) {
+            return self.muscle.rest_length_m;
+        }
+        self.limit_length_m(2.0 * constant / denominator)
+    }
+
+    /// Gauge pressure \[Pa\] at which the muscle holds `force_n` at `length_m`; 0 where it cannot.
+    pub fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {
+        let slope = -self.volume_slope_m2(length_m);
+        if !(slope > 1.0e-9) {
+            return 0.0;
+        }
+        let bladder = self.muscle.bladder_stiffness_n_m * (self.muscle.rest_length_m - length_m);
+        (force_n + bladder) / slope
+    }
+}
+
+/// Coulomb friction of braid and bladder; it softens as the wall warms.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Friction {
+    /// Force at the reference temperature \[N\].
+    pub force_n: f32,
+    /// Reference temperature \[K\].
+    pub reference_temperature_k: f32,
+    /// beta in F(T_w) = F_ref exp(-beta (T_w - T_ref)) \[1/K\].
+    pub softening_per_k: f32,
+    /// Share of the friction heat that goes into the wall \[-\].
+    pub heat_fraction: f32,
+}
+
+impl Friction {
+    /// Friction force \[N\] at a wall temperature: F_ref exp(-beta (T_w - T_ref)).
+    pub fn force_n(&self, wall_temperature_k: f32) -> f32 {
+        self.force_n
+            * exp(-self.softening_per_k * (wall_temperature_k - self.reference_temperature_k))
+    }
+
+    /// Friction heat that goes into the wall \[W\]: a share of |F dL/dt|.
+    pub fn wall_heat_w(&self, wall_temperature_k: f32, speed_m_s: f32) -> f32 {
+        let power = self.force_n(wall_temperature_k) * speed_m_s;
+        self.heat_fraction * if power < 0.0 { -power } else { power }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn muscle() -> Geometry {
+        Geometry::new(Muscle {
+            braid: Braid::from_rest(0.3, 0.02, 23.0).unwrap(),
+            rest_length_m: 0.3,
+            bladder_stiffness_n_m: 600.0,
+            dead_volume_m3: 5.0e-6,
+        })
+    }
+
+    #[test]
+    fn rest_geometry_comes_back() {
+        let geometry = muscle();
+        assert!((geometry.diameter_m(0.3) / 0.02 - 1.0).abs() < 1e-5);
+        // A cylinder of 20 mm by 300 mm, and the dead volume.
+        let cylinder = core::f64::consts::PI / 4.0 * 0.02 * 0.02 * 0.3 + 5.0e-6;
+        assert!((f64::from(geometry.volume_m3(0.3)) / cylinder - 1.0).abs() < 1e-5);
+        assert!(geometry.force_n(3.0e5, geometry.shortest_m()) < 0.0, "bladder pulls back");
+    }
+
+    #[test]
+    fn pairs_with_noise_give_the_braid_back() {
+        let braid = Braid::from_rest(0.3, 0.02, 23.0).unwrap();
+        let geometry = muscle();
+        let mut pairs = [(0.0, 0.0); 6];
+        for (i, pair) in pairs.iter_mut().enumerate() {
+            let length = 0.3 - 0.015 * i as f32;
+            let wobble = if i % 2 == 0 { 1.002 } else { 0.998 };
+            *pair = (length, geometry.diameter_m(length) * wobble);
+        }
+        let fitted = Braid::from_pairs(&pairs).unwrap();
+        assert!((fitted.thread_length_m / braid.thread_length_m - 1.0).abs() < 2e-3);
+        assert!((fitted.turns / braid.turns - 1.0).abs() < 1e-2);
+    }
+
+    #[test]
+    fn bad_braids_are_refused() {
+        assert_eq!(
+            Braid::from_rest(-0.3, 0.02, 23.0),
+            Err(BraidError::NotPositive { value_m: -0.3 })
+        );
+        assert!(matches!(
+            Braid::from_rest(0.3, f32::NAN, 23.0),
+            Err(BraidError::NotPositive { .. })
+        ));
+        assert_eq!(
+            Braid::from_rest(0.3, 0.02, 60.0),
+            Err(BraidError::AngleOutOfRange { angle_deg: 60.0 })
+        );
+        assert_eq!(Braid::from_pairs(&[(0.3, 0.02)]), Err(BraidError::TooFewPairs));
+        assert_eq!(Braid::from_pairs(&[(0.3, 0.02), (0.29, 0.02)]), Err(BraidError::TooFewPairs));
+        assert_eq!(Braid::from_pairs(&[(0.3, 0.03), (0.25, 0.02)]), Err(BraidError::NotABraid));
+    }
+
+    proptest! {
+        /// The volume's slope against numerical differentiation in f64 of eq. (10).
+        #[test]
+        fn slope_is_the_derivative(length in 0.19_f32..0.3) {
+            let geometry = muscle();
+            let b2 = f64::from(geometry.thread_squared_m2);
+            let volume = |l: f64| l * (b2 - l * l) * f64::from(geometry.per_4_pi_n2);
+            let h = 1e-5;
+            let l = f64::from(length);
+            let numeric = (volume(l + h) - volume(l - h)) / (2.0 * h);
+            prop_assert!((f64::from(geometry.volume_slope_m2(length)) - numeric).abs() < 1e-8);
+        }
+
+        #[test]
+        fn length_and_pressure_invert_the_force(
+            gauge in 1.0e4_f32..6.0e5, length in 0.2_f32..0.3
+        ) {
+            let geometry = muscle();
+            let force = geometry.force_n(gauge, length);
+            let back = geometry.length_for_force_m(gauge, force);
+            prop_assert!((back - length).abs() < 1e-5, "{back} for {length}");
+            let pressure = geometry.gauge_pressure_for_force_pa(force, length);
+            prop_assert!((pressure / gauge - 1.0).abs() < 1e-3);
+        }
+
+        #[test]
+        fn friction_softens_and_heats(t in 270.0_f32..330.0, speed in -1.0_f32..1.0) {
+            let friction = Friction {
+                force_n: 15.0, reference_temperature_k: 298.0, softening_per_k: 0.01,
+                heat_fraction: 0.9,
+            };
+            let expected = 15.0 * (-0.01 * (f64::from(t) - 298.0)).exp();
+            prop_assert!((f64::from(friction.force_n(t)) / expected - 1.0).abs() < 1e-5);
+            prop_assert!(friction.wall_heat_w(t, speed) >= 0.0);
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! The three functions that `core` does not have: square root, exponential, clamp to a range.
+//!
+//! `micromath` gives the seed (a bit trick, some 5 % off), Newton's method does the rest, so that the
+//! result is the same to the bit on a soft-float Cortex-M0+, on an FPU and on the host: every
+//! operation is one IEEE 754 add, subtract or multiply, none is fused.
+
+use micromath::F32Ext;
+
+/// Reciprocal square root, relative error below 1e-6.
+///
+/// Returns 0 for arguments that are not positive: the callers' ranges exclude them, and a finite
+/// value keeps a filter alive where a NaN would not.
+pub fn inverse_sqrt(x: f32) -> f32 {
+    // Below the smallest normal number the seed's bit trick does not hold.
+    if !(x >= f32::MIN_POSITIVE) {
+        return 0.0;
+    }
+    let half = 0.5 * x;
+    let mut y = x.invsqrt();
+    // Newton: e' = 1.5 e^2; 5 % becomes 4e-3, 2e-5, 1e-9.
+    y *= 1.5 - half * y * y;
+    y *= 1.5 - half * y * y;
+    y *= 1.5 - half * y * y;
+    y
+}
+
+/// Square root, relative error below 1e-6; 0 for arguments that are not positive.
+pub fn sqrt(x: f32) -> f32 {
+    x * inverse_sqrt(x)
+}
+
+/// Exponential, relative error below 1e-6, arguments limited to -80 ..= 80.
+pub fn exp(x: f32) -> f32 {
+    const LOG2_E: f32 = core::f32::consts::LOG2_E;
+    // ln 2 in two parts (Cody and Waite), so that the reduced argument keeps all its bits.
+    const LN_2_HIGH: f32 = 0.693_359_4;
+    const LN_2_LOW: f32 = -2.121_944_4e-4;
+    let x = limit(x, -80.0, 80.0);
+    let scaled = x * LOG2_E;
+    let n = if scaled >= 0.0 { scaled + 0.5 } else { scaled - 0.5 } as i32;
+    let n_f32 = n as f32;
+    let r = (x - n_f32 * LN_2_HIGH) - n_f32 * LN_2_LOW;
+    // Taylor to r^6 for |r| <= ln(2)/2: remainder 1.2e-7.
+    let polynomial = 1.0
+        + r * (1.0
+            + r * (0.5
+                + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0))))));
+    // 2^n through the exponent field; |n| <= 116 keeps it a normal number.
+    polynomial * f32::from_bits(((n + 127) as u32) << 23)
+}
+
+/// `x` limited to `low ..= high`; `low` for NaN. `f32::clamp` would panic on a bad range.
+pub fn limit(x: f32, low: f32, high: f32) -> f32 {
+    if x > high {
+        high
+    } else if x >= low {
+        x
+    } else {
+        low
+    }
+}
+
+/// A sum that remembers what each addition rounded away (Kahan 1965), so that ten million small
+/// steps do not drift.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CompensatedSum {
+    value: f32,
+    lost: f32,
+}
+
+impl CompensatedSum {
+    /// A sum that starts at `value`.
+    pub const fn new(value: f32) -> Self {
+        Self { value, lost: 0.0 }
+    }
+
+    /// Adds `term`.
+    pub fn add(&mut self, term: f32) {
+        let corrected = term - self.lost;
+        let sum = self.value + corrected;
+        self.lost = (sum - self.value) - corrected;
+        self.value = sum;
+    }
+
+    /// The sum.
+    pub const fn value(&self) -> f32 {
+        self.value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn sqrt_is_close(x in 1.0e-30_f32..1.0e30) {
+            let exact = f64::from(x).sqrt();
+            prop_assert!((f64::from(sqrt(x)) / exact - 1.0).abs() < 1e-6);
+            prop_assert!((f64::from(inverse_sqrt(x)) * exact - 1.0).abs() < 1e-6);
+        }
+
+        #[test]
+        fn exp_is_close(x in -80.0_f32..80.0) {
+            prop_assert!((f64::from(exp(x)) / f64::from(x).exp() - 1.0).abs() < 1e-6);
+        }
+
+        #[test]
+        fn nothing_but_finite_values(bits in any::<u32>()) {
+            let x = f32::from_bits(bits);
+            prop_assert!(exp(x).is_finite());
+            prop_assert!(inverse_sqrt(x).is_finite());
+            prop_assert!((-1.0..=2.0).contains(&limit(x, -1.0, 2.0)));
+        }
+    }
+
+    #[test]
+    fn compensated_sum_does_not_drift() {
+        let mut compensated = CompensatedSum::new(1.0);
+        let mut plain = 1.0_f32;
+        for _ in 0..10_000_000 {
+            compensated.add(1.0e-8);
+            plain += 1.0e-8;
+        }
+        assert!((compensated.value() - 1.1).abs() < 2.0e-7);
+        assert_eq!(plain, 1.0, "the plain sum shows why");
+    }
+}

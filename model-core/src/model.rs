@@ -1,0 +1,144 @@
+//! The paper's simulation model, forward: mass flows in, pressure, length and temperatures out.
+//!
+//! One homogeneous gas volume under a quasi-static load, the full energy balance (3), heat to the
+//! wall and from there to ambient, friction heat, and the lag of the sensor. It runs on mass flows
+//! alone, without a measurement to correct it: what Fig. 5 calls "model".
+
+use crate::balance::{Exchange, GasState};
+use crate::body::Shape;
+use crate::config::{Config, ConfigError, Load};
+use crate::heat::lag_step;
+use crate::math::limit;
+
+/// State of the model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Model {
+    config: Config,
+    shape: Shape,
+    gas: GasState,
+    length_m: f32,
+    wall_k: f32,
+    sensor_k: f32,
+}
+
+impl Model {
+    /// A model at rest at an absolute pressure and one temperature everywhere.
+    ///
+    /// # Errors
+    /// [`ConfigError`] as [`Config::check`].
+    pub fn new(
+        config: &Config,
+        pressure_pa: f32,
+        temperature_k: f32,
+        length_m: f32,
+    ) -> Result<Self, ConfigError> {
+        config.check()?;
+        let shape = Shape::new(&config.body);
+        let length_m = shape.limit_length_m(length_m);
+        Ok(Self {
+            config: *config,
+            shape,
+            gas: GasState::new(&config.gas, pressure_pa, temperature_k, shape.volume_m3(length_m)),
+            length_m,
+            wall_k: temperature_k,
+            sensor_k: temperature_k,
+        })
+    }
+
+    /// Absolute pressure \[Pa\].
+    pub fn pressure_pa(&self) -> f32 {
+        self.gas.pressure_pa(&self.config.gas, self.shape.volume_m3(self.length_m))
+    }
+
+    /// Gas temperature \[K\].
+    pub fn gas_k(&self) -> f32 {
+        self.gas.temperature_k(&self.config.gas)
+    }
+
+    /// Wall temperature \[K\].
+    pub fn wall_k(&self) -> f32 {
+        self.wall_k
+    }
+
+    /// Temperature of the lagging sensor \[K\].
+    pub fn sensor_k(&self) -> f32 {
+        self.sensor_k
+    }
+
+    /// Length \[m\].
+    pub fn length_m(&self) -> f32 {
+        self.length_m
+    }
+
+    /// Gas mass \[kg\].
+    pub fn mass_kg(&self) -> f32 {
+        self.gas.mass_kg()
+    }
+
+    /// Advances by one fixed step with mean mass flows \[kg/s\], both positive.
+    pub fn step(&mut self, inflow_kg_s: f32, outflow_kg_s: f32) {
+        let step_s = self.config.step_s;
+        let heat = &self.config.heat;
+        let length_m = self.balance_length_m();
+        let speed_m_s = (length_m - self.length_m) / step_s;
+        let surface_m2 = self.shape.surface_m2(length_m);
+        let exchange = Exchange {
+            inflow_kg_s,
+            inflow_temperature_k: self.config.supply.temperature_k,
+            outflow_kg_s,
+            wall_w_k: heat.inner_w_k(surface_m2, inflow_kg_s),
+            wall_temperature_k: self.wall_k,
+            volume_start_m3: self.shape.volume_m3(self.length_m),
+            volume_end_m3: self.shape.volume_m3(length_m),
+        };
+        let to_wall_j = self.gas.step(&self.config.gas, &exchange, step_s);
+        self.length_m = length_m;
+        let to_ambient_w = heat.outer_w_k(surface_m2, speed_m_s)
+            * (self.wall_k - self.config.ambient.temperature_k);
+        let friction_w = self.config.friction.wall_heat_w(self.wall_k, speed_m_s);
+        self.wall_k +=
+            (to_wall_j + (friction_w - to_ambient_w) * step_s) / heat.wall_heat_capacity_j_k;
+        self.sensor_k =
+            lag_step(self.sensor_k, self.gas_k(), self.config.gas_sensor.time_constant_s, step_s);
+    }
+
+    /// Length at which load and muscle balance, with Coulomb friction: the length stays as it is
+    /// while friction can hold it (a play operator).
+    fn balance_length_m(&self) -> f32 {
+        let Shape::Muscle(geometry) = &self.shape else {
+            return self.length_m;
+        };
+        match self.config.load {
+            Load::Isometric { length_m } => geometry.limit_length_m(length_m),
+            Load::Isotonic { force_n } => {
+                let gauge_pa = self.pressure_pa() - self.config.ambient.pressure_pa;
+                let friction_n = self.config.friction.force_n(self.wall_k);
+                let longest = geometry.length_for_force_m(gauge_pa, force_n + friction_n);
+                let shortest = geometry.length_for_force_m(gauge_pa, force_n - friction_n);
+                limit(self.length_m, shortest, longest)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn working_cycle_swings_warms_and_closes() {
+        let mut model = Model::new(&Config::default(), 120_000.0, 298.0, 0.3).unwrap();
+        let mass = model.mass_kg();
+        let (mut low, mut high) = (f32::MAX, f32::MIN);
+        for step in 0..100_000 {
+            let filling = step % 5000 < 2500;
+            model.step(if filling { 3.6e-4 } else { 0.0 }, if filling { 0.0 } else { 3.6e-4 });
+            low = low.min(model.gas_k());
+            high = high.max(model.gas_k());
+        }
+        assert!((model.mass_kg() / mass - 1.0).abs() < 1e-4, "as much in as out");
+        assert!((270.0..295.0).contains(&low) && (302.0..330.0).contains(&high), "{low} {high}");
+        assert!((298.1..303.0).contains(&model.wall_k()), "{}", model.wall_k());
+        assert!((model.length_m() - 0.3).abs() < 0.01, "back at rest: {}", model.length_m());
+    }
+}

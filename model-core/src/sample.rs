@@ -1,0 +1,204 @@
+//! What crosses the border of the core in every step: raw codes in, duties out.
+
+use serde::{Deserialize, Serialize};
+
+/// Conversions of the 12-bit ADC that are added up into one code.
+pub const OVERSAMPLING: u16 = 8;
+/// Largest code: eight conversions of 4095.
+pub const CODE_MAX: u16 = OVERSAMPLING * 4095;
+
+/// Sum of [`OVERSAMPLING`] conversions of one channel, 0 to [`CODE_MAX`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Default)]
+pub struct AdcCode(pub u16);
+
+/// Share of a PWM period, 0 to [`Duty::FULL`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Default)]
+pub struct Duty(pub u16);
+
+impl Duty {
+    /// Not at all.
+    pub const ZERO: Self = Self(0);
+    /// The whole period.
+    pub const FULL: Self = Self(50_000);
+
+    /// The duty nearest to `share`, which is limited to 0 ..= 1 (NaN: 0).
+    pub fn from_share(share: f32) -> Self {
+        let limited = crate::math::limit(share, 0.0, 1.0);
+        Self((limited * f32::from(Self::FULL.0) + 0.5) as u16)
+    }
+
+    /// Share of the period, 0 to 1.
+    pub fn share(self) -> f32 {
+        f32::from(self.0) * (1.0 / 50_000.0)
+    }
+
+    /// The rest of the period.
+    pub const fn complement(self) -> Self {
+        Self(Self::FULL.0.saturating_sub(self.0))
+    }
+}
+
+/// Raw inputs of one step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub struct Sample {
+    /// ADC0: muscle pressure.
+    pub pressure: AdcCode,
+    /// ADC1: Pt1000 in the gas.
+    pub gas: AdcCode,
+    /// ADC2: muscle length.
+    pub length: AdcCode,
+    /// The emergency stop line is open or low.
+    pub emergency_stop: bool,
+}
+
+/// Valve openings of one step, as shares of the PWM period in which air passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Command {
+    /// Inlet open.
+    pub inlet: Duty,
+    /// Outlet open.
+    pub outlet: Duty,
+}
+
+impl Command {
+    /// Inlet closed, outlet open: the muscle vents. What the board does without power.
+    pub const VENT: Self = Self { inlet: Duty::ZERO, outlet: Duty::FULL };
+    /// Both closed: the muscle holds its gas.
+    pub const CLOSED: Self = Self { inlet: Duty::ZERO, outlet: Duty::ZERO };
+
+    /// Share of the period in which each coil is powered: the inlet valve is normally closed, the
+    /// outlet valve normally open, so that [`Command::VENT`] powers nothing.
+    pub const fn coils(self) -> (Duty, Duty) {
+        (self.inlet, self.outlet.complement())
+    }
+}
+
+/// What the core is asked to do.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
+pub enum SetPoint {
+    /// Inlet closed, outlet open.
+    #[default]
+    Vent,
+    /// Fixed openings.
+    Duty(Command),
+    /// A mass flow into the muscle, negative out of it \[kg/s\].
+    MassFlow {
+        /// Flow \[kg/s\].
+        flow_kg_s: f32,
+    },
+    /// The paper's working cycle: half of the period in, half out.
+    MassFlowCycle {
+        /// Flow in either direction \[kg/s\].
+        flow_kg_s: f32,
+        /// Period \[s\].
+        period_s: f32,
+    },
+    /// An absolute pressure \[Pa\].
+    Pressure {
+        /// Pressure \[Pa\].
+        pressure_pa: f32,
+    },
+    /// A contraction, as a fraction of the rest length \[-\].
+    Contraction {
+        /// Contraction \[-\].
+        contraction: f32,
+    },
+}
+
+/// What is wrong, one bit each. See [`crate::supervisor`] for what follows from each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub struct Faults(pub u16);
+
+impl Faults {
+    /// Nothing.
+    pub const NONE: Self = Self(0);
+    /// The emergency stop line is open or low.
+    pub const EMERGENCY_STOP: Self = Self(1 << 0);
+    /// The pressure code lies at a rail: sensor open, shorted or out of its range.
+    pub const PRESSURE_SENSOR: Self = Self(1 << 1);
+    /// Pressure above the configured limit.
+    pub const OVERPRESSURE: Self = Self(1 << 2);
+    /// The gas sensor's code lies at a rail.
+    pub const GAS_SENSOR: Self = Self(1 << 3);
+    /// The length code lies at a rail.
+    pub const LENGTH_SENSOR: Self = Self(1 << 4);
+
+    /// Every fault and its name, in the order of the bits.
+    pub const NAMES: [(Self, &'static str); 5] = [
+        (Self::EMERGENCY_STOP, "emergency stop"),
+        (Self::PRESSURE_SENSOR, "pressure sensor"),
+        (Self::OVERPRESSURE, "overpressure"),
+        (Self::GAS_SENSOR, "gas sensor"),
+        (Self::LENGTH_SENSOR, "length sensor"),
+    ];
+
+    /// Both together.
+    pub const fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Whether one of `other` is among them.
+    pub const fn intersects(self, other: Self) -> bool {
+        self.0 & other.0 != 0
+    }
+}
+
+/// The gas temperature and what goes with it, as the core believes it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
+pub struct Estimate {
+    /// Gas temperature \[K\].
+    pub gas_k: f32,
+    /// Its standard deviation \[K\].
+    pub gas_sd_k: f32,
+    /// Wall temperature \[K\].
+    pub wall_k: f32,
+    /// What the sensor's element should have \[K\].
+    pub sensor_k: f32,
+    /// Gas mass \[kg\].
+    pub mass_kg: f32,
+    /// Factor on the configured heat transfer from gas to wall \[-\].
+    pub heat_scale: f32,
+    /// Lag of the gas sensor \[s\].
+    pub sensor_lag_s: f32,
+}
+
+/// Everything that one step leaves behind.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Telemetry {
+    /// Number of the step, from 0; wraps.
+    pub step: u32,
+    /// The inputs.
+    pub sample: Sample,
+    /// Measured absolute pressure \[Pa\].
+    pub pressure_pa: f32,
+    /// Measured length \[m\].
+    pub length_m: f32,
+    /// The estimate.
+    pub estimate: Estimate,
+    /// The openings for this step.
+    pub command: Command,
+    /// Faults that hold now or are latched.
+    pub faults: Faults,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn vent_powers_no_coil() {
+        assert_eq!(Command::VENT.coils(), (Duty::ZERO, Duty::ZERO));
+        assert_eq!(Command::CLOSED.coils(), (Duty::ZERO, Duty::FULL));
+    }
+
+    proptest! {
+        #[test]
+        fn duty_is_a_share(bits in any::<u32>()) {
+            let duty = Duty::from_share(f32::from_bits(bits));
+            prop_assert!(duty <= Duty::FULL);
+            prop_assert_eq!(Duty::from_share(duty.share()), duty);
+            prop_assert_eq!(duty.complement().complement(), duty);
+        }
+    }
+}

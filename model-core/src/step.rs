@@ -1,0 +1,123 @@
+//! The core: one [`Sample`] in, one [`Telemetry`] with its [`Command`] out, once per fixed step.
+
+use crate::body::Shape;
+use crate::config::{Config, ConfigError, Load};
+use crate::control::{Controller, Feedback};
+use crate::estimator::{Estimator, Measurement};
+use crate::front_end::Converter;
+use crate::sample::{Command, Duty, Faults, Sample, SetPoint, Telemetry};
+use crate::supervisor::Supervisor;
+
+/// Model, estimator, controller and supervisor of one muscle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Core {
+    config: Config,
+    shape: Shape,
+    converter: Converter,
+    supervisor: Supervisor,
+    estimator: Estimator,
+    controller: Controller,
+    command: Command,
+    /// Steps for which the inlet, and the outlet, may still pass gas after their last duty.
+    inlet_steps: u16,
+    outlet_steps: u16,
+    step: u32,
+}
+
+impl Core {
+    /// A core that vents until it is given a set point.
+    ///
+    /// # Errors
+    /// [`ConfigError`] as [`Config::check`].
+    pub fn new(config: &Config) -> Result<Self, ConfigError> {
+        config.check()?;
+        Ok(Self {
+            config: *config,
+            shape: Shape::new(&config.body),
+            converter: Converter::new(&config.front_end),
+            supervisor: Supervisor::default(),
+            estimator: Estimator::new(config),
+            controller: Controller::new(config),
+            command: Command::VENT,
+            inlet_steps: 0,
+            outlet_steps: 0,
+            step: 0,
+        })
+    }
+
+    /// The configuration that the core runs with.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Changes what the core is to do, from the next PWM period on.
+    pub fn set(&mut self, set_point: SetPoint) {
+        self.controller.set(set_point);
+    }
+
+    /// Forgets latched faults whose cause is gone. The set point falls back to venting: nothing
+    /// moves because a fault was acknowledged.
+    pub fn clear_faults(&mut self) {
+        self.supervisor.clear();
+        self.controller.set(SetPoint::Vent);
+    }
+
+    /// One step.
+    pub fn step(&mut self, sample: &Sample) -> Telemetry {
+        let pressure_pa = self.converter.pressure_pa(sample.pressure);
+        let faults = self.supervisor.step(sample, pressure_pa, self.config.pressure_limit_pa);
+        let length_m = self.length_m(sample, pressure_pa, faults);
+        let command = if self.supervisor.must_vent() {
+            self.controller.set(SetPoint::Vent);
+            Command::VENT
+        } else {
+            self.controller.step(
+                &self.config,
+                &Feedback { pressure_pa, length_m, estimate: self.estimator.estimate() },
+            )
+        };
+        // The gas that this sample has seen went through the openings of the step before.
+        self.estimator.step(&Measurement {
+            pressure_pa,
+            length_m,
+            gas: (!faults.intersects(Faults::GAS_SENSOR)).then_some(sample.gas),
+            charging: self.inlet_steps > 0,
+            discharging: self.outlet_steps > 0,
+        });
+        // A pulse ends late, at most one PWM period after its duty.
+        let period = self.config.drive.period_steps;
+        let passing = |duty: Duty, steps: u16| {
+            if duty > Duty::ZERO { period.saturating_add(1) } else { steps.saturating_sub(1) }
+        };
+        self.inlet_steps = passing(command.inlet, self.inlet_steps);
+        self.outlet_steps = passing(command.outlet, self.outlet_steps);
+        self.command = command;
+        let telemetry = Telemetry {
+            step: self.step,
+            sample: *sample,
+            pressure_pa,
+            length_m,
+            estimate: self.estimator.estimate(),
+            command,
+            faults,
+        };
+        self.step = self.step.wrapping_add(1);
+        telemetry
+    }
+
+    /// Measured length, or without its sensor the one at which the load balances.
+    fn length_m(&self, sample: &Sample, pressure_pa: f32, faults: Faults) -> f32 {
+        if !faults.intersects(Faults::LENGTH_SENSOR) {
+            return self.shape.limit_length_m(self.converter.length_m(sample.length));
+        }
+        match (&self.shape, self.config.load) {
+            (Shape::Muscle(geometry), Load::Isotonic { force_n }) => {
+                geometry.length_for_force_m(pressure_pa - self.config.ambient.pressure_pa, force_n)
+            }
+            (_, Load::Isometric { length_m }) => self.shape.limit_length_m(length_m),
+            (Shape::Vessel { .. }, _) => {
+                self.shape.limit_length_m(self.converter.length_m(sample.length))
+            }
+        }
+    }
+}

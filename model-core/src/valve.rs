@@ -1,0 +1,131 @@
+//! Mass flow through a valve, ISO 6358, and its inverse.
+//!
+//! m = C p1 rho0 sqrt(T0/T1) phi(p2/p1): C the sonic conductance, b the critical pressure ratio,
+//! rho0 the density at the reference atmosphere (ANR: 100 kPa, 293.15 K).
+
+use crate::gas::Gas;
+use crate::math::{limit, sqrt};
+use serde::{Deserialize, Serialize};
+
+/// Reference atmosphere (ISO 8778, ANR): pressure \[Pa\].
+pub const REFERENCE_PRESSURE_PA: f32 = 100_000.0;
+/// Reference atmosphere (ISO 8778, ANR): temperature \[K\].
+pub const REFERENCE_TEMPERATURE_K: f32 = 293.15;
+/// Above this pressure ratio the flow is taken as linear in the pressure difference: the square
+/// root's slope is infinite at no flow, a real valve's is not (laminar flow, ISO 6358-1 annex).
+pub const LAMINAR_RATIO: f32 = 0.999;
+
+/// A valve, fully open.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Valve {
+    /// Sonic conductance C \[m3/(s Pa)\], at ANR.
+    pub conductance_m3_s_pa: f32,
+    /// Critical pressure ratio b \[-\], between 0 and 1.
+    pub critical_ratio: f32,
+}
+
+impl Valve {
+    /// Subsonic flow function phi \[-\]: 1 where choked, 0 at no pressure difference.
+    pub fn flow_function(&self, pressure_ratio: f32) -> f32 {
+        let b = self.critical_ratio;
+        let ellipse = |ratio: f32| {
+            let x = (ratio - b) / (1.0 - b);
+            sqrt(1.0 - x * x)
+        };
+        if pressure_ratio <= b {
+            1.0
+        } else if pressure_ratio <= LAMINAR_RATIO {
+            ellipse(pressure_ratio)
+        } else {
+            let slope = ellipse(LAMINAR_RATIO) / (1.0 - LAMINAR_RATIO);
+            limit(slope * (1.0 - pressure_ratio), 0.0, 1.0)
+        }
+    }
+
+    /// Mass flow \[kg/s\] of the fully open valve from `upstream_pa` at `upstream_k` to
+    /// `downstream_pa` (absolute pressures); 0 where the pressure difference points back.
+    pub fn mass_flow_kg_s(
+        &self,
+        gas: &Gas,
+        upstream_pa: f32,
+        upstream_k: f32,
+        downstream_pa: f32,
+    ) -> f32 {
+        if !(upstream_pa > downstream_pa && upstream_k > 0.0) {
+            return 0.0;
+        }
+        let reference_density =
+            REFERENCE_PRESSURE_PA / (gas.gas_constant_j_kg_k * REFERENCE_TEMPERATURE_K);
+        self.conductance_m3_s_pa
+            * upstream_pa
+            * reference_density
+            * sqrt(REFERENCE_TEMPERATURE_K / upstream_k)
+            * self.flow_function(downstream_pa / upstream_pa)
+    }
+
+    /// The inverse: opening, 0 to 1, that passes `wanted_kg_s` on average; 1 where the open valve
+    /// passes less than that.
+    pub fn opening_for_flow(
+        &self,
+        gas: &Gas,
+        wanted_kg_s: f32,
+        upstream_pa: f32,
+        upstream_k: f32,
+        downstream_pa: f32,
+    ) -> f32 {
+        if !(wanted_kg_s > 0.0) {
+            return 0.0;
+        }
+        let full = self.mass_flow_kg_s(gas, upstream_pa, upstream_k, downstream_pa);
+        if full <= wanted_kg_s { 1.0 } else { wanted_kg_s / full }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Litres per minute at the reference atmosphere.
+    fn anr_l_min(gas: &Gas, flow_kg_s: f32) -> f32 {
+        let density = REFERENCE_PRESSURE_PA / (gas.gas_constant_j_kg_k * REFERENCE_TEMPERATURE_K);
+        flow_kg_s / density * 60_000.0
+    }
+
+    /// C = 2 dm3/(s bar), b = 0.3, 0.4 MPa gauge upstream, 20 degC.
+    #[test]
+    fn iso_6358_vector() {
+        let valve = Valve { conductance_m3_s_pa: 2.0e-8, critical_ratio: 0.3 };
+        let gas = Gas::AIR;
+        let choked = valve.mass_flow_kg_s(&gas, 500_000.0, 293.15, 100_000.0);
+        assert!((anr_l_min(&gas, choked) / 600.0 - 1.0).abs() < 1e-4);
+        let subsonic = valve.mass_flow_kg_s(&gas, 500_000.0, 293.15, 400_000.0);
+        assert!((anr_l_min(&gas, subsonic) / 419.91 - 1.0).abs() < 1e-4);
+    }
+
+    proptest! {
+        #[test]
+        fn opening_inverts_the_flow(
+            p1 in 1.2e5_f32..8.0e5, ratio in 0.0_f32..0.9999, t in 250.0_f32..350.0,
+            opening in 0.001_f32..1.0
+        ) {
+            let valve = Valve { conductance_m3_s_pa: 4.0e-9, critical_ratio: 0.3 };
+            let gas = Gas::AIR;
+            let full = valve.mass_flow_kg_s(&gas, p1, t, ratio * p1);
+            prop_assume!(full > 0.0);
+            let back = valve.opening_for_flow(&gas, opening * full, p1, t, ratio * p1);
+            prop_assert!((back / opening - 1.0).abs() < 1e-4);
+        }
+
+        #[test]
+        fn flow_function_is_monotonic_and_continuous(
+            b in 0.05_f32..0.95, r in 0.0_f32..1.2
+        ) {
+            let valve = Valve { conductance_m3_s_pa: 4.0e-9, critical_ratio: b };
+            let here = valve.flow_function(r);
+            prop_assert!((0.0..=1.0).contains(&here));
+            prop_assert!(valve.flow_function(r + 1e-5) <= here + 1e-6);
+            prop_assert!(here - valve.flow_function(r + 1e-5) < 0.02);
+        }
+    }
+}
