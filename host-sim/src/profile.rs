@@ -62,6 +62,13 @@ impl Profile {
         Ok(Self { points })
     }
 
+    /// A profile that never changes.
+    pub fn constant(value: f64) -> Self {
+        Self {
+            points: vec![(0.0, value)],
+        }
+    }
+
     /// The points, in order of time.
     pub fn points(&self) -> &[(f64, f64)] {
         &self.points
