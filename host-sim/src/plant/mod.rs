@@ -3,6 +3,17 @@
 //! It shares no equation's code with `model-core`; a test that compares the two compares two
 //! derivations.
 
+mod closure;
+pub mod flow;
+pub mod gas;
+pub mod geometry;
+mod heat;
+mod lag;
+mod ode;
+mod vessel;
+
+use crate::profile::Profile;
+use crate::scenario::{PlantKind, Scenario};
 use std::fmt;
 
 /// What acts on the plant during one step: the share of the step that each valve is driven, 0 to 1.
@@ -78,7 +89,7 @@ pub struct Ledger {
     pub friction_to_wall_j: f64,
     /// Heat from wall to ambient \[J\].
     pub heat_to_ambient_j: f64,
-    /// Energy of the wall at the start, relative to the initial temperature \[J\].
+    /// Energy of the wall now, relative to the initial temperature \[J\].
     pub wall_energy_j: f64,
 }
 
@@ -95,6 +106,13 @@ impl Ledger {
             + self.enthalpy_out_j
             + self.heat_to_wall_j
             + self.work_j;
+        residual.abs() / (self.energy_initial_j + self.enthalpy_in_j + self.enthalpy_out_j)
+    }
+
+    /// Energy that appeared from nowhere in the wall, relative to what the gas handled.
+    pub fn wall_balance_error(&self) -> f64 {
+        let residual = self.wall_energy_j - self.heat_to_wall_j - self.friction_to_wall_j
+            + self.heat_to_ambient_j;
         residual.abs() / (self.energy_initial_j + self.enthalpy_in_j + self.enthalpy_out_j)
     }
 }
@@ -131,4 +149,58 @@ pub trait Plant: Send {
     fn axial_wall_k(&self) -> Vec<f64>;
     /// Gas temperature per axial zone, port first \[K\].
     fn axial_gas_k(&self) -> Vec<f64>;
+}
+
+/// Why a scenario that passed validation still makes no plant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BuildError {
+    /// The volume profile holds a volume that is not positive.
+    VolumeNotPositive {
+        /// When \[s\].
+        time_s: f64,
+        /// The volume \[m3\].
+        volume_m3: f64,
+    },
+}
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::VolumeNotPositive { time_s, volume_m3 } => {
+                write!(
+                    f,
+                    "the vessel's volume at {time_s} s is {volume_m3} m3; it must be positive"
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+/// The plant of a scenario, at rest at time zero. `volume_profile` is the table that
+/// `vessel.volume_csv` names, volume \[m3\] over time \[s\].
+///
+/// # Errors
+/// [`BuildError`] for what validation of the scenario alone cannot see.
+pub fn build(
+    scenario: &Scenario,
+    volume_profile: Option<Profile>,
+) -> Result<Box<dyn Plant>, BuildError> {
+    match scenario.plant.kind {
+        PlantKind::Vessel => Ok(Box::new(vessel::Vessel::new(scenario, volume_profile)?)),
+        PlantKind::Muscle => todo!(),
+    }
+}
+
+/// Checks that a gas state is one: finite, positive pressure and mass, 20 to 2000 K.
+fn check_gas(time_s: f64, pressure: f64, temperature: f64, mass: f64) -> Result<(), Diverged> {
+    let positive = |x: f64| x.is_finite() && x > 0.0;
+    if positive(pressure) && positive(mass) && (20.0..=2000.0).contains(&temperature) {
+        return Ok(());
+    }
+    Err(Diverged {
+        time_s,
+        state: format!("pressure = {pressure} Pa, temperature = {temperature} K, mass = {mass} kg"),
+    })
 }

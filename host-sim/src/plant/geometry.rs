@@ -1,0 +1,96 @@
+//! Geometry of the braid, eq. (10), (11), and the force that follows from it.
+
+use std::f64::consts::PI;
+
+/// A braid of inextensible threads around a cylinder.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Geometry {
+    /// Thread length b \[m\].
+    pub thread_length_m: f64,
+    /// Thread turns n \[-\].
+    pub turns: f64,
+    /// Volume of the end fittings \[m3\].
+    pub dead_volume_m3: f64,
+    /// b^2.
+    thread_squared: f64,
+    /// 1/(4 pi n^2).
+    per_turns: f64,
+}
+
+impl Geometry {
+    /// From thread length b \[m\], turns n and dead volume \[m3\].
+    pub fn new(thread_length_m: f64, turns: f64, dead_volume_m3: f64) -> Self {
+        Self {
+            thread_length_m,
+            turns,
+            dead_volume_m3,
+            thread_squared: thread_length_m * thread_length_m,
+            per_turns: 1.0 / (4.0 * PI * turns * turns),
+        }
+    }
+
+    /// From length \[m\], diameter \[m\] and braid angle to the axis \[deg\] at rest (paper, Fig. 1).
+    pub fn from_braid(length_m: f64, diameter_m: f64, angle_deg: f64, dead_volume_m3: f64) -> Self {
+        let angle = angle_deg.to_radians();
+        let thread = length_m / angle.cos();
+        Self::new(
+            thread,
+            thread * angle.sin() / (PI * diameter_m),
+            dead_volume_m3,
+        )
+    }
+
+    /// Gas volume \[m3\], eq. (10) plus the dead volume.
+    pub fn volume(&self, length: f64) -> f64 {
+        length * (self.thread_squared - length * length) * self.per_turns + self.dead_volume_m3
+    }
+
+    /// Force per gauge pressure, -dV/dL, eq. (11) \[m2\]; positive: the muscle pulls.
+    pub fn force_area(&self, length: f64) -> f64 {
+        (3.0 * length * length - self.thread_squared) * self.per_turns
+    }
+
+    /// Slope of [`Self::force_area`] over length \[m\].
+    pub fn force_area_slope(&self, length: f64) -> f64 {
+        6.0 * length * self.per_turns
+    }
+
+    /// Lateral surface pi D L with D = sqrt(b^2 - L^2)/(n pi) \[m2\].
+    pub fn surface(&self, length: f64) -> f64 {
+        length * (self.thread_squared - length * length).sqrt() / self.turns
+    }
+
+    /// Diameter \[m\].
+    pub fn diameter(&self, length: f64) -> f64 {
+        (self.thread_squared - length * length).sqrt() / (self.turns * PI)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_braid_returns_its_own_dimensions() {
+        let braid = Geometry::from_braid(0.3, 0.02, 23.0, 0.0);
+        assert!((braid.diameter(0.3) - 0.02).abs() < 1e-15);
+        let cylinder = PI / 4.0 * 0.02 * 0.02 * 0.3;
+        assert!((braid.volume(0.3) / cylinder - 1.0).abs() < 1e-12);
+        assert!((braid.surface(0.3) / (PI * 0.02 * 0.3) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn force_is_virtual_work() {
+        let braid = Geometry::from_braid(0.3, 0.02, 23.0, 5e-6);
+        for length in [0.2, 0.22, 0.25, 0.28, 0.3] {
+            // The volume is a cubic: the five-point difference is exact but for rounding.
+            let h = 0.01;
+            let v = |i: f64| braid.volume(length + i * h);
+            let slope = (v(-2.0) - 8.0 * v(-1.0) + 8.0 * v(1.0) - v(2.0)) / (12.0 * h);
+            assert!(
+                (-slope / braid.force_area(length) - 1.0).abs() < 1e-9,
+                "at {length} m"
+            );
+        }
+    }
+}

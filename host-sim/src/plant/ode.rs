@@ -1,0 +1,171 @@
+//! Explicit Runge-Kutta steps for systems whose size is known at compile time.
+
+use std::array::from_fn;
+
+/// One classical fourth-order Runge-Kutta step of an autonomous system.
+pub fn rk4<const N: usize>(
+    state: &[f64; N],
+    step: f64,
+    mut rates: impl FnMut(&[f64; N]) -> [f64; N],
+) -> [f64; N] {
+    let half = 0.5 * step;
+    let k1 = rates(state);
+    let k2 = rates(&from_fn(|i| state[i] + half * k1[i]));
+    let k3 = rates(&from_fn(|i| state[i] + half * k2[i]));
+    let k4 = rates(&from_fn(|i| state[i] + step * k3[i]));
+    from_fn(|i| state[i] + step / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]))
+}
+
+/// Dormand and Prince's pair of order 5(4) (J. Comp. Appl. Math. 6, 1980) with step control.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DormandPrince {
+    /// Relative tolerance of one step.
+    tolerance: f64,
+    /// The step to try next.
+    step: f64,
+}
+
+/// The step control found no step that meets its tolerance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StepTooSmall;
+
+impl DormandPrince {
+    /// With that relative tolerance and first step.
+    pub fn new(tolerance: f64, first_step: f64) -> Self {
+        Self {
+            tolerance,
+            step: first_step,
+        }
+    }
+
+    /// Advances `state` from `start` to `end`; the first `CONTROLLED` components are held to the
+    /// tolerance, relative to `scales`.
+    ///
+    /// # Errors
+    /// [`StepTooSmall`] when rounding is coarser than the step that the tolerance asks for, or the
+    /// state is not finite.
+    pub fn advance<const CONTROLLED: usize, const N: usize>(
+        &mut self,
+        start: f64,
+        end: f64,
+        state: &mut [f64; N],
+        scales: [f64; CONTROLLED],
+        mut rates: impl FnMut(f64, &[f64; N]) -> [f64; N],
+    ) -> Result<(), StepTooSmall> {
+        let mut time = start;
+        let mut k1 = rates(time, state);
+        while time < end {
+            let remaining = end - time;
+            let last = self.step >= remaining;
+            let h = self.step.min(remaining);
+            let y = *state;
+            let k2 = rates(time + h / 5.0, &from_fn(|i| y[i] + h * k1[i] / 5.0));
+            let k3 = rates(
+                time + 0.3 * h,
+                &from_fn(|i| y[i] + h * (3.0 * k1[i] + 9.0 * k2[i]) / 40.0),
+            );
+            let k4 = rates(
+                time + 0.8 * h,
+                &from_fn(|i| {
+                    y[i] + h * (44.0 / 45.0 * k1[i] - 56.0 / 15.0 * k2[i] + 32.0 / 9.0 * k3[i])
+                }),
+            );
+            let k5 = rates(
+                time + 8.0 / 9.0 * h,
+                &from_fn(|i| {
+                    y[i] + h
+                        * (19372.0 / 6561.0 * k1[i] - 25360.0 / 2187.0 * k2[i]
+                            + 64448.0 / 6561.0 * k3[i]
+                            - 212.0 / 729.0 * k4[i])
+                }),
+            );
+            let k6 = rates(
+                time + h,
+                &from_fn(|i| {
+                    y[i] + h
+                        * (9017.0 / 3168.0 * k1[i] - 355.0 / 33.0 * k2[i]
+                            + 46732.0 / 5247.0 * k3[i]
+                            + 49.0 / 176.0 * k4[i]
+                            - 5103.0 / 18656.0 * k5[i])
+                }),
+            );
+            let next: [f64; N] = from_fn(|i| {
+                y[i] + h
+                    * (35.0 / 384.0 * k1[i] + 500.0 / 1113.0 * k3[i] + 125.0 / 192.0 * k4[i]
+                        - 2187.0 / 6784.0 * k5[i]
+                        + 11.0 / 84.0 * k6[i])
+            });
+            let k7 = rates(time + h, &next);
+            let error = (0..CONTROLLED)
+                .map(|i| {
+                    let difference = h
+                        * (71.0 / 57600.0 * k1[i] - 71.0 / 16695.0 * k3[i] + 71.0 / 1920.0 * k4[i]
+                            - 17253.0 / 339_200.0 * k5[i]
+                            + 22.0 / 525.0 * k6[i]
+                            - 1.0 / 40.0 * k7[i]);
+                    (difference / scales[i]).abs()
+                })
+                // `f64::max` would drop a NaN.
+                .fold(0.0, |worst, e| if e <= worst { worst } else { e })
+                / self.tolerance;
+            let accepted = error <= 1.0;
+            let factor = if error.is_finite() {
+                (0.9 * error.max(1e-10).powf(-0.2)).clamp(0.2, 5.0)
+            } else {
+                0.2
+            };
+            if accepted {
+                time = if last { end } else { time + h };
+                *state = next;
+                k1 = k7;
+                // A step cut short by `end` says nothing against the longer one.
+                self.step = if last {
+                    self.step.max(h * factor)
+                } else {
+                    h * factor
+                };
+            } else {
+                self.step = h * factor;
+                if self.step < 1e-14 * end.abs().max(1e-6) {
+                    return Err(StepTooSmall);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rk4_is_of_fourth_order() {
+        let error = |steps: u32| {
+            let h = 1.0 / f64::from(steps);
+            let y = (0..steps).fold([1.0], |y, _| rk4(&y, h, |y| [-y[0] * y[0]]));
+            (y[0] - 0.5).abs()
+        };
+        let order = (error(20) / error(40)).log2();
+        assert!((3.8..4.2).contains(&order), "{order}");
+    }
+
+    #[test]
+    fn the_pair_keeps_its_tolerance() {
+        let mut state = [1.0, 1.0];
+        let mut pair = DormandPrince::new(1e-11, 0.1);
+        pair.advance(0.0, 3.0, &mut state, [1e-2, 1.0], |t, y| {
+            [-y[0] * t, 2.0 * y[1]]
+        })
+        .unwrap();
+        assert!((state[0] / (-4.5f64).exp() - 1.0).abs() < 1e-9);
+        assert!((state[1] / 6.0f64.exp() - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_state_that_is_not_finite_is_an_error() {
+        let mut pair = DormandPrince::new(1e-11, 0.1);
+        let blow_up = pair.advance(0.0, 2.0, &mut [1.0], [1.0], |_, y| [y[0] * y[0]]);
+        assert_eq!(blow_up, Err(StepTooSmall));
+    }
+}

@@ -1,0 +1,342 @@
+//! A vessel: one zone of gas, fixed or prescribed volume, one wall.
+
+use super::closure::Closure;
+use super::flow::{Iso6358, Nozzle, Streams};
+use super::heat::InnerHeat;
+use super::lag::Lag;
+use super::ode::DormandPrince;
+use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas};
+use crate::profile::Profile;
+use crate::scenario::{DriveKind, Scenario};
+use std::f64::consts::PI;
+
+/// Relative tolerance of one integration step.
+const TOLERANCE: f64 = 1e-12;
+
+// Places in the state vector; the first four are held to the tolerance.
+const MASS: usize = 0;
+const W: usize = 1;
+const WALL: usize = 2;
+const WORK: usize = 3;
+const MASS_IN: usize = 4;
+const MASS_OUT: usize = 5;
+const ENTHALPY_IN: usize = 6;
+const ENTHALPY_OUT: usize = 7;
+const HEAT: usize = 8;
+const TO_AMBIENT: usize = 9;
+const STATES: usize = 10;
+
+/// The openings of the vessel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Ports {
+    Closed,
+    /// A nozzle to a reservoir (p \[Pa\], T \[K\]), open from the start.
+    Nozzle {
+        nozzle: Nozzle,
+        reservoir: (f64, f64),
+    },
+    /// Inlet and outlet valve, opened by the actuation.
+    Valves {
+        valve: Iso6358,
+        supply: (f64, f64),
+        ambient: (f64, f64),
+    },
+}
+
+/// Everything that does not change during a run.
+#[derive(Debug, Clone)]
+struct Config {
+    step_s: f64,
+    closure: Closure,
+    volume: Profile,
+    ports: Ports,
+    heat: InnerHeat,
+    surface_m2: f64,
+    wall_j_k: f64,
+    outer_w_k: f64,
+    ambient_k: f64,
+    section_m2: f64,
+    initial_k: f64,
+}
+
+/// What follows from the state at one instant.
+struct Instant {
+    volume: f64,
+    pressure: f64,
+    temperature: f64,
+    streams: Streams,
+}
+
+impl Config {
+    fn instant(&self, time: f64, y: &[f64; STATES], actuation: Actuation) -> Instant {
+        let volume = self.volume.value(time);
+        let pressure = y[W] * volume.powf(-self.closure.exponent());
+        let temperature = self.closure.temperature(pressure, volume, y[MASS]);
+        let mut streams = Streams::default();
+        let gas = (pressure, temperature);
+        match &self.ports {
+            Ports::Closed => {}
+            Ports::Nozzle { nozzle, reservoir } => {
+                streams.add(gas, *reservoir, |p, t, q| nozzle.mass_flow(p, t, q));
+            }
+            Ports::Valves {
+                valve,
+                supply,
+                ambient,
+            } => {
+                streams.add(gas, *supply, |p, t, q| {
+                    actuation.inlet * valve.mass_flow(p, t, q)
+                });
+                streams.add(gas, *ambient, |p, t, q| {
+                    actuation.outlet * valve.mass_flow(p, t, q)
+                });
+            }
+        }
+        Instant {
+            volume,
+            pressure,
+            temperature,
+            streams,
+        }
+    }
+
+    fn rates(
+        &self,
+        time: f64,
+        volume_slope: f64,
+        y: &[f64; STATES],
+        actuation: Actuation,
+    ) -> [f64; STATES] {
+        let closure = &self.closure;
+        let Instant {
+            volume,
+            pressure,
+            temperature,
+            streams,
+        } = self.instant(time, y, actuation);
+        let coefficient = self
+            .heat
+            .coefficient(pressure, temperature, y[WALL], streams.inflow);
+        let convective = coefficient * self.surface_m2 * (temperature - y[WALL]);
+        let work = pressure * volume_slope;
+        let heat = closure.heat_of_streams(&streams, temperature, convective)
+            + closure.heat_per_work() * work;
+        let to_ambient = self.outer_w_k * (y[WALL] - self.ambient_k);
+        let volume_power = volume.powf(closure.exponent() - 1.0);
+        let mut rates = [0.0; STATES];
+        rates[MASS] = streams.net();
+        rates[W] = closure.rate(volume_power, &streams, temperature, convective);
+        rates[WALL] = (heat - to_ambient) / self.wall_j_k;
+        rates[MASS_IN] = streams.inflow;
+        rates[MASS_OUT] = streams.outflow;
+        rates[ENTHALPY_IN] = closure.gas.cp * streams.inflow_temperature;
+        rates[ENTHALPY_OUT] = closure.gas.cp * streams.outflow * temperature;
+        rates[HEAT] = heat;
+        rates[WORK] = work;
+        rates[TO_AMBIENT] = to_ambient;
+        rates
+    }
+}
+
+/// A vessel in operation.
+#[derive(Debug, Clone)]
+pub struct Vessel {
+    config: Config,
+    integrator: DormandPrince,
+    steps: u64,
+    state: [f64; STATES],
+    truth: Truth,
+    initial: Ledger,
+    gas_sensor: Lag,
+    wall_sensor: Lag,
+    pressure_sensor: Lag,
+    length_sensor: Lag,
+}
+
+impl Vessel {
+    /// The vessel of a scenario; `volume` replaces the fixed volume where it is given.
+    ///
+    /// # Errors
+    /// [`BuildError::VolumeNotPositive`] for a profile that empties the vessel.
+    pub fn new(scenario: &Scenario, volume: Option<Profile>) -> Result<Self, BuildError> {
+        let volume = match volume {
+            Some(profile) => profile,
+            None => Profile::constant(scenario.vessel.volume_m3),
+        };
+        if let Some(&(time_s, volume_m3)) = volume.points().iter().find(|point| point.1 <= 0.0) {
+            return Err(BuildError::VolumeNotPositive { time_s, volume_m3 });
+        }
+        let closure = Closure::new(scenario);
+        let gas = &closure.gas;
+        let supply = (scenario.supply.pressure_pa, scenario.supply.temperature_k);
+        let ambient = (scenario.ambient.pressure_pa, scenario.ambient.temperature_k);
+        let orifice = &scenario.orifice;
+        let nozzle = Nozzle::new(orifice.diameter_m, orifice.discharge_coefficient, gas);
+        let valve = Iso6358::valve(
+            scenario.valve.conductance_m3_s_pa,
+            scenario.valve.critical_ratio,
+            gas,
+        );
+        let (ports, jet_diameter) = match scenario.drive.kind {
+            DriveKind::Closed => (Ports::Closed, orifice.diameter_m),
+            DriveKind::Discharge => (
+                Ports::Nozzle {
+                    nozzle,
+                    reservoir: ambient,
+                },
+                orifice.diameter_m,
+            ),
+            DriveKind::Fill => (
+                Ports::Nozzle {
+                    nozzle,
+                    reservoir: supply,
+                },
+                orifice.diameter_m,
+            ),
+            DriveKind::MassFlow
+            | DriveKind::Duty
+            | DriveKind::Pressure
+            | DriveKind::Contraction => (
+                Ports::Valves {
+                    valve,
+                    supply,
+                    ambient,
+                },
+                valve.equivalent_diameter(gas),
+            ),
+        };
+        let diameter = scenario.vessel.characteristic_length_m;
+        let config = Config {
+            step_s: scenario.run.step_s,
+            ports,
+            heat: InnerHeat::new(&scenario.heat, gas, diameter, jet_diameter),
+            surface_m2: scenario.vessel.surface_m2,
+            wall_j_k: scenario.vessel.wall_heat_capacity_j_k,
+            outer_w_k: scenario.heat.outer_w_m2_k * scenario.vessel.surface_m2,
+            ambient_k: scenario.ambient.temperature_k,
+            section_m2: PI / 4.0 * diameter * diameter,
+            initial_k: scenario.plant.initial_temperature_k,
+            closure,
+            volume,
+        };
+        let pressure = scenario.plant.initial_pressure_pa;
+        let temperature = config.initial_k;
+        let volume = config.volume.value(0.0);
+        let mass = pressure * volume / (gas.r * temperature);
+        let mut state = [0.0; STATES];
+        state[MASS] = mass;
+        state[W] = pressure * volume.powf(closure.exponent());
+        state[WALL] = temperature;
+        let initial = Ledger {
+            mass_initial_kg: mass,
+            energy_initial_j: gas.cv * mass * temperature,
+            ..Ledger::default()
+        };
+        let step = config.step_s;
+        let lag = |time_constant, initial| Lag::new(time_constant, step, initial);
+        let sensor = &scenario.sensor;
+        let length = volume / config.section_m2;
+        let mut vessel = Self {
+            gas_sensor: lag(sensor.gas.time_constant_s, temperature),
+            wall_sensor: lag(sensor.wall.time_constant_s, temperature),
+            pressure_sensor: lag(sensor.pressure.time_constant_s, pressure),
+            length_sensor: lag(sensor.length.time_constant_s, length),
+            integrator: DormandPrince::new(TOLERANCE, 1e-3 * step),
+            config,
+            steps: 0,
+            state,
+            truth: Truth::default(),
+            initial,
+        };
+        vessel.observe(Actuation::default());
+        Ok(vessel)
+    }
+
+    fn observe(&mut self, actuation: Actuation) {
+        let config = &self.config;
+        let time = self.steps as f64 * config.step_s;
+        let now = config.instant(time, &self.state, actuation);
+        self.truth = Truth {
+            time_s: time,
+            pressure_pa: now.pressure,
+            volume_m3: now.volume,
+            length_m: now.volume / config.section_m2,
+            speed_m_s: config.volume.slope_after(time) / config.section_m2,
+            mass_kg: self.state[MASS],
+            flow_in_kg_s: now.streams.inflow,
+            flow_out_kg_s: now.streams.outflow,
+            gas_temperature_k: now.temperature,
+            wall_temperature_k: self.state[WALL],
+            sensor_gas_k: self.gas_sensor.output(),
+            sensor_wall_k: self.wall_sensor.output(),
+            sensor_pressure_pa: self.pressure_sensor.output(),
+            sensor_length_m: self.length_sensor.output(),
+            friction_n: 0.0,
+        };
+    }
+}
+
+impl Plant for Vessel {
+    fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
+        let config = &self.config;
+        let mut start = self.steps as f64 * config.step_s;
+        self.steps += 1;
+        let end = self.steps as f64 * config.step_s;
+        while start < end {
+            // The slope of the volume jumps at a knot: no step reaches across one.
+            let stop = config
+                .volume
+                .knot_after(start)
+                .map_or(end, |knot| knot.min(end));
+            let slope = config.volume.slope_after(start);
+            let energy = config.closure.internal_energy(&self.truth);
+            let scales = [self.state[MASS], self.state[W], self.state[WALL], energy];
+            self.integrator
+                .advance(start, stop, &mut self.state, scales, |t, y| {
+                    config.rates(t, slope, y, actuation)
+                })
+                .map_err(|_| Diverged {
+                    time_s: start,
+                    state: format!("mass = {} kg, no step is small enough", self.state[MASS]),
+                })?;
+            start = stop;
+        }
+        let now = config.instant(end, &self.state, actuation);
+        check_gas(end, now.pressure, now.temperature, self.state[MASS])?;
+        self.gas_sensor.advance(now.temperature);
+        self.wall_sensor.advance(self.state[WALL]);
+        self.pressure_sensor.advance(now.pressure);
+        self.length_sensor.advance(now.volume / config.section_m2);
+        self.observe(actuation);
+        Ok(())
+    }
+
+    fn truth(&self) -> Truth {
+        self.truth
+    }
+
+    fn ledger(&self) -> Ledger {
+        let y = &self.state;
+        Ledger {
+            mass_kg: y[MASS],
+            mass_in_kg: y[MASS_IN],
+            mass_out_kg: y[MASS_OUT],
+            energy_j: self.config.closure.internal_energy(&self.truth),
+            enthalpy_in_j: y[ENTHALPY_IN],
+            enthalpy_out_j: y[ENTHALPY_OUT],
+            heat_to_wall_j: y[HEAT],
+            work_j: y[WORK],
+            heat_to_ambient_j: y[TO_AMBIENT],
+            wall_energy_j: self.config.wall_j_k * (y[WALL] - self.config.initial_k),
+            ..self.initial
+        }
+    }
+
+    fn axial_wall_k(&self) -> Vec<f64> {
+        vec![self.truth.wall_temperature_k]
+    }
+
+    fn axial_gas_k(&self) -> Vec<f64> {
+        vec![self.truth.gas_temperature_k]
+    }
+}

@@ -1,0 +1,142 @@
+//! A value over time, piecewise linear: a piston's volume, a set point.
+
+use std::fmt;
+
+/// A piecewise-linear function of time; before its first and after its last point it is constant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    points: Vec<(f64, f64)>,
+}
+
+/// Why a table of (time, value) is no profile. Rows count from zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ProfileError {
+    /// The table has no row.
+    Empty,
+    /// A time or value is not finite.
+    NotFinite {
+        /// The offending row.
+        row: usize,
+    },
+    /// A time is not later than the one before it.
+    NotIncreasing {
+        /// The offending row.
+        row: usize,
+    },
+}
+
+impl fmt::Display for ProfileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Empty => write!(f, "a profile needs at least one row"),
+            Self::NotFinite { row } => write!(f, "row {row} of the profile is not finite"),
+            Self::NotIncreasing { row } => {
+                write!(
+                    f,
+                    "row {row} of the profile is not later than the row before it"
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for ProfileError {}
+
+impl Profile {
+    /// A profile through (time \[s\], value), times strictly increasing.
+    ///
+    /// # Errors
+    /// [`ProfileError`] for an empty table, a cell that is not finite, or times out of order.
+    pub fn new(points: Vec<(f64, f64)>) -> Result<Self, ProfileError> {
+        if points.is_empty() {
+            return Err(ProfileError::Empty);
+        }
+        for (row, (time, value)) in points.iter().enumerate() {
+            if !(time.is_finite() && value.is_finite()) {
+                return Err(ProfileError::NotFinite { row });
+            }
+            if row > 0 && *time <= points[row - 1].0 {
+                return Err(ProfileError::NotIncreasing { row });
+            }
+        }
+        Ok(Self { points })
+    }
+
+    /// A profile that never changes.
+    pub fn constant(value: f64) -> Self {
+        Self {
+            points: vec![(0.0, value)],
+        }
+    }
+
+    /// The points, in order of time.
+    pub fn points(&self) -> &[(f64, f64)] {
+        &self.points
+    }
+
+    /// The value at `time_s`.
+    pub fn value(&self, time_s: f64) -> f64 {
+        let next = self.points.partition_point(|point| point.0 <= time_s);
+        let (Some(before), Some(after)) = (
+            next.checked_sub(1).map(|i| self.points[i]),
+            self.points.get(next),
+        ) else {
+            let edge = next.min(self.points.len() - 1);
+            return self.points[edge].1;
+        };
+        before.1 + (after.1 - before.1) * (time_s - before.0) / (after.0 - before.0)
+    }
+
+    /// The slope just after `time_s` \[value per s\].
+    pub fn slope_after(&self, time_s: f64) -> f64 {
+        let next = self.points.partition_point(|point| point.0 <= time_s);
+        if next == 0 || next == self.points.len() {
+            return 0.0;
+        }
+        let (before, after) = (self.points[next - 1], self.points[next]);
+        (after.1 - before.1) / (after.0 - before.0)
+    }
+
+    /// The first point later than `time_s`: an integrator stops there, because the slope jumps.
+    pub fn knot_after(&self, time_s: f64) -> Option<f64> {
+        let next = self.points.partition_point(|point| point.0 <= time_s);
+        self.points.get(next).map(|point| point.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn interpolates_and_holds_its_ends() {
+        let profile = Profile::new(vec![(1.0, 10.0), (2.0, 20.0), (4.0, 0.0)]).unwrap();
+        for (time, value) in [
+            (0.0, 10.0),
+            (1.0, 10.0),
+            (1.5, 15.0),
+            (2.0, 20.0),
+            (3.0, 10.0),
+            (9.0, 0.0),
+        ] {
+            assert_eq!(profile.value(time), value, "at {time} s");
+        }
+        assert_eq!(profile.slope_after(2.0), -10.0);
+        assert_eq!(profile.slope_after(4.0), 0.0);
+        assert_eq!(profile.knot_after(1.0), Some(2.0));
+        assert_eq!(profile.knot_after(4.0), None);
+    }
+
+    #[test]
+    fn refuses_what_is_no_function_of_time() {
+        assert_eq!(Profile::new(vec![]), Err(ProfileError::Empty));
+        assert_eq!(
+            Profile::new(vec![(0.0, 1.0), (0.0, 2.0)]),
+            Err(ProfileError::NotIncreasing { row: 1 })
+        );
+        assert_eq!(
+            Profile::new(vec![(0.0, f64::NAN)]),
+            Err(ProfileError::NotFinite { row: 0 })
+        );
+    }
+}
