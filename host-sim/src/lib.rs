@@ -1,4 +1,21 @@
-//! Simulated plant, virtual board, scenarios and reports.
+//! Simulated plant, virtual board, scenarios, reports: everything behind the `thermyo` command.
+//!
+//! The plant is f64 and knows more than the core; the core is `model-core`, unchanged. They meet in
+//! [`run`], over raw ADC codes and valve openings.
+
+pub mod adc;
+pub mod analysis;
+pub mod board;
+pub mod cli;
+pub mod core_config;
+pub mod input;
+pub mod measured;
+pub mod output;
 pub mod plant;
 pub mod profile;
+pub mod report;
+pub mod reproduce;
+pub mod run;
 pub mod scenario;
+pub mod summary;
+pub mod trace;

@@ -1,2 +1,7 @@
 //! The `thermyo` command.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    host_sim::cli::main()
+}

@@ -75,11 +75,15 @@ impl Model {
         self.gas.mass_kg()
     }
 
-    /// Advances by one fixed step with mean mass flows \[kg/s\], both positive.
-    pub fn step(&mut self, inflow_kg_s: f32, outflow_kg_s: f32) {
+    /// Advances by one fixed step with mean mass flows \[kg/s\], both positive. `held_length_m` is
+    /// the length at the end of the step where something else than the load sets it \[m\].
+    pub fn step(&mut self, inflow_kg_s: f32, outflow_kg_s: f32, held_length_m: Option<f32>) {
         let step_s = self.config.step_s;
         let heat = &self.config.heat;
-        let length_m = self.balance_length_m();
+        let length_m = match held_length_m {
+            Some(held_m) => self.shape.limit_length_m(held_m),
+            None => self.balance_length_m(),
+        };
         let speed_m_s = (length_m - self.length_m) / step_s;
         let surface_m2 = self.shape.surface_m2(length_m);
         let exchange = Exchange {
@@ -132,7 +136,7 @@ mod tests {
         let (mut low, mut high) = (f32::MAX, f32::MIN);
         for step in 0..100_000 {
             let filling = step % 5000 < 2500;
-            model.step(if filling { 3.6e-4 } else { 0.0 }, if filling { 0.0 } else { 3.6e-4 });
+            model.step(if filling { 3.6e-4 } else { 0.0 }, if filling { 0.0 } else { 3.6e-4 }, None);
             low = low.min(model.gas_k());
             high = high.max(model.gas_k());
         }

@@ -14,6 +14,8 @@ mod vessel;
 
 use crate::profile::Profile;
 use crate::scenario::{PlantKind, Scenario};
+use std::f64::consts::PI;
+use serde::Serialize;
 use std::fmt;
 
 /// What acts on the plant during one step: the share of the step that each valve is driven, 0 to 1.
@@ -61,7 +63,7 @@ pub struct Truth {
 }
 
 /// The books of one run: what went in and out since the start, and what is there. All in J and kg.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Ledger {
     /// Gas mass at the start \[kg\].
     pub mass_initial_kg: f64,
@@ -94,6 +96,26 @@ pub struct Ledger {
 }
 
 impl Ledger {
+    /// What has been added to the books since `earlier`.
+    pub fn since(&self, earlier: &Self) -> Self {
+        Self {
+            mass_initial_kg: earlier.mass_kg,
+            mass_kg: self.mass_kg,
+            mass_in_kg: self.mass_in_kg - earlier.mass_in_kg,
+            mass_out_kg: self.mass_out_kg - earlier.mass_out_kg,
+            energy_initial_j: earlier.energy_j,
+            energy_j: self.energy_j,
+            enthalpy_in_j: self.enthalpy_in_j - earlier.enthalpy_in_j,
+            enthalpy_out_j: self.enthalpy_out_j - earlier.enthalpy_out_j,
+            heat_to_wall_j: self.heat_to_wall_j - earlier.heat_to_wall_j,
+            work_j: self.work_j - earlier.work_j,
+            friction_heat_j: self.friction_heat_j - earlier.friction_heat_j,
+            friction_to_wall_j: self.friction_to_wall_j - earlier.friction_to_wall_j,
+            heat_to_ambient_j: self.heat_to_ambient_j - earlier.heat_to_ambient_j,
+            wall_energy_j: self.wall_energy_j - earlier.wall_energy_j,
+        }
+    }
+
     /// Mass that appeared from nowhere, relative to what was handled.
     pub fn mass_balance_error(&self) -> f64 {
         let residual = self.mass_kg - self.mass_initial_kg - self.mass_in_kg + self.mass_out_kg;
@@ -191,6 +213,12 @@ pub fn build(
         PlantKind::Vessel => Ok(Box::new(vessel::Vessel::new(scenario, volume_profile)?)),
         PlantKind::Muscle => todo!(),
     }
+}
+
+/// Section that turns a vessel's volume into the length that its sensor shows \[m2\].
+pub fn vessel_section_m2(scenario: &Scenario) -> f64 {
+    let diameter = scenario.vessel.characteristic_length_m;
+    PI / 4.0 * diameter * diameter
 }
 
 /// Checks that a gas state is one: finite, positive pressure and mass, 20 to 2000 K.

@@ -8,7 +8,7 @@ use super::ode::DormandPrince;
 use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas};
 use crate::profile::Profile;
 use crate::scenario::{DriveKind, Scenario};
-use std::f64::consts::PI;
+
 
 /// Relative tolerance of one integration step.
 const TOLERANCE: f64 = 1e-12;
@@ -214,7 +214,7 @@ impl Vessel {
             wall_j_k: scenario.vessel.wall_heat_capacity_j_k,
             outer_w_k: scenario.heat.outer_w_m2_k * scenario.vessel.surface_m2,
             ambient_k: scenario.ambient.temperature_k,
-            section_m2: PI / 4.0 * diameter * diameter,
+            section_m2: super::vessel_section_m2(scenario),
             initial_k: scenario.plant.initial_temperature_k,
             closure,
             volume,

@@ -1,0 +1,288 @@
+//! Command line: arguments, progress, messages and exit codes.
+//!
+//! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
+
+use crate::board::CoreBoard;
+use crate::input::InputError;
+use crate::measured::Measured;
+use crate::output::OutputDir;
+use crate::report;
+use crate::reproduce;
+use crate::run::{self, RunError};
+use crate::scenario::{self, Loaded};
+use crate::summary::Summary;
+use crate::trace::{COLUMNS, Row, TraceWriter};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::fmt;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Thermodynamics of a pneumatic muscle: simulate it, estimate its gas temperature, drive it.
+#[derive(Debug, Parser)]
+#[command(name = "thermyo", version, args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Task>,
+    #[command(flatten)]
+    reproduce: ReproduceArgs,
+}
+
+#[derive(Debug, Subcommand)]
+enum Task {
+    /// The paper's isotonic working cycle: sensors compared, Fig. 2 and 5 (the default)
+    Reproduce(ReproduceArgs),
+    /// Runs a scenario
+    Run(RunArgs),
+    /// Validates a scenario and prints it with every default filled in
+    Check {
+        /// Scenario file (TOML)
+        scenario: PathBuf,
+    },
+}
+
+#[derive(Debug, Args)]
+struct OutputArgs {
+    /// Folder for summary.json, trace.csv and report.html [default: out/<command>]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print the summary as JSON on standard output
+    #[arg(long)]
+    json: bool,
+    /// No progress bar
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Debug, Args)]
+struct ReproduceArgs {
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+#[derive(Debug, Args)]
+struct RunArgs {
+    /// Scenario file (TOML)
+    scenario: PathBuf,
+    #[command(flatten)]
+    output: OutputArgs,
+    /// Where the core runs
+    #[arg(long, value_enum, default_value_t = BoardKind::Core)]
+    board: BoardKind,
+    /// Measurements to compare with: time_s and any columns of trace.csv
+    #[arg(long, value_name = "FILE.csv")]
+    measured: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum BoardKind {
+    /// In this process
+    Core,
+}
+
+/// Why the command does not end with 0.
+#[derive(Debug)]
+enum Failure {
+    /// Exit 2.
+    Input(InputError),
+    /// Exit 1.
+    Run(RunError),
+    /// Exit 1: it ran, and a stated check did not hold.
+    Check(String),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(error) => error.fmt(f),
+            Self::Run(error) => error.fmt(f),
+            Self::Check(what) => f.write_str(what),
+        }
+    }
+}
+
+impl From<InputError> for Failure {
+    fn from(error: InputError) -> Self {
+        Self::Input(error)
+    }
+}
+
+impl Failure {
+    fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Input(_) | Self::Run(RunError::Build(_) | RunError::Config(_)) => {
+                ExitCode::from(2)
+            }
+            Self::Run(_) | Self::Check(_) => ExitCode::from(1),
+        }
+    }
+}
+
+/// Runs the command of this process.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
+        Task::Reproduce(args) => reproduce_command(&args),
+        Task::Run(args) => run_command(&args),
+        Task::Check { scenario } => check_command(&scenario),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("thermyo: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+fn check_command(path: &Path) -> Result<(), Failure> {
+    let loaded = scenario::load(path)?;
+    print(&scenario::render(&loaded))
+}
+
+fn run_command(args: &RunArgs) -> Result<(), Failure> {
+    let loaded = scenario::load(&args.scenario)?;
+    let measured =
+        args.measured.as_deref().map(|path| Measured::read(path, &COLUMNS)).transpose()?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
+    let mut board = match args.board {
+        BoardKind::Core => CoreBoard::default(),
+    };
+    let mut recorder = report::Recorder::new(&COLUMNS);
+    let mut out = OutputDir::create(&folder)?;
+    let summary = record(&loaded, &mut board, measured.as_ref(), &args.output, &mut out, |row| {
+        recorder.push(&row.cells());
+    })?;
+    let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    let page = report::run_page(&title, &loaded, &recorder, measured.as_ref(), &summary);
+    finish(out, &loaded, &summary, &page, &args.output)
+}
+
+fn reproduce_command(args: &ReproduceArgs) -> Result<(), Failure> {
+    let loaded = reproduce::scenario()?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/reproduce"));
+    let mut out = OutputDir::create(&folder)?;
+    let mut study = reproduce::Study::new(&loaded);
+    let mut board = CoreBoard::default();
+    let summary =
+        record(&loaded, &mut board, None, &args.output, &mut out, |row| study.add(row))?;
+    let findings = study.finish(&summary).map_err(Failure::Run)?;
+    let page = reproduce::page(&loaded, &findings, &summary);
+    finish(out, &loaded, &summary, &page, &args.output)?;
+    if !args.output.json {
+        print(&findings.text())?;
+    }
+    findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+}
+
+/// Runs a scenario with its trace streamed into `out`; every logged row is shown to `each` too.
+fn record(
+    loaded: &Loaded,
+    board: &mut CoreBoard,
+    measured: Option<&Measured>,
+    args: &OutputArgs,
+    out: &mut OutputDir,
+    mut each: impl FnMut(&Row),
+) -> Result<Summary, Failure> {
+    let trace_path = out.path().join("trace.csv");
+    let unwritable = |error: &io::Error| InputError::output(&trace_path, error);
+    let mut writer = TraceWriter::new(out.file()?).map_err(|error| unwritable(&error))?;
+    let bar = progress_bar(loaded.plant.run.duration_s, args.quiet);
+    let mut observer = |row: &Row| {
+        writer.write(&row.cells())?;
+        each(row);
+        bar.set_position((row.truth.time_s * 1000.0) as u64);
+        Ok(())
+    };
+    let result = run::run(loaded, board, measured, &mut observer);
+    bar.finish_and_clear();
+    let summary = result.map_err(|error| match error {
+        RunError::Output(error) => Failure::Input(unwritable(&error)),
+        other => Failure::Run(other),
+    })?;
+    let file = writer.finish().map_err(|error| unwritable(&error))?;
+    out.keep(file, "trace.csv")?;
+    Ok(summary)
+}
+
+/// Writes summary, scenario and report, and gives all files their names.
+fn finish(
+    mut out: OutputDir,
+    loaded: &Loaded,
+    summary: &Summary,
+    page: &str,
+    args: &OutputArgs,
+) -> Result<(), Failure> {
+    let json = serde_json::to_string_pretty(summary).expect("a summary is plain data") + "\n";
+    let folder = out.path().to_path_buf();
+    out.keep_text("summary.json", &json)?;
+    out.keep_text("scenario.toml", &scenario::render(loaded))?;
+    out.keep_text("report.html", page)?;
+    out.publish()?;
+    if args.json {
+        print(&json)
+    } else {
+        print(&brief(summary, &folder))
+    }
+}
+
+/// The figures that a person looks for first.
+fn brief(summary: &Summary, folder: &Path) -> String {
+    let mut text = format!(
+        "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
+         pressure {:.1} to {:.1} kPa, gas {:.1} to {:.1} K\n\
+         gas temperature, RMS error: bare sensor {:.3} K, model {:.3} K, estimate {:.3} K\n\
+         balance errors: mass {:.1e}, energy {:.1e}\n",
+        summary.duration_s,
+        summary.real_time_factor,
+        summary.board,
+        summary.pressure_pa.min / 1e3,
+        summary.pressure_pa.max / 1e3,
+        summary.gas_temperature_k.min,
+        summary.gas_temperature_k.max,
+        summary.rmse_k.sensor_gas,
+        summary.rmse_k.model,
+        summary.rmse_k.estimate,
+        summary.mass_balance_error,
+        summary.energy_balance_error,
+    );
+    if let Some(measured) = &summary.measured {
+        for (name, difference) in measured {
+            text += &format!(
+                "measured {name}: RMS difference {:.4}, largest {:.4}\n",
+                difference.rmse, difference.max
+            );
+        }
+    }
+    if let Some(control) = &summary.control {
+        text += &format!(
+            "set point: RMS error {:.4}, at the end {:.4}, overshoot {:.1} %\n",
+            control.rms_error,
+            control.steady_error,
+            control.overshoot * 100.0
+        );
+    }
+    text + &format!("report: {}\n", folder.join("report.html").display())
+}
+
+fn progress_bar(duration_s: f64, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {msg}eta {eta}")
+        .expect("the template is a constant");
+    // Drawn on standard error, and only where that is a terminal.
+    ProgressBar::new((duration_s * 1000.0) as u64).with_style(style)
+}
+
+fn print(text: &str) -> Result<(), Failure> {
+    let written = io::stdout().lock().write_all(text.as_bytes());
+    match written {
+        // A reader that has seen enough, such as `head`, is no error.
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(InputError::output(Path::new("standard output"), &error).into())
+        }
+        _ => Ok(()),
+    }
+}

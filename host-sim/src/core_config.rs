@@ -1,0 +1,109 @@
+//! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
+
+use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
+use model_core::config::{
+    Body, Config, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive,
+};
+use model_core::front_end::FrontEnd;
+use model_core::gas::Gas;
+use model_core::geometry::{Braid, Friction, Muscle};
+use model_core::heat::Heat;
+use model_core::valve::Valve;
+
+/// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
+/// \[W/(m2 K)\].
+const ISOTHERMAL_W_M2_K: f32 = 2_000.0;
+/// Standard gravity \[m/s2\].
+const GRAVITY_M_S2: f64 = 9.806_65;
+
+/// The core's configuration for `believed`. `plant` only says which kind of plant it is; a muscle's
+/// geometry has been resolved by the loader.
+pub fn core_config(believed: &Scenario) -> Config {
+    let s = believed;
+    let body = match s.plant.kind {
+        PlantKind::Muscle => {
+            // The core sees one volume; in `full` the tube belongs to it.
+            let tube_m3 = if s.plant.model == PlantModel::Full { s.tube.volume_m3 } else { 0.0 };
+            Body::Muscle(Muscle {
+                braid: Braid {
+                    thread_length_m: s.muscle.thread_length_m.unwrap_or_default() as f32,
+                    turns: s.muscle.turns.unwrap_or_default() as f32,
+                },
+                rest_length_m: s.muscle.rest_length_m.unwrap_or_default() as f32,
+                bladder_stiffness_n_m: s.muscle.bladder_stiffness_n_m as f32,
+                dead_volume_m3: (s.muscle.dead_volume_m3 + tube_m3) as f32,
+            })
+        }
+        PlantKind::Vessel => Body::Vessel {
+            section_m2: crate::plant::vessel_section_m2(s) as f32,
+            surface_m2: s.vessel.surface_m2 as f32,
+        },
+    };
+    let wall_j_k = match s.plant.kind {
+        PlantKind::Muscle => s.wall.heat_capacity_j_k,
+        PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
+    };
+    let (inner_w_m2_k, inner_per_flow) = match s.heat.model {
+        HeatModel::Adiabatic => (0.0, 0.0),
+        HeatModel::Isothermal => (ISOTHERMAL_W_M2_K, 0.0),
+        HeatModel::Constant | HeatModel::Correlation => {
+            (s.heat.inner_w_m2_k as f32, s.heat.inner_per_flow as f32)
+        }
+    };
+    Config {
+        step_s: s.run.step_s as f32,
+        gas: Gas {
+            gas_constant_j_kg_k: s.gas.gas_constant_j_kg_k as f32,
+            heat_capacity_ratio: s.gas.heat_capacity_ratio as f32,
+        },
+        ambient: Reservoir {
+            pressure_pa: s.ambient.pressure_pa as f32,
+            temperature_k: s.ambient.temperature_k as f32,
+        },
+        supply: Reservoir {
+            pressure_pa: s.supply.pressure_pa as f32,
+            temperature_k: s.supply.temperature_k as f32,
+        },
+        body,
+        heat: Heat {
+            inner_w_m2_k,
+            inner_per_flow,
+            outer_w_m2_k: s.heat.outer_w_m2_k as f32,
+            outer_per_speed: s.heat.outer_per_speed as f32,
+            wall_heat_capacity_j_k: wall_j_k as f32,
+        },
+        friction: Friction {
+            force_n: s.friction.force_n as f32,
+            reference_temperature_k: s.friction.reference_temperature_k as f32,
+            softening_per_k: s.friction.softening_per_k as f32,
+            heat_fraction: s.friction.heat_fraction as f32,
+        },
+        load: match s.load.kind {
+            LoadKind::Isotonic => Load::Isotonic { force_n: s.load.force_n as f32 },
+            LoadKind::Isometric => Load::Isometric { length_m: s.load.length_m as f32 },
+            LoadKind::Mass => Load::Isotonic { force_n: (s.load.mass_kg * GRAVITY_M_S2) as f32 },
+        },
+        valve: Valve {
+            conductance_m3_s_pa: s.valve.conductance_m3_s_pa as f32,
+            critical_ratio: s.valve.critical_ratio as f32,
+        },
+        drive: ValveDrive {
+            period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0)
+                as u16,
+            minimum_pulse_s: s.valve.switch_time_s as f32,
+        },
+        front_end: FrontEnd {
+            pressure_range_pa: s.sensor.pressure.range_pa as f32,
+            length_range_m: s.sensor.length.range_m as f32,
+            gas_min_k: s.sensor.gas.range_min_k as f32,
+            gas_max_k: s.sensor.gas.range_max_k as f32,
+        },
+        gas_sensor: GasSensor {
+            time_constant_s: s.sensor.gas.time_constant_s as f32,
+            noise_k: s.sensor.gas.noise_k as f32,
+        },
+        estimator: EstimatorConfig::default(),
+        // A hair below full scale, so that the limit acts before the sensor saturates.
+        pressure_limit_pa: (0.985 * s.sensor.pressure.range_pa) as f32,
+    }
+}

@@ -1,0 +1,264 @@
+//! One run: plant, front end and board in lockstep.
+//!
+//! ```text
+//! plant --Truth--> front end, ADC --Sample--> board (core) --Command--> plant, once per step
+//! ```
+
+use crate::adc::VirtualAdc;
+use crate::board::{Board, BoardError};
+use crate::core_config::core_config;
+use crate::measured::Measured;
+use crate::plant::{self, Actuation, BuildError, Diverged, Plant};
+use crate::profile::Profile;
+use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
+use crate::summary::{Accumulator, Ending, Summary};
+use crate::trace::Row;
+use model_core::model::Model;
+use model_core::{AdcCode, Command, ConfigError, Duty, Sample, SetPoint};
+use std::fmt;
+use std::io;
+use std::time::Instant;
+
+/// Interval at which a set point that follows a profile is given anew \[s\].
+const SET_POINT_INTERVAL_S: f64 = 0.01;
+
+/// Why a run ended before its time.
+#[derive(Debug)]
+pub enum RunError {
+    /// The plant cannot be built from the scenario.
+    Build(BuildError),
+    /// The core refuses what it is told to believe.
+    Config(ConfigError),
+    /// The plant left the range of its equations.
+    Diverged(Diverged),
+    /// The board does not answer.
+    Board(BoardError),
+    /// The observer cannot write what it is shown.
+    Output(io::Error),
+}
+
+impl fmt::Display for RunError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Build(error) => error.fmt(f),
+            Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
+            Self::Diverged(error) => error.fmt(f),
+            Self::Board(error) => error.fmt(f),
+            Self::Output(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for RunError {}
+
+impl From<Diverged> for RunError {
+    fn from(error: Diverged) -> Self {
+        Self::Diverged(error)
+    }
+}
+
+impl From<BoardError> for RunError {
+    fn from(error: BoardError) -> Self {
+        Self::Board(error)
+    }
+}
+
+/// What follows a run as it goes on.
+pub trait Observer {
+    /// One row per `[run] log_every` steps, the last step included.
+    ///
+    /// # Errors
+    /// When the row cannot be written; the run stops.
+    fn row(&mut self, row: &Row) -> io::Result<()>;
+}
+
+impl<F: FnMut(&Row) -> io::Result<()>> Observer for F {
+    fn row(&mut self, row: &Row) -> io::Result<()> {
+        self(row)
+    }
+}
+
+/// Runs a scenario on a board.
+///
+/// # Errors
+/// [`RunError`], with the run stopped where it was.
+pub fn run(
+    loaded: &Loaded,
+    board: &mut dyn Board,
+    measured: Option<&Measured>,
+    observer: &mut dyn Observer,
+) -> Result<Summary, RunError> {
+    let scenario = &loaded.plant;
+    let step_s = scenario.run.step_s;
+    let steps = (scenario.run.duration_s / step_s).round() as u64;
+    let config = core_config(&loaded.believed);
+    let mut plant =
+        plant::build(scenario, loaded.volume_profile.clone()).map_err(RunError::Build)?;
+    let mut adc = VirtualAdc::new(scenario);
+    let drive = SetPoints::new(&scenario.drive, loaded.drive_profile.clone());
+    let truth = plant.truth();
+    let mut model = Model::new(
+        &config,
+        truth.pressure_pa as f32,
+        truth.gas_temperature_k as f32,
+        truth.length_m as f32,
+    )
+    .map_err(RunError::Config)?;
+    let length_held =
+        scenario.plant.kind == PlantKind::Vessel || scenario.load.kind == LoadKind::Isometric;
+    let set_point_steps = ((SET_POINT_INTERVAL_S / step_s).round() as u64).max(1);
+    let mut accumulator = Accumulator::new(scenario.run.duration_s, measured);
+    let mut flows = MeanFlows::new(plant.as_ref());
+    let mut step_flows = flows;
+    let started = Instant::now();
+    board.start(&config, drive.at(0.0))?;
+    for step in 0..=steps {
+        let mut truth = plant.truth();
+        let (inflow, outflow) = step_flows.since(plant.as_ref(), step_s);
+        if step > 0 {
+            let held = length_held.then_some(truth.length_m as f32);
+            model.step(inflow as f32, outflow as f32, held);
+            if drive.follows_profile() && step % set_point_steps == 0 {
+                board.set(drive.at(truth.time_s))?;
+            }
+        }
+        let codes = adc.convert(&truth);
+        let sample = Sample {
+            pressure: AdcCode(codes.pressure),
+            gas: AdcCode(codes.gas),
+            length: AdcCode(codes.length),
+            emergency_stop: false,
+        };
+        let telemetry = board.step(&sample)?;
+        let logged = step % scenario.run.log_every == 0 || step == steps;
+        if logged {
+            let elapsed_s = truth.time_s - flows.time_s;
+            (truth.flow_in_kg_s, truth.flow_out_kg_s) = flows.since(plant.as_ref(), elapsed_s);
+        }
+        let row = Row {
+            sensor_gas_k: adc.gas_reading_k(),
+            sensor_wall_k: adc.wall_reading_k(),
+            model_k: f64::from(model.gas_k()),
+            model_sensor_k: f64::from(model.sensor_k()),
+            set_point: drive.value(truth.time_s),
+            truth,
+            telemetry,
+        };
+        accumulator.add(&row, drive.controlled(scenario, &row));
+        if logged {
+            observer.row(&row).map_err(RunError::Output)?;
+        }
+        if step < steps {
+            plant.advance(Actuation {
+                inlet: f64::from(telemetry.command.inlet.share()),
+                outlet: f64::from(telemetry.command.outlet.share()),
+            })?;
+        }
+    }
+    Ok(accumulator.finish(Ending {
+        wall_clock_s: started.elapsed().as_secs_f64(),
+        board: board.name(),
+        period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
+            .then_some(scenario.drive.period_s),
+        rest_length_m: scenario.muscle.rest_length_m.filter(|_| !plant_is_vessel(scenario)),
+        ledger: plant.ledger(),
+        axial_wall_k: plant.axial_wall_k(),
+        axial_gas_k: plant.axial_gas_k(),
+    }))
+}
+
+fn plant_is_vessel(scenario: &Scenario) -> bool {
+    scenario.plant.kind == PlantKind::Vessel
+}
+
+/// Mean mass flows between two looks at the plant's books.
+#[derive(Debug, Clone, Copy)]
+struct MeanFlows {
+    time_s: f64,
+    in_kg: f64,
+    out_kg: f64,
+}
+
+impl MeanFlows {
+    fn new(plant: &dyn Plant) -> Self {
+        let ledger = plant.ledger();
+        Self { time_s: plant.truth().time_s, in_kg: ledger.mass_in_kg, out_kg: ledger.mass_out_kg }
+    }
+
+    /// Mean flows in and out since the last call, `elapsed_s` ago \[kg/s\]; none at the start.
+    fn since(&mut self, plant: &dyn Plant, elapsed_s: f64) -> (f64, f64) {
+        let before = *self;
+        *self = Self::new(plant);
+        if elapsed_s > 0.0 {
+            ((self.in_kg - before.in_kg) / elapsed_s, (self.out_kg - before.out_kg) / elapsed_s)
+        } else {
+            (0.0, 0.0)
+        }
+    }
+}
+
+/// The scenario's drive, as set points over time.
+#[derive(Debug, Clone)]
+struct SetPoints {
+    drive: Drive,
+    profile: Option<Profile>,
+}
+
+impl SetPoints {
+    fn new(drive: &Drive, profile: Option<Profile>) -> Self {
+        Self { drive: drive.clone(), profile }
+    }
+
+    fn follows_profile(&self) -> bool {
+        self.profile.is_some()
+    }
+
+    /// The value driven, in the drive's own unit; 0 where it has none.
+    fn value(&self, time_s: f64) -> f64 {
+        if let Some(profile) = &self.profile {
+            return profile.value(time_s);
+        }
+        match self.drive.kind {
+            DriveKind::MassFlow => {
+                let filling = (time_s / self.drive.period_s + 1e-9).fract() < 0.5;
+                if filling { self.drive.flow_kg_s } else { -self.drive.flow_kg_s }
+            }
+            DriveKind::Pressure => self.drive.pressure_pa,
+            DriveKind::Contraction => self.drive.contraction,
+            DriveKind::Fill => 1.0,
+            DriveKind::Discharge => -1.0,
+            DriveKind::Duty | DriveKind::Closed => 0.0,
+        }
+    }
+
+    /// The set point for the core.
+    fn at(&self, time_s: f64) -> SetPoint {
+        let value = self.value(time_s);
+        match self.drive.kind {
+            DriveKind::MassFlow if self.profile.is_none() => SetPoint::MassFlowCycle {
+                flow_kg_s: self.drive.flow_kg_s as f32,
+                period_s: self.drive.period_s as f32,
+            },
+            DriveKind::MassFlow => SetPoint::MassFlow { flow_kg_s: value as f32 },
+            DriveKind::Pressure => SetPoint::Pressure { pressure_pa: value as f32 },
+            DriveKind::Contraction => SetPoint::Contraction { contraction: value as f32 },
+            DriveKind::Duty | DriveKind::Fill | DriveKind::Discharge | DriveKind::Closed => {
+                SetPoint::Duty(Command {
+                    inlet: Duty::from_share(value as f32),
+                    outlet: Duty::from_share(-value as f32),
+                })
+            }
+        }
+    }
+
+    /// What the set point stands for in the plant, where a loop closes on it.
+    fn controlled(&self, scenario: &Scenario, row: &Row) -> Option<f64> {
+        match self.drive.kind {
+            DriveKind::Pressure => Some(row.truth.pressure_pa),
+            DriveKind::Contraction => {
+                scenario.muscle.rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m)
+            }
+            _ => None,
+        }
+    }
+}
