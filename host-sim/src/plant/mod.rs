@@ -9,13 +9,18 @@ pub mod gas;
 pub mod geometry;
 mod heat;
 mod lag;
+mod local_power;
+mod lumped;
 mod ode;
+mod pull;
+mod sensors;
 mod vessel;
 
 use crate::profile::Profile;
-use crate::scenario::{PlantKind, Scenario};
-use std::f64::consts::PI;
+use crate::scenario::{PlantKind, PlantModel, Scenario};
+use geometry::Geometry;
 use serde::Serialize;
+use std::f64::consts::PI;
 use std::fmt;
 
 /// What acts on the plant during one step: the share of the step that each valve is driven, 0 to 1.
@@ -176,6 +181,8 @@ pub trait Plant: Send {
 /// Why a scenario that passed validation still makes no plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BuildError {
+    /// Thread length, turns and rest length of the muscle are not all there.
+    GeometryUnresolved,
     /// The volume profile holds a volume that is not positive.
     VolumeNotPositive {
         /// When \[s\].
@@ -188,6 +195,10 @@ pub enum BuildError {
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::GeometryUnresolved => write!(
+                f,
+                "[muscle] thread_length_m, turns and rest_length_m must be resolved before the plant is built"
+            ),
             Self::VolumeNotPositive { time_s, volume_m3 } => {
                 write!(
                     f,
@@ -211,7 +222,10 @@ pub fn build(
 ) -> Result<Box<dyn Plant>, BuildError> {
     match scenario.plant.kind {
         PlantKind::Vessel => Ok(Box::new(vessel::Vessel::new(scenario, volume_profile)?)),
-        PlantKind::Muscle => todo!(),
+        PlantKind::Muscle => match scenario.plant.model {
+            PlantModel::Lumped | PlantModel::Paper => Ok(Box::new(lumped::Lumped::new(scenario)?)),
+            PlantModel::Full => todo!(),
+        },
     }
 }
 
@@ -231,4 +245,27 @@ fn check_gas(time_s: f64, pressure: f64, temperature: f64, mass: f64) -> Result<
         time_s,
         state: format!("pressure = {pressure} Pa, temperature = {temperature} K, mass = {mass} kg"),
     })
+}
+
+/// Checks that a length lies on the braid: between 0 and the thread length.
+fn check_length(time_s: f64, length: f64, braid: &Geometry) -> Result<(), Diverged> {
+    if length > 0.0 && length < braid.thread_length_m {
+        return Ok(());
+    }
+    let thread = braid.thread_length_m;
+    Err(Diverged {
+        time_s,
+        state: format!("length = {length} m, thread length = {thread} m"),
+    })
+}
+
+/// The braid of a loaded scenario and its rest length \[m\].
+fn resolved_braid(scenario: &Scenario) -> Result<(Geometry, f64), BuildError> {
+    let muscle = &scenario.muscle;
+    match (muscle.thread_length_m, muscle.turns, muscle.rest_length_m) {
+        (Some(thread), Some(turns), Some(rest)) => {
+            Ok((Geometry::new(thread, turns, muscle.dead_volume_m3), rest))
+        }
+        _ => Err(BuildError::GeometryUnresolved),
+    }
 }

@@ -3,8 +3,8 @@
 use super::closure::Closure;
 use super::flow::{Iso6358, Nozzle, Streams};
 use super::heat::InnerHeat;
-use super::lag::Lag;
 use super::ode::DormandPrince;
+use super::sensors::{Exposure, Sensors};
 use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas};
 use crate::profile::Profile;
 use crate::scenario::{DriveKind, Scenario};
@@ -147,10 +147,7 @@ pub struct Vessel {
     state: [f64; STATES],
     truth: Truth,
     initial: Ledger,
-    gas_sensor: Lag,
-    wall_sensor: Lag,
-    pressure_sensor: Lag,
-    length_sensor: Lag,
+    sensors: Sensors,
 }
 
 impl Vessel {
@@ -232,16 +229,15 @@ impl Vessel {
             energy_initial_j: gas.cv * mass * temperature,
             ..Ledger::default()
         };
-        let step = config.step_s;
-        let lag = |time_constant, initial| Lag::new(time_constant, step, initial);
-        let sensor = &scenario.sensor;
-        let length = volume / config.section_m2;
+        let start = Exposure {
+            gas_k: temperature,
+            wall_k: temperature,
+            pressure_pa: pressure,
+            length_m: volume / config.section_m2,
+        };
         let mut vessel = Self {
-            gas_sensor: lag(sensor.gas.time_constant_s, temperature),
-            wall_sensor: lag(sensor.wall.time_constant_s, temperature),
-            pressure_sensor: lag(sensor.pressure.time_constant_s, pressure),
-            length_sensor: lag(sensor.length.time_constant_s, length),
-            integrator: DormandPrince::new(TOLERANCE, 1e-3 * step),
+            sensors: Sensors::new(scenario, 0.0, &start),
+            integrator: DormandPrince::new(TOLERANCE, 1e-3 * config.step_s),
             config,
             steps: 0,
             state,
@@ -267,12 +263,9 @@ impl Vessel {
             flow_out_kg_s: now.streams.outflow,
             gas_temperature_k: now.temperature,
             wall_temperature_k: self.state[WALL],
-            sensor_gas_k: self.gas_sensor.output(),
-            sensor_wall_k: self.wall_sensor.output(),
-            sensor_pressure_pa: self.pressure_sensor.output(),
-            sensor_length_m: self.length_sensor.output(),
-            friction_n: 0.0,
+            ..Truth::default()
         };
+        self.sensors.read(&mut self.truth);
     }
 }
 
@@ -303,10 +296,12 @@ impl Plant for Vessel {
         }
         let now = config.instant(end, &self.state, actuation);
         check_gas(end, now.pressure, now.temperature, self.state[MASS])?;
-        self.gas_sensor.advance(now.temperature);
-        self.wall_sensor.advance(self.state[WALL]);
-        self.pressure_sensor.advance(now.pressure);
-        self.length_sensor.advance(now.volume / config.section_m2);
+        self.sensors.advance(&Exposure {
+            gas_k: now.temperature,
+            wall_k: self.state[WALL],
+            pressure_pa: now.pressure,
+            length_m: now.volume / config.section_m2,
+        });
         self.observe(actuation);
         Ok(())
     }

@@ -257,7 +257,7 @@ impl Default for Paper {
     /// The choice of Richer and Hurmuzlu, the paper's \[1\], for a pneumatic cylinder: charging
     /// close to adiabatic, discharging close to isothermal, the rest between.
     fn default() -> Self {
-        Self { alpha_in: 1.4, alpha_out: 1.0, alpha: 1.2 }
+        Self { alpha_in: 1.1, alpha_out: 1.1, alpha: 1.1 }
     }
 }
 
@@ -295,8 +295,8 @@ impl Default for Heat {
     fn default() -> Self {
         Self {
             model: HeatModel::Constant,
-            inner_w_m2_k: 25.0,
-            inner_per_flow: 4.0e4,
+            inner_w_m2_k: 90.0,
+            inner_per_flow: 1.0e5,
             outer_w_m2_k: 8.0,
             outer_per_speed: 60.0,
         }

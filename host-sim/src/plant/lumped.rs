@@ -1,0 +1,439 @@
+//! The lumped muscle: one zone of gas, one wall, ideal valves, a quasi-static load.
+//!
+//! The length is no state of its own. Coulomb friction makes it a play operator: while the pull
+//! stays within the friction band around the load the length is held, and beyond it the length
+//! follows the balance of pull, load and friction, solved together with P = w V(L)^-e. The model
+//! `paper` is the same muscle with eq. (12) for the gas.
+
+use super::closure::Closure;
+use super::flow::{Iso6358, Streams};
+use super::heat::InnerHeat;
+use super::local_power::LocalPower;
+use super::ode::rk4;
+use super::pull::{Pull, Softening};
+use super::sensors::{Exposure, Sensors};
+use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas, check_length};
+use crate::scenario::{LoadKind, Scenario};
+
+/// Longest integration step \[s\].
+const LONGEST_STEP_S: f64 = 0.002;
+/// Integration step times the fastest rate, at most: well inside the stability of RK4, 2.8.
+const STEP_TIMES_RATE: f64 = 1.0;
+/// How close to the edge of the friction band counts as on it, relative to the forces: at the start
+/// of a step a sliding braid is on the edge but for rounding.
+const EDGE: f64 = 1e-7;
+
+// Places in the state vector.
+const MASS: usize = 0;
+const W: usize = 1;
+const WALL: usize = 2;
+const MASS_IN: usize = 3;
+const MASS_OUT: usize = 4;
+const ENTHALPY_IN: usize = 5;
+const ENTHALPY_OUT: usize = 6;
+const HEAT: usize = 7;
+const TO_AMBIENT: usize = 8;
+const FRICTION: usize = 9;
+const FRICTION_TO_WALL: usize = 10;
+const STATES: usize = 11;
+
+/// Everything that does not change during a run.
+#[derive(Debug, Clone)]
+struct Config {
+    step_s: f64,
+    substeps: u32,
+    closure: Closure,
+    pull: Pull,
+    isometric: bool,
+    valve: Iso6358,
+    supply: (f64, f64),
+    ambient: (f64, f64),
+    heat: InnerHeat,
+    outer_w_m2_k: f64,
+    outer_per_speed: f64,
+    wall_j_k: f64,
+    friction_n: f64,
+    softening: Softening,
+    friction_to_wall: f64,
+    initial_k: f64,
+}
+
+/// Length, and what follows from it for a given w.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Place {
+    /// The pull has reached the edge of the friction band beyond which the braid contracts.
+    may_contract: bool,
+    /// The same for extension; never on the stop.
+    may_extend: bool,
+    length: f64,
+    volume: f64,
+    /// V^-e.
+    power: f64,
+    pressure: f64,
+}
+
+/// The play operator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Play {
+    /// Length at the end of the last step.
+    held: Place,
+    guess: f64,
+    power: LocalPower,
+}
+
+impl Play {
+    /// The place that w and the friction force \[N\] lead to, from the length held.
+    fn place(&mut self, config: &Config, w: f64, friction: f64) -> Place {
+        let pull = &config.pull;
+        let mut place = Place {
+            pressure: w * self.held.power,
+            ..self.held
+        };
+        if config.isometric {
+            return place;
+        }
+        let excess = pull.force(place.pressure, place.length) - pull.load_n;
+        let edge = friction - EDGE * (pull.load_n + friction);
+        let off_stop = place.length < pull.rest_length_m;
+        place.may_contract = excess >= edge;
+        place.may_extend = off_stop && excess <= -edge;
+        let force = if excess > friction {
+            pull.load_n + friction
+        } else if excess < -friction && off_stop {
+            pull.load_n - friction
+        } else {
+            return place;
+        };
+        let exponent = config.closure.exponent();
+        let length = pull.balance(force, self.guess, |length| {
+            let volume = pull.braid.volume(length);
+            let pressure = w * self.power.at(volume);
+            (
+                pressure,
+                exponent * pressure * pull.braid.force_area(length) / volume,
+            )
+        });
+        if length >= pull.rest_length_m {
+            place.may_extend = false;
+        }
+        let length = length.min(pull.rest_length_m);
+        self.guess = length;
+        let volume = pull.braid.volume(length);
+        let power = self.power.at(volume);
+        Place {
+            length,
+            volume,
+            power,
+            pressure: w * power,
+            ..place
+        }
+    }
+}
+
+impl Config {
+    fn friction(&self, wall_k: f64) -> f64 {
+        self.friction_n * self.softening.factor(wall_k)
+    }
+
+    fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
+        let mut streams = Streams::default();
+        if actuation.inlet > 0.0 {
+            streams.add(gas, self.supply, |p, t, q| {
+                actuation.inlet * self.valve.mass_flow(p, t, q)
+            });
+        }
+        if actuation.outlet > 0.0 {
+            streams.add(gas, self.ambient, |p, t, q| {
+                actuation.outlet * self.valve.mass_flow(p, t, q)
+            });
+        }
+        streams
+    }
+
+    /// dL/dt while sliding: the balance of forces, differentiated. The drift of friction with the
+    /// wall's temperature is left out; it is below 1e-4 of the speed.
+    fn speed(&self, place: &Place, w_rate: f64) -> f64 {
+        if !(place.may_contract || place.may_extend) {
+            return 0.0;
+        }
+        let area = self.pull.braid.force_area(place.length);
+        let slope = self.closure.exponent() * place.pressure * area / place.volume;
+        let stiffness = self.pull.stiffness(place.pressure, slope, place.length);
+        let speed = -place.power * area * w_rate / stiffness;
+        if (speed < 0.0 && place.may_contract) || (speed > 0.0 && place.may_extend) {
+            speed
+        } else {
+            0.0
+        }
+    }
+
+    fn rates(&self, y: &[f64; STATES], place: &Place, actuation: Actuation) -> [f64; STATES] {
+        let closure = &self.closure;
+        let temperature = closure.temperature(place.pressure, place.volume, y[MASS]);
+        let streams = self.streams((place.pressure, temperature), actuation);
+        let surface = self.pull.braid.surface(place.length);
+        let coefficient =
+            self.heat
+                .coefficient(place.pressure, temperature, y[WALL], streams.inflow);
+        let convective = coefficient * surface * (temperature - y[WALL]);
+        let volume_power = 1.0 / (place.power * place.volume);
+        let w_rate = closure.rate(volume_power, &streams, temperature, convective);
+        let speed = self.speed(place, w_rate).abs();
+        let heat = closure.heat_of_streams(&streams, temperature, convective);
+        let outer = self.outer_w_m2_k + self.outer_per_speed * speed;
+        let to_ambient = outer * surface * (y[WALL] - self.ambient.1);
+        let friction = self.friction(y[WALL]) * speed;
+        let friction_to_wall = self.friction_to_wall * friction;
+        let mut rates = [0.0; STATES];
+        rates[MASS] = streams.net();
+        rates[W] = w_rate;
+        rates[WALL] = (heat + friction_to_wall - to_ambient) / self.wall_j_k;
+        rates[MASS_IN] = streams.inflow;
+        rates[MASS_OUT] = streams.outflow;
+        rates[ENTHALPY_IN] = closure.gas.cp * streams.inflow_temperature;
+        rates[ENTHALPY_OUT] = closure.gas.cp * streams.outflow * temperature;
+        rates[HEAT] = heat;
+        rates[TO_AMBIENT] = to_ambient;
+        rates[FRICTION] = friction;
+        rates[FRICTION_TO_WALL] = friction_to_wall;
+        rates
+    }
+}
+
+/// Work of the gas, the integral of P dV through three equidistant instants: exact where P and V are
+/// quadratic in time. It uses the volumes themselves, not dV/dt, which jumps where the braid
+/// starts to slide.
+pub(super) fn work_through(places: [(f64, f64); 3]) -> f64 {
+    let [(p0, v0), (pm, vm), (p1, v1)] = places;
+    (p0 * (4.0 * vm - 3.0 * v0 - v1) + 4.0 * pm * (v1 - v0) + p1 * (v0 - 4.0 * vm + 3.0 * v1)) / 6.0
+}
+
+/// A lumped muscle in operation.
+#[derive(Debug, Clone)]
+pub struct Lumped {
+    config: Config,
+    steps: u64,
+    state: [f64; STATES],
+    play: Play,
+    work_j: f64,
+    truth: Truth,
+    initial: Ledger,
+    sensors: Sensors,
+}
+
+impl Lumped {
+    /// The lumped muscle of a scenario.
+    ///
+    /// # Errors
+    /// [`BuildError::GeometryUnresolved`] when the loader has not filled in the braid.
+    pub fn new(scenario: &Scenario) -> Result<Self, BuildError> {
+        let (braid, rest_length) = super::resolved_braid(scenario)?;
+        let pull = Pull::new(scenario, braid, rest_length);
+        let closure = Closure::new(scenario);
+        let gas = &closure.gas;
+        let valve = Iso6358::valve(
+            scenario.valve.conductance_m3_s_pa,
+            scenario.valve.critical_ratio,
+            gas,
+        );
+        let supply = (scenario.supply.pressure_pa, scenario.supply.temperature_k);
+        let friction = &scenario.friction;
+        let softening = Softening::new(friction);
+        let pressure = scenario.plant.initial_pressure_pa;
+        let temperature = scenario.plant.initial_temperature_k;
+        let isometric = scenario.load.kind == LoadKind::Isometric;
+        let length = if isometric {
+            scenario.load.length_m
+        } else {
+            pull.start_length(pressure, friction.force_n * softening.factor(temperature))
+        };
+        let volume = braid.volume(length);
+        let port_diameter = valve.equivalent_diameter(gas);
+        let heat = InnerHeat::new(
+            &scenario.heat,
+            gas,
+            braid.diameter(rest_length),
+            port_diameter,
+        );
+        // Fastest: the pressure of the smallest volume through both valves, near equal pressures.
+        let smallest = braid.volume(rest_length).min(volume);
+        let hottest = supply.1.max(temperature);
+        let valve_rate = 2.0 * gas.k * gas.r * hottest * valve.steepest(hottest) / smallest;
+        let step = scenario.run.step_s;
+        let substeps = (step * valve_rate / STEP_TIMES_RATE)
+            .max(step / LONGEST_STEP_S)
+            .ceil();
+        let exponent = closure.exponent();
+        let power = volume.powf(-exponent);
+        let held = Place {
+            may_contract: false,
+            may_extend: false,
+            length,
+            volume,
+            power,
+            pressure,
+        };
+        let config = Config {
+            step_s: step,
+            substeps: substeps.max(1.0) as u32,
+            closure,
+            pull,
+            isometric,
+            valve,
+            supply,
+            ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
+            heat,
+            outer_w_m2_k: scenario.heat.outer_w_m2_k,
+            outer_per_speed: scenario.heat.outer_per_speed,
+            wall_j_k: scenario.wall.heat_capacity_j_k,
+            friction_n: friction.force_n,
+            softening,
+            friction_to_wall: friction.heat_fraction,
+            initial_k: temperature,
+        };
+        let mass = pressure * volume / (gas.r * temperature);
+        let mut state = [0.0; STATES];
+        state[MASS] = mass;
+        state[W] = pressure / power;
+        state[WALL] = temperature;
+        let start = Exposure {
+            gas_k: temperature,
+            wall_k: temperature,
+            pressure_pa: pressure,
+            length_m: length,
+        };
+        let initial = Ledger {
+            mass_initial_kg: mass,
+            energy_initial_j: gas.cv * mass * temperature,
+            ..Ledger::default()
+        };
+        let mut lumped = Self {
+            config,
+            steps: 0,
+            state,
+            play: Play {
+                held,
+                guess: length,
+                power: LocalPower::new(-exponent, volume),
+            },
+            work_j: 0.0,
+            truth: Truth::default(),
+            initial,
+            sensors: Sensors::new(scenario, 0.0, &start),
+        };
+        lumped.observe(0.0, Actuation::default());
+        Ok(lumped)
+    }
+
+    fn substep(&mut self, step: f64, actuation: Actuation) {
+        let Self { config, play, .. } = self;
+        let mut stage = 0;
+        let mut middle = play.held;
+        let start = play.held;
+        self.state = rk4(&self.state, step, |y| {
+            let place = play.place(config, y[W], config.friction(y[WALL]));
+            stage += 1;
+            if stage == 3 {
+                middle = place;
+            }
+            config.rates(y, &place, actuation)
+        });
+        let friction = config.friction(self.state[WALL]);
+        let end = play.place(config, self.state[W], friction);
+        play.held = end;
+        let work = work_through([start, middle, end].map(|place| (place.pressure, place.volume)));
+        self.work_j += work;
+        let heat = config.closure.heat_per_work() * work;
+        self.state[HEAT] += heat;
+        self.state[WALL] += heat / config.wall_j_k;
+    }
+
+    fn observe(&mut self, time: f64, actuation: Actuation) {
+        let Self {
+            config,
+            state,
+            play,
+            ..
+        } = self;
+        let place = &play.held;
+        let closure = &config.closure;
+        let temperature = closure.temperature(place.pressure, place.volume, state[MASS]);
+        let rates = config.rates(state, place, actuation);
+        let limit = config.friction(state[WALL]);
+        let excess = config.pull.force(place.pressure, place.length) - config.pull.load_n;
+        self.truth = Truth {
+            time_s: time,
+            pressure_pa: place.pressure,
+            volume_m3: place.volume,
+            length_m: place.length,
+            speed_m_s: config.speed(place, rates[W]),
+            mass_kg: state[MASS],
+            flow_in_kg_s: rates[MASS_IN],
+            flow_out_kg_s: rates[MASS_OUT],
+            gas_temperature_k: temperature,
+            wall_temperature_k: state[WALL],
+            friction_n: if config.isometric {
+                0.0
+            } else {
+                excess.clamp(-limit, limit)
+            },
+            ..Truth::default()
+        };
+        self.sensors.read(&mut self.truth);
+    }
+}
+
+impl Plant for Lumped {
+    fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
+        let step = self.config.step_s / f64::from(self.config.substeps);
+        for _ in 0..self.config.substeps {
+            self.substep(step, actuation);
+        }
+        self.steps += 1;
+        let time = self.steps as f64 * self.config.step_s;
+        let place = &self.play.held;
+        let closure = &self.config.closure;
+        let temperature = closure.temperature(place.pressure, place.volume, self.state[MASS]);
+        check_gas(time, place.pressure, temperature, self.state[MASS])?;
+        check_length(time, place.length, &self.config.pull.braid)?;
+        self.sensors.advance(&Exposure {
+            gas_k: temperature,
+            wall_k: self.state[WALL],
+            pressure_pa: place.pressure,
+            length_m: place.length,
+        });
+        self.observe(time, actuation);
+        Ok(())
+    }
+
+    fn truth(&self) -> Truth {
+        self.truth
+    }
+
+    fn ledger(&self) -> Ledger {
+        let y = &self.state;
+        Ledger {
+            mass_kg: y[MASS],
+            mass_in_kg: y[MASS_IN],
+            mass_out_kg: y[MASS_OUT],
+            energy_j: self.config.closure.internal_energy(&self.truth),
+            enthalpy_in_j: y[ENTHALPY_IN],
+            enthalpy_out_j: y[ENTHALPY_OUT],
+            heat_to_wall_j: y[HEAT],
+            work_j: self.work_j,
+            friction_heat_j: y[FRICTION],
+            friction_to_wall_j: y[FRICTION_TO_WALL],
+            heat_to_ambient_j: y[TO_AMBIENT],
+            wall_energy_j: self.config.wall_j_k * (y[WALL] - self.config.initial_k),
+            ..self.initial
+        }
+    }
+
+    fn axial_wall_k(&self) -> Vec<f64> {
+        vec![self.truth.wall_temperature_k]
+    }
+
+    fn axial_gas_k(&self) -> Vec<f64> {
+        vec![self.truth.gas_temperature_k]
+    }
+}

@@ -1,0 +1,108 @@
+//! The muscle's pull, and its length where it balances a quasi-static load.
+
+use super::geometry::Geometry;
+use crate::scenario::{Friction, Load, LoadKind, Scenario};
+
+/// Standard gravity \[m/s2\].
+const STANDARD_GRAVITY: f64 = 9.80665;
+
+/// The static side of the muscle: braid, bladder, stop and load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pull {
+    /// The braid.
+    pub braid: Geometry,
+    /// Longest length: the load rests on a stop there \[m\].
+    pub rest_length_m: f64,
+    /// Pressure outside \[Pa\].
+    pub ambient_pa: f64,
+    /// Force of the load \[N\].
+    pub load_n: f64,
+    bladder_n_m: f64,
+}
+
+impl Pull {
+    /// Of a scenario whose muscle has that braid and rest length \[m\].
+    pub fn new(scenario: &Scenario, braid: Geometry, rest_length_m: f64) -> Self {
+        let Load {
+            kind,
+            force_n,
+            mass_kg,
+            ..
+        } = scenario.load;
+        Self {
+            braid,
+            rest_length_m,
+            ambient_pa: scenario.ambient.pressure_pa,
+            load_n: match kind {
+                LoadKind::Isotonic | LoadKind::Isometric => force_n,
+                LoadKind::Mass => mass_kg * STANDARD_GRAVITY,
+            },
+            bladder_n_m: scenario.muscle.bladder_stiffness_n_m,
+        }
+    }
+
+    /// Pull of gas and bladder \[N\], at an absolute pressure \[Pa\] and length \[m\].
+    pub fn force(&self, pressure: f64, length: f64) -> f64 {
+        (pressure - self.ambient_pa) * self.braid.force_area(length)
+            + self.bladder_n_m * (length - self.rest_length_m)
+    }
+
+    /// Slope of the pull over length \[N/m\], while the pressure changes by `pressure_slope` \[Pa/m\].
+    pub fn stiffness(&self, pressure: f64, pressure_slope: f64, length: f64) -> f64 {
+        pressure_slope * self.braid.force_area(length)
+            + (pressure - self.ambient_pa) * self.braid.force_area_slope(length)
+            + self.bladder_n_m
+    }
+
+    /// Length \[m\] where the pull equals `force` \[N\]: Newton from `guess`. `pressure` gives the
+    /// pressure and its slope over length. NaN when there is no such length.
+    pub fn balance(
+        &self,
+        force: f64,
+        guess: f64,
+        mut pressure: impl FnMut(f64) -> (f64, f64),
+    ) -> f64 {
+        let mut length = guess;
+        for _ in 0..50 {
+            let (p, slope) = pressure(length);
+            let correction = (self.force(p, length) - force) / self.stiffness(p, slope, length);
+            length -= correction;
+            // Newton squares the error: what this correction leaves is beyond double precision.
+            if correction.abs() < 1e-9 {
+                return length;
+            }
+        }
+        f64::NAN
+    }
+
+    /// Length \[m\] that the load takes at a pressure held from the start, coming from the stop.
+    pub fn start_length(&self, pressure: f64, friction: f64) -> f64 {
+        let wanted = self.load_n + friction;
+        if self.force(pressure, self.rest_length_m) <= wanted {
+            return self.rest_length_m;
+        }
+        self.balance(wanted, self.rest_length_m, |_| (pressure, 0.0))
+    }
+}
+
+/// How friction falls as the wall warms: exp(-beta (T_w - T_ref)).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Softening {
+    per_k: f64,
+    reference_k: f64,
+}
+
+impl Softening {
+    /// From `[friction]`.
+    pub fn new(friction: &Friction) -> Self {
+        Self {
+            per_k: friction.softening_per_k,
+            reference_k: friction.reference_temperature_k,
+        }
+    }
+
+    /// Factor on every friction force \[-\] at that wall temperature \[K\].
+    pub fn factor(&self, wall_k: f64) -> f64 {
+        (-self.per_k * (wall_k - self.reference_k)).exp()
+    }
+}

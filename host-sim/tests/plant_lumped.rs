@@ -1,0 +1,340 @@
+//! The lumped muscle: the working cycle, conservation, order, an independent solver.
+
+mod plant_support;
+
+use host_sim::plant::flow::Iso6358;
+use host_sim::plant::gas::IdealGas;
+use host_sim::plant::geometry::Geometry;
+use host_sim::plant::{self, Actuation, Truth};
+use host_sim::scenario::{HeatModel, LoadKind, PlantModel, Scenario};
+use ode_solvers::{Dop853, SVector, System};
+use plant_support::{MassFlow, muscle};
+
+/// Smallest and largest of a quantity.
+#[derive(Debug, Clone, Copy)]
+struct Range(f64, f64);
+
+impl Range {
+    const EMPTY: Self = Self(f64::INFINITY, f64::NEG_INFINITY);
+
+    fn add(&mut self, x: f64) {
+        *self = Self(self.0.min(x), self.1.max(x));
+    }
+}
+
+#[test]
+fn the_working_cycle() {
+    let scenario = muscle(PlantModel::Lumped);
+    let drive = MassFlow::new(&scenario);
+    let mut plant = plant::build(&scenario, None).unwrap();
+    let (mut pressure, mut length, mut gas) = (Range::EMPTY, Range::EMPTY, Range::EMPTY);
+    let mut square = 0.0;
+    for _ in 0..100_000 {
+        let truth = plant.truth();
+        pressure.add(truth.pressure_pa);
+        length.add(truth.length_m);
+        gas.add(truth.gas_temperature_k);
+        square += (truth.sensor_gas_k - truth.gas_temperature_k).powi(2);
+        plant.advance(drive.actuation(&truth)).unwrap();
+    }
+    let rms = (square / 100_000.0f64).sqrt();
+    let contraction = 1.0 - length.0 / 0.3;
+    println!("pressure {pressure:?} Pa, contraction {contraction:.3}, gas {gas:?} K");
+    println!(
+        "bare sensor {rms:.2} K RMS, wall {:.2} K",
+        plant.truth().wall_temperature_k
+    );
+    assert!((1.0e5..1.3e5).contains(&pressure.0) && (3.5e5..4.7e5).contains(&pressure.1));
+    assert!((0.25..0.31).contains(&contraction));
+    assert!((4.0..9.0).contains(&rms));
+    let ledger = plant.ledger();
+    println!(
+        "balances: mass {:.1e}, energy {:.1e}, wall {:.1e}",
+        ledger.mass_balance_error(),
+        ledger.energy_balance_error(),
+        ledger.wall_balance_error()
+    );
+}
+
+#[test]
+fn mass_and_energy_are_conserved_over_100_s() {
+    for model in [PlantModel::Lumped, PlantModel::Paper] {
+        for heat in [
+            HeatModel::Adiabatic,
+            HeatModel::Isothermal,
+            HeatModel::Constant,
+            HeatModel::Correlation,
+        ] {
+            for load in [LoadKind::Isotonic, LoadKind::Isometric, LoadKind::Mass] {
+                let mut scenario = muscle(model);
+                scenario.heat.model = heat;
+                scenario.load.kind = load;
+                let drive = MassFlow::new(&scenario);
+                let mut plant = plant::build(&scenario, None).unwrap();
+                for _ in 0..100_000 {
+                    plant.advance(drive.actuation(&plant.truth())).unwrap();
+                }
+                let ledger = plant.ledger();
+                let case = format!("{model:?} {heat:?} {load:?}");
+                assert!(ledger.mass_in_kg > 0.01, "{case}");
+                assert!(ledger.mass_balance_error() < 1e-9, "{case}");
+                let energy = ledger.energy_balance_error();
+                assert!(energy < 1e-6, "{case}: {energy}");
+                let wall = ledger.wall_balance_error();
+                assert!(wall < 1e-9, "{case}: {wall}");
+            }
+        }
+    }
+}
+
+/// A contraction from the stop, sliding all the time, with no valve near equal pressures.
+fn smooth() -> Scenario {
+    let mut scenario = muscle(PlantModel::Lumped);
+    scenario.friction.force_n = 0.0;
+    scenario.load.force_n = 60.0;
+    scenario.plant.initial_pressure_pa = 150_000.0;
+    scenario
+}
+
+const OPEN: Actuation = Actuation {
+    inlet: 0.08,
+    outlet: 0.02,
+};
+
+fn run(scenario: &Scenario, until: f64) -> Truth {
+    let mut plant = plant::build(scenario, None).unwrap();
+    for _ in 0..(until / scenario.run.step_s).round() as u64 {
+        plant.advance(OPEN).unwrap();
+    }
+    plant.truth()
+}
+
+/// The same muscle written down anew: states m, U, T_w; the length by bisection of the forces.
+struct Independent {
+    scenario: Scenario,
+    braid: Geometry,
+    valve: Iso6358,
+}
+
+impl Independent {
+    /// P, V, L for an internal energy.
+    fn place(&self, energy: f64) -> (f64, f64, f64) {
+        let k = self.scenario.gas.heat_capacity_ratio;
+        let (mut low, mut high) = (self.braid.thread_length_m / 3.0f64.sqrt(), 0.3);
+        let state = |length: f64| {
+            let v = length * (self.braid.thread_length_m.powi(2) - length * length)
+                / (4.0 * std::f64::consts::PI * self.braid.turns.powi(2))
+                + self.braid.dead_volume_m3;
+            ((k - 1.0) * energy / v, v)
+        };
+        let h = 1e-3;
+        for _ in 0..60 {
+            let length = 0.5 * (low + high);
+            let (p, _) = state(length);
+            // dV/dL of the cubic, exactly.
+            let slope = (state(length - 2.0 * h).1 - 8.0 * state(length - h).1
+                + 8.0 * state(length + h).1
+                - state(length + 2.0 * h).1)
+                / (12.0 * h);
+            let force = -(p - self.scenario.ambient.pressure_pa) * slope
+                + self.scenario.muscle.bladder_stiffness_n_m * (length - 0.3);
+            if force > self.scenario.load.force_n {
+                high = length
+            } else {
+                low = length
+            }
+        }
+        let length = 0.5 * (low + high);
+        let (p, v) = state(length);
+        (p, v, length)
+    }
+}
+
+impl System<f64, SVector<f64, 3>> for Independent {
+    fn system(&self, _: f64, y: &SVector<f64, 3>, dy: &mut SVector<f64, 3>) {
+        // Eq. (3) with U and L found together: dL/dt from a difference of the equilibrium.
+        let s = &self.scenario;
+        let gas = IdealGas::new(&s.gas);
+        let (p, v, length) = self.place(y[1]);
+        let t = p * v / (y[0] * gas.r);
+        let inflow = OPEN.inlet
+            * self
+                .valve
+                .mass_flow(s.supply.pressure_pa, s.supply.temperature_k, p);
+        let outflow = OPEN.outlet * self.valve.mass_flow(p, t, s.ambient.pressure_pa);
+        let area = std::f64::consts::PI * self.braid.diameter(length) * length;
+        let h = s.heat.inner_w_m2_k + s.heat.inner_per_flow * inflow;
+        let heat = h * area * (t - y[2]);
+        let source = gas.cp * (inflow * s.supply.temperature_k - outflow * t) - heat;
+        let d = 1e-4 * y[1];
+        let (up, down) = (self.place(y[1] + d), self.place(y[1] - d));
+        // dU = source dt - P dV and dV = V'(U) dU.
+        let volume_per_energy = (up.1 - down.1) / (2.0 * d);
+        let energy_rate = source / (1.0 + p * volume_per_energy);
+        let speed = (up.2 - down.2) / (2.0 * d) * energy_rate;
+        let outer = s.heat.outer_w_m2_k + s.heat.outer_per_speed * speed.abs();
+        dy[0] = inflow - outflow;
+        dy[1] = energy_rate;
+        dy[2] = (heat - outer * area * (y[2] - s.ambient.temperature_k)) / s.wall.heat_capacity_j_k;
+    }
+}
+
+#[test]
+fn agrees_with_an_independent_solver() {
+    let scenario = smooth();
+    let start = plant::build(&scenario, None).unwrap().truth();
+    let gas = IdealGas::new(&scenario.gas);
+    let system = Independent {
+        braid: Geometry::new(
+            scenario.muscle.thread_length_m.unwrap(),
+            scenario.muscle.turns.unwrap(),
+            scenario.muscle.dead_volume_m3,
+        ),
+        valve: Iso6358::valve(
+            scenario.valve.conductance_m3_s_pa,
+            scenario.valve.critical_ratio,
+            &gas,
+        ),
+        scenario: scenario.clone(),
+    };
+    let energy = start.pressure_pa * start.volume_m3 / (gas.k - 1.0);
+    let initial = SVector::<f64, 3>::new(start.mass_kg, energy, 298.0);
+    let mut solver = Dop853::new(system, 0.0, 1.0, 0.01, initial, 1e-11, 1e-13);
+    solver.integrate().unwrap();
+    let end = *solver.y_out().last().unwrap();
+    let truth = run(&scenario, 1.0);
+    let energy = truth.pressure_pa * truth.volume_m3 / (gas.k - 1.0);
+    for (name, ours, theirs) in [
+        ("mass", truth.mass_kg, end[0]),
+        ("energy", energy, end[1]),
+        ("wall", truth.wall_temperature_k, end[2]),
+    ] {
+        let error = (ours / theirs - 1.0).abs();
+        println!("{name}: {error:.1e}");
+        assert!(error < 1e-8, "{name}: {ours} for {theirs}");
+    }
+    assert!(truth.length_m < 0.28, "it must have moved: {truth:?}");
+}
+
+#[test]
+fn integration_is_of_fourth_order() {
+    let mut scenario = smooth();
+    // A fast wall makes errors that stand out of the rounding.
+    scenario.heat.inner_w_m2_k = 3000.0;
+    let mut pressure = |step: f64| {
+        scenario.run.step_s = step;
+        run(&scenario, 0.064).pressure_pa
+    };
+    let exact = pressure(0.000_125);
+    let (coarse, fine) = (
+        (pressure(0.001) - exact).abs(),
+        (pressure(0.0005) - exact).abs(),
+    );
+    let order = (coarse / fine).log2();
+    println!("errors {coarse:.1e}, {fine:.1e} Pa: order {order:.2}");
+    assert!((3.5..4.5).contains(&order));
+}
+
+#[test]
+fn friction_holds_the_length_and_heats_the_wall() {
+    let mut scenario = muscle(PlantModel::Lumped);
+    scenario.plant.initial_pressure_pa = 300_000.0;
+    let mut plant = plant::build(&scenario, None).unwrap();
+    let start = plant.truth();
+    assert!(
+        start.length_m < 0.29 && (start.friction_n - 15.0).abs() < 1e-6,
+        "{start:?}"
+    );
+    // Venting: the pull must fall through the whole band of 30 N before the braid slides back.
+    let vent = Actuation {
+        inlet: 0.0,
+        outlet: 0.02,
+    };
+    while plant.truth().length_m == start.length_m {
+        plant.advance(vent).unwrap();
+    }
+    assert!(
+        (-15.1..-14.9).contains(&plant.truth().friction_n),
+        "{:?}",
+        plant.truth()
+    );
+    let drop = start.pressure_pa - plant.truth().pressure_pa;
+    let braid = Geometry::from_braid(0.30, 0.020, 23.0, 0.0);
+    assert!(
+        (drop * braid.force_area(start.length_m) / 30.0 - 1.0).abs() < 0.02,
+        "{drop} Pa"
+    );
+    while plant.truth().length_m < 0.3 {
+        plant.advance(vent).unwrap();
+    }
+    let heat = plant.ledger().friction_heat_j;
+    assert!(
+        (heat / (15.0 * (0.3 - start.length_m)) - 1.0).abs() < 0.02,
+        "{heat} J"
+    );
+    assert!((plant.ledger().friction_to_wall_j / heat - 0.9).abs() < 1e-9);
+}
+
+#[test]
+fn flow_reverses_through_an_open_valve() {
+    // Muscle above the supply, inlet open: gas leaves; below ambient, outlet open: air enters.
+    let mut scenario = muscle(PlantModel::Lumped);
+    scenario.load.kind = LoadKind::Isometric;
+    scenario.plant.initial_pressure_pa = 600_000.0;
+    scenario.supply.pressure_pa = 300_000.0;
+    let mut plant = plant::build(&scenario, None).unwrap();
+    for _ in 0..5000 {
+        plant
+            .advance(Actuation {
+                inlet: 1.0,
+                outlet: 0.0,
+            })
+            .unwrap();
+    }
+    assert!((plant.truth().pressure_pa / 300_000.0 - 1.0).abs() < 1e-3);
+    assert!(plant.ledger().mass_out_kg > 1e-4);
+    scenario.plant.initial_pressure_pa = 60_000.0;
+    let mut plant = plant::build(&scenario, None).unwrap();
+    for _ in 0..5000 {
+        plant
+            .advance(Actuation {
+                inlet: 0.0,
+                outlet: 1.0,
+            })
+            .unwrap();
+    }
+    assert!((plant.truth().pressure_pa / 101_325.0 - 1.0).abs() < 1e-3);
+    assert!(plant.ledger().mass_in_kg > 1e-5);
+}
+
+#[test]
+fn a_wild_scenario_diverges_with_its_state() {
+    // Eq. (9) with unequal coefficients does not close a cycle: the temperature runs away.
+    let mut scenario = muscle(PlantModel::Paper);
+    scenario.paper.alpha_in = 1.4;
+    scenario.paper.alpha_out = 1.0;
+    let drive = MassFlow::new(&scenario);
+    let mut plant = plant::build(&scenario, None).unwrap();
+    let diverged = (0..100_000).find_map(|_| plant.advance(drive.actuation(&plant.truth())).err());
+    let message = diverged.expect("it must diverge").to_string();
+    assert!(
+        message.contains("temperature = ") && message.contains(" s: "),
+        "{message}"
+    );
+}
+
+#[test]
+fn speed() {
+    let scenario = muscle(PlantModel::Lumped);
+    let mut plant = plant::build(&scenario, None).unwrap();
+    let start = std::time::Instant::now();
+    for i in 0..200_000 {
+        let filling = (i / 2500) % 2 == 0;
+        let (inlet, outlet) = if filling { (0.11, 0.0) } else { (0.0, 0.2) };
+        plant.advance(Actuation { inlet, outlet }).unwrap();
+    }
+    let step = start.elapsed().as_secs_f64() / 200_000.0;
+    println!("{:.0} ns per step", 1e9 * step);
+    // A loose bound: the tests share the machine and are less optimised than a release.
+    assert!(step < 2e-5);
+}

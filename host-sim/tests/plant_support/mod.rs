@@ -1,0 +1,70 @@
+//! What the tests of the muscle share: a resolved scenario and a drive by mass flow.
+
+use host_sim::plant::flow::Iso6358;
+use host_sim::plant::gas::IdealGas;
+use host_sim::plant::geometry::Geometry;
+use host_sim::plant::{Actuation, Truth};
+use host_sim::scenario::{PlantModel, Scenario};
+
+/// The default muscle, 0.30 m long, 20 mm wide, braided at 23 degrees, with its braid resolved.
+pub fn muscle(model: PlantModel) -> Scenario {
+    let mut scenario = Scenario::default();
+    scenario.plant.model = model;
+    let braid = Geometry::from_braid(0.30, 0.020, 23.0, 0.0);
+    scenario.muscle.thread_length_m = Some(braid.thread_length_m);
+    scenario.muscle.turns = Some(braid.turns);
+    scenario.muscle.rest_length_m = Some(0.30);
+    scenario
+}
+
+/// Drives a plant with `drive.flow_kg_s` in for half of `drive.period_s`, then out.
+pub struct MassFlow {
+    scenario: Scenario,
+    valve: Iso6358,
+}
+
+impl MassFlow {
+    pub fn new(scenario: &Scenario) -> Self {
+        let valve = &scenario.valve;
+        let gas = IdealGas::new(&scenario.gas);
+        Self {
+            valve: Iso6358::valve(valve.conductance_m3_s_pa, valve.critical_ratio, &gas),
+            scenario: scenario.clone(),
+        }
+    }
+
+    /// The openings that let the wanted flow pass at the plant's present pressure.
+    pub fn actuation(&self, truth: &Truth) -> Actuation {
+        let Scenario {
+            supply,
+            ambient,
+            drive,
+            ..
+        } = &self.scenario;
+        let pressure = truth.pressure_pa;
+        let share = |open: f64| {
+            if open > 0.0 {
+                (drive.flow_kg_s / open).min(1.0)
+            } else {
+                1.0
+            }
+        };
+        if (truth.time_s / drive.period_s).fract() < 0.5 {
+            let open = self
+                .valve
+                .mass_flow(supply.pressure_pa, supply.temperature_k, pressure);
+            Actuation {
+                inlet: share(open),
+                outlet: 0.0,
+            }
+        } else {
+            let open = self
+                .valve
+                .mass_flow(pressure, truth.gas_temperature_k, ambient.pressure_pa);
+            Actuation {
+                inlet: 0.0,
+                outlet: share(open),
+            }
+        }
+    }
+}
