@@ -37,10 +37,7 @@ pub fn time_shift(early: &[f64], late: &[f64], most: usize) -> (f64, f64) {
     let at = |shift: isize| {
         let overlap = length - shift.unsigned_abs();
         let (from_early, from_late) = (0.max(-shift) as usize, 0.max(shift) as usize);
-        correlation(
-            &early[from_early..from_early + overlap],
-            &late[from_late..from_late + overlap],
-        )
+        correlation(&early[from_early..from_early + overlap], &late[from_late..from_late + overlap])
     };
     let values: Vec<f64> = (-most..=most).map(at).collect();
     let best = (0..values.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);

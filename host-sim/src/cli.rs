@@ -14,6 +14,7 @@ use crate::summary::Summary;
 use crate::trace::{COLUMNS, Row, TraceWriter};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::ffi::OsString;
 use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -109,39 +110,55 @@ impl From<InputError> for Failure {
 }
 
 impl Failure {
-    fn exit_code(&self) -> ExitCode {
+    fn exit_code(&self) -> u8 {
         match self {
-            Self::Input(_) | Self::Run(RunError::Build(_) | RunError::Config(_)) => {
-                ExitCode::from(2)
-            }
-            Self::Run(_) | Self::Check(_) => ExitCode::from(1),
+            Self::Input(_) | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
+            Self::Run(_) | Self::Check(_) => 1,
         }
     }
 }
 
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    ExitCode::from(run(std::env::args_os(), &mut io::stdout(), &mut io::stderr()))
+}
+
+/// Runs one command, program name first; gives its exit code.
+pub fn run<A: Into<OsString> + Clone>(
+    arguments: impl IntoIterator<Item = A>,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> u8 {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(usage) => {
+            let text = usage.render();
+            // `--help` and `--version` arrive here too. Where the reader is gone there is nobody
+            // left to tell.
+            let _ = if usage.use_stderr() { write!(err, "{text}") } else { write!(out, "{text}") };
+            return usage.exit_code() as u8;
+        }
+    };
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
-        Task::Reproduce(args) => reproduce_command(&args),
-        Task::Run(args) => run_command(&args),
-        Task::Check { scenario } => check_command(&scenario),
+        Task::Reproduce(args) => reproduce_command(&args, out),
+        Task::Run(args) => run_command(&args, out),
+        Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(failure) => {
-            eprintln!("thermyo: {failure}");
+            let _ = writeln!(err, "thermyo: {failure}");
             failure.exit_code()
         }
     }
 }
 
-fn check_command(path: &Path) -> Result<(), Failure> {
+fn check_command(path: &Path, out: &mut dyn Write) -> Result<(), Failure> {
     let loaded = scenario::load(path)?;
-    print(&scenario::render(&loaded))
+    print(out, &scenario::render(&loaded))
 }
 
-fn run_command(args: &RunArgs) -> Result<(), Failure> {
+fn run_command(args: &RunArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let loaded = scenario::load(&args.scenario)?;
     let measured =
         args.measured.as_deref().map(|path| Measured::read(path, &COLUMNS)).transpose()?;
@@ -156,22 +173,21 @@ fn run_command(args: &RunArgs) -> Result<(), Failure> {
     })?;
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     let page = report::run_page(&title, &loaded, &recorder, measured.as_ref(), &summary);
-    finish(out, &loaded, &summary, &page, &args.output)
+    finish(out, stdout, &loaded, &summary, &page, &args.output)
 }
 
-fn reproduce_command(args: &ReproduceArgs) -> Result<(), Failure> {
+fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let loaded = reproduce::scenario()?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/reproduce"));
     let mut out = OutputDir::create(&folder)?;
     let mut study = reproduce::Study::new(&loaded);
     let mut board = CoreBoard::default();
-    let summary =
-        record(&loaded, &mut board, None, &args.output, &mut out, |row| study.add(row))?;
+    let summary = record(&loaded, &mut board, None, &args.output, &mut out, |row| study.add(row))?;
     let findings = study.finish(&summary).map_err(Failure::Run)?;
     let page = reproduce::page(&loaded, &findings, &summary);
-    finish(out, &loaded, &summary, &page, &args.output)?;
+    finish(out, stdout, &loaded, &summary, &page, &args.output)?;
     if !args.output.json {
-        print(&findings.text())?;
+        print(stdout, &findings.text())?;
     }
     findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
 }
@@ -209,6 +225,7 @@ fn record(
 /// Writes summary, scenario and report, and gives all files their names.
 fn finish(
     mut out: OutputDir,
+    stdout: &mut dyn Write,
     loaded: &Loaded,
     summary: &Summary,
     page: &str,
@@ -220,11 +237,7 @@ fn finish(
     out.keep_text("scenario.toml", &scenario::render(loaded))?;
     out.keep_text("report.html", page)?;
     out.publish()?;
-    if args.json {
-        print(&json)
-    } else {
-        print(&brief(summary, &folder))
-    }
+    if args.json { print(stdout, &json) } else { print(stdout, &brief(summary, &folder)) }
 }
 
 /// The figures that a person looks for first.
@@ -276,9 +289,8 @@ fn progress_bar(duration_s: f64, quiet: bool) -> ProgressBar {
     ProgressBar::new((duration_s * 1000.0) as u64).with_style(style)
 }
 
-fn print(text: &str) -> Result<(), Failure> {
-    let written = io::stdout().lock().write_all(text.as_bytes());
-    match written {
+fn print(out: &mut dyn Write, text: &str) -> Result<(), Failure> {
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         // A reader that has seen enough, such as `head`, is no error.
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(InputError::output(Path::new("standard output"), &error).into())

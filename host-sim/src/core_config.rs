@@ -1,9 +1,7 @@
 //! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
 
 use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
-use model_core::config::{
-    Body, Config, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive,
-};
+use model_core::config::{Body, Config, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive};
 use model_core::front_end::FrontEnd;
 use model_core::gas::Gas;
 use model_core::geometry::{Braid, Friction, Muscle};
@@ -88,8 +86,7 @@ pub fn core_config(believed: &Scenario) -> Config {
             critical_ratio: s.valve.critical_ratio as f32,
         },
         drive: ValveDrive {
-            period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0)
-                as u16,
+            period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
             minimum_pulse_s: s.valve.switch_time_s as f32,
         },
         front_end: FrontEnd {

@@ -31,10 +31,7 @@ impl fmt::Display for ProfileError {
             Self::Empty => write!(f, "a profile needs at least one row"),
             Self::NotFinite { row } => write!(f, "row {row} of the profile is not finite"),
             Self::NotIncreasing { row } => {
-                write!(
-                    f,
-                    "row {row} of the profile is not later than the row before it"
-                )
+                write!(f, "row {row} of the profile is not later than the row before it")
             }
         }
     }
@@ -64,9 +61,7 @@ impl Profile {
 
     /// A profile that never changes.
     pub fn constant(value: f64) -> Self {
-        Self {
-            points: vec![(0.0, value)],
-        }
+        Self { points: vec![(0.0, value)] }
     }
 
     /// The points, in order of time.
@@ -77,10 +72,9 @@ impl Profile {
     /// The value at `time_s`.
     pub fn value(&self, time_s: f64) -> f64 {
         let next = self.points.partition_point(|point| point.0 <= time_s);
-        let (Some(before), Some(after)) = (
-            next.checked_sub(1).map(|i| self.points[i]),
-            self.points.get(next),
-        ) else {
+        let (Some(before), Some(after)) =
+            (next.checked_sub(1).map(|i| self.points[i]), self.points.get(next))
+        else {
             let edge = next.min(self.points.len() - 1);
             return self.points[edge].1;
         };
@@ -111,14 +105,9 @@ mod tests {
     #[test]
     fn interpolates_and_holds_its_ends() {
         let profile = Profile::new(vec![(1.0, 10.0), (2.0, 20.0), (4.0, 0.0)]).unwrap();
-        for (time, value) in [
-            (0.0, 10.0),
-            (1.0, 10.0),
-            (1.5, 15.0),
-            (2.0, 20.0),
-            (3.0, 10.0),
-            (9.0, 0.0),
-        ] {
+        for (time, value) in
+            [(0.0, 10.0), (1.0, 10.0), (1.5, 15.0), (2.0, 20.0), (3.0, 10.0), (9.0, 0.0)]
+        {
             assert_eq!(profile.value(time), value, "at {time} s");
         }
         assert_eq!(profile.slope_after(2.0), -10.0);
@@ -134,9 +123,6 @@ mod tests {
             Profile::new(vec![(0.0, 1.0), (0.0, 2.0)]),
             Err(ProfileError::NotIncreasing { row: 1 })
         );
-        assert_eq!(
-            Profile::new(vec![(0.0, f64::NAN)]),
-            Err(ProfileError::NotFinite { row: 0 })
-        );
+        assert_eq!(Profile::new(vec![(0.0, f64::NAN)]), Err(ProfileError::NotFinite { row: 0 }));
     }
 }

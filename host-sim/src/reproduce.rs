@@ -4,9 +4,7 @@
 //! friction heat (how much of a sensor's reading is friction), between adiabatic and isothermal
 //! walls (the bounds), and with the paper's reduced equations (6), (8), (9).
 
-use crate::analysis::{
-    correlation, harmonic, harmonic_delay_s, mean, rms_difference, time_shift,
-};
+use crate::analysis::{correlation, harmonic, harmonic_delay_s, mean, rms_difference, time_shift};
 use crate::board::CoreBoard;
 use crate::input::InputError;
 use crate::plant::Ledger;
@@ -207,7 +205,9 @@ impl Study {
                 .collect();
             handles
                 .into_iter()
-                .map(|handle| handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+                .map(|handle| {
+                    handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+                })
                 .collect()
         });
         let mut results = results.into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -294,10 +294,8 @@ fn checks(findings: &Findings, summary: &Summary) -> Vec<Check> {
     let sensor = &summary.sensor_gas_k;
     let (foil, wall) = (&findings.gas_sensor, &findings.wall_sensor);
     let axial = &summary.axial_temperature_k;
-    let (port, end) = (
-        axial.first().copied().unwrap_or(f64::NAN),
-        axial.last().copied().unwrap_or(f64::NAN),
-    );
+    let (port, end) =
+        (axial.first().copied().unwrap_or(f64::NAN), axial.last().copied().unwrap_or(f64::NAN));
     let check = |what, figure: String, target, holds| Check { what, figure, target, holds };
     vec![
         check(
@@ -344,7 +342,11 @@ fn checks(findings: &Findings, summary: &Summary) -> Vec<Check> {
         ),
         check(
             "Section IV: the wall sensor shows friction heat",
-            format!("{:.0} % and {:.0} %", wall.friction_share * 100.0, foil.friction_share * 100.0),
+            format!(
+                "{:.0} % and {:.0} %",
+                wall.friction_share * 100.0,
+                foil.friction_share * 100.0
+            ),
             "more than half of its rise",
             wall.friction_share > 0.5,
         ),
@@ -390,4 +392,6 @@ impl Findings {
 }
 
 /// t
-pub fn page(_: &Loaded, _: &Findings, _: &Summary) -> String { String::new() }
+pub fn page(_: &Loaded, _: &Findings, _: &Summary) -> String {
+    String::new()
+}

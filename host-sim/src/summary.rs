@@ -361,9 +361,9 @@ impl Accumulator {
         });
         Summary {
             duration_s: self.duration_s,
-            strokes: ending.period_s.map_or(0, |period_s| {
-                (self.duration_s / period_s + 1e-9).floor() as u64
-            }),
+            strokes: ending
+                .period_s
+                .map_or(0, |period_s| (self.duration_s / period_s + 1e-9).floor() as u64),
             real_time_factor: self.duration_s / ending.wall_clock_s.max(1e-9),
             board: ending.board.to_owned(),
             pressure_pa: self.pressure.range(count),

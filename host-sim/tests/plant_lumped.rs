@@ -40,10 +40,7 @@ fn the_working_cycle() {
     let rms = (square / 100_000.0f64).sqrt();
     let contraction = 1.0 - length.0 / 0.3;
     println!("pressure {pressure:?} Pa, contraction {contraction:.3}, gas {gas:?} K");
-    println!(
-        "bare sensor {rms:.2} K RMS, wall {:.2} K",
-        plant.truth().wall_temperature_k
-    );
+    println!("bare sensor {rms:.2} K RMS, wall {:.2} K", plant.truth().wall_temperature_k);
     assert!((1.0e5..1.3e5).contains(&pressure.0) && (3.5e5..4.7e5).contains(&pressure.1));
     assert!((0.25..0.31).contains(&contraction));
     assert!((4.0..9.0).contains(&rms));
@@ -96,10 +93,7 @@ fn smooth() -> Scenario {
     scenario
 }
 
-const OPEN: Actuation = Actuation {
-    inlet: 0.08,
-    outlet: 0.02,
-};
+const OPEN: Actuation = Actuation { inlet: 0.08, outlet: 0.02 };
 
 fn run(scenario: &Scenario, until: f64) -> Truth {
     let mut plant = plant::build(scenario, None).unwrap();
@@ -138,11 +132,7 @@ impl Independent {
                 / (12.0 * h);
             let force = -(p - self.scenario.ambient.pressure_pa) * slope
                 + self.scenario.muscle.bladder_stiffness_n_m * (length - 0.3);
-            if force > self.scenario.load.force_n {
-                high = length
-            } else {
-                low = length
-            }
+            if force > self.scenario.load.force_n { high = length } else { low = length }
         }
         let length = 0.5 * (low + high);
         let (p, v) = state(length);
@@ -157,10 +147,8 @@ impl System<f64, SVector<f64, 3>> for Independent {
         let gas = IdealGas::new(&s.gas);
         let (p, v, length) = self.place(y[1]);
         let t = p * v / (y[0] * gas.r);
-        let inflow = OPEN.inlet
-            * self
-                .valve
-                .mass_flow(s.supply.pressure_pa, s.supply.temperature_k, p);
+        let inflow =
+            OPEN.inlet * self.valve.mass_flow(s.supply.pressure_pa, s.supply.temperature_k, p);
         let outflow = OPEN.outlet * self.valve.mass_flow(p, t, s.ambient.pressure_pa);
         let area = std::f64::consts::PI * self.braid.diameter(length) * length;
         let h = s.heat.inner_w_m2_k + s.heat.inner_per_flow * inflow;
@@ -226,10 +214,7 @@ fn integration_is_of_fourth_order() {
         run(&scenario, 0.064).pressure_pa
     };
     let exact = pressure(0.000_125);
-    let (coarse, fine) = (
-        (pressure(0.001) - exact).abs(),
-        (pressure(0.0005) - exact).abs(),
-    );
+    let (coarse, fine) = ((pressure(0.001) - exact).abs(), (pressure(0.0005) - exact).abs());
     let order = (coarse / fine).log2();
     println!("errors {coarse:.1e}, {fine:.1e} Pa: order {order:.2}");
     assert!((3.5..4.5).contains(&order));
@@ -241,37 +226,21 @@ fn friction_holds_the_length_and_heats_the_wall() {
     scenario.plant.initial_pressure_pa = 300_000.0;
     let mut plant = plant::build(&scenario, None).unwrap();
     let start = plant.truth();
-    assert!(
-        start.length_m < 0.29 && (start.friction_n - 15.0).abs() < 1e-6,
-        "{start:?}"
-    );
+    assert!(start.length_m < 0.29 && (start.friction_n - 15.0).abs() < 1e-6, "{start:?}");
     // Venting: the pull must fall through the whole band of 30 N before the braid slides back.
-    let vent = Actuation {
-        inlet: 0.0,
-        outlet: 0.02,
-    };
+    let vent = Actuation { inlet: 0.0, outlet: 0.02 };
     while plant.truth().length_m == start.length_m {
         plant.advance(vent).unwrap();
     }
-    assert!(
-        (-15.1..-14.9).contains(&plant.truth().friction_n),
-        "{:?}",
-        plant.truth()
-    );
+    assert!((-15.1..-14.9).contains(&plant.truth().friction_n), "{:?}", plant.truth());
     let drop = start.pressure_pa - plant.truth().pressure_pa;
     let braid = Geometry::from_braid(0.30, 0.020, 23.0, 0.0);
-    assert!(
-        (drop * braid.force_area(start.length_m) / 30.0 - 1.0).abs() < 0.02,
-        "{drop} Pa"
-    );
+    assert!((drop * braid.force_area(start.length_m) / 30.0 - 1.0).abs() < 0.02, "{drop} Pa");
     while plant.truth().length_m < 0.3 {
         plant.advance(vent).unwrap();
     }
     let heat = plant.ledger().friction_heat_j;
-    assert!(
-        (heat / (15.0 * (0.3 - start.length_m)) - 1.0).abs() < 0.02,
-        "{heat} J"
-    );
+    assert!((heat / (15.0 * (0.3 - start.length_m)) - 1.0).abs() < 0.02, "{heat} J");
     assert!((plant.ledger().friction_to_wall_j / heat - 0.9).abs() < 1e-9);
 }
 
@@ -284,24 +253,14 @@ fn flow_reverses_through_an_open_valve() {
     scenario.supply.pressure_pa = 300_000.0;
     let mut plant = plant::build(&scenario, None).unwrap();
     for _ in 0..5000 {
-        plant
-            .advance(Actuation {
-                inlet: 1.0,
-                outlet: 0.0,
-            })
-            .unwrap();
+        plant.advance(Actuation { inlet: 1.0, outlet: 0.0 }).unwrap();
     }
     assert!((plant.truth().pressure_pa / 300_000.0 - 1.0).abs() < 1e-3);
     assert!(plant.ledger().mass_out_kg > 1e-4);
     scenario.plant.initial_pressure_pa = 60_000.0;
     let mut plant = plant::build(&scenario, None).unwrap();
     for _ in 0..5000 {
-        plant
-            .advance(Actuation {
-                inlet: 0.0,
-                outlet: 1.0,
-            })
-            .unwrap();
+        plant.advance(Actuation { inlet: 0.0, outlet: 1.0 }).unwrap();
     }
     assert!((plant.truth().pressure_pa / 101_325.0 - 1.0).abs() < 1e-3);
     assert!(plant.ledger().mass_in_kg > 1e-5);
@@ -317,10 +276,7 @@ fn a_wild_scenario_diverges_with_its_state() {
     let mut plant = plant::build(&scenario, None).unwrap();
     let diverged = (0..100_000).find_map(|_| plant.advance(drive.actuation(&plant.truth())).err());
     let message = diverged.expect("it must diverge").to_string();
-    assert!(
-        message.contains("temperature = ") && message.contains(" s: "),
-        "{message}"
-    );
+    assert!(message.contains("temperature = ") && message.contains(" s: "), "{message}");
 }
 
 #[test]

@@ -199,21 +199,10 @@ fn heat_and_wall_are_conserved_over_100_s() {
                     .unwrap();
             }
             let ledger = plant.ledger();
-            assert!(
-                ledger.heat_to_wall_j.abs() > 10.0,
-                "{heat:?} {drive:?}: {ledger:?}"
-            );
+            assert!(ledger.heat_to_wall_j.abs() > 10.0, "{heat:?} {drive:?}: {ledger:?}");
             assert!(ledger.mass_balance_error() < 1e-9);
-            assert!(
-                ledger.energy_balance_error() < 1e-9,
-                "{}",
-                ledger.energy_balance_error()
-            );
-            assert!(
-                ledger.wall_balance_error() < 1e-9,
-                "{}",
-                ledger.wall_balance_error()
-            );
+            assert!(ledger.energy_balance_error() < 1e-9, "{}", ledger.energy_balance_error());
+            assert!(ledger.wall_balance_error() < 1e-9, "{}", ledger.wall_balance_error());
         }
     }
 }
@@ -255,11 +244,7 @@ fn measured_air_discharge() {
         .skip(1)
         .map(|line| {
             let mut cells = line.split(',').map(|cell| cell.parse().ok());
-            (
-                cells.next().flatten().unwrap(),
-                cells.next().flatten(),
-                cells.next().flatten(),
-            )
+            (cells.next().flatten().unwrap(), cells.next().flatten(), cells.next().flatten())
         })
         .collect();
     let mut s = Scenario::default();
@@ -304,16 +289,10 @@ fn measured_air_discharge() {
             best = (kelvin, pascal, lag);
         }
     }
-    println!(
-        "correlation: {:.2} K, {:.0} Pa RMS at a lag of {:.1} s",
-        best.0, best.1, best.2
-    );
+    println!("correlation: {:.2} K, {:.0} Pa RMS at a lag of {:.1} s", best.0, best.1, best.2);
     assert!((1.0..3.5).contains(&best.0) && (1e3..8e3).contains(&best.1));
     assert!((2.0..8.0).contains(&best.2));
     let adiabatic = rms(HeatModel::Adiabatic, best.2);
-    println!(
-        "adiabatic, same lag: {:.2} K, {:.0} Pa RMS",
-        adiabatic.0, adiabatic.1
-    );
+    println!("adiabatic, same lag: {:.2} K, {:.0} Pa RMS", adiabatic.0, adiabatic.1);
     assert!(adiabatic.0 > 10.0 * best.0);
 }

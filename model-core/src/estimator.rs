@@ -126,7 +126,7 @@ pub struct Estimator {
     length_m: f32,
     wall_w_k: f32,
     interval: Interval,
-    correction: Option<f32>,
+    innovation_k: Option<f32>,
     started: bool,
 }
 
@@ -164,7 +164,7 @@ impl Estimator {
             length_m: 0.0,
             wall_w_k: 0.0,
             interval: Interval::default(),
-            correction: None,
+            innovation_k: None,
             started: false,
         }
     }
@@ -195,8 +195,8 @@ impl Estimator {
             self.interval.codes += u32::from(code.0);
             self.interval.code_count += 1;
         }
-        if let Some(reading_k) = self.correction.take() {
-            self.correct(reading_k);
+        if let Some(innovation_k) = self.innovation_k.take() {
+            self.correct(innovation_k);
         }
         if self.interval.steps >= INTERVAL_STEPS {
             self.end_interval(measurement.length_m);
@@ -297,7 +297,8 @@ impl Estimator {
         };
         self.wall_k += (interval.heat_j + friction_j) * per_wall
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
-        self.sensor_k += lag_share * (gas_k - self.sensor_k);
+        let sensor_change_k = lag_share * (gas_k - self.sensor_k);
+        self.sensor_k += sensor_change_k;
         let inflow_kg_s = interval.inflow_kg / duration_s;
         self.wall_w_k = self.scale * heat.inner_w_k(surface_m2, inflow_kg_s);
         self.covariance.propagate(&transition);
@@ -305,7 +306,11 @@ impl Estimator {
 
         if interval.code_count > 0 {
             let mean_code = interval.codes as f32 / f32::from(interval.code_count);
-            self.correction = Some(self.converter.gas_k(mean_code));
+            // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem
+            // little beside a lag of seconds, but at a stroke's frequency a delay so small looks
+            // like a tenth of a second more of lag.
+            self.innovation_k =
+                Some(self.converter.gas_k(mean_code) - (self.sensor_k - 0.5 * sensor_change_k));
         }
     }
 
@@ -322,8 +327,8 @@ impl Estimator {
         p.limit();
     }
 
-    /// Kalman update with one reading of the gas sensor.
-    fn correct(&mut self, reading_k: f32) {
+    /// Kalman update with the innovation of one interval's readings of the gas sensor.
+    fn correct(&mut self, innovation: f32) {
         let noise_k = self.config.gas_sensor.noise_k;
         let bias_k = self.config.estimator.sensor_bias_k;
         // What is left of the noise after averaging eight conversions over an interval; the bias
@@ -331,7 +336,6 @@ impl Estimator {
         let readings_per_second = 1.0 / (f32::from(INTERVAL_STEPS) * self.config.step_s);
         let variance = noise_k * noise_k / (8.0 * f32::from(INTERVAL_STEPS))
             + bias_k * bias_k * readings_per_second;
-        let innovation = reading_k - self.sensor_k;
         let p = self.covariance;
         let per_s = 1.0 / (p.sensor_sensor + variance);
         let [gas, wall, sensor, scale, lag] = [

@@ -194,6 +194,11 @@ impl Geometry {
             + self.muscle.bladder_stiffness_n_m * (length_m - self.muscle.rest_length_m)
     }
 
+    /// dF/dL \[N/m\] of [`Geometry::force_n`] at constant pressure: 6 L P_g/(4 pi n^2) and the bladder.
+    pub fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
+        6.0 * length_m * gauge_pressure_pa * self.per_4_pi_n2 + self.muscle.bladder_stiffness_n_m
+    }
+
     /// Length \[m\] at which the muscle holds `force_n`, limited to what it can have.
     ///
     /// The positive root of 3 c P_g L^2 + s L - (c P_g b^2 + s L_0 + F) = 0, c = 1/(4 pi n^2) and

@@ -115,11 +115,19 @@ impl Model {
         match self.config.load {
             Load::Isometric { length_m } => geometry.limit_length_m(length_m),
             Load::Isotonic { force_n } => {
-                let gauge_pa = self.pressure_pa() - self.config.ambient.pressure_pa;
+                let pressure_pa = self.pressure_pa();
+                let gauge_pa = pressure_pa - self.config.ambient.pressure_pa;
                 let friction_n = self.config.friction.force_n(self.wall_k);
-                let longest = geometry.length_for_force_m(gauge_pa, force_n + friction_n);
-                let shortest = geometry.length_for_force_m(gauge_pa, force_n - friction_n);
-                limit(self.length_m, shortest, longest)
+                let excess_n = geometry.force_n(gauge_pa, self.length_m) - force_n;
+                let unbalanced_n = excess_n - limit(excess_n, -friction_n, friction_n);
+                // One Newton step; the gas behaves as an adiabatic spring while it is taken, or
+                // the length would overshoot what the pressure can follow.
+                let slope_m2 = geometry.volume_slope_m2(self.length_m);
+                let gas_n_m =
+                    self.config.gas.heat_capacity_ratio * pressure_pa * slope_m2 * slope_m2
+                        / geometry.volume_m3(self.length_m);
+                let stiffness_n_m = geometry.stiffness_n_m(gauge_pa, self.length_m) + gas_n_m;
+                geometry.limit_length_m(self.length_m - unbalanced_n / stiffness_n_m)
             }
         }
     }
@@ -136,7 +144,11 @@ mod tests {
         let (mut low, mut high) = (f32::MAX, f32::MIN);
         for step in 0..100_000 {
             let filling = step % 5000 < 2500;
-            model.step(if filling { 3.6e-4 } else { 0.0 }, if filling { 0.0 } else { 3.6e-4 }, None);
+            model.step(
+                if filling { 3.6e-4 } else { 0.0 },
+                if filling { 0.0 } else { 3.6e-4 },
+                None,
+            );
             low = low.min(model.gas_k());
             high = high.max(model.gas_k());
         }

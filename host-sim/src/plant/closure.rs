@@ -44,26 +44,15 @@ impl Closure {
     pub fn new(scenario: &Scenario) -> Self {
         let kind = match (scenario.plant.model, scenario.heat.model) {
             (PlantModel::Paper, _) => {
-                let Paper {
-                    alpha_in,
-                    alpha_out,
-                    alpha,
-                } = scenario.paper;
-                Kind::Paper(Blend {
-                    charging: alpha_in,
-                    discharging: alpha_out,
-                    volume: alpha,
-                })
+                let Paper { alpha_in, alpha_out, alpha } = scenario.paper;
+                Kind::Paper(Blend { charging: alpha_in, discharging: alpha_out, volume: alpha })
             }
-            (_, HeatModel::Isothermal) => Kind::Isothermal {
-                temperature_k: scenario.plant.initial_temperature_k,
-            },
+            (_, HeatModel::Isothermal) => {
+                Kind::Isothermal { temperature_k: scenario.plant.initial_temperature_k }
+            }
             _ => Kind::Balance,
         };
-        Self {
-            gas: IdealGas::new(&scenario.gas),
-            kind,
-        }
+        Self { gas: IdealGas::new(&scenario.gas), kind }
     }
 
     /// The exponent e of w = P V^e.

@@ -189,18 +189,14 @@ mod tests {
         let gas = air();
         let valve = Iso6358::valve(2.0e-8, 0.3, &gas);
         let nozzle = Nozzle::new(0.002, 0.84, &gas);
-        let laws: [&dyn Fn(f64) -> f64; 2] = [&|p2| valve.mass_flow(5e5, 300.0, p2), &|p2| {
-            nozzle.mass_flow(5e5, 300.0, p2)
-        }];
+        let laws: [&dyn Fn(f64) -> f64; 2] =
+            [&|p2| valve.mass_flow(5e5, 300.0, p2), &|p2| nozzle.mass_flow(5e5, 300.0, p2)];
         for law in laws {
             let choked = law(0.0);
             let mut last = choked;
             for i in 0..=100_000 {
                 let flow = law(5e5 * f64::from(i) / 100_000.0);
-                assert!(
-                    flow <= last * (1.0 + 1e-12) && last - flow < 0.01 * choked,
-                    "step {i}"
-                );
+                assert!(flow <= last * (1.0 + 1e-12) && last - flow < 0.01 * choked, "step {i}");
                 last = flow;
             }
             assert_eq!(last, 0.0);
@@ -218,13 +214,9 @@ mod tests {
     fn reverse_flow_carries_the_other_side() {
         let valve = Iso6358::valve(2.0e-8, 0.3, &air());
         let mut streams = Streams::default();
-        streams.add((2e5, 400.0), (1e5, 300.0), |p, t, q| {
-            valve.mass_flow(p, t, q)
-        });
+        streams.add((2e5, 400.0), (1e5, 300.0), |p, t, q| valve.mass_flow(p, t, q));
         assert!(streams.inflow == 0.0 && streams.outflow > 0.0);
-        streams.add((2e5, 400.0), (3e5, 300.0), |p, t, q| {
-            valve.mass_flow(p, t, q)
-        });
+        streams.add((2e5, 400.0), (3e5, 300.0), |p, t, q| valve.mass_flow(p, t, q));
         assert!((streams.inflow_temperature / streams.inflow - 300.0).abs() < 1e-9);
     }
 }

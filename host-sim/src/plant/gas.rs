@@ -20,12 +20,7 @@ impl IdealGas {
     pub fn new(gas: &scenario::Gas) -> Self {
         let (r, k) = (gas.gas_constant_j_kg_k, gas.heat_capacity_ratio);
         let cv = r / (k - 1.0);
-        Self {
-            r,
-            k,
-            cv,
-            cp: k * cv,
-        }
+        Self { r, k, cv, cp: k * cv }
     }
 }
 

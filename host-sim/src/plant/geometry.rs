@@ -33,11 +33,7 @@ impl Geometry {
     pub fn from_braid(length_m: f64, diameter_m: f64, angle_deg: f64, dead_volume_m3: f64) -> Self {
         let angle = angle_deg.to_radians();
         let thread = length_m / angle.cos();
-        Self::new(
-            thread,
-            thread * angle.sin() / (PI * diameter_m),
-            dead_volume_m3,
-        )
+        Self::new(thread, thread * angle.sin() / (PI * diameter_m), dead_volume_m3)
     }
 
     /// Gas volume \[m3\], eq. (10) plus the dead volume.
@@ -87,10 +83,7 @@ mod tests {
             let h = 0.01;
             let v = |i: f64| braid.volume(length + i * h);
             let slope = (v(-2.0) - 8.0 * v(-1.0) + 8.0 * v(1.0) - v(2.0)) / (12.0 * h);
-            assert!(
-                (-slope / braid.force_area(length) - 1.0).abs() < 1e-9,
-                "at {length} m"
-            );
+            assert!((-slope / braid.force_area(length) - 1.0).abs() < 1e-9, "at {length} m");
         }
     }
 }

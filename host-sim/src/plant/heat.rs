@@ -37,15 +37,10 @@ impl InnerHeat {
     pub fn new(heat: &Heat, gas: &IdealGas, diameter_m: f64, jet_diameter_m: f64) -> Self {
         match heat.model {
             HeatModel::Adiabatic | HeatModel::Isothermal => Self::None,
-            HeatModel::Constant => Self::Constant {
-                still: heat.inner_w_m2_k,
-                per_flow: heat.inner_per_flow,
-            },
-            HeatModel::Correlation => Self::Correlation {
-                diameter_m,
-                jet_diameter_m,
-                gas: *gas,
-            },
+            HeatModel::Constant => {
+                Self::Constant { still: heat.inner_w_m2_k, per_flow: heat.inner_per_flow }
+            }
+            HeatModel::Correlation => Self::Correlation { diameter_m, jet_diameter_m, gas: *gas },
         }
     }
 
@@ -54,11 +49,7 @@ impl InnerHeat {
         match *self {
             Self::None => 0.0,
             Self::Constant { still, per_flow } => still + per_flow * inflow,
-            Self::Correlation {
-                diameter_m,
-                jet_diameter_m,
-                gas,
-            } => {
+            Self::Correlation { diameter_m, jet_diameter_m, gas } => {
                 let film = 0.5 * (gas_k + wall_k);
                 let (viscosity, conductivity) = (air_viscosity(film), air_conductivity(film));
                 let density = pressure / (gas.r * film);

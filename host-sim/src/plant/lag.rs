@@ -20,12 +20,7 @@ impl Lag {
         } else {
             (0.0, 0.0)
         };
-        Self {
-            output: initial,
-            input: initial,
-            decay,
-            ramp,
-        }
+        Self { output: initial, input: initial, decay, ramp }
     }
 
     /// Advances by one step, at the end of which the input is `input`; returns the output.
@@ -55,10 +50,7 @@ mod tests {
             let t = step * f64::from(i);
             let output = lag.advance(10.0 + slope * t);
             let exact = 10.0 + slope * (t - tau * (1.0 - (-t / tau).exp()));
-            assert!(
-                (output - exact).abs() < 1e-12,
-                "at {t} s: {output} for {exact}"
-            );
+            assert!((output - exact).abs() < 1e-12, "at {t} s: {output} for {exact}");
         }
     }
 

@@ -24,12 +24,7 @@ impl LocalPower {
             coefficient *= (exponent - i as f64) / (i + 1) as f64;
             *term = coefficient;
         }
-        Self {
-            exponent,
-            series,
-            inverse_reference: 1.0 / x,
-            power: x.powf(exponent),
-        }
+        Self { exponent, series, inverse_reference: 1.0 / x, power: x.powf(exponent) }
     }
 
     /// x^p, for x > 0.
@@ -38,11 +33,7 @@ impl LocalPower {
         let distance = x * self.inverse_reference - 1.0;
         // Written so that a NaN takes the exact branch and stays one.
         if distance.abs() <= RADIUS {
-            let sum = self
-                .series
-                .iter()
-                .rev()
-                .fold(0.0, |sum, term| (sum + term) * distance);
+            let sum = self.series.iter().rev().fold(0.0, |sum, term| (sum + term) * distance);
             return self.power * (1.0 + sum);
         }
         self.inverse_reference = 1.0 / x;

@@ -85,10 +85,7 @@ impl Play {
     /// The place that w and the friction force \[N\] lead to, from the length held.
     fn place(&mut self, config: &Config, w: f64, friction: f64) -> Place {
         let pull = &config.pull;
-        let mut place = Place {
-            pressure: w * self.held.power,
-            ..self.held
-        };
+        let mut place = Place { pressure: w * self.held.power, ..self.held };
         if config.isometric {
             return place;
         }
@@ -108,10 +105,7 @@ impl Play {
         let length = pull.balance(force, self.guess, |length| {
             let volume = pull.braid.volume(length);
             let pressure = w * self.power.at(volume);
-            (
-                pressure,
-                exponent * pressure * pull.braid.force_area(length) / volume,
-            )
+            (pressure, exponent * pressure * pull.braid.force_area(length) / volume)
         });
         if length >= pull.rest_length_m {
             place.may_extend = false;
@@ -120,13 +114,7 @@ impl Play {
         self.guess = length;
         let volume = pull.braid.volume(length);
         let power = self.power.at(volume);
-        Place {
-            length,
-            volume,
-            power,
-            pressure: w * power,
-            ..place
-        }
+        Place { length, volume, power, pressure: w * power, ..place }
     }
 }
 
@@ -138,14 +126,12 @@ impl Config {
     fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
         let mut streams = Streams::default();
         if actuation.inlet > 0.0 {
-            streams.add(gas, self.supply, |p, t, q| {
-                actuation.inlet * self.valve.mass_flow(p, t, q)
-            });
+            streams
+                .add(gas, self.supply, |p, t, q| actuation.inlet * self.valve.mass_flow(p, t, q));
         }
         if actuation.outlet > 0.0 {
-            streams.add(gas, self.ambient, |p, t, q| {
-                actuation.outlet * self.valve.mass_flow(p, t, q)
-            });
+            streams
+                .add(gas, self.ambient, |p, t, q| actuation.outlet * self.valve.mass_flow(p, t, q));
         }
         streams
     }
@@ -173,8 +159,7 @@ impl Config {
         let streams = self.streams((place.pressure, temperature), actuation);
         let surface = self.pull.braid.surface(place.length);
         let coefficient =
-            self.heat
-                .coefficient(place.pressure, temperature, y[WALL], streams.inflow);
+            self.heat.coefficient(place.pressure, temperature, y[WALL], streams.inflow);
         let convective = coefficient * surface * (temperature - y[WALL]);
         let volume_power = 1.0 / (place.power * place.volume);
         let w_rate = closure.rate(volume_power, &streams, temperature, convective);
@@ -231,11 +216,8 @@ impl Lumped {
         let pull = Pull::new(scenario, braid, rest_length);
         let closure = Closure::new(scenario);
         let gas = &closure.gas;
-        let valve = Iso6358::valve(
-            scenario.valve.conductance_m3_s_pa,
-            scenario.valve.critical_ratio,
-            gas,
-        );
+        let valve =
+            Iso6358::valve(scenario.valve.conductance_m3_s_pa, scenario.valve.critical_ratio, gas);
         let supply = (scenario.supply.pressure_pa, scenario.supply.temperature_k);
         let friction = &scenario.friction;
         let softening = Softening::new(friction);
@@ -249,30 +231,17 @@ impl Lumped {
         };
         let volume = braid.volume(length);
         let port_diameter = valve.equivalent_diameter(gas);
-        let heat = InnerHeat::new(
-            &scenario.heat,
-            gas,
-            braid.diameter(rest_length),
-            port_diameter,
-        );
+        let heat = InnerHeat::new(&scenario.heat, gas, braid.diameter(rest_length), port_diameter);
         // Fastest: the pressure of the smallest volume through both valves, near equal pressures.
         let smallest = braid.volume(rest_length).min(volume);
         let hottest = supply.1.max(temperature);
         let valve_rate = 2.0 * gas.k * gas.r * hottest * valve.steepest(hottest) / smallest;
         let step = scenario.run.step_s;
-        let substeps = (step * valve_rate / STEP_TIMES_RATE)
-            .max(step / LONGEST_STEP_S)
-            .ceil();
+        let substeps = (step * valve_rate / STEP_TIMES_RATE).max(step / LONGEST_STEP_S).ceil();
         let exponent = closure.exponent();
         let power = volume.powf(-exponent);
-        let held = Place {
-            may_contract: false,
-            may_extend: false,
-            length,
-            volume,
-            power,
-            pressure,
-        };
+        let held =
+            Place { may_contract: false, may_extend: false, length, volume, power, pressure };
         let config = Config {
             step_s: step,
             substeps: substeps.max(1.0) as u32,
@@ -311,11 +280,7 @@ impl Lumped {
             config,
             steps: 0,
             state,
-            play: Play {
-                held,
-                guess: length,
-                power: LocalPower::new(-exponent, volume),
-            },
+            play: Play { held, guess: length, power: LocalPower::new(-exponent, volume) },
             work_j: 0.0,
             truth: Truth::default(),
             initial,
@@ -349,12 +314,7 @@ impl Lumped {
     }
 
     fn observe(&mut self, time: f64, actuation: Actuation) {
-        let Self {
-            config,
-            state,
-            play,
-            ..
-        } = self;
+        let Self { config, state, play, .. } = self;
         let place = &play.held;
         let closure = &config.closure;
         let temperature = closure.temperature(place.pressure, place.volume, state[MASS]);
@@ -372,11 +332,7 @@ impl Lumped {
             flow_out_kg_s: rates[MASS_OUT],
             gas_temperature_k: temperature,
             wall_temperature_k: state[WALL],
-            friction_n: if config.isometric {
-                0.0
-            } else {
-                excess.clamp(-limit, limit)
-            },
+            friction_n: if config.isometric { 0.0 } else { excess.clamp(-limit, limit) },
             ..Truth::default()
         };
         self.sensors.read(&mut self.truth);

@@ -253,10 +253,7 @@ fn check_length(time_s: f64, length: f64, braid: &Geometry) -> Result<(), Diverg
         return Ok(());
     }
     let thread = braid.thread_length_m;
-    Err(Diverged {
-        time_s,
-        state: format!("length = {length} m, thread length = {thread} m"),
-    })
+    Err(Diverged { time_s, state: format!("length = {length} m, thread length = {thread} m") })
 }
 
 /// The braid of a loaded scenario and its rest length \[m\].

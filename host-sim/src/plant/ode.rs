@@ -32,10 +32,7 @@ pub struct StepTooSmall;
 impl DormandPrince {
     /// With that relative tolerance and first step.
     pub fn new(tolerance: f64, first_step: f64) -> Self {
-        Self {
-            tolerance,
-            step: first_step,
-        }
+        Self { tolerance, step: first_step }
     }
 
     /// Advances `state` from `start` to `end`; the first `CONTROLLED` components are held to the
@@ -60,10 +57,8 @@ impl DormandPrince {
             let h = self.step.min(remaining);
             let y = *state;
             let k2 = rates(time + h / 5.0, &from_fn(|i| y[i] + h * k1[i] / 5.0));
-            let k3 = rates(
-                time + 0.3 * h,
-                &from_fn(|i| y[i] + h * (3.0 * k1[i] + 9.0 * k2[i]) / 40.0),
-            );
+            let k3 =
+                rates(time + 0.3 * h, &from_fn(|i| y[i] + h * (3.0 * k1[i] + 9.0 * k2[i]) / 40.0));
             let k4 = rates(
                 time + 0.8 * h,
                 &from_fn(|i| {
@@ -119,11 +114,7 @@ impl DormandPrince {
                 *state = next;
                 k1 = k7;
                 // A step cut short by `end` says nothing against the longer one.
-                self.step = if last {
-                    self.step.max(h * factor)
-                } else {
-                    h * factor
-                };
+                self.step = if last { self.step.max(h * factor) } else { h * factor };
             } else {
                 self.step = h * factor;
                 if self.step < 1e-14 * end.abs().max(1e-6) {
@@ -154,10 +145,7 @@ mod tests {
     fn the_pair_keeps_its_tolerance() {
         let mut state = [1.0, 1.0];
         let mut pair = DormandPrince::new(1e-11, 0.1);
-        pair.advance(0.0, 3.0, &mut state, [1e-2, 1.0], |t, y| {
-            [-y[0] * t, 2.0 * y[1]]
-        })
-        .unwrap();
+        pair.advance(0.0, 3.0, &mut state, [1e-2, 1.0], |t, y| [-y[0] * t, 2.0 * y[1]]).unwrap();
         assert!((state[0] / (-4.5f64).exp() - 1.0).abs() < 1e-9);
         assert!((state[1] / 6.0f64.exp() - 1.0).abs() < 1e-9);
     }

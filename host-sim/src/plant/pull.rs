@@ -23,12 +23,7 @@ pub struct Pull {
 impl Pull {
     /// Of a scenario whose muscle has that braid and rest length \[m\].
     pub fn new(scenario: &Scenario, braid: Geometry, rest_length_m: f64) -> Self {
-        let Load {
-            kind,
-            force_n,
-            mass_kg,
-            ..
-        } = scenario.load;
+        let Load { kind, force_n, mass_kg, .. } = scenario.load;
         Self {
             braid,
             rest_length_m,
@@ -95,10 +90,7 @@ pub struct Softening {
 impl Softening {
     /// From `[friction]`.
     pub fn new(friction: &Friction) -> Self {
-        Self {
-            per_k: friction.softening_per_k,
-            reference_k: friction.reference_temperature_k,
-        }
+        Self { per_k: friction.softening_per_k, reference_k: friction.reference_temperature_k }
     }
 
     /// Factor on every friction force \[-\] at that wall temperature \[K\].

@@ -9,7 +9,6 @@ use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas};
 use crate::profile::Profile;
 use crate::scenario::{DriveKind, Scenario};
 
-
 /// Relative tolerance of one integration step.
 const TOLERANCE: f64 = 1e-12;
 
@@ -79,25 +78,12 @@ impl Config {
             Ports::Nozzle { nozzle, reservoir } => {
                 streams.add(gas, *reservoir, |p, t, q| nozzle.mass_flow(p, t, q));
             }
-            Ports::Valves {
-                valve,
-                supply,
-                ambient,
-            } => {
-                streams.add(gas, *supply, |p, t, q| {
-                    actuation.inlet * valve.mass_flow(p, t, q)
-                });
-                streams.add(gas, *ambient, |p, t, q| {
-                    actuation.outlet * valve.mass_flow(p, t, q)
-                });
+            Ports::Valves { valve, supply, ambient } => {
+                streams.add(gas, *supply, |p, t, q| actuation.inlet * valve.mass_flow(p, t, q));
+                streams.add(gas, *ambient, |p, t, q| actuation.outlet * valve.mass_flow(p, t, q));
             }
         }
-        Instant {
-            volume,
-            pressure,
-            temperature,
-            streams,
-        }
+        Instant { volume, pressure, temperature, streams }
     }
 
     fn rates(
@@ -108,15 +94,8 @@ impl Config {
         actuation: Actuation,
     ) -> [f64; STATES] {
         let closure = &self.closure;
-        let Instant {
-            volume,
-            pressure,
-            temperature,
-            streams,
-        } = self.instant(time, y, actuation);
-        let coefficient = self
-            .heat
-            .coefficient(pressure, temperature, y[WALL], streams.inflow);
+        let Instant { volume, pressure, temperature, streams } = self.instant(time, y, actuation);
+        let coefficient = self.heat.coefficient(pressure, temperature, y[WALL], streams.inflow);
         let convective = coefficient * self.surface_m2 * (temperature - y[WALL]);
         let work = pressure * volume_slope;
         let heat = closure.heat_of_streams(&streams, temperature, convective)
@@ -169,38 +148,20 @@ impl Vessel {
         let ambient = (scenario.ambient.pressure_pa, scenario.ambient.temperature_k);
         let orifice = &scenario.orifice;
         let nozzle = Nozzle::new(orifice.diameter_m, orifice.discharge_coefficient, gas);
-        let valve = Iso6358::valve(
-            scenario.valve.conductance_m3_s_pa,
-            scenario.valve.critical_ratio,
-            gas,
-        );
+        let valve =
+            Iso6358::valve(scenario.valve.conductance_m3_s_pa, scenario.valve.critical_ratio, gas);
         let (ports, jet_diameter) = match scenario.drive.kind {
             DriveKind::Closed => (Ports::Closed, orifice.diameter_m),
-            DriveKind::Discharge => (
-                Ports::Nozzle {
-                    nozzle,
-                    reservoir: ambient,
-                },
-                orifice.diameter_m,
-            ),
-            DriveKind::Fill => (
-                Ports::Nozzle {
-                    nozzle,
-                    reservoir: supply,
-                },
-                orifice.diameter_m,
-            ),
+            DriveKind::Discharge => {
+                (Ports::Nozzle { nozzle, reservoir: ambient }, orifice.diameter_m)
+            }
+            DriveKind::Fill => (Ports::Nozzle { nozzle, reservoir: supply }, orifice.diameter_m),
             DriveKind::MassFlow
             | DriveKind::Duty
             | DriveKind::Pressure
-            | DriveKind::Contraction => (
-                Ports::Valves {
-                    valve,
-                    supply,
-                    ambient,
-                },
-                valve.equivalent_diameter(gas),
-            ),
+            | DriveKind::Contraction => {
+                (Ports::Valves { valve, supply, ambient }, valve.equivalent_diameter(gas))
+            }
         };
         let diameter = scenario.vessel.characteristic_length_m;
         let config = Config {
@@ -277,10 +238,7 @@ impl Plant for Vessel {
         let end = self.steps as f64 * config.step_s;
         while start < end {
             // The slope of the volume jumps at a knot: no step reaches across one.
-            let stop = config
-                .volume
-                .knot_after(start)
-                .map_or(end, |knot| knot.min(end));
+            let stop = config.volume.knot_after(start).map_or(end, |knot| knot.min(end));
             let slope = config.volume.slope_after(start);
             let energy = config.closure.internal_energy(&self.truth);
             let scales = [self.state[MASS], self.state[W], self.state[WALL], energy];

@@ -1,16 +1,21 @@
 //! tmp
 mod model;
-pub use model::*;
 use crate::input::InputError;
 use crate::profile::Profile;
+pub use model::*;
 use std::path::Path;
 /// tmp
 #[derive(Debug, Clone)]
-pub struct Loaded { /// t
- pub plant: Scenario, /// t
- pub believed: Scenario, /// t
- pub volume_profile: Option<Profile>, /// t
- pub drive_profile: Option<Profile> }
+pub struct Loaded {
+    /// t
+    pub plant: Scenario,
+    /// t
+    pub believed: Scenario,
+    /// t
+    pub volume_profile: Option<Profile>,
+    /// t
+    pub drive_profile: Option<Profile>,
+}
 /// tmp
 pub fn load(path: &Path) -> Result<Loaded, InputError> {
     parse(&std::fs::read_to_string(path).map_err(|e| InputError(e.to_string()))?, path)
@@ -27,4 +32,6 @@ pub fn parse(text: &str, _origin: &Path) -> Result<Loaded, InputError> {
     Ok(Loaded { believed: s.clone(), plant: s, volume_profile: None, drive_profile: None })
 }
 /// tmp
-pub fn render(l: &Loaded) -> String { toml::to_string(&l.plant).unwrap() }
+pub fn render(l: &Loaded) -> String {
+    toml::to_string(&l.plant).unwrap()
+}

@@ -35,36 +35,17 @@ impl MassFlow {
 
     /// The openings that let the wanted flow pass at the plant's present pressure.
     pub fn actuation(&self, truth: &Truth) -> Actuation {
-        let Scenario {
-            supply,
-            ambient,
-            drive,
-            ..
-        } = &self.scenario;
+        let Scenario { supply, ambient, drive, .. } = &self.scenario;
         let pressure = truth.pressure_pa;
         let share = |open: f64| {
-            if open > 0.0 {
-                (drive.flow_kg_s / open).min(1.0)
-            } else {
-                1.0
-            }
+            if open > 0.0 { (drive.flow_kg_s / open).min(1.0) } else { 1.0 }
         };
         if (truth.time_s / drive.period_s).fract() < 0.5 {
-            let open = self
-                .valve
-                .mass_flow(supply.pressure_pa, supply.temperature_k, pressure);
-            Actuation {
-                inlet: share(open),
-                outlet: 0.0,
-            }
+            let open = self.valve.mass_flow(supply.pressure_pa, supply.temperature_k, pressure);
+            Actuation { inlet: share(open), outlet: 0.0 }
         } else {
-            let open = self
-                .valve
-                .mass_flow(pressure, truth.gas_temperature_k, ambient.pressure_pa);
-            Actuation {
-                inlet: 0.0,
-                outlet: share(open),
-            }
+            let open = self.valve.mass_flow(pressure, truth.gas_temperature_k, ambient.pressure_pa);
+            Actuation { inlet: 0.0, outlet: share(open) }
         }
     }
 }
