@@ -1,49 +1,335 @@
-//! tmp
+//! The virtual analog front end and the RP2040's ADC: from what the sensing elements see to raw codes.
+//!
+//! Every channel is ratiometric to the ADC's reference, so that the reference drops out. A code is
+//! the sum of [`OVERSAMPLING`] conversions of 12 bit, 0 to 32760.
+//!
+//! | channel | share of the reference |
+//! |---|---|
+//! | pressure | 0.1 + 0.8 P / range |
+//! | length | 0.05 + 0.9 L / range |
+//! | gas temperature | 0.05 + 0.9 (r(T) - r(T_min)) / (r(T_max) - r(T_min)), r = R/(R + 4.7 kOhm), R the Pt1000 |
+
 use crate::plant::Truth;
 use crate::scenario::Scenario;
-/// t
-pub struct VirtualAdc {
-    s: Scenario,
-    g: f64,
-    w: f64,
-}
-/// t
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+
+/// Conversions that one code sums up.
+pub const OVERSAMPLING: u16 = 8;
+
+/// Full scale of one conversion \[LSB\].
+const FULL_SCALE: f64 = 4095.0;
+/// Noise of the RP2040's converter itself, one conversion, standard deviation \[LSB\].
+const CONVERTER_NOISE_LSB: f64 = 0.5;
+/// Resistor in series with the Pt1000 \[Ohm\].
+const SERIES_OHM: f64 = 4700.0;
+
+/// Codes that erratum RP2040-E11 makes too wide (RP2040 datasheet, appendix B).
+const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
+/// By how much they are too wide \[LSB\]. Measured on Pico boards: DNL peaks of 8 to 9 LSB
+/// (raspberrypi/pico-feedback issue 91), jumps of 9 to 10 LSB in the mean error of five boards
+/// (kitanokitsune/rp2040adc_correction).
+const EXCESS_WIDTH_LSB: f64 = 8.9;
+
+/// The raw codes of one exchange step, each 0 to 32760.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Codes {
-    /// t
+    /// Absolute pressure.
     pub pressure: u16,
-    /// t
+    /// Pt1000 in the gas.
     pub gas: u16,
-    /// t
+    /// Muscle length.
     pub length: u16,
 }
-fn r(t: f64) -> f64 {
-    let c = t - 273.15;
-    let r = 1000.0 * (1.0 + 3.9083e-3 * c - 5.775e-7 * c * c);
-    r / (r + 4700.0)
+
+/// Resistance of a Pt1000 \[Ohm\] at a temperature \[K\], IEC 60751, 73 to 1123 K.
+pub fn pt1000_ohm(temperature_k: f64) -> f64 {
+    const A: f64 = 3.9083e-3;
+    const B: f64 = -5.775e-7;
+    const C: f64 = -4.183e-12;
+    let t = temperature_k - 273.15;
+    let below_zero = if t < 0.0 {
+        C * (t - 100.0) * t * t * t
+    } else {
+        0.0
+    };
+    1000.0 * (1.0 + t * (A + t * B) + below_zero)
 }
-impl VirtualAdc {
-    /// t
-    pub fn new(s: &Scenario) -> Self {
-        Self { s: s.clone(), g: 0.0, w: 0.0 }
+
+/// Mean code of a conversion \[LSB\] for an ideal input \[LSB\], both 0 to 4095: the transfer curve
+/// with erratum E11, offset and gain trimmed at the ends. Four codes swallow 8.9 LSB of input each;
+/// between them the curve is steeper by as much.
+pub fn e11_transfer(input_lsb: f64) -> f64 {
+    const SLOPE: f64 = FULL_SCALE / (FULL_SCALE - WIDE_CODES.len() as f64 * EXCESS_WIDTH_LSB);
+    let mut swallowed = 0.0;
+    for (i, code) in WIDE_CODES.iter().enumerate() {
+        let start = code / SLOPE + i as f64 * EXCESS_WIDTH_LSB;
+        swallowed += (input_lsb - start).clamp(0.0, EXCESS_WIDTH_LSB);
     }
-    /// t
-    pub fn convert(&mut self, t: &Truth) -> Codes {
-        let f = |x: f64| ((x * 32768.0 - 4.0).round().clamp(0.0, 32760.0)) as u16;
-        self.g = t.sensor_gas_k;
-        self.w = t.sensor_wall_k;
-        let (a, b) = (r(self.s.sensor.gas.range_min_k), r(self.s.sensor.gas.range_max_k));
-        Codes {
-            pressure: f(0.1 + 0.8 * t.sensor_pressure_pa / self.s.sensor.pressure.range_pa),
-            length: f(0.05 + 0.9 * t.sensor_length_m / self.s.sensor.length.range_m),
-            gas: f(0.05 + 0.9 * (r(t.sensor_gas_k) - a) / (b - a)),
+    (input_lsb - swallowed) * SLOPE
+}
+
+/// A stream of Gaussian noise.
+#[derive(Debug, Clone)]
+struct Noise(Xoshiro256PlusPlus);
+
+impl Noise {
+    fn sample(&mut self, deviation: f64) -> f64 {
+        let normal: f64 = StandardNormal.sample(&mut self.0);
+        deviation * normal
+    }
+}
+
+/// One channel: its own noise, so that a further channel changes none of the others.
+#[derive(Debug, Clone)]
+struct Channel {
+    noise: Noise,
+    /// Deviation of the sensor's noise in a sum of conversions \[unit of the sensor\].
+    sensor: f64,
+    /// Deviation of the converter's noise in a sum of conversions, as a share of the reference.
+    converter: f64,
+}
+
+impl Channel {
+    fn new(noise: Noise, per_conversion: f64) -> Self {
+        let averaging = f64::from(OVERSAMPLING).sqrt();
+        Self {
+            noise,
+            sensor: per_conversion / averaging,
+            converter: CONVERTER_NOISE_LSB / FULL_SCALE / averaging,
         }
     }
-    /// t
-    pub fn gas_reading_k(&self) -> f64 {
-        self.g
+
+    /// A value with the sensor's noise on it.
+    fn sense(&mut self, value: f64) -> f64 {
+        value + self.noise.sample(self.sensor)
     }
-    /// t
+
+    /// The code for a share of the reference.
+    fn convert(&mut self, share: f64) -> u16 {
+        let noisy = share + self.noise.sample(self.converter);
+        let mean = e11_transfer(FULL_SCALE * noisy.clamp(0.0, 1.0));
+        (f64::from(OVERSAMPLING) * mean).round() as u16
+    }
+}
+
+/// Sensors' electronics and ADC of the board.
+#[derive(Debug, Clone)]
+pub struct VirtualAdc {
+    pressure: Channel,
+    gas: Channel,
+    length: Channel,
+    wall: Noise,
+    wall_noise_k: f64,
+    pressure_range_pa: f64,
+    length_range_m: f64,
+    /// Bridge ratio at the lowest temperature, and its span up to the highest.
+    bridge: (f64, f64),
+    gas_reading_k: f64,
+    wall_reading_k: f64,
+}
+
+/// Ratio of the bridge at a temperature \[K\].
+fn bridge_ratio(temperature_k: f64) -> f64 {
+    let ohm = pt1000_ohm(temperature_k);
+    ohm / (ohm + SERIES_OHM)
+}
+
+impl VirtualAdc {
+    /// The front end of a scenario, seeded by `run.seed`.
+    pub fn new(scenario: &Scenario) -> Self {
+        let sensor = &scenario.sensor;
+        let mut generator = Xoshiro256PlusPlus::seed_from_u64(scenario.run.seed);
+        let mut stream = || {
+            generator.jump();
+            Noise(generator.clone())
+        };
+        let lowest = bridge_ratio(sensor.gas.range_min_k);
+        let initial = scenario.plant.initial_temperature_k;
+        Self {
+            pressure: Channel::new(stream(), sensor.pressure.noise_pa),
+            gas: Channel::new(stream(), sensor.gas.noise_k),
+            length: Channel::new(stream(), sensor.length.noise_m),
+            wall: stream(),
+            wall_noise_k: sensor.wall.noise_k,
+            pressure_range_pa: sensor.pressure.range_pa,
+            length_range_m: sensor.length.range_m,
+            bridge: (lowest, bridge_ratio(sensor.gas.range_max_k) - lowest),
+            gas_reading_k: initial,
+            wall_reading_k: initial,
+        }
+    }
+
+    /// The codes of one exchange step.
+    pub fn convert(&mut self, truth: &Truth) -> Codes {
+        let pressure = self.pressure.sense(truth.sensor_pressure_pa);
+        let length = self.length.sense(truth.sensor_length_m);
+        self.gas_reading_k = self.gas.sense(truth.sensor_gas_k);
+        self.wall_reading_k = truth.sensor_wall_k + self.wall.sample(self.wall_noise_k);
+        let bridge = (bridge_ratio(self.gas_reading_k) - self.bridge.0) / self.bridge.1;
+        Codes {
+            pressure: self
+                .pressure
+                .convert(0.1 + 0.8 * pressure / self.pressure_range_pa),
+            gas: self.gas.convert(0.05 + 0.9 * bridge),
+            length: self
+                .length
+                .convert(0.05 + 0.9 * length / self.length_range_m),
+        }
+    }
+
+    /// What the gas sensor read at the last conversion, noise included \[K\].
+    pub fn gas_reading_k(&self) -> f64 {
+        self.gas_reading_k
+    }
+
+    /// What the wall sensor read at the last conversion, noise included \[K\].
     pub fn wall_reading_k(&self) -> f64 {
-        self.w
+        self.wall_reading_k
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn truth() -> Truth {
+        Truth {
+            sensor_pressure_pa: 350_000.0,
+            sensor_length_m: 0.2,
+            sensor_gas_k: 300.0,
+            sensor_wall_k: 305.0,
+            ..Truth::default()
+        }
+    }
+
+    #[test]
+    fn pt1000_matches_the_standards_table() {
+        for (celsius, ohm) in [
+            (-40.0, 842.7),
+            (0.0, 1000.0),
+            (25.0, 1097.4),
+            (100.0, 1385.1),
+            (200.0, 1758.6),
+        ] {
+            let actual = pt1000_ohm(celsius + 273.15);
+            assert!((actual - ohm).abs() < 0.06, "{celsius} degC: {actual}");
+        }
+    }
+
+    #[test]
+    fn e11_widens_four_codes_only() {
+        // Code densities of a fine ramp.
+        const PER_LSB: u32 = 100;
+        let mut hits = vec![0u32; 4096];
+        for i in 0..=4095 * PER_LSB {
+            hits[e11_transfer(f64::from(i) / f64::from(PER_LSB)).round() as usize] += 1;
+        }
+        for (code, &count) in hits.iter().enumerate().take(4095).skip(1) {
+            let dnl = f64::from(count) / f64::from(PER_LSB) - 1.0;
+            if WIDE_CODES.contains(&(code as f64)) {
+                assert!((8.0..10.0).contains(&dnl), "code {code}: DNL {dnl}");
+            } else {
+                assert!(dnl.abs() < 0.05, "code {code}: DNL {dnl}");
+            }
+        }
+        assert_eq!(e11_transfer(0.0), 0.0);
+        assert!((e11_transfer(4095.0) - 4095.0).abs() < 1e-9);
+        let worst = (0..=4095)
+            .map(|x| (e11_transfer(f64::from(x)) - f64::from(x)).abs())
+            .fold(0.0, f64::max);
+        assert!((3.0..7.0).contains(&worst), "INL {worst} LSB");
+    }
+
+    #[test]
+    fn quiet_codes_are_the_ratiometric_ones() {
+        let mut scenario = Scenario::default();
+        scenario.sensor.pressure.noise_pa = 0.0;
+        scenario.sensor.length.noise_m = 0.0;
+        scenario.sensor.gas.noise_k = 0.0;
+        let codes = VirtualAdc::new(&scenario).convert(&truth());
+        // Half of the pressure range and half of the travel are half of the reference.
+        for (code, share) in [(codes.pressure, 0.5), (codes.length, 0.5)] {
+            let expected = 8.0 * e11_transfer(share * 4095.0);
+            assert!(
+                (f64::from(code) - expected).abs() < 8.0,
+                "{code} for {expected}"
+            );
+        }
+        // 300 K is in the middle of 270 to 330 K; the bridge bends by less than 2 %.
+        assert!((f64::from(codes.gas) / 32760.0 - 0.5).abs() < 0.02);
+    }
+
+    #[test]
+    fn clamps_at_the_rails() {
+        let mut adc = VirtualAdc::new(&Scenario::default());
+        let far = Truth {
+            sensor_pressure_pa: 2e6,
+            sensor_length_m: -1.0,
+            sensor_gas_k: 500.0,
+            ..truth()
+        };
+        assert_eq!(
+            adc.convert(&far),
+            Codes {
+                pressure: 32760,
+                gas: 32760,
+                length: 0
+            }
+        );
+    }
+
+    #[test]
+    fn noise_has_the_stated_deviation_and_repeats() {
+        let scenario = Scenario::default();
+        let mut adc = VirtualAdc::new(&scenario);
+        let mut again = VirtualAdc::new(&scenario);
+        let (mut sum, mut square, mut wall) = (0.0, 0.0, 0.0);
+        let n = 20_000;
+        for _ in 0..n {
+            let codes = adc.convert(&truth());
+            assert_eq!(codes, again.convert(&truth()));
+            let code = f64::from(codes.pressure);
+            sum += code;
+            square += code * code;
+            wall += (adc.wall_reading_k() - 305.0f64).powi(2);
+        }
+        let mean = sum / f64::from(n);
+        let deviation = (square / f64::from(n) - mean * mean).sqrt();
+        let averaging = 8.0f64.sqrt();
+        let sensor = 150.0 * 0.8 / 700_000.0 * 32760.0 / averaging;
+        let converter = 0.5 * 8.0 / averaging;
+        let expected = 1.0088 * sensor.hypot(converter);
+        assert!(
+            (deviation / expected - 1.0).abs() < 0.03,
+            "{deviation} for {expected}"
+        );
+        assert!(((wall / f64::from(n)).sqrt() / 0.05 - 1.0).abs() < 0.03);
+    }
+
+    #[test]
+    fn channels_do_not_share_their_noise() {
+        let mut scenario = Scenario::default();
+        let mut adc = VirtualAdc::new(&scenario);
+        scenario.sensor.gas.noise_k = 1.0;
+        let mut other = VirtualAdc::new(&scenario);
+        for _ in 0..100 {
+            let (a, b) = (adc.convert(&truth()), other.convert(&truth()));
+            assert_eq!((a.pressure, a.length), (b.pressure, b.length));
+        }
+    }
+
+    #[test]
+    fn speed() {
+        let mut adc = VirtualAdc::new(&Scenario::default());
+        let start = std::time::Instant::now();
+        let mut sum = 0u64;
+        for _ in 0..1_000_000 {
+            sum += u64::from(adc.convert(&truth()).gas);
+        }
+        let ns = start.elapsed().as_secs_f64() * 1e3;
+        println!("{ns:.0} ns per conversion, mean {}", sum / 1_000_000);
+        assert!(ns < 1000.0);
     }
 }

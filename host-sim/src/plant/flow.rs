@@ -48,6 +48,7 @@ impl Iso6358 {
     }
 
     /// Mass flow \[kg/s\] from upstream (p1 \[Pa\], T1 \[K\]) to downstream p2 <= p1.
+    #[inline]
     pub fn mass_flow(&self, upstream_pa: f64, upstream_k: f64, downstream_pa: f64) -> f64 {
         let ratio = downstream_pa / upstream_pa;
         let choked = self.choked * upstream_pa / upstream_k.sqrt();

@@ -119,10 +119,6 @@ impl Play {
 }
 
 impl Config {
-    fn friction(&self, wall_k: f64) -> f64 {
-        self.friction_n * self.softening.factor(wall_k)
-    }
-
     fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
         let mut streams = Streams::default();
         if actuation.inlet > 0.0 {
@@ -153,7 +149,13 @@ impl Config {
         }
     }
 
-    fn rates(&self, y: &[f64; STATES], place: &Place, actuation: Actuation) -> [f64; STATES] {
+    fn rates(
+        &self,
+        y: &[f64; STATES],
+        place: &Place,
+        friction: f64,
+        actuation: Actuation,
+    ) -> [f64; STATES] {
         let closure = &self.closure;
         let temperature = closure.temperature(place.pressure, place.volume, y[MASS]);
         let streams = self.streams((place.pressure, temperature), actuation);
@@ -167,7 +169,7 @@ impl Config {
         let heat = closure.heat_of_streams(&streams, temperature, convective);
         let outer = self.outer_w_m2_k + self.outer_per_speed * speed;
         let to_ambient = outer * surface * (y[WALL] - self.ambient.1);
-        let friction = self.friction(y[WALL]) * speed;
+        let friction = friction * speed;
         let friction_to_wall = self.friction_to_wall * friction;
         let mut rates = [0.0; STATES];
         rates[MASS] = streams.net();
@@ -292,19 +294,21 @@ impl Lumped {
 
     fn substep(&mut self, step: f64, actuation: Actuation) {
         let Self { config, play, .. } = self;
+        let softening = config.softening.around(self.state[WALL]);
+        let friction_at = |wall_k: f64| config.friction_n * softening.factor(wall_k);
         let mut stage = 0;
         let mut middle = play.held;
         let start = play.held;
         self.state = rk4(&self.state, step, |y| {
-            let place = play.place(config, y[W], config.friction(y[WALL]));
+            let friction = friction_at(y[WALL]);
+            let place = play.place(config, y[W], friction);
             stage += 1;
             if stage == 3 {
                 middle = place;
             }
-            config.rates(y, &place, actuation)
+            config.rates(y, &place, friction, actuation)
         });
-        let friction = config.friction(self.state[WALL]);
-        let end = play.place(config, self.state[W], friction);
+        let end = play.place(config, self.state[W], friction_at(self.state[WALL]));
         play.held = end;
         let work = work_through([start, middle, end].map(|place| (place.pressure, place.volume)));
         self.work_j += work;
@@ -318,8 +322,8 @@ impl Lumped {
         let place = &play.held;
         let closure = &config.closure;
         let temperature = closure.temperature(place.pressure, place.volume, state[MASS]);
-        let rates = config.rates(state, place, actuation);
-        let limit = config.friction(state[WALL]);
+        let limit = config.friction_n * config.softening.factor(state[WALL]);
+        let rates = config.rates(state, place, limit, actuation);
         let excess = config.pull.force(place.pressure, place.length) - config.pull.load_n;
         self.truth = Truth {
             time_s: time,
