@@ -18,8 +18,10 @@ use rand_xoshiro::rand_core::SeedableRng;
 /// Conversions that one code sums up.
 pub const OVERSAMPLING: u16 = 8;
 
-/// Full scale of one conversion \[LSB\].
+/// Highest code of one conversion \[LSB\].
 const FULL_SCALE: f64 = 4095.0;
+/// Steps that the reference is divided into.
+const STEPS: f64 = 4096.0;
 /// Noise of the RP2040's converter itself, one conversion, standard deviation \[LSB\].
 const CONVERTER_NOISE_LSB: f64 = 0.5;
 /// Resistor in series with the Pt1000 \[Ohm\].
@@ -49,11 +51,7 @@ pub fn pt1000_ohm(temperature_k: f64) -> f64 {
     const B: f64 = -5.775e-7;
     const C: f64 = -4.183e-12;
     let t = temperature_k - 273.15;
-    let below_zero = if t < 0.0 {
-        C * (t - 100.0) * t * t * t
-    } else {
-        0.0
-    };
+    let below_zero = if t < 0.0 { C * (t - 100.0) * t * t * t } else { 0.0 };
     1000.0 * (1.0 + t * (A + t * B) + below_zero)
 }
 
@@ -109,7 +107,8 @@ impl Channel {
     /// The code for a share of the reference.
     fn convert(&mut self, share: f64) -> u16 {
         let noisy = share + self.noise.sample(self.converter);
-        let mean = e11_transfer(FULL_SCALE * noisy.clamp(0.0, 1.0));
+        // A conversion truncates: over the noise of eight its mean lies half a code below the input.
+        let mean = e11_transfer(STEPS * noisy - 0.5).clamp(0.0, FULL_SCALE);
         (f64::from(OVERSAMPLING) * mean).round() as u16
     }
 }
@@ -169,13 +168,9 @@ impl VirtualAdc {
         self.wall_reading_k = truth.sensor_wall_k + self.wall.sample(self.wall_noise_k);
         let bridge = (bridge_ratio(self.gas_reading_k) - self.bridge.0) / self.bridge.1;
         Codes {
-            pressure: self
-                .pressure
-                .convert(0.1 + 0.8 * pressure / self.pressure_range_pa),
+            pressure: self.pressure.convert(0.1 + 0.8 * pressure / self.pressure_range_pa),
             gas: self.gas.convert(0.05 + 0.9 * bridge),
-            length: self
-                .length
-                .convert(0.05 + 0.9 * length / self.length_range_m),
+            length: self.length.convert(0.05 + 0.9 * length / self.length_range_m),
         }
     }
 
@@ -206,13 +201,9 @@ mod tests {
 
     #[test]
     fn pt1000_matches_the_standards_table() {
-        for (celsius, ohm) in [
-            (-40.0, 842.7),
-            (0.0, 1000.0),
-            (25.0, 1097.4),
-            (100.0, 1385.1),
-            (200.0, 1758.6),
-        ] {
+        for (celsius, ohm) in
+            [(-40.0, 842.7), (0.0, 1000.0), (25.0, 1097.4), (100.0, 1385.1), (200.0, 1758.6)]
+        {
             let actual = pt1000_ohm(celsius + 273.15);
             assert!((actual - ohm).abs() < 0.06, "{celsius} degC: {actual}");
         }
@@ -251,11 +242,8 @@ mod tests {
         let codes = VirtualAdc::new(&scenario).convert(&truth());
         // Half of the pressure range and half of the travel are half of the reference.
         for (code, share) in [(codes.pressure, 0.5), (codes.length, 0.5)] {
-            let expected = 8.0 * e11_transfer(share * 4095.0);
-            assert!(
-                (f64::from(code) - expected).abs() < 8.0,
-                "{code} for {expected}"
-            );
+            let expected = 8.0 * e11_transfer(share * 4096.0 - 0.5);
+            assert!((f64::from(code) - expected).abs() < 8.0, "{code} for {expected}");
         }
         // 300 K is in the middle of 270 to 330 K; the bridge bends by less than 2 %.
         assert!((f64::from(codes.gas) / 32760.0 - 0.5).abs() < 0.02);
@@ -270,14 +258,7 @@ mod tests {
             sensor_gas_k: 500.0,
             ..truth()
         };
-        assert_eq!(
-            adc.convert(&far),
-            Codes {
-                pressure: 32760,
-                gas: 32760,
-                length: 0
-            }
-        );
+        assert_eq!(adc.convert(&far), Codes { pressure: 32760, gas: 32760, length: 0 });
     }
 
     #[test]
@@ -298,13 +279,10 @@ mod tests {
         let mean = sum / f64::from(n);
         let deviation = (square / f64::from(n) - mean * mean).sqrt();
         let averaging = 8.0f64.sqrt();
-        let sensor = 150.0 * 0.8 / 700_000.0 * 32760.0 / averaging;
+        let sensor = 150.0 * 0.8 / 700_000.0 * 32768.0 / averaging;
         let converter = 0.5 * 8.0 / averaging;
-        let expected = 1.0088 * sensor.hypot(converter);
-        assert!(
-            (deviation / expected - 1.0).abs() < 0.03,
-            "{deviation} for {expected}"
-        );
+        let expected = 1.0091 * sensor.hypot(converter);
+        assert!((deviation / expected - 1.0).abs() < 0.03, "{deviation} for {expected}");
         assert!(((wall / f64::from(n)).sqrt() / 0.05 - 1.0).abs() < 0.03);
     }
 
@@ -318,18 +296,5 @@ mod tests {
             let (a, b) = (adc.convert(&truth()), other.convert(&truth()));
             assert_eq!((a.pressure, a.length), (b.pressure, b.length));
         }
-    }
-
-    #[test]
-    fn speed() {
-        let mut adc = VirtualAdc::new(&Scenario::default());
-        let start = std::time::Instant::now();
-        let mut sum = 0u64;
-        for _ in 0..1_000_000 {
-            sum += u64::from(adc.convert(&truth()).gas);
-        }
-        let ns = start.elapsed().as_secs_f64() * 1e3;
-        println!("{ns:.0} ns per conversion, mean {}", sum / 1_000_000);
-        assert!(ns < 1000.0);
     }
 }

@@ -11,6 +11,8 @@ use model_core::valve::Valve;
 /// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
 /// \[W/(m2 K)\].
 const ISOTHERMAL_W_M2_K: f32 = 2_000.0;
+/// Erratum RP2040-E11, the virtual ADC's as the board's \[LSB of 12 bit\].
+const RP2040_WIDE_CODE_LSB: f32 = 8.9;
 /// Standard gravity \[m/s2\].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -94,6 +96,7 @@ pub fn core_config(believed: &Scenario) -> Config {
             length_range_m: s.sensor.length.range_m as f32,
             gas_min_k: s.sensor.gas.range_min_k as f32,
             gas_max_k: s.sensor.gas.range_max_k as f32,
+            wide_code_lsb: RP2040_WIDE_CODE_LSB,
         },
         gas_sensor: GasSensor {
             time_constant_s: s.sensor.gas.time_constant_s as f32,

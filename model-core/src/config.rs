@@ -167,6 +167,7 @@ impl Default for Config {
                 length_range_m: 0.4,
                 gas_min_k: 270.0,
                 gas_max_k: 330.0,
+                wide_code_lsb: 8.9,
             },
             gas_sensor: GasSensor { time_constant_s: 3.0, noise_k: 0.05 },
             estimator: EstimatorConfig::default(),
@@ -258,6 +259,7 @@ impl Config {
         within("sensor.length.range_m", front_end.length_range_m, 0.001, 100.0)?;
         within("sensor.gas.range_min_k", front_end.gas_min_k, 73.0, 800.0)?;
         within("sensor.gas.range_max_k", front_end.gas_max_k, front_end.gas_min_k + 1.0, 1100.0)?;
+        within("adc.wide_code_lsb", front_end.wide_code_lsb, 0.0, 100.0)?;
         within("sensor.gas.time_constant_s", self.gas_sensor.time_constant_s, 0.001, 1.0e3)?;
         within("sensor.gas.noise_k", self.gas_sensor.noise_k, 0.0, 100.0)?;
         let estimator = &self.estimator;

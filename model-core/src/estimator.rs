@@ -32,7 +32,7 @@
 
 use crate::body::Shape;
 use crate::config::Config;
-use crate::front_end::Converter;
+use crate::front_end::{CodeSum, Converter};
 use crate::math::{CompensatedSum, exp, limit, sqrt};
 use crate::sample::{AdcCode, Estimate};
 
@@ -95,8 +95,7 @@ struct Interval {
     gas_k: f32,
     inflow_kg: f32,
     heat_j: f32,
-    codes: u32,
-    code_count: u16,
+    readings: CodeSum,
     flowing_steps: u16,
 }
 
@@ -192,8 +191,7 @@ impl Estimator {
         }
         self.propagate(pressure_pa, volume_m3, measurement);
         if let Some(code) = measurement.gas {
-            self.interval.codes += u32::from(code.0);
-            self.interval.code_count += 1;
+            self.interval.readings.add(code);
         }
         if let Some(innovation_k) = self.innovation_k.take() {
             self.correct(innovation_k);
@@ -206,7 +204,7 @@ impl Estimator {
     /// Everything has the sensor's temperature, until something better is known.
     fn start(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
         if let Some(code) = measurement.gas {
-            let reading_k = self.converter.gas_k(f32::from(code.0));
+            let reading_k = self.converter.gas_k(code);
             self.gas_k = reading_k;
             self.wall_k = reading_k;
             self.sensor_k = reading_k;
@@ -304,14 +302,12 @@ impl Estimator {
         self.covariance.propagate(&transition);
         self.add_drift(duration_s, gas_k);
 
-        if interval.code_count > 0 {
-            let mean_code = interval.codes as f32 / f32::from(interval.code_count);
-            // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem
-            // little beside a lag of seconds, but at a stroke's frequency a delay so small looks
-            // like a tenth of a second more of lag.
-            self.innovation_k =
-                Some(self.converter.gas_k(mean_code) - (self.sensor_k - 0.5 * sensor_change_k));
-        }
+        // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
+        // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
+        // a second more of lag.
+        let middle_k = self.sensor_k - 0.5 * sensor_change_k;
+        self.innovation_k =
+            self.converter.mean_gas_k(&interval.readings).map(|reading_k| reading_k - middle_k);
     }
 
     fn add_drift(&mut self, duration_s: f32, gas_k: f32) {

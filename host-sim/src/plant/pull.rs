@@ -101,11 +101,7 @@ impl Softening {
     /// The factor around that wall temperature \[K\].
     pub fn around(&self, wall_k: f64) -> LocalSoftening {
         let factor = self.factor(wall_k);
-        LocalSoftening {
-            factor,
-            slope: -self.per_k * factor,
-            wall_k,
-        }
+        LocalSoftening { factor, slope: -self.per_k * factor, wall_k }
     }
 }
 
