@@ -64,6 +64,11 @@ impl Closure {
         }
     }
 
+    /// Whether the gas keeps its initial temperature.
+    pub fn is_isothermal(&self) -> bool {
+        matches!(self.kind, Kind::Isothermal { .. })
+    }
+
     /// Gas temperature \[K\] at P \[Pa\], V \[m3\], m \[kg\], eq. (1).
     pub fn temperature(&self, pressure: f64, volume: f64, mass: f64) -> f64 {
         match self.kind {

@@ -12,7 +12,9 @@ use super::local_power::LocalPower;
 use super::ode::rk4;
 use super::pull::{Pull, Softening};
 use super::sensors::{Exposure, Sensors};
-use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas, check_length};
+use super::{
+    Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas, check_length, work_through,
+};
 use crate::scenario::{LoadKind, Scenario};
 
 /// Longest integration step \[s\].
@@ -185,14 +187,6 @@ impl Config {
         rates[FRICTION_TO_WALL] = friction_to_wall;
         rates
     }
-}
-
-/// Work of the gas, the integral of P dV through three equidistant instants: exact where P and V are
-/// quadratic in time. It uses the volumes themselves, not dV/dt, which jumps where the braid
-/// starts to slide.
-pub(super) fn work_through(places: [(f64, f64); 3]) -> f64 {
-    let [(p0, v0), (pm, vm), (p1, v1)] = places;
-    (p0 * (4.0 * vm - 3.0 * v0 - v1) + 4.0 * pm * (v1 - v0) + p1 * (v0 - 4.0 * vm + 3.0 * v1)) / 6.0
 }
 
 /// A lumped muscle in operation.

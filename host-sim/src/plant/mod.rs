@@ -3,8 +3,10 @@
 //! It shares no equation's code with `model-core`; a test that compares the two compares two
 //! derivations.
 
+mod bristle;
 mod closure;
 pub mod flow;
+mod full;
 pub mod gas;
 pub mod geometry;
 mod heat;
@@ -13,8 +15,10 @@ mod local_power;
 mod lumped;
 mod ode;
 mod pull;
+mod pwm;
 mod sensors;
 mod vessel;
+mod zones;
 
 use crate::profile::Profile;
 use crate::scenario::{PlantKind, PlantModel, Scenario};
@@ -224,7 +228,7 @@ pub fn build(
         PlantKind::Vessel => Ok(Box::new(vessel::Vessel::new(scenario, volume_profile)?)),
         PlantKind::Muscle => match scenario.plant.model {
             PlantModel::Lumped | PlantModel::Paper => Ok(Box::new(lumped::Lumped::new(scenario)?)),
-            PlantModel::Full => todo!(),
+            PlantModel::Full => Ok(Box::new(full::Full::new(scenario)?)),
         },
     }
 }
@@ -265,4 +269,12 @@ fn resolved_braid(scenario: &Scenario) -> Result<(Geometry, f64), BuildError> {
         }
         _ => Err(BuildError::GeometryUnresolved),
     }
+}
+
+/// Work of the gas, the integral of P dV through three equidistant instants: exact where P and V are
+/// quadratic in time. It uses the volumes themselves, not dV/dt, which jumps where the braid
+/// starts to slide.
+fn work_through(places: [(f64, f64); 3]) -> f64 {
+    let [(p0, v0), (pm, vm), (p1, v1)] = places;
+    (p0 * (4.0 * vm - 3.0 * v0 - v1) + 4.0 * pm * (v1 - v0) + p1 * (v0 - 4.0 * vm + 3.0 * v1)) / 6.0
 }

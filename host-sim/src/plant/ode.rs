@@ -16,6 +16,58 @@ pub fn rk4<const N: usize>(
     from_fn(|i| state[i] + step / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]))
 }
 
+/// The classical fourth-order step for a system whose size is known at run time only.
+#[derive(Debug, Clone)]
+pub struct Rk4 {
+    rates: Vec<f64>,
+    sum: Vec<f64>,
+    trial: Vec<f64>,
+}
+
+impl Rk4 {
+    /// For that many states.
+    pub fn new(states: usize) -> Self {
+        let zeros = vec![0.0; states];
+        Self {
+            rates: zeros.clone(),
+            sum: zeros.clone(),
+            trial: zeros,
+        }
+    }
+
+    /// One step of an autonomous system; `rates` writes the derivatives into its second argument.
+    pub fn step(
+        &mut self,
+        state: &mut [f64],
+        step: f64,
+        mut rates: impl FnMut(&[f64], &mut [f64]),
+    ) {
+        let Self {
+            rates: k,
+            sum,
+            trial,
+        } = self;
+        trial.copy_from_slice(state);
+        sum.fill(0.0);
+        // Weight of the stage in the sum, and where the next stage is evaluated.
+        for (weight, next) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
+            rates(trial, k);
+            for (((sum, trial), k), y) in sum
+                .iter_mut()
+                .zip(trial.iter_mut())
+                .zip(k.iter())
+                .zip(state.iter())
+            {
+                *sum += weight * k;
+                *trial = y + next * step * k;
+            }
+        }
+        for (y, sum) in state.iter_mut().zip(sum.iter()) {
+            *y += step / 6.0 * sum;
+        }
+    }
+}
+
 /// Dormand and Prince's pair of order 5(4) (J. Comp. Appl. Math. 6, 1980) with step control.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DormandPrince {
@@ -139,6 +191,17 @@ mod tests {
         };
         let order = (error(20) / error(40)).log2();
         assert!((3.8..4.2).contains(&order), "{order}");
+    }
+
+    #[test]
+    fn both_forms_of_rk4_agree() {
+        let mut state = [1.0, 2.0];
+        let fixed = rk4(&state, 0.1, |y| [-y[0] * y[1], y[0]]);
+        Rk4::new(2).step(&mut state, 0.1, |y, rates| {
+            rates[0] = -y[0] * y[1];
+            rates[1] = y[0];
+        });
+        assert!((state[0] - fixed[0]).abs() < 1e-15 && (state[1] - fixed[1]).abs() < 1e-15);
     }
 
     #[test]

@@ -1,0 +1,108 @@
+//! Friction with presliding: the LuGre model.
+
+use crate::scenario::Friction;
+
+/// Damping ratio of the bristles with the moving mass: presliding motion rings out.
+const BRISTLE_DAMPING_RATIO: f64 = 0.5;
+
+/// LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE Trans. Automat. Contr. 40, 1995)
+/// with Stribeck and viscous parts. Speeds and forces are positive in contraction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bristle {
+    coulomb_n: f64,
+    stribeck_n: f64,
+    stribeck_m_s: f64,
+    viscous_n_s_m: f64,
+    stiffness_n_m: f64,
+    damping_n_s_m: f64,
+}
+
+/// Friction at one instant.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Drag {
+    /// Force against contraction \[N\].
+    pub force: f64,
+    /// Rate of the bristles' deflection \[m/s\].
+    pub deflection_rate: f64,
+    /// Heat: power of the force less what the bristles store \[W\].
+    pub heat: f64,
+}
+
+impl Bristle {
+    /// From `[friction]`, for the moving mass \[kg\].
+    pub fn new(friction: &Friction, mass_kg: f64) -> Self {
+        let stiffness = friction.presliding_stiffness_n_m;
+        Self {
+            coulomb_n: friction.force_n,
+            stribeck_n: friction.stribeck_force_n,
+            stribeck_m_s: friction.stribeck_speed_m_s,
+            viscous_n_s_m: friction.viscous_n_s_m,
+            stiffness_n_m: stiffness,
+            damping_n_s_m: 2.0 * BRISTLE_DAMPING_RATIO * (stiffness * mass_kg).sqrt(),
+        }
+    }
+
+    /// Fastest rate of bristles and mass together \[1/s\].
+    pub fn fastest_rate(&self, mass_kg: f64) -> f64 {
+        (self.damping_n_s_m + self.viscous_n_s_m) / mass_kg + (self.stiffness_n_m / mass_kg).sqrt()
+    }
+
+    /// Friction at a speed \[m/s\] and deflection \[m\], all its parts scaled by `softening`.
+    pub fn drag(&self, speed: f64, deflection: f64, softening: f64) -> Drag {
+        let ratio = speed / self.stribeck_m_s;
+        let sliding = softening * (self.coulomb_n + self.stribeck_n * (-ratio * ratio).exp());
+        let spring = self.stiffness_n_m * deflection;
+        // No friction at all: the bristles follow without force.
+        let slip = if sliding > 0.0 {
+            speed.abs() * spring / sliding
+        } else {
+            speed
+        };
+        let rate = speed - slip;
+        // The bristles' damping fades with sliding (the same authors' remark): it keeps the model passive.
+        let damping = self.damping_n_s_m * (-ratio * ratio).exp() * rate;
+        let viscous = softening * self.viscous_n_s_m * speed;
+        let force = spring + damping + viscous;
+        Drag {
+            force,
+            deflection_rate: rate,
+            heat: force * speed - spring * rate,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steady_sliding_is_stribeck_and_viscous() {
+        let friction = Friction::default();
+        let bristle = Bristle::new(&friction, 2.0);
+        for speed in [-0.1, -0.004, 0.002, 0.05] {
+            let mut deflection = 0.0;
+            for _ in 0..2_000_000 {
+                let drag = bristle.drag(speed, deflection, 0.8);
+                deflection += 1e-5 * drag.deflection_rate;
+            }
+            let drag = bristle.drag(speed, deflection, 0.8);
+            let r: f64 = speed / friction.stribeck_speed_m_s;
+            let expected = 0.8
+                * ((friction.force_n + friction.stribeck_force_n * (-r * r).exp())
+                    * speed.signum()
+                    + friction.viscous_n_s_m * speed);
+            assert!(
+                (drag.force / expected - 1.0).abs() < 1e-6,
+                "at {speed} m/s: {drag:?}"
+            );
+            assert!((drag.heat / (expected * speed) - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn small_motion_is_elastic() {
+        let bristle = Bristle::new(&Friction::default(), 2.0);
+        let drag = bristle.drag(0.0, 1e-4, 1.0);
+        assert!((drag.force - 4.0).abs() < 1e-12 && drag.deflection_rate == 0.0);
+    }
+}

@@ -1,0 +1,577 @@
+//! The full muscle: axial zones, two wall layers, moving mass and bristle friction, switching valves,
+//! tube, regulator, sensor housing.
+
+use super::bristle::{Bristle, Drag};
+use super::closure::Closure;
+use super::flow::{Iso6358, Streams};
+use super::heat::InnerHeat;
+use super::local_power::LocalPower;
+use super::ode::Rk4;
+use super::pull::{Pull, Softening};
+use super::pwm::PwmValve;
+use super::sensors::{Exposure, Sensors};
+use super::zones::Stirring;
+use super::{
+    Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas, check_length, work_through,
+};
+use crate::scenario::{LoadKind, Scenario};
+
+/// Longest integration step \[s\].
+const LONGEST_STEP_S: f64 = 1.0e-4;
+/// Integration step times the fastest rate, at most; RK4 is stable to 2.8.
+const STEP_TIMES_RATE: f64 = 2.0;
+/// What moves with the muscle's end when no load does: fitting and half of the muscle \[kg\].
+const OWN_MASS_KG: f64 = 0.05;
+/// Response of the pressure regulator to a change of flow \[s\].
+const REGULATOR_TIME_CONSTANT_S: f64 = 0.02;
+
+// Places in the state vector; masses, inner and outer wall temperatures of the zones follow.
+const W: usize = 0;
+const LENGTH: usize = 1;
+const SPEED: usize = 2;
+const BRISTLE: usize = 3;
+const TUBE_MASS: usize = 4;
+const TUBE_ENERGY: usize = 5;
+const REGULATOR: usize = 6;
+const MASS_IN: usize = 7;
+const MASS_OUT: usize = 8;
+const ENTHALPY_IN: usize = 9;
+const ENTHALPY_OUT: usize = 10;
+const HEAT: usize = 11;
+const TO_AMBIENT: usize = 12;
+const FRICTION: usize = 13;
+const FRICTION_TO_WALL: usize = 14;
+const ZONES: usize = 15;
+
+/// Everything that does not change during a run.
+#[derive(Debug, Clone)]
+struct Config {
+    step_s: f64,
+    substeps: u32,
+    zones: usize,
+    closure: Closure,
+    pull: Pull,
+    isometric: bool,
+    mass_kg: f64,
+    bristle: Bristle,
+    softening: Softening,
+    friction_to_wall: f64,
+    valve: Iso6358,
+    tube: Iso6358,
+    tube_m3: f64,
+    supply: (f64, f64),
+    droop_pa_s_kg: f64,
+    ambient: (f64, f64),
+    heat: InnerHeat,
+    stirring: Stirring,
+    outer_w_m2_k: f64,
+    outer_per_speed: f64,
+    /// Heat capacity of one zone's inner and outer layer \[J/K\].
+    inner_j_k: f64,
+    outer_j_k: f64,
+    /// Conductance between the layers of one zone \[W/K\].
+    layers_w_k: f64,
+    initial_k: f64,
+    /// Weight of each zone in the foil's average.
+    foil: Vec<f64>,
+    wall_sensor_position: f64,
+}
+
+/// What acts during one integration step.
+#[derive(Debug, Clone, Copy)]
+struct Drive {
+    /// Opening of the valves \[-\].
+    inlet: f64,
+    outlet: f64,
+    /// Factor on friction \[-\].
+    softening: f64,
+}
+
+impl Config {
+    fn masses<'a>(&self, y: &'a [f64]) -> &'a [f64] {
+        &y[ZONES..ZONES + self.zones]
+    }
+
+    fn inner<'a>(&self, y: &'a [f64]) -> &'a [f64] {
+        &y[ZONES + self.zones..ZONES + 2 * self.zones]
+    }
+
+    fn outer<'a>(&self, y: &'a [f64]) -> &'a [f64] {
+        &y[ZONES + 2 * self.zones..]
+    }
+
+    /// Tube pressure \[Pa\] and temperature \[K\].
+    fn tube_gas(&self, y: &[f64]) -> (f64, f64) {
+        let gas = &self.closure.gas;
+        (
+            (gas.k - 1.0) * y[TUBE_ENERGY] / self.tube_m3,
+            y[TUBE_ENERGY] / (gas.cv * y[TUBE_MASS]),
+        )
+    }
+
+    /// Flow between tube and muscle, seen from the muscle.
+    fn port(&self, gas: (f64, f64), tube: (f64, f64)) -> Streams {
+        let mut streams = Streams::default();
+        streams.add(gas, tube, |p, t, q| self.tube.mass_flow(p, t, q));
+        streams
+    }
+
+    /// Rates of tube and regulator.
+    fn tube_rates(
+        &self,
+        y: &[f64],
+        tube: (f64, f64),
+        port: &Streams,
+        port_k: f64,
+        drive: &Drive,
+        rates: &mut [f64],
+    ) {
+        let supply = (
+            self.supply.0 - self.droop_pa_s_kg * y[REGULATOR],
+            self.supply.1,
+        );
+        let mut from_supply = Streams::default();
+        if drive.inlet > 0.0 {
+            from_supply.add(tube, supply, |p, t, q| {
+                drive.inlet * self.valve.mass_flow(p, t, q)
+            });
+        }
+        let mut valves = from_supply;
+        if drive.outlet > 0.0 {
+            valves.add(tube, self.ambient, |p, t, q| {
+                drive.outlet * self.valve.mass_flow(p, t, q)
+            });
+        }
+        let into_muscle = port.inflow_temperature - port.outflow * port_k;
+        rates[TUBE_MASS] = valves.net() - port.net();
+        rates[TUBE_ENERGY] =
+            self.closure.gas.cp * (valves.net_enthalpy_over_cp(tube.1) - into_muscle);
+        rates[REGULATOR] = (from_supply.inflow - y[REGULATOR]) / REGULATOR_TIME_CONSTANT_S;
+    }
+
+    /// Friction, and the rates of length, speed and bristles.
+    fn mechanics(&self, y: &[f64], pressure: f64, softening: f64, rates: &mut [f64]) -> Drag {
+        if self.isometric {
+            return Drag::default();
+        }
+        let speed = y[SPEED];
+        let drag = self.bristle.drag(speed, y[BRISTLE], softening);
+        let net = self.pull.force(pressure, y[LENGTH]) - self.pull.load_n - drag.force;
+        // On the stop the load rests until the muscle lifts it.
+        let resting = y[LENGTH] >= self.pull.rest_length_m && speed <= 0.0 && net <= 0.0;
+        if !resting {
+            rates[LENGTH] = -speed;
+            rates[SPEED] = net / self.mass_kg;
+            rates[BRISTLE] = drag.deflection_rate;
+        }
+        drag
+    }
+
+    /// All rates, and the pressure and volume of this instant.
+    fn rates(
+        &self,
+        y: &[f64],
+        power: &mut LocalPower,
+        drive: &Drive,
+        rates: &mut [f64],
+    ) -> (f64, f64) {
+        rates.fill(0.0);
+        let closure = &self.closure;
+        let gas = &closure.gas;
+        let zones = self.zones;
+        let share = 1.0 / zones as f64;
+        let length = y[LENGTH];
+        let volume = self.pull.braid.volume(length);
+        let inverse_power = power.at(volume);
+        let pressure = y[W] * inverse_power;
+        let drag = self.mechanics(y, pressure, drive.softening, rates);
+        let (masses, inner, outer) = (self.masses(y), self.inner(y), self.outer(y));
+        let zone_volume = share * volume;
+        let temperature = |i: usize| closure.temperature(pressure, zone_volume, masses[i]);
+
+        let tube = self.tube_gas(y);
+        let port_k = temperature(0);
+        let streams = self.port((pressure, port_k), tube);
+        self.tube_rates(y, tube, &streams, port_k, drive, rates);
+
+        let (zone_rates, wall_rates) = rates[ZONES..].split_at_mut(zones);
+        let (inner_rates, outer_rates) = wall_rates.split_at_mut(zones);
+        let surface = share * self.pull.braid.surface(length);
+        let mut convective = 0.0;
+        for i in 0..zones {
+            let zone_k = temperature(i);
+            let inflow = streams.inflow * self.stirring.zone(i);
+            let coefficient = self.heat.coefficient(pressure, zone_k, inner[i], inflow);
+            let heat = coefficient * surface * (zone_k - inner[i]);
+            convective += heat;
+            inner_rates[i] = heat;
+        }
+        let heat = closure.heat_of_streams(&streams, port_k, convective);
+        // What a closure adds to convection spreads evenly.
+        let implied = share * (heat - convective);
+
+        // Gas: enthalpy over the faces, from the closed end to the port.
+        let gain = share * (gas.cp * streams.net_enthalpy_over_cp(port_k) - convective);
+        let volume_inflow = streams.inflow_temperature * gas.r / pressure;
+        let mut enthalpy = 0.0;
+        for i in (1..zones).rev() {
+            enthalpy += gain + inner_rates[i];
+            let upwind = temperature(if enthalpy > 0.0 { i - 1 } else { i });
+            let exchange = self.stirring.exchange(i - 1, volume_inflow, volume, length);
+            let mixing = exchange * (masses[i - 1] - masses[i]) / zone_volume;
+            let flow = if closure.is_isothermal() {
+                // Equal temperatures: equal masses, so that each zone takes its share.
+                share * (zones - i) as f64 * streams.net()
+            } else {
+                enthalpy / (gas.cp * upwind) + mixing
+            };
+            zone_rates[i] += flow;
+            zone_rates[i - 1] -= flow;
+        }
+        zone_rates[0] += streams.net();
+
+        // Walls: friction heats the braid, the outer layer.
+        let speed = if self.isometric { 0.0 } else { y[SPEED].abs() };
+        let outer_coefficient = self.outer_w_m2_k + self.outer_per_speed * speed;
+        let friction_to_wall = self.friction_to_wall * drag.heat;
+        let mut to_ambient = 0.0;
+        for i in 0..zones {
+            let through = self.layers_w_k * (inner[i] - outer[i]);
+            let lost = outer_coefficient * surface * (outer[i] - self.ambient.1);
+            to_ambient += lost;
+            inner_rates[i] = (inner_rates[i] + implied - through) / self.inner_j_k;
+            outer_rates[i] = (through + share * friction_to_wall - lost) / self.outer_j_k;
+        }
+        rates[W] = closure.rate(1.0 / (inverse_power * volume), &streams, port_k, convective);
+        rates[MASS_IN] = streams.inflow;
+        rates[MASS_OUT] = streams.outflow;
+        rates[ENTHALPY_IN] = gas.cp * streams.inflow_temperature;
+        rates[ENTHALPY_OUT] = gas.cp * streams.outflow * port_k;
+        rates[HEAT] = heat;
+        rates[TO_AMBIENT] = to_ambient;
+        rates[FRICTION] = drag.heat;
+        rates[FRICTION_TO_WALL] = friction_to_wall;
+        (pressure, volume)
+    }
+
+    /// Mean wall temperature \[K\], weighted by heat capacity.
+    fn wall_k(&self, y: &[f64]) -> f64 {
+        let mean = |layer: &[f64]| layer.iter().sum::<f64>() / self.zones as f64;
+        (self.inner_j_k * mean(self.inner(y)) + self.outer_j_k * mean(self.outer(y)))
+            / (self.inner_j_k + self.outer_j_k)
+    }
+
+    /// Outer layer at the wall sensor \[K\], linear between the middles of the zones.
+    fn wall_at_sensor(&self, y: &[f64]) -> f64 {
+        let outer = self.outer(y);
+        let place = (self.wall_sensor_position * self.zones as f64 - 0.5)
+            .clamp(0.0, (self.zones - 1) as f64);
+        let before = place.floor() as usize;
+        let after = (before + 1).min(self.zones - 1);
+        outer[before] + (place - before as f64) * (outer[after] - outer[before])
+    }
+}
+
+/// Share of the foil, in the middle `position` over `span` of the length, that each zone holds.
+fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
+    let edge = |i: usize| i as f64 / zones as f64;
+    // A foil of no length still sits in one zone.
+    let half = 0.5 * span.max(1e-9);
+    let (start, end) = ((position - half).max(0.0), (position + half).min(1.0));
+    (0..zones)
+        .map(|i| (edge(i + 1).min(end) - edge(i).max(start)).max(0.0) / (end - start))
+        .collect()
+}
+
+/// A full muscle in operation.
+#[derive(Debug, Clone)]
+pub struct Full {
+    config: Config,
+    steps: u64,
+    state: Vec<f64>,
+    integrator: Rk4,
+    power: LocalPower,
+    inlet: PwmValve,
+    outlet: PwmValve,
+    work_j: f64,
+    /// Pressure \[Pa\] and volume \[m3\] at the end of the last integration step.
+    place: (f64, f64),
+    truth: Truth,
+    initial: Ledger,
+    sensors: Sensors,
+}
+
+impl Full {
+    /// The full muscle of a scenario.
+    ///
+    /// # Errors
+    /// [`BuildError::GeometryUnresolved`] when the loader has not filled in the braid.
+    pub fn new(scenario: &Scenario) -> Result<Self, BuildError> {
+        let (braid, rest_length) = super::resolved_braid(scenario)?;
+        let zones = scenario.muscle.zones.max(1);
+        let pull = Pull::new(scenario, braid, rest_length);
+        let closure = Closure::new(scenario);
+        let gas = &closure.gas;
+        let critical_ratio = scenario.valve.critical_ratio;
+        let valve = Iso6358::valve(scenario.valve.conductance_m3_s_pa, critical_ratio, gas);
+        let tube = Iso6358::tube(scenario.tube.conductance_m3_s_pa, critical_ratio, gas);
+        let mass_kg = scenario.load.mass_kg.max(OWN_MASS_KG);
+        let bristle = Bristle::new(&scenario.friction, mass_kg);
+        let softening = Softening::new(&scenario.friction);
+        let pressure = scenario.plant.initial_pressure_pa;
+        let temperature = scenario.plant.initial_temperature_k;
+        let supply = (scenario.supply.pressure_pa, scenario.supply.temperature_k);
+
+        let coulomb = scenario.friction.force_n * softening.factor(temperature);
+        let isometric = scenario.load.kind == LoadKind::Isometric;
+        let length = if isometric {
+            scenario.load.length_m
+        } else {
+            pull.start_length(pressure, coulomb)
+        };
+        let excess = pull.force(pressure, length) - pull.load_n;
+        let volume = braid.volume(length);
+
+        // Fastest: the tube between open valves and muscle; the bristles with the moving mass.
+        let hottest = supply.1.max(temperature);
+        let steepest = 2.0 * valve.steepest(hottest) + tube.steepest(hottest);
+        let tube_rate = gas.k * gas.r * hottest * steepest / scenario.tube.volume_m3;
+        let fastest = tube_rate.max(bristle.fastest_rate(mass_kg));
+        let step = scenario.run.step_s;
+        let substeps = (step * fastest / STEP_TIMES_RATE).max(step / LONGEST_STEP_S);
+
+        let wall = &scenario.wall;
+        let per_zone = wall.heat_capacity_j_k / zones as f64;
+        let diameter = braid.diameter(rest_length);
+        let sensor = &scenario.sensor;
+        let config = Config {
+            step_s: step,
+            // 10.000000000000002 substeps are 10.
+            substeps: (substeps - 1e-9).ceil().max(1.0) as u32,
+            zones,
+            closure,
+            pull,
+            isometric,
+            mass_kg,
+            bristle,
+            softening,
+            friction_to_wall: scenario.friction.heat_fraction,
+            valve,
+            tube,
+            tube_m3: scenario.tube.volume_m3,
+            supply,
+            droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
+            ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
+            heat: InnerHeat::new(&scenario.heat, gas, diameter, tube.equivalent_diameter(gas)),
+            stirring: Stirring::new(zones, rest_length, diameter),
+            outer_w_m2_k: scenario.heat.outer_w_m2_k,
+            outer_per_speed: scenario.heat.outer_per_speed,
+            inner_j_k: per_zone * (1.0 - wall.outer_fraction),
+            outer_j_k: per_zone * wall.outer_fraction,
+            layers_w_k: wall.conductance_w_k / zones as f64,
+            initial_k: temperature,
+            foil: foil_weights(zones, sensor.gas.position, sensor.gas.span),
+            wall_sensor_position: sensor.wall.position,
+        };
+        let exponent = closure.exponent();
+        let mass = pressure * volume / (gas.r * temperature);
+        let mut state = vec![temperature; ZONES + 3 * zones];
+        state[..ZONES].fill(0.0);
+        state[W] = pressure * volume.powf(exponent);
+        state[LENGTH] = length;
+        if !isometric && scenario.friction.presliding_stiffness_n_m > 0.0 {
+            let held = excess.clamp(0.0, coulomb);
+            state[BRISTLE] = held / scenario.friction.presliding_stiffness_n_m;
+        }
+        state[TUBE_MASS] = pressure * config.tube_m3 / (gas.r * temperature);
+        state[TUBE_ENERGY] = pressure * config.tube_m3 / (gas.k - 1.0);
+        state[ZONES..ZONES + zones].fill(mass / zones as f64);
+        let start = Exposure {
+            gas_k: temperature,
+            wall_k: temperature,
+            pressure_pa: pressure,
+            length_m: length,
+        };
+        let initial = Ledger {
+            mass_initial_kg: mass,
+            energy_initial_j: gas.cv * mass * temperature,
+            ..Ledger::default()
+        };
+        let mut full = Self {
+            integrator: Rk4::new(state.len()),
+            config,
+            steps: 0,
+            state,
+            power: LocalPower::new(-exponent, volume),
+            inlet: PwmValve::new(&scenario.valve),
+            outlet: PwmValve::new(&scenario.valve),
+            work_j: 0.0,
+            place: (pressure, volume),
+            truth: Truth::default(),
+            initial,
+            sensors: Sensors::new(scenario, sensor.gas.housing_time_constant_s, &start),
+        };
+        full.observe();
+        Ok(full)
+    }
+
+    fn substep(&mut self, step: f64, drive: &Drive) {
+        let Self {
+            config,
+            integrator,
+            state,
+            power,
+            ..
+        } = self;
+        let mut stage = 0;
+        let mut middle = self.place;
+        integrator.step(state, step, |y, rates| {
+            let place = config.rates(y, power, drive, rates);
+            stage += 1;
+            if stage == 3 {
+                middle = place;
+            }
+        });
+        if state[LENGTH] > config.pull.rest_length_m && !config.isometric {
+            state[LENGTH] = config.pull.rest_length_m;
+            state[SPEED] = state[SPEED].max(0.0);
+        }
+        let volume = config.pull.braid.volume(state[LENGTH]);
+        let end = (state[W] * power.at(volume), volume);
+        let work = work_through([self.place, middle, end]);
+        self.place = end;
+        self.work_j += work;
+        let heat = config.closure.heat_per_work() * work;
+        if heat != 0.0 {
+            state[HEAT] += heat;
+            let warming = heat / (config.inner_j_k * config.zones as f64);
+            for inner in &mut state[ZONES + config.zones..ZONES + 2 * config.zones] {
+                *inner += warming;
+            }
+        }
+    }
+
+    fn exposure(&self) -> Exposure {
+        let config = &self.config;
+        let gas = self.axial_gas_k();
+        Exposure {
+            gas_k: gas
+                .iter()
+                .zip(&config.foil)
+                .map(|(t, weight)| t * weight)
+                .sum(),
+            wall_k: config.wall_at_sensor(&self.state),
+            pressure_pa: self.place.0,
+            length_m: self.state[LENGTH],
+        }
+    }
+
+    fn observe(&mut self) {
+        let Self { config, state, .. } = self;
+        let (pressure, volume) = self.place;
+        let closure = &config.closure;
+        let mass: f64 = config.masses(state).iter().sum();
+        let port_volume = volume / config.zones as f64;
+        let port_k = closure.temperature(pressure, port_volume, config.masses(state)[0]);
+        let streams = config.port((pressure, port_k), config.tube_gas(state));
+        let wall_k = config.wall_k(state);
+        let softening = config.softening.factor(wall_k);
+        let drag = config.bristle.drag(state[SPEED], state[BRISTLE], softening);
+        self.truth = Truth {
+            time_s: self.steps as f64 * config.step_s,
+            pressure_pa: pressure,
+            volume_m3: volume,
+            length_m: state[LENGTH],
+            speed_m_s: -state[SPEED],
+            mass_kg: mass,
+            flow_in_kg_s: streams.inflow,
+            flow_out_kg_s: streams.outflow,
+            gas_temperature_k: closure.temperature(pressure, volume, mass),
+            wall_temperature_k: wall_k,
+            friction_n: drag.force,
+            ..Truth::default()
+        };
+        self.sensors.read(&mut self.truth);
+    }
+}
+
+impl Plant for Full {
+    fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
+        let step = self.config.step_s / f64::from(self.config.substeps);
+        let start = self.steps as f64 * self.config.step_s;
+        self.steps += 1;
+        let end = self.steps as f64 * self.config.step_s;
+        self.inlet.latch(end, actuation.inlet);
+        self.outlet.latch(end, actuation.outlet);
+        // The wall warms by less than 0.01 K in a step.
+        let softening = self.config.softening.factor(self.truth.wall_temperature_k);
+        for i in 0..self.config.substeps {
+            let from = start + f64::from(i) * step;
+            let drive = Drive {
+                inlet: self.inlet.advance(from, from + step),
+                outlet: self.outlet.advance(from, from + step),
+                softening,
+            };
+            self.substep(step, &drive);
+        }
+        let exposure = self.exposure();
+        let pressure = self.place.0;
+        let mass: f64 = self.config.masses(&self.state).iter().sum();
+        for temperature in self.axial_gas_k() {
+            check_gas(end, pressure, temperature, mass)?;
+        }
+        check_length(end, self.state[LENGTH], &self.config.pull.braid)?;
+        self.sensors.advance(&exposure);
+        self.observe();
+        Ok(())
+    }
+
+    fn truth(&self) -> Truth {
+        self.truth
+    }
+
+    fn ledger(&self) -> Ledger {
+        let config = &self.config;
+        let y = &self.state;
+        let layer = |capacity: f64, temperatures: &[f64]| -> f64 {
+            temperatures
+                .iter()
+                .map(|t| capacity * (t - config.initial_k))
+                .sum()
+        };
+        Ledger {
+            mass_kg: config.masses(y).iter().sum(),
+            mass_in_kg: y[MASS_IN],
+            mass_out_kg: y[MASS_OUT],
+            energy_j: config.closure.internal_energy(&self.truth),
+            enthalpy_in_j: y[ENTHALPY_IN],
+            enthalpy_out_j: y[ENTHALPY_OUT],
+            heat_to_wall_j: y[HEAT],
+            work_j: self.work_j,
+            friction_heat_j: y[FRICTION],
+            friction_to_wall_j: y[FRICTION_TO_WALL],
+            heat_to_ambient_j: y[TO_AMBIENT],
+            wall_energy_j: layer(config.inner_j_k, config.inner(y))
+                + layer(config.outer_j_k, config.outer(y)),
+            ..self.initial
+        }
+    }
+
+    fn axial_wall_k(&self) -> Vec<f64> {
+        self.config.outer(&self.state).to_vec()
+    }
+
+    fn axial_gas_k(&self) -> Vec<f64> {
+        let (pressure, volume) = self.place;
+        let zone_volume = volume / self.config.zones as f64;
+        self.config
+            .masses(&self.state)
+            .iter()
+            .map(|mass| {
+                self.config
+                    .closure
+                    .temperature(pressure, zone_volume, *mass)
+            })
+            .collect()
+    }
+}
