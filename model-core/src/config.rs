@@ -121,13 +121,13 @@ impl Default for EstimatorConfig {
     fn default() -> Self {
         Self {
             initial_sd_k: 3.0,
-            gas_drift_k: 0.05,
+            gas_drift_k: 0.1,
             wall_drift_k: 0.05,
-            heat_scale_sd: 0.3,
-            heat_scale_drift: 0.01,
-            lag_sd: 0.2,
-            lag_drift: 0.003,
-            sensor_bias_k: 0.03,
+            heat_scale_sd: 0.1,
+            heat_scale_drift: 0.002,
+            lag_sd: 0.05,
+            lag_drift: 0.0005,
+            sensor_bias_k: 1.0,
         }
     }
 }
