@@ -43,8 +43,8 @@ impl MassFlow {
         } = &self.scenario;
         let pressure = truth.pressure_pa;
         let share = |open: f64| {
-            if open > 0.0 {
-                (drive.flow_kg_s / open).min(1.0)
+            if open > drive.flow_kg_s {
+                self.duty(drive.flow_kg_s / open)
             } else {
                 1.0
             }
@@ -65,6 +65,18 @@ impl MassFlow {
                 inlet: 0.0,
                 outlet: share(open),
             }
+        }
+    }
+
+    /// Duty for a mean opening. A switching valve whose pulse is shorter than its stroke opens in a
+    /// triangle: its mean is duty^2 / (switching time times PWM frequency).
+    fn duty(&self, opening: f64) -> f64 {
+        let valve = &self.scenario.valve;
+        let stroke = valve.switch_time_s * valve.pwm_hz;
+        if self.scenario.plant.model == PlantModel::Full && opening < stroke {
+            (opening * stroke).sqrt()
+        } else {
+            opening
         }
     }
 }
