@@ -61,7 +61,7 @@ impl PwmValve {
         let duty = self.latched.front().copied().unwrap_or(0.0);
         let start = self.dead_time_s + self.oldest_start_s(0);
         let fall = start + duty * self.period_s;
-        if time_s < fall { (true, fall) } else { (false, start + self.period_s) }
+        if time_s < fall - EDGE_TOLERANCE_S { (true, fall) } else { (false, start + self.period_s) }
     }
 
     /// Mean opening from `start` to `end` \[-\]; moves the poppet.

@@ -38,7 +38,7 @@ impl MassFlow {
         let Scenario { supply, ambient, drive, .. } = &self.scenario;
         let pressure = truth.pressure_pa;
         let share = |open: f64| {
-            if open > 0.0 { (drive.flow_kg_s / open).min(1.0) } else { 1.0 }
+            if open > drive.flow_kg_s { self.duty(drive.flow_kg_s / open) } else { 1.0 }
         };
         if (truth.time_s / drive.period_s).fract() < 0.5 {
             let open = self.valve.mass_flow(supply.pressure_pa, supply.temperature_k, pressure);
@@ -46,6 +46,18 @@ impl MassFlow {
         } else {
             let open = self.valve.mass_flow(pressure, truth.gas_temperature_k, ambient.pressure_pa);
             Actuation { inlet: 0.0, outlet: share(open) }
+        }
+    }
+
+    /// Duty for a mean opening. A switching valve whose pulse is shorter than its stroke opens in a
+    /// triangle: its mean is duty^2 / (switching time times PWM frequency).
+    fn duty(&self, opening: f64) -> f64 {
+        let valve = &self.scenario.valve;
+        let stroke = valve.switch_time_s * valve.pwm_hz;
+        if self.scenario.plant.model == PlantModel::Full && opening < stroke {
+            (opening * stroke).sqrt()
+        } else {
+            opening
         }
     }
 }
