@@ -1,0 +1,24 @@
+//! `report.html`: one self-contained page per run, and the drawings on it.
+//!
+//! From below to above: [`number`] and [`scale`] turn values into text and positions, [`decimate`]
+//! and [`path`] keep the drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a
+//! [`page::Figure`] each, [`page`] puts text and figures on a page, and [`run_report`] is the page
+//! of a generic run. [`series`] records what is drawn, in bounded memory, while the run streams by.
+//!
+//! A drawing names its colours by class and leaves their values to the page's style sheet, so one
+//! drawing serves light mode, dark mode and print.
+
+pub mod bars;
+pub mod chart;
+mod colour;
+pub mod decimate;
+pub mod heatmap;
+pub mod muscle;
+pub mod number;
+pub mod page;
+mod path;
+pub mod run_report;
+pub mod scale;
+pub mod series;
+
+pub use colour::Colour;
