@@ -341,8 +341,8 @@ fn the_run_page_is_well_formed_whole_and_small() {
         page.len()
     );
     for (what, expected) in [
-        ("sensor_gas_k: 0.412 K.", 1),
-        ("length_m: 3.10 mm.", 1),
+        ("sensor in the gas”: 0.412 K RMS.", 1),
+        ("length”: 3.10 mm RMS.", 1),
         ("✓ met", 1),
         ("✗ missed", 1),
     ] {

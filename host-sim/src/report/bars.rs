@@ -3,12 +3,14 @@
 use maud::{Markup, html};
 
 use super::Colour;
-use super::chart::{CHARACTER, FULL_WIDTH};
+use super::chart::FULL_WIDTH;
 use super::number::{px, significant};
 use super::page::{Drawing, Figure};
 use super::path::Path;
 use super::scale::{Scale, Spacing, data_range};
 
+/// Width of a character of a bar's label, on average, rather more than less \[px\].
+const CHARACTER: f64 = 7.6;
 const ROW: f64 = 30.0;
 const TOP: f64 = 8.0;
 const FOOT: f64 = 42.0;

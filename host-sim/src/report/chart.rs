@@ -13,7 +13,7 @@ use super::decimate::{self, Keep};
 use super::number::px;
 use super::page::{Drawing, Figure};
 use super::path::Path;
-use super::scale::{Scale, Spacing, data_range, with_room};
+use super::scale::{Scale, Spacing, data_range, to_round_ends, with_room};
 
 /// Width of a chart across the page \[px\].
 pub const FULL_WIDTH: f64 = 860.0;
@@ -24,7 +24,7 @@ pub const HALF_WIDTH: f64 = 420.0;
 pub(super) const CHARACTER: f64 = 6.7;
 const LINE_HEIGHT: f64 = 15.0;
 /// Height of a panel's head, which holds the y label \[px\].
-const HEAD: f64 = 24.0;
+const HEAD: f64 = 28.0;
 /// Height of tick labels and x label below the last panel \[px\].
 const FOOT: f64 = 42.0;
 /// How far a line's own width may reach out of its panel \[px\].
@@ -75,6 +75,7 @@ impl Axis {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Mark {
     Line,
+    Wide,
     Dashed,
     Dots,
     Band,
@@ -121,6 +122,12 @@ impl Panel {
     pub fn line(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
         let runs = decimate::curve(x, y, Keep::Y, decimate::POINTS);
         self.layer(name, colour, Mark::Line, runs)
+    }
+
+    /// A wide pale line over rising `x`, below the others: what they are compared with.
+    pub fn wide(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
+        let runs = decimate::curve(x, y, Keep::Y, decimate::POINTS);
+        self.layer(name, colour, Mark::Wide, runs)
     }
 
     /// A dashed line over rising `x`.
@@ -266,6 +273,7 @@ impl Chart {
                             svg class=(layer.colour.class()) width="26" height="10" aria-hidden="true" {
                                 @match layer.mark {
                                     Mark::Line => path.line d="M1 5h24" {},
+                                    Mark::Wide => path.line.wide d="M2 5h22" {},
                                     Mark::Dashed => path.line.dashed d="M1 5h24" {},
                                     Mark::Dots => path.dots d="M4 5h0M13 5h0M22 5h0" {},
                                     Mark::Band => rect.band x="1" width="24" height="10" {},
@@ -282,7 +290,12 @@ impl Chart {
     fn svg(&self, title: &str) -> Markup {
         let x_range = self.x.range.unwrap_or_else(|| {
             let values = self.panels.iter().flat_map(Panel::points).map(|p| p.0);
-            data_range(values, self.x.spacing)
+            let range = data_range(values, self.x.spacing);
+            if self.x.spacing == Spacing::Linear {
+                to_round_ends(range)
+            } else {
+                range
+            }
         });
         let y_ticks: Vec<_> = self.panels.iter().map(y_ticks).collect();
         let longest_tick = longest(y_ticks.iter().flatten().map(|(_, label)| label.as_str()));
@@ -407,7 +420,7 @@ impl Frame<'_> {
             grid.polyline([(left, y.position(*value)), (right, y.position(*value))]);
         }
         html! {
-            text.axis x="0" y=(px(top - 9.0)) { (panel.y.title()) }
+            text.axis x="0" y=(px(top - 12.0)) { (panel.y.title()) }
             path.grid d=(grid.data()) {}
             @for (value, label) in y_ticks {
                 text.tick x=(px(left - 7.0)) y=(px(y.position(*value) + 4.0)) text-anchor="end" { (label) }
@@ -416,8 +429,8 @@ impl Frame<'_> {
             // A nested svg clips without the document-wide id that a clip path would need.
             svg x=(px(clip_left)) y=(px(clip_top)) width=(px(clip_width)) height=(px(clip_height))
                 viewBox={ (px(clip_left)) " " (px(clip_top)) " " (px(clip_width)) " " (px(clip_height)) } {
-                // Bands lie below, then dots: a line through dense dots stays visible.
-                @for mark in [Mark::Band, Mark::Dots, Mark::Dashed, Mark::Line] {
+                // What others are compared with lies below, then bands, then dots: a line through dense dots stays visible.
+                @for mark in [Mark::Wide, Mark::Band, Mark::Dots, Mark::Dashed, Mark::Line] {
                     @for layer in panel.layers.iter().filter(|layer| layer.mark == mark) {
                         (self.layer(layer, &y))
                     }
@@ -441,7 +454,7 @@ impl Frame<'_> {
             let shown = run.iter().filter(drawable).map(at);
             match layer.mark {
                 Mark::Dots => path.dots(shown),
-                Mark::Line | Mark::Dashed => path.polyline(shown),
+                Mark::Line | Mark::Wide | Mark::Dashed => path.polyline(shown),
                 Mark::Band => {
                     path.polyline(shown);
                     path.close();
@@ -450,6 +463,7 @@ impl Frame<'_> {
         }
         let mark = match layer.mark {
             Mark::Line => "line",
+            Mark::Wide => "line wide",
             Mark::Dashed => "line dashed",
             Mark::Dots => "dots",
             Mark::Band => "band",

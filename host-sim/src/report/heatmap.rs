@@ -4,7 +4,7 @@ use maud::html;
 
 use super::chart::{CHARACTER, FULL_WIDTH};
 use super::colour::{fraction, hex, text_on};
-use super::number::{MISSING, px, significant};
+use super::number::{MISSING, px, short, significant};
 use super::page::{Drawing, Figure};
 use super::scale::{Scale, Spacing, data_range};
 
@@ -39,7 +39,7 @@ impl Heatmap {
     /// Draws it.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
         let range = data_range(self.cells.iter().flatten().copied(), Spacing::Linear);
-        let y_labels: Vec<String> = self.y.iter().map(|v| significant(*v, 3)).collect();
+        let y_labels: Vec<String> = self.y.iter().map(|v| short(*v)).collect();
         let longest = y_labels
             .iter()
             .map(|l| l.chars().count())
@@ -85,7 +85,7 @@ impl Heatmap {
                 }
                 @for (column, value) in self.x.iter().enumerate().step_by(label_every) {
                     text.tick x=(px(left + cell_width * (column as f64 + 0.5))) y=(px(bottom + 18.0))
-                        text-anchor="middle" { (significant(*value, 3)) }
+                        text-anchor="middle" { (short(*value)) }
                 }
                 text.axis x=(px((left + right) / 2.0)) y=(px(bottom + 36.0)) text-anchor="middle" { (self.x_label) }
                 (colour_bar(MAP, range, &self.value_label, right + 24.0, (TOP, bottom.max(TOP + 120.0))))

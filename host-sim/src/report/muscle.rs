@@ -269,8 +269,8 @@ fn connections() -> Markup {
         g.on-dark {
             path.sketch d={ "M14 " (px(AXIS_Y)) "h56m-9-6l9 6-9 6" } {}
             text.small x="42" y=(px(AXIS_Y - 16.0)) text-anchor="middle" { "air" }
-            text.small x=(px(LEFT - 12.0)) y=(px(AXIS_Y + 40.0)) text-anchor="middle" { "port" }
-            text.small x=(px(RIGHT + 12.0)) y=(px(AXIS_Y + 40.0)) text-anchor="middle" { "closed end" }
+            text.small x=(px(LEFT - 26.0)) y=(px(AXIS_Y + 46.0)) text-anchor="middle" { "port" }
+            text.small x=(px(RIGHT + 26.0)) y=(px(AXIS_Y + 46.0)) text-anchor="middle" { "closed end" }
             path.sketch d={ "M" (px(hook)) " " (px(AXIS_Y)) "h8c12-11 23 2 14 9-4 3-9 1-10-3" } {}
             path.sketch d={ "M" (px(hook + 26.0)) " " (px(AXIS_Y)) "h38m-9-6l9 6-9 6" } {}
             text.small x=(px(hook + 42.0)) y=(px(AXIS_Y - 16.0)) text-anchor="middle" { "load" }

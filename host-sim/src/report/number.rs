@@ -203,6 +203,16 @@ pub fn significant(value: f64, digits: usize) -> String {
     fixed(value, decimals)
 }
 
+/// Up to three significant digits, without zeros that say nothing: for the values of an axis.
+pub fn short(value: f64) -> String {
+    let text = significant(value, 3);
+    if text.contains('.') && !text.contains('×') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
 /// `value` with `decimals` digits after the point, thousands set apart from 10 000 on.
 pub fn fixed(value: f64, decimals: usize) -> String {
     let plain = format!("{value:.decimals$}");
@@ -275,6 +285,13 @@ mod tests {
     fn a_rounded_zero_has_no_sign() {
         assert_eq!(fixed(-0.001, 1), "0.0");
         assert_eq!(fixed(-0.06, 1), "−0.1");
+    }
+
+    #[test]
+    fn short_values_end_without_zeros() {
+        for (value, shown) in [(10.0, "10"), (0.3, "0.3"), (0.125, "0.125"), (200.0, "200")] {
+            assert_eq!(short(value), shown);
+        }
     }
 
     #[test]

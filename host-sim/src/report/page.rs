@@ -86,7 +86,7 @@ impl Tile {
                 div.tile-value { (self.value) @if !self.unit.is_empty() { span.unit { " " (self.unit) } } }
                 @if let Some((text, met)) = &self.target {
                     div class={ "tile-target " @if *met { "met" } @else { "missed" } } {
-                        @if *met { "✓ met" } @else { "✗ missed" } ": target " (text)
+                        @if *met { "✓ met" } @else { "✗ missed" } ": " span { "target " (text) }
                     }
                 }
             }

@@ -3,9 +3,30 @@
 use super::Colour;
 use super::chart::{Axis, Chart, Panel};
 use super::muscle::Muscle;
-use super::number::{Unit, quantity};
+use super::number::{Unit, quantity, significant};
 use super::page::{Page, Section, Table, Tile};
 use super::series::Recorder;
+
+/// The plant's gas temperature, which the others are compared with.
+const TRUTH: &str = "gas_temperature_k";
+
+/// How a column is called in a legend.
+fn label(column: &str) -> &str {
+    match column {
+        TRUTH => "gas (plant)",
+        "sensor_gas_k" | "sensor_gas_error_k" => "sensor in the gas",
+        "sensor_wall_k" => "sensor in the wall",
+        "estimate_k" | "estimate_error_k" => "estimate",
+        "pressure_pa" => "pressure",
+        "length_m" => "length",
+        "flow_in_kg_s" => "flow in",
+        "flow_out_kg_s" => "flow out",
+        "mass_kg" => "gas mass",
+        "duty_in" => "inlet duty",
+        "duty_out" => "outlet duty",
+        other => other,
+    }
+}
 
 /// Measured points of one trace column.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,7 +108,7 @@ impl RunReport<'_> {
     }
 
     fn temperature(&self) -> Option<Section> {
-        self.column("gas_temperature_k")
+        self.column(TRUTH)
             .or(self.column("sensor_gas_k"))?;
         let mut chart = Chart::new(self.time_axis()).panel(self.temperature_panel());
         if self.column("estimate_error_k").is_some() {
@@ -97,7 +118,7 @@ impl RunReport<'_> {
             "The gas temperature in the plant (mass-weighted mean), what the sensors read, and what the core \
              estimates from pressure, length and the gas sensor; shaded: estimate ± 2 standard deviations.{}",
             self.rmse_text(&[
-                "gas_temperature_k",
+                TRUTH,
                 "sensor_gas_k",
                 "sensor_wall_k",
                 "estimate_k"
@@ -116,28 +137,22 @@ impl RunReport<'_> {
 
     fn temperature_panel(&self) -> Panel {
         let panel = Panel::new(Axis::new("Temperature", "K")).height(260.0);
-        let panel = self.estimate_band(panel);
-        let panel = self.plot(panel, "sensor_wall_k", "sensor in the wall", Colour::Orange);
-        let panel = self.plot(
-            panel,
-            "sensor_gas_k",
-            "sensor in the gas",
-            Colour::Vermillion,
-        );
-        let panel = self.plot(panel, "gas_temperature_k", "gas (plant)", Colour::Ink);
-        self.plot(panel, "estimate_k", "estimate", Colour::Blue)
+        let panel = match (self.column("time_s"), self.column(TRUTH)) {
+            (Some(time), Some(truth)) => panel.wide(label(TRUTH), Colour::Ink, time, truth),
+            _ => panel,
+        };
+        let panel = self.plot_measured(panel, TRUTH, Colour::Ink);
+        let panel = self.plot(panel, "sensor_wall_k", Colour::Orange);
+        let panel = self.plot(panel, "sensor_gas_k", Colour::Vermillion);
+        let panel = self.plot(panel, "estimate_k", Colour::Blue);
+        self.estimate_band(panel)
     }
 
     fn error_panel(&self) -> Panel {
         let panel =
             Panel::new(Axis::new("Error against the plant's gas temperature", "K")).height(120.0);
-        let panel = self.plot(
-            panel,
-            "sensor_gas_error_k",
-            "sensor in the gas",
-            Colour::Vermillion,
-        );
-        self.plot(panel, "estimate_error_k", "estimate", Colour::Blue)
+        let panel = self.plot(panel, "sensor_gas_error_k", Colour::Vermillion);
+        self.plot(panel, "estimate_error_k", Colour::Blue)
             .reference(0.0, "")
     }
 
@@ -169,11 +184,11 @@ impl RunReport<'_> {
         let mut chart = Chart::new(self.time_axis());
         let pressure = self.column("pressure_pa").map(|_| {
             let panel = Panel::new(Axis::new("Absolute pressure", "kPa"));
-            self.plot(panel, "pressure_pa", "pressure", Colour::Blue)
+            self.plot(panel, "pressure_pa", Colour::Blue)
         });
         let length = self.column("length_m").map(|_| {
             let panel = Panel::new(Axis::new("Length", "mm")).height(150.0);
-            self.plot(panel, "length_m", "length", Colour::Green)
+            self.plot(panel, "length_m", Colour::Green)
         });
         pressure.as_ref().or(length.as_ref())?;
         chart = [pressure, length, self.contraction_panel()]
@@ -214,17 +229,17 @@ impl RunReport<'_> {
     fn supply(&self) -> Option<Section> {
         let flows = self.column("flow_in_kg_s").map(|_| {
             let panel = Panel::new(Axis::new("Mass flow", "g/s")).height(150.0);
-            let panel = self.plot(panel, "flow_out_kg_s", "out", Colour::Vermillion);
-            self.plot(panel, "flow_in_kg_s", "in", Colour::Blue)
+            let panel = self.plot(panel, "flow_out_kg_s", Colour::Vermillion);
+            self.plot(panel, "flow_in_kg_s", Colour::Blue)
         });
         let duties = self.column("duty_in").map(|_| {
             let panel = Panel::new(Axis::new("Valve duty", "").range(0.0, 1.0)).height(110.0);
-            let panel = self.plot(panel, "duty_out", "out", Colour::Vermillion);
-            self.plot(panel, "duty_in", "in", Colour::Blue)
+            let panel = self.plot(panel, "duty_out", Colour::Vermillion);
+            self.plot(panel, "duty_in", Colour::Blue)
         });
         let mass = self.column("mass_kg").map(|_| {
             let panel = Panel::new(Axis::new("Gas mass", "g")).height(130.0);
-            self.plot(panel, "mass_kg", "", Colour::Ink)
+            self.plot(panel, "mass_kg", Colour::Ink)
         });
         flows.as_ref().or(duties.as_ref())?;
         let chart = [flows, mass, duties]
@@ -263,23 +278,30 @@ impl RunReport<'_> {
     }
 
     /// Adds a column as a line, with the points measured of it.
-    fn plot(&self, panel: Panel, column: &str, name: &str, colour: Colour) -> Panel {
-        let unit = Unit::of_column(column);
-        let panel = match (self.column("time_s"), self.column(column)) {
-            (Some(time), Some(values)) => panel.line(name, colour, time, &unit.convert(values)),
+    fn plot(&self, panel: Panel, column: &str, colour: Colour) -> Panel {
+        let values = self
+            .column(column)
+            .map(|values| Unit::of_column(column).convert(values));
+        let panel = match (self.column("time_s"), values) {
+            (Some(time), Some(values)) => panel.line(label(column), colour, time, &values),
             _ => panel,
         };
+        self.plot_measured(panel, column, colour)
+    }
+
+    fn plot_measured(&self, panel: Panel, column: &str, colour: Colour) -> Panel {
         self.measured
             .iter()
             .filter(|m| m.column == column)
             .fold(panel, |panel, measured| {
                 let (time, values): (Vec<f64>, Vec<f64>) = measured.points.iter().copied().unzip();
-                let legend = if name.is_empty() {
-                    "measured".to_owned()
-                } else {
-                    format!("{name}, measured")
-                };
-                panel.dots(&legend, colour, &time, &unit.convert(&values))
+                let name = format!("{}, measured", label(column));
+                panel.dots(
+                    &name,
+                    colour,
+                    &time,
+                    &Unit::of_column(column).convert(&values),
+                )
             })
     }
 
@@ -290,10 +312,11 @@ impl RunReport<'_> {
             .filter(|m| columns.contains(&m.column.as_str()))
             .map(|m| {
                 let unit = Unit::of_column(&m.column);
-                let rmse = super::number::significant(m.rmse * unit.factor, 3);
+                let rmse = significant(m.rmse * unit.factor, 3);
                 format!(
-                    " RMSE against the measured {}: {rmse} {}.",
-                    m.column, unit.symbol
+                    " Against the measurement of “{}”: {rmse} {} RMS.",
+                    label(&m.column),
+                    unit.symbol
                 )
             })
             .collect()

@@ -93,16 +93,30 @@ pub fn with_room((low, high): (f64, f64), spacing: Spacing) -> (f64, f64) {
     }
 }
 
-/// 1, 2 or 5 times a power of ten, the smallest that is not below `step`.
+/// 1, 2 or 5 times a power of ten, the nearest to `step` by ratio.
 fn round_step(step: f64) -> f64 {
     let decade = 10f64.powf(step.log10().floor());
-    let multiple = step / decade;
-    // The margin absorbs the rounding of the division: 0.1 / 0.1 may exceed 1.
-    decade
-        * [1.0, 2.0, 5.0]
-            .into_iter()
-            .find(|m| multiple <= m * (1.0 + 1e-9))
-            .unwrap_or(10.0)
+    let multiple = [(2f64.sqrt(), 1.0), (10f64.sqrt(), 2.0), (50f64.sqrt(), 5.0)]
+        .into_iter()
+        .find(|(up_to, _)| step / decade <= *up_to)
+        .map_or(10.0, |(_, multiple)| multiple);
+    decade * multiple
+}
+
+/// `range` with ends that all but reach a round value moved onto it: 0 to 99.999 becomes 0 to 100.
+pub fn to_round_ends((low, high): (f64, f64)) -> (f64, f64) {
+    let span = high - low;
+    let step = round_step(span / 10.0);
+    let near = |end: f64, round: f64| {
+        if (end - round).abs() < 0.005 * span {
+            round
+        } else {
+            end
+        }
+    };
+    let below = (low / step).floor() * step;
+    let above = (high / step).ceil() * step;
+    (near(low, below), near(high, above))
 }
 
 fn linear_ticks((low, high): (f64, f64), count: f64) -> Vec<(f64, String)> {
@@ -173,6 +187,13 @@ mod tests {
         assert_eq!(labels(&wide, 5.0), ["0.01", "0.1", "1", "10"]);
         let narrow = Scale::new((0.09, 2.1), (0.0, 100.0), Spacing::Log);
         assert_eq!(labels(&narrow, 5.0), ["0.1", "0.2", "0.5", "1", "2"]);
+    }
+
+    #[test]
+    fn ends_move_to_a_close_round_value_only() {
+        assert_eq!(to_round_ends((0.0, 99.999)), (0.0, 100.0));
+        assert_eq!(to_round_ends((0.001, 97.0)), (0.0, 97.0));
+        assert_eq!(to_round_ends((85.0, 100.0)), (85.0, 100.0));
     }
 
     #[test]
