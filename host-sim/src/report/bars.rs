@@ -3,6 +3,7 @@
 use maud::{Markup, html};
 
 use super::Colour;
+use super::axes::{Area, FOOT, axis_title, ticks};
 use super::chart::FULL_WIDTH;
 use super::number::{px, significant};
 use super::page::{Drawing, Figure};
@@ -13,7 +14,6 @@ use super::scale::{Scale, Spacing, data_range};
 const CHARACTER: f64 = 7.6;
 const ROW: f64 = 30.0;
 const TOP: f64 = 8.0;
-const FOOT: f64 = 42.0;
 /// Space for a bar's value beside its end \[px\].
 const VALUE: f64 = 70.0;
 
@@ -113,7 +113,7 @@ impl Bars {
         }
     }
 
-    fn svg(&self, title: &str) -> Markup {
+    fn svg(&self, name: &str) -> Markup {
         let range = self.range();
         let longest = self
             .bars
@@ -130,36 +130,29 @@ impl Bars {
         let right = FULL_WIDTH - VALUE;
         let bottom = TOP + ROW * self.bars.len() as f64;
         let x = Scale::new(range, (left, right), self.spacing);
-        let ticks = x.ticks((right - left) / 100.0);
-        let mut grid = Path::default();
-        for (value, _) in &ticks {
-            grid.polyline([(x.position(*value), TOP), (x.position(*value), bottom)]);
-        }
+        let x_ticks = ticks(&x, (right - left) / 100.0);
+        let area = Area {
+            left,
+            right,
+            top: TOP,
+            bottom,
+        };
         let origin = if self.spacing == Spacing::Linear {
             x.position(0.0)
         } else {
             left
         };
         let height = bottom + FOOT;
-        let unit = if self.unit.is_empty() {
-            String::new()
-        } else {
-            format!(" [{}]", self.unit)
-        };
+        let title = axis_title(&self.label, &self.unit);
         html! {
-            svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
+            svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(name)
                 width=(px(FULL_WIDTH)) height=(px(height)) viewBox={ "0 0 " (px(FULL_WIDTH)) " " (px(height)) } {
-                path.grid d=(grid.data()) {}
+                (area.draw(&x_ticks, &[]))
                 @for (i, bar) in self.bars.iter().enumerate() {
                     (self.bar_at(bar, &x, TOP + ROW * (i as f64 + 0.5), labels, origin))
                 }
                 path.frame d=(Path::through([(origin, TOP), (origin, bottom)]).data()) {}
-                @for (value, label) in &ticks {
-                    text.tick x=(px(x.position(*value))) y=(px(bottom + 18.0)) text-anchor="middle" { (label) }
-                }
-                text.axis x=(px((left + right) / 2.0)) y=(px(bottom + 36.0)) text-anchor="middle" {
-                    (self.label) (unit)
-                }
+                (area.x_axis(&x_ticks, &title))
             }
         }
     }

@@ -9,7 +9,8 @@
 use maud::{Markup, html};
 
 use super::Colour;
-use super::decimate::{self, Keep};
+use super::axes::{Area, FOOT, Tick, axis_title, ticks};
+use super::layer::{Layer, Mark};
 use super::number::px;
 use super::page::{Drawing, Figure};
 use super::path::Path;
@@ -25,8 +26,9 @@ pub(super) const CHARACTER: f64 = 6.7;
 const LINE_HEIGHT: f64 = 15.0;
 /// Height of a panel's head, which holds the y label \[px\].
 const HEAD: f64 = 28.0;
-/// Height of tick labels and x label below the last panel \[px\].
-const FOOT: f64 = 42.0;
+/// Distances of ticks to aim for \[px\].
+const X_TICK_DISTANCE: f64 = 90.0;
+const Y_TICK_DISTANCE: f64 = 45.0;
 /// How far a line's own width may reach out of its panel \[px\].
 const OVERHANG: f64 = 3.0;
 
@@ -63,32 +65,8 @@ impl Axis {
     }
 
     fn title(&self) -> String {
-        if self.unit.is_empty() {
-            self.label.clone()
-        } else {
-            format!("{} [{}]", self.label, self.unit)
-        }
+        axis_title(&self.label, &self.unit)
     }
-}
-
-/// How a series is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Mark {
-    Line,
-    Wide,
-    Dashed,
-    Dots,
-    Band,
-}
-
-/// One layer of a panel: stretches of points, thinned already.
-#[derive(Debug, Clone)]
-struct Layer {
-    name: String,
-    colour: Colour,
-    mark: Mark,
-    /// Of a band, its outlines.
-    runs: Vec<Vec<(f64, f64)>>,
 }
 
 /// One coordinate system, with its own y axis.
@@ -120,57 +98,32 @@ impl Panel {
     /// A solid line over rising `x`. Values that are not finite are gaps; an empty name stays out
     /// of the legend.
     pub fn line(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
-        let runs = decimate::curve(x, y, Keep::Y, decimate::POINTS);
-        self.layer(name, colour, Mark::Line, runs)
+        self.layer(Layer::new(name, colour, Mark::Line, x, &[y]))
     }
 
     /// A wide pale line over rising `x`, below the others: what they are compared with.
     pub fn wide(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
-        let runs = decimate::curve(x, y, Keep::Y, decimate::POINTS);
-        self.layer(name, colour, Mark::Wide, runs)
+        self.layer(Layer::new(name, colour, Mark::Wide, x, &[y]))
     }
 
     /// A dashed line over rising `x`.
     pub fn dashed(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
-        let runs = decimate::curve(x, y, Keep::Y, decimate::POINTS);
-        self.layer(name, colour, Mark::Dashed, runs)
+        self.layer(Layer::new(name, colour, Mark::Dashed, x, &[y]))
     }
 
     /// A curve in the plane, such as a loop, through the points in their order.
     pub fn plane(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
-        let runs = decimate::curve(x, y, Keep::Both, decimate::POINTS);
-        self.layer(name, colour, Mark::Line, runs)
+        self.layer(Layer::new(name, colour, Mark::Plane, x, &[y]))
     }
 
-    /// Single points, such as measured ones.
+    /// Single points over rising `x`, such as measured ones.
     pub fn dots(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
-        let there: Vec<(f64, f64)> = x
-            .iter()
-            .copied()
-            .zip(y.iter().copied())
-            .filter(|p| p.0.is_finite() && p.1.is_finite())
-            .collect();
-        let runs = vec![decimate::thin(&there, Keep::Y, decimate::POINTS / 3)];
-        self.layer(name, colour, Mark::Dots, runs)
+        self.layer(Layer::new(name, colour, Mark::Dots, x, &[y]))
     }
 
     /// A shaded band between `low` and `high` over rising `x`.
     pub fn band(self, name: &str, colour: Colour, x: &[f64], low: &[f64], high: &[f64]) -> Self {
-        // A gap in either edge is a gap in both, so that the edges' stretches belong together.
-        let len = x.len().min(low.len()).min(high.len());
-        let present = |i: usize| low[i].is_finite() && high[i].is_finite();
-        let edge = |values: &[f64]| {
-            let values: Vec<f64> = (0..len)
-                .map(|i| if present(i) { values[i] } else { f64::NAN })
-                .collect();
-            decimate::curve(&x[..len], &values, Keep::Y, decimate::POINTS / 2)
-        };
-        let outlines = edge(low)
-            .into_iter()
-            .zip(edge(high))
-            .map(|(low, high)| low.into_iter().chain(high.into_iter().rev()).collect());
-        let runs = outlines.collect();
-        self.layer(name, colour, Mark::Band, runs)
+        self.layer(Layer::new(name, colour, Mark::Band, x, &[low, high]))
     }
 
     /// A horizontal line, labelled beside the panel.
@@ -179,28 +132,31 @@ impl Panel {
         self
     }
 
-    fn layer(mut self, name: &str, colour: Colour, mark: Mark, runs: Vec<Vec<(f64, f64)>>) -> Self {
-        self.layers.push(Layer {
-            name: name.to_owned(),
-            colour,
-            mark,
-            runs,
-        });
+    fn layer(mut self, layer: Layer) -> Self {
+        self.layers.push(layer);
         self
     }
 
-    fn points(&self) -> impl Iterator<Item = (f64, f64)> {
-        self.layers
-            .iter()
-            .flat_map(|layer| layer.runs.iter().flatten().copied())
-    }
-
-    fn y_range(&self) -> (f64, f64) {
+    /// The range of y that shows everything whose x is within `window`.
+    fn y_range(&self, window: (f64, f64)) -> (f64, f64) {
         self.y.range.unwrap_or_else(|| {
             let references = self.references.iter().map(|(value, _)| *value);
-            let values = self.points().map(|p| p.1).chain(references);
+            let values = self
+                .layers
+                .iter()
+                .flat_map(|layer| layer.y(window))
+                .chain(references);
             with_room(data_range(values, self.y.spacing), self.y.spacing)
         })
+    }
+
+    /// The y axis of a plotting area.
+    fn scale(&self, window: (f64, f64), area: Area) -> Scale {
+        Scale::new(
+            self.y_range(window),
+            (area.bottom, area.top),
+            self.y.spacing,
+        )
     }
 }
 
@@ -252,242 +208,193 @@ impl Chart {
     }
 
     fn legend(&self) -> Markup {
-        let mut shown: Vec<&Layer> = Vec::new();
-        for layer in self
+        let named = self
             .panels
             .iter()
             .flat_map(|panel| &panel.layers)
-            .filter(|l| !l.name.is_empty())
-        {
-            let same =
-                |l: &&Layer| (&l.name, l.colour, l.mark) == (&layer.name, layer.colour, layer.mark);
-            if !shown.iter().any(same) {
+            .filter(|l| !l.name.is_empty());
+        let mut shown: Vec<&Layer> = Vec::new();
+        for layer in named {
+            if !shown.iter().any(|other| other.looks_like(layer)) {
                 shown.push(layer);
             }
         }
         html! {
             @if !shown.is_empty() {
-                ul.legend {
-                    @for layer in shown {
-                        li {
-                            svg class=(layer.colour.class()) width="26" height="10" aria-hidden="true" {
-                                @match layer.mark {
-                                    Mark::Line => path.line d="M1 5h24" {},
-                                    Mark::Wide => path.line.wide d="M2 5h22" {},
-                                    Mark::Dashed => path.line.dashed d="M1 5h24" {},
-                                    Mark::Dots => path.dots d="M4 5h0M13 5h0M22 5h0" {},
-                                    Mark::Band => rect.band x="1" width="24" height="10" {},
-                                }
-                            }
-                            (layer.name)
-                        }
-                    }
-                }
+                ul.legend { @for layer in shown { (layer.legend()) } }
             }
         }
     }
 
-    fn svg(&self, title: &str) -> Markup {
-        let x_range = self.x.range.unwrap_or_else(|| {
-            let values = self.panels.iter().flat_map(Panel::points).map(|p| p.0);
+    /// The range of x in sight.
+    fn window(&self) -> (f64, f64) {
+        self.x.range.unwrap_or_else(|| {
+            let values = self
+                .panels
+                .iter()
+                .flat_map(|panel| &panel.layers)
+                .flat_map(Layer::x);
             let range = data_range(values, self.x.spacing);
             if self.x.spacing == Spacing::Linear {
                 to_round_ends(range)
             } else {
                 range
             }
-        });
-        let y_ticks: Vec<_> = self.panels.iter().map(y_ticks).collect();
-        let longest_tick = longest(y_ticks.iter().flatten().map(|(_, label)| label.as_str()));
-        let longest_reference = longest(
-            self.panels
-                .iter()
-                .flat_map(|p| &p.references)
-                .map(|(_, label)| label.as_str()),
-        );
-        let left = (longest_tick * CHARACTER + 12.0).max(48.0);
-        let right = self.width - (longest_reference * CHARACTER + 10.0).max(18.0);
-        let x = Scale::new(x_range, (left, right), self.x.spacing);
-        let x_ticks: Vec<(f64, String)> = x
-            .ticks((right - left) / 90.0)
-            .into_iter()
-            .map(|(v, label)| (x.position(v), label))
-            .collect();
+        })
+    }
 
-        let (marker_labels, marker_rows) = self.marker_labels(&x, x_range);
+    fn svg(&self, title: &str) -> Markup {
+        let window = self.window();
+        let (left, right) = self.sides(window);
+        let x = Scale::new(window, (left, right), self.x.spacing);
+        let x_ticks = ticks(&x, (right - left) / X_TICK_DISTANCE);
+        let (marker_labels, marker_rows) = self.marker_labels(&x, window);
         let first_top = HEAD + marker_rows as f64 * LINE_HEIGHT;
-        let tops: Vec<f64> = self
+        let mut next_top = first_top;
+        let areas: Vec<Area> = self
             .panels
             .iter()
-            .scan(first_top, |top, panel| {
-                let own = *top;
-                *top += panel.height + HEAD + 8.0;
-                Some(own)
+            .map(|panel| {
+                let top = next_top;
+                next_top += panel.height + HEAD + 8.0;
+                Area {
+                    left,
+                    right,
+                    top,
+                    bottom: top + panel.height,
+                }
             })
             .collect();
-        let bottom = tops
-            .last()
-            .zip(self.panels.last())
-            .map_or(first_top, |(top, panel)| top + panel.height);
-        let height = bottom + FOOT;
-
+        let last = areas.last().copied().unwrap_or(Area {
+            left,
+            right,
+            top: first_top,
+            bottom: first_top,
+        });
+        let height = last.bottom + FOOT;
         html! {
             svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
                 width=(px(self.width)) height=(px(height)) viewBox={ "0 0 " (px(self.width)) " " (px(height)) } {
-                @for ((panel, top), ticks) in self.panels.iter().zip(&tops).zip(&y_ticks) {
-                    (Frame { panel, x: &x, left, right, top: *top, x_ticks: &x_ticks }.draw(ticks))
+                @for (panel, area) in self.panels.iter().zip(&areas) {
+                    (panel.draw(*area, window, &x, &x_ticks))
                 }
-                @for (position, row, label) in &marker_labels {
-                    path.marker d={ "M" (px(*position)) " " (px(first_top)) "V" (px(bottom)) } {}
-                    text.small x=(px(*position)) y=(px(first_top - 5.0 - *row as f64 * LINE_HEIGHT))
+                @for (line, middle, row, label) in &marker_labels {
+                    path.marker d={ "M" (px(*line)) " " (px(first_top)) "V" (px(last.bottom)) } {}
+                    text.small x=(px(*middle)) y=(px(first_top - 5.0 - *row as f64 * LINE_HEIGHT))
                         text-anchor="middle" { (label) }
                 }
-                @for (position, label) in &x_ticks {
-                    text.tick x=(px(*position)) y=(px(bottom + 18.0)) text-anchor="middle" { (label) }
-                }
-                text.axis x=(px((left + right) / 2.0)) y=(px(bottom + 36.0)) text-anchor="middle" {
-                    (self.x.title())
-                }
+                (last.x_axis(&x_ticks, &self.x.title()))
             }
         }
     }
 
-    /// Position, row (0 is the lowest) and text of the markers in sight, and the number of rows.
-    fn marker_labels(&self, x: &Scale, range: (f64, f64)) -> (Vec<(f64, usize, &str)>, usize) {
+    /// Left and right end of the panels: beside them stand y ticks and labels of reference lines.
+    fn sides(&self, window: (f64, f64)) -> (f64, f64) {
+        let longest_tick = self
+            .panels
+            .iter()
+            .flat_map(|p| {
+                let area = Area {
+                    left: 0.0,
+                    right: 0.0,
+                    top: 0.0,
+                    bottom: p.height,
+                };
+                ticks(&p.scale(window, area), p.height / Y_TICK_DISTANCE)
+            })
+            .map(|(_, label)| text_width(&label))
+            .fold(0.0, f64::max);
+        let references = self.panels.iter().flat_map(|p| &p.references);
+        let longest_reference = references
+            .map(|(_, label)| text_width(label))
+            .fold(0.0, f64::max);
+        (
+            (longest_tick + 12.0).max(48.0),
+            self.width - (longest_reference + 10.0).max(18.0),
+        )
+    }
+
+    /// Position of line and label, row (0 is the lowest) and text of the markers in sight, and the
+    /// number of rows.
+    fn marker_labels(
+        &self,
+        x: &Scale,
+        window: (f64, f64),
+    ) -> (Vec<(f64, f64, usize, &str)>, usize) {
         let mut markers: Vec<&(f64, String)> = self
             .markers
             .iter()
-            .filter(|(v, _)| (range.0..=range.1).contains(v))
+            .filter(|(v, _)| (window.0..=window.1).contains(v))
             .collect();
         markers.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut ends: Vec<f64> = Vec::new();
         let mut placed = Vec::new();
         for (value, label) in markers {
-            let position = x.position(*value);
-            let half = (label.chars().count() as f64 * CHARACTER + 8.0) / 2.0;
+            let line = x.position(*value);
+            let half = text_width(label) / 2.0 + 4.0;
+            let middle = line.min(self.width - half).max(half);
             let row = ends
                 .iter()
-                .position(|end| *end <= position - half)
+                .position(|end| *end <= middle - half)
                 .unwrap_or(ends.len());
             ends.resize(ends.len().max(row + 1), 0.0);
-            ends[row] = position + half;
-            placed.push((position, row, label.as_str()));
+            ends[row] = middle + half;
+            placed.push((line, middle, row, label.as_str()));
         }
         (placed, ends.len())
     }
 }
 
-/// Characters of the longest text.
-fn longest<'a>(texts: impl Iterator<Item = &'a str>) -> f64 {
-    texts.map(|text| text.chars().count()).max().unwrap_or(0) as f64
-}
-
-fn y_ticks(panel: &Panel) -> Vec<(f64, String)> {
-    Scale::new(panel.y_range(), (panel.height, 0.0), panel.y.spacing).ticks(panel.height / 45.0)
-}
-
-/// A panel at its place.
-struct Frame<'a> {
-    panel: &'a Panel,
-    x: &'a Scale,
-    left: f64,
-    right: f64,
-    top: f64,
-    /// Positions and labels.
-    x_ticks: &'a [(f64, String)],
-}
-
-impl Frame<'_> {
-    fn draw(&self, y_ticks: &[(f64, String)]) -> Markup {
-        let Self {
-            panel,
-            left,
-            right,
-            top,
-            ..
-        } = *self;
-        let bottom = top + panel.height;
-        let range = panel.y_range();
-        let y = Scale::new(range, (bottom, top), panel.y.spacing);
-        let (clip_left, clip_top) = (left - OVERHANG, top - OVERHANG);
-        let (clip_width, clip_height) =
-            (right - left + 2.0 * OVERHANG, panel.height + 2.0 * OVERHANG);
-        let mut grid = Path::default();
-        for (position, _) in self.x_ticks {
-            grid.polyline([(*position, top), (*position, bottom)]);
-        }
-        for (value, _) in y_ticks {
-            grid.polyline([(left, y.position(*value)), (right, y.position(*value))]);
-        }
+impl Panel {
+    fn draw(&self, area: Area, window: (f64, f64), x: &Scale, x_ticks: &[Tick]) -> Markup {
+        let y = self.scale(window, area);
+        let y_ticks = ticks(&y, self.height / Y_TICK_DISTANCE);
+        let (clip_left, clip_top) = (px(area.left - OVERHANG), px(area.top - OVERHANG));
+        let clip_width = px(area.right - area.left + 2.0 * OVERHANG);
+        let clip_height = px(self.height + 2.0 * OVERHANG);
         html! {
-            text.axis x="0" y=(px(top - 12.0)) { (panel.y.title()) }
-            path.grid d=(grid.data()) {}
-            @for (value, label) in y_ticks {
-                text.tick x=(px(left - 7.0)) y=(px(y.position(*value) + 4.0)) text-anchor="end" { (label) }
-            }
-            path.frame d=(Path::through([(left, bottom), (right, bottom)]).data()) {}
+            text.axis x="0" y=(px(area.top - 12.0)) { (self.y.title()) }
+            (area.draw(x_ticks, &y_ticks))
             // A nested svg clips without the document-wide id that a clip path would need.
-            svg x=(px(clip_left)) y=(px(clip_top)) width=(px(clip_width)) height=(px(clip_height))
-                viewBox={ (px(clip_left)) " " (px(clip_top)) " " (px(clip_width)) " " (px(clip_height)) } {
-                // What others are compared with lies below, then bands, then dots: a line through dense dots stays visible.
-                @for mark in [Mark::Wide, Mark::Band, Mark::Dots, Mark::Dashed, Mark::Line] {
-                    @for layer in panel.layers.iter().filter(|layer| layer.mark == mark) {
-                        (self.layer(layer, &y))
+            svg x=(clip_left) y=(clip_top) width=(clip_width) height=(clip_height)
+                viewBox={ (clip_left) " " (clip_top) " " (clip_width) " " (clip_height) } {
+                @for mark in Mark::STACK {
+                    @for layer in self.layers.iter().filter(|layer| layer.mark == mark) {
+                        (layer.draw(window, x, &y))
                     }
                 }
-                @for (value, _) in &panel.references {
-                    path.reference
-                        d=(Path::through([(left, y.position(*value)), (right, y.position(*value))]).data()) {}
+                @for (value, _) in &self.references {
+                    @let at = y.position(*value);
+                    path.reference d=(Path::through([(area.left, at), (area.right, at)]).data()) {}
                 }
             }
-            @for (position, label) in spread(&panel.references, &y, range) {
-                text.small x=(px(right + 6.0)) y=(px(position + 4.0)) { (label) }
+            @for (position, label) in self.reference_labels(&y, window) {
+                text.small x=(px(area.right + 6.0)) y=(px(position + 4.0)) { (label) }
             }
         }
     }
 
-    fn layer(&self, layer: &Layer, y: &Scale) -> Markup {
-        let drawable = |p: &&(f64, f64)| self.x.shows(p.0) && y.shows(p.1);
-        let at = |p: &(f64, f64)| (self.x.position(p.0), y.position(p.1));
-        let mut path = Path::default();
-        for run in &layer.runs {
-            let shown = run.iter().filter(drawable).map(at);
-            match layer.mark {
-                Mark::Dots => path.dots(shown),
-                Mark::Line | Mark::Wide | Mark::Dashed => path.polyline(shown),
-                Mark::Band => {
-                    path.polyline(shown);
-                    path.close();
-                }
-            }
+    /// Where the labels of the reference lines in sight go: beside their line, clear of each other.
+    fn reference_labels(&self, y: &Scale, window: (f64, f64)) -> Vec<(f64, &str)> {
+        let range = self.y_range(window);
+        let in_sight = self
+            .references
+            .iter()
+            .filter(|(value, _)| (range.0..=range.1).contains(value));
+        let mut labels: Vec<(f64, &str)> = in_sight
+            .map(|(value, label)| (y.position(*value), label.as_str()))
+            .collect();
+        labels.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut lowest_free = f64::NEG_INFINITY;
+        for (position, _) in &mut labels {
+            *position = position.max(lowest_free);
+            lowest_free = *position + LINE_HEIGHT;
         }
-        let mark = match layer.mark {
-            Mark::Line => "line",
-            Mark::Wide => "line wide",
-            Mark::Dashed => "line dashed",
-            Mark::Dots => "dots",
-            Mark::Band => "band",
-        };
-        html! { path class={ (layer.colour.class()) " " (mark) } d=(path.data()) {} }
+        labels
     }
 }
 
-/// Where the labels of the reference lines in sight go: beside their line, but clear of each other.
-fn spread<'a>(
-    references: &'a [(f64, String)],
-    y: &Scale,
-    range: (f64, f64),
-) -> Vec<(f64, &'a str)> {
-    let mut labels: Vec<(f64, &str)> = references
-        .iter()
-        .filter(|(value, _)| (range.0..=range.1).contains(value))
-        .map(|(value, label)| (y.position(*value), label.as_str()))
-        .collect();
-    labels.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut lowest_free = f64::NEG_INFINITY;
-    for (position, _) in &mut labels {
-        *position = position.max(lowest_free);
-        lowest_free = *position + LINE_HEIGHT;
-    }
-    labels
+/// About the width of a label, rather more than less \[px\].
+fn text_width(text: &str) -> f64 {
+    text.chars().count() as f64 * CHARACTER
 }

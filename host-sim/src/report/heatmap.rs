@@ -2,6 +2,7 @@
 
 use maud::html;
 
+use super::axes::FOOT;
 use super::chart::{CHARACTER, FULL_WIDTH};
 use super::colour::{fraction, hex, text_on};
 use super::number::{MISSING, px, short, significant};
@@ -12,7 +13,6 @@ use super::scale::{Scale, Spacing, data_range};
 const MAP: colorous::Gradient = colorous::CIVIDIS;
 const CELL_HEIGHT: f64 = 34.0;
 const TOP: f64 = 24.0;
-const FOOT: f64 = 42.0;
 /// Colour bar, its tick labels included \[px\].
 const BAR: f64 = 90.0;
 /// A cell at least that wide has room for its value \[px\].

@@ -8,11 +8,13 @@
 //! A drawing names its colours by class and leaves their values to the page's style sheet, so one
 //! drawing serves light mode, dark mode and print.
 
+mod axes;
 pub mod bars;
 pub mod chart;
 mod colour;
 pub mod decimate;
 pub mod heatmap;
+mod layer;
 pub mod muscle;
 pub mod number;
 pub mod page;

@@ -5,6 +5,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 
 use maud::{Markup, html};
 
+use super::axes::{Area, FOOT, ticks};
 use super::chart::FULL_WIDTH;
 use super::colour::{fraction, hex};
 use super::heatmap::colour_bar;
@@ -18,18 +19,18 @@ const MAP: colorous::Gradient = colorous::INFERNO;
 const ZERO_CELSIUS_K: f64 = 273.15;
 
 // Layout [px]: a dark picture above, the axial profile below, both over the same muscle.
-const PICTURE_HEIGHT: f64 = 236.0;
+const PICTURE_HEIGHT: f64 = 224.0;
 const LEFT: f64 = 142.0;
 const RIGHT: f64 = 650.0;
 const LENGTH: f64 = RIGHT - LEFT;
-const AXIS_Y: f64 = 124.0;
+const AXIS_Y: f64 = 120.0;
 const RADIUS: f64 = 46.0;
 const FITTING_RADIUS: f64 = 17.0;
 /// Length over which the body tapers to a fitting.
 const TAPER: f64 = 66.0;
-const PROFILE_TOP: f64 = PICTURE_HEIGHT + 36.0;
+const PROFILE_TOP: f64 = PICTURE_HEIGHT + 40.0;
 const PROFILE_BOTTOM: f64 = PROFILE_TOP + 110.0;
-const HEIGHT: f64 = PROFILE_BOTTOM + 42.0;
+const HEIGHT: f64 = PROFILE_BOTTOM + FOOT;
 
 /// A thread's half turn along the axis, and the distance from one thread to the next.
 const HALF_TURN: f64 = 190.0;
@@ -69,7 +70,7 @@ impl Muscle {
                 (fittings(&id))
                 (extremes(&zones))
                 g.on-dark {
-                    (colour_bar(MAP, self.scale_degc, "°C", 786.0, (46.0, 202.0)))
+                    (colour_bar(MAP, self.scale_degc, "°C", 786.0, (44.0, 196.0)))
                 }
                 (self.profile(&zones))
             }
@@ -151,32 +152,18 @@ impl Muscle {
         );
         let y = Scale::new(range, (PROFILE_BOTTOM, PROFILE_TOP), Spacing::Linear);
         let x = Scale::new((0.0, 1.0), (LEFT, RIGHT), Spacing::Linear);
-        let x_ticks = x.ticks(5.0);
-        let y_ticks = y.ticks(4.0);
-        let mut grid = Path::default();
-        for (value, _) in &x_ticks {
-            grid.polyline([
-                (x.position(*value), PROFILE_TOP),
-                (x.position(*value), PROFILE_BOTTOM),
-            ]);
-        }
-        for (value, _) in &y_ticks {
-            grid.polyline([(LEFT, y.position(*value)), (RIGHT, y.position(*value))]);
-        }
+        let area = Area {
+            left: LEFT,
+            right: RIGHT,
+            top: PROFILE_TOP,
+            bottom: PROFILE_BOTTOM,
+        };
+        let x_ticks = ticks(&x, 5.0);
         let line = Path::through(zones.iter().map(|(at, t)| (*at, y.position(*t))));
         html! {
-            text.axis x=(px(LEFT - 44.0)) y=(px(PROFILE_TOP - 10.0)) { "Wall temperature [°C]" }
-            path.grid d=(grid.data()) {}
-            path.frame d=(Path::through([(LEFT, PROFILE_BOTTOM), (RIGHT, PROFILE_BOTTOM)]).data()) {}
-            @for (value, label) in &y_ticks {
-                text.tick x=(px(LEFT - 7.0)) y=(px(y.position(*value) + 4.0)) text-anchor="end" { (label) }
-            }
-            @for (value, label) in &x_ticks {
-                text.tick x=(px(x.position(*value))) y=(px(PROFILE_BOTTOM + 18.0)) text-anchor="middle" { (label) }
-            }
-            text.axis x=(px(f64::midpoint(LEFT, RIGHT))) y=(px(PROFILE_BOTTOM + 36.0)) text-anchor="middle" {
-                "Position along the muscle, port to closed end [–]"
-            }
+            text.axis x=(px(LEFT - 44.0)) y=(px(PROFILE_TOP - 12.0)) { "Wall temperature [°C]" }
+            (area.draw(&x_ticks, &ticks(&y, 4.0)))
+            (area.x_axis(&x_ticks, "Position along the muscle, port to closed end [–]"))
             path.c-ink.line d=(line.data()) {}
             @for (at, t) in zones {
                 circle.zone cx=(px(*at)) cy=(px(y.position(*t))) r="5" fill=(hex(MAP, fraction(*t, self.scale_degc))) {}
@@ -205,8 +192,8 @@ fn outline() -> Path {
     let steps = || (0..=60).map(|i| LENGTH * f64::from(i) / 60.0);
     let upper = steps().map(|s| (LEFT + s, AXIS_Y - radius(s)));
     let lower = steps().rev().map(|s| (LEFT + s, AXIS_Y + radius(s)));
-    let mut path = Path::through(upper.chain(lower));
-    path.close();
+    let mut path = Path::default();
+    path.area(upper.chain(lower));
     path
 }
 
@@ -271,9 +258,9 @@ fn connections() -> Markup {
             text.small x="42" y=(px(AXIS_Y - 16.0)) text-anchor="middle" { "air" }
             text.small x=(px(LEFT - 26.0)) y=(px(AXIS_Y + 46.0)) text-anchor="middle" { "port" }
             text.small x=(px(RIGHT + 26.0)) y=(px(AXIS_Y + 46.0)) text-anchor="middle" { "closed end" }
-            path.sketch d={ "M" (px(hook)) " " (px(AXIS_Y)) "h8c12-11 23 2 14 9-4 3-9 1-10-3" } {}
-            path.sketch d={ "M" (px(hook + 26.0)) " " (px(AXIS_Y)) "h38m-9-6l9 6-9 6" } {}
-            text.small x=(px(hook + 42.0)) y=(px(AXIS_Y - 16.0)) text-anchor="middle" { "load" }
+            path.sketch d={ "M" (px(hook)) " " (px(AXIS_Y)) "h6a7 7 0 1 1 14 0a7 7 0 1 1-14 0" } {}
+            path.sketch d={ "M" (px(hook + 20.0)) " " (px(AXIS_Y)) "h44m-9-6l9 6-9 6" } {}
+            text.small x=(px(hook + 44.0)) y=(px(AXIS_Y - 16.0)) text-anchor="middle" { "load" }
         }
     }
 }

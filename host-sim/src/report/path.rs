@@ -22,11 +22,10 @@ impl Path {
     /// Adds a line through `points`; a single point becomes a dot where line caps are round.
     pub(super) fn polyline(&mut self, points: impl IntoIterator<Item = (f64, f64)>) {
         let mut points = points.into_iter();
-        if let Some(first) = points.next() {
-            self.move_to(first);
-        }
+        let Some(first) = points.next() else { return };
+        self.move_to(first);
         points.for_each(|point| self.line_to(point));
-        if !self.in_line && !self.data.is_empty() {
+        if !self.in_line {
             self.data.push_str("h0");
         }
     }
@@ -39,8 +38,7 @@ impl Path {
         }
     }
 
-    /// Goes on to `point`.
-    pub(super) fn line_to(&mut self, point: (f64, f64)) {
+    fn line_to(&mut self, point: (f64, f64)) {
         let to = tenths(point);
         if to == self.at {
             return;
@@ -54,10 +52,14 @@ impl Path {
         self.in_line = true;
     }
 
-    /// Closes the outline begun last.
-    pub(super) fn close(&mut self) {
-        self.data.push('z');
-        self.in_line = false;
+    /// Adds the area that `outline` encloses.
+    pub(super) fn area(&mut self, outline: impl IntoIterator<Item = (f64, f64)>) {
+        let before = self.data.len();
+        self.polyline(outline);
+        if self.data.len() > before {
+            self.data.push('z');
+            self.in_line = false;
+        }
     }
 
     /// The data for a `d` attribute.

@@ -108,8 +108,7 @@ impl RunReport<'_> {
     }
 
     fn temperature(&self) -> Option<Section> {
-        self.column(TRUTH)
-            .or(self.column("sensor_gas_k"))?;
+        self.column(TRUTH).or(self.column("sensor_gas_k"))?;
         let mut chart = Chart::new(self.time_axis()).panel(self.temperature_panel());
         if self.column("estimate_error_k").is_some() {
             chart = chart.panel(self.error_panel());
@@ -117,12 +116,7 @@ impl RunReport<'_> {
         let caption = format!(
             "The gas temperature in the plant (mass-weighted mean), what the sensors read, and what the core \
              estimates from pressure, length and the gas sensor; shaded: estimate ± 2 standard deviations.{}",
-            self.rmse_text(&[
-                TRUTH,
-                "sensor_gas_k",
-                "sensor_wall_k",
-                "estimate_k"
-            ])
+            self.rmse_text(&[TRUTH, "sensor_gas_k", "sensor_wall_k", "estimate_k"])
         );
         let mut section =
             Section::new("Temperature").figure(chart.figure("Gas temperature", &caption));
