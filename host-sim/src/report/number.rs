@@ -169,13 +169,19 @@ impl Unit {
 
 /// An SI value with its SI symbol, as shown value and symbol: `(4.2e5, "Pa")` is `("420", "kPa")`.
 ///
-/// An unknown symbol is kept as it is. Beyond 10 000 of a submultiple the SI unit itself is shown.
+/// An unknown symbol is kept as it is. Absolute temperatures get a fourth digit. Beyond 10 000 of a submultiple the SI unit itself is shown.
 pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
+    let digits = if si_symbol == "K" && value.abs() >= 100.0 {
+        4
+    } else {
+        3
+    };
     match UNITS.iter().find(|(_, si, _)| *si == si_symbol) {
-        Some((.., unit)) if unit.factor <= 1.0 || (value * unit.factor).abs() < 1e4 => {
-            (significant(value * unit.factor, 3), unit.symbol.to_owned())
-        }
-        _ => (significant(value, 3), si_symbol.to_owned()),
+        Some((.., unit)) if unit.factor <= 1.0 || (value * unit.factor).abs() < 1e4 => (
+            significant(value * unit.factor, digits),
+            unit.symbol.to_owned(),
+        ),
+        _ => (significant(value, digits), si_symbol.to_owned()),
     }
 }
 
@@ -302,6 +308,7 @@ mod tests {
         assert_eq!(Unit::of_column("volume_m3").symbol, "cm³");
         assert_eq!(Unit::of_column("duty_in"), Unit::NONE);
         assert_eq!(quantity(420_000.0, "Pa"), ("420".into(), "kPa".into()));
+        assert_eq!(quantity(299.14, "K"), ("299.1".into(), "K".into()));
         assert_eq!(quantity(20.0, "kg"), ("20.0".into(), "kg".into()));
         assert_eq!(quantity(0.0021, "kg"), ("2.10".into(), "g".into()));
         assert_eq!(quantity(12.0, "strokes"), ("12.0".into(), "strokes".into()));

@@ -223,13 +223,13 @@ impl RunReport<'_> {
     fn supply(&self) -> Option<Section> {
         let flows = self.column("flow_in_kg_s").map(|_| {
             let panel = Panel::new(Axis::new("Mass flow", "g/s")).height(150.0);
-            let panel = self.plot(panel, "flow_out_kg_s", Colour::Vermillion);
-            self.plot(panel, "flow_in_kg_s", Colour::Blue)
+            let panel = self.plot(panel, "flow_in_kg_s", Colour::Blue);
+            self.plot(panel, "flow_out_kg_s", Colour::Vermillion)
         });
         let duties = self.column("duty_in").map(|_| {
             let panel = Panel::new(Axis::new("Valve duty", "").range(0.0, 1.0)).height(110.0);
-            let panel = self.plot(panel, "duty_out", Colour::Vermillion);
-            self.plot(panel, "duty_in", Colour::Blue)
+            let panel = self.plot(panel, "duty_in", Colour::Blue);
+            self.plot(panel, "duty_out", Colour::Vermillion)
         });
         let mass = self.column("mass_kg").map(|_| {
             let panel = Panel::new(Axis::new("Gas mass", "g")).height(130.0);
