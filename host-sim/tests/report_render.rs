@@ -119,6 +119,11 @@ fn full_report() -> String {
             points: points(&|t| 0.27 + 0.02 * (t * 2.1).sin()),
             rmse: 0.0031,
         },
+        Measured {
+            column: "volume_m3".into(),
+            points: points(&|t| 1e-4 + 2e-5 * (t * 2.1).sin()),
+            rmse: 4.2e-6,
+        },
     ];
     let summary = [
         ("Duration", 100.0, "s"),
@@ -328,11 +333,11 @@ fn the_run_page_is_well_formed_whole_and_small() {
         .iter()
         .filter(|svg| svg.contains("role=\"img\""))
         .count();
-    assert_eq!(charts, 6);
+    assert_eq!(charts, 7);
     for svg in drawings {
         assert!(elements(svg).unwrap_or_else(|e| panic!("{e}: {svg}")) >= 2);
     }
-    for i in 1..=6 {
+    for i in 1..=7 {
         assert!(page.contains(&format!("id=\"fig-{i}\"")), "figure {i}");
     }
     assert!(
@@ -343,6 +348,7 @@ fn the_run_page_is_well_formed_whole_and_small() {
     for (what, expected) in [
         ("sensor in the gas”: 0.412 K RMS.", 1),
         ("length”: 3.10 mm RMS.", 1),
+        ("volume_m3”: 4.20 cm³ RMS.", 1),
         ("✓ met", 1),
         ("✗ missed", 1),
     ] {

@@ -1,7 +1,7 @@
 //! `report.html`: one self-contained page per run, and the drawings on it.
 //!
 //! From below to above: [`number`] and [`scale`] turn values into text and positions, [`decimate`]
-//! and [`path`] keep the drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a
+//! keeps the drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a
 //! [`page::Figure`] each, [`page`] puts text and figures on a page, and [`run_report`] is the page
 //! of a generic run. [`series`] records what is drawn, in bounded memory, while the run streams by.
 //!

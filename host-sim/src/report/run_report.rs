@@ -10,12 +10,30 @@ use super::series::Recorder;
 /// The plant's gas temperature, which the others are compared with.
 const TRUTH: &str = "gas_temperature_k";
 
+/// The columns of each section.
+const TEMPERATURES: [&str; 5] = [
+    TRUTH,
+    "wall_temperature_k",
+    "sensor_gas_k",
+    "sensor_wall_k",
+    "estimate_k",
+];
+const MOTION: [&str; 2] = ["pressure_pa", "length_m"];
+const AIR: [&str; 5] = [
+    "flow_in_kg_s",
+    "flow_out_kg_s",
+    "mass_kg",
+    "duty_in",
+    "duty_out",
+];
+
 /// How a column is called in a legend.
 fn label(column: &str) -> &str {
     match column {
         TRUTH => "gas (plant)",
         "sensor_gas_k" | "sensor_gas_error_k" => "sensor in the gas",
         "sensor_wall_k" => "sensor in the wall",
+        "wall_temperature_k" => "wall (plant)",
         "estimate_k" | "estimate_error_k" => "estimate",
         "pressure_pa" => "pressure",
         "length_m" => "length",
@@ -99,6 +117,7 @@ impl RunReport<'_> {
             self.temperature(),
             self.motion(),
             self.supply(),
+            self.further_measurements(),
             self.axial(),
             self.numbers(),
         ]
@@ -114,9 +133,9 @@ impl RunReport<'_> {
             chart = chart.panel(self.error_panel());
         }
         let caption = format!(
-            "The gas temperature in the plant (mass-weighted mean), what the sensors read, and what the core \
+            "The temperatures of gas (mass-weighted mean) and wall in the plant, what the sensors read, and what the core \
              estimates from pressure, length and the gas sensor; shaded: estimate ± 2 standard deviations.{}",
-            self.rmse_text(&[TRUTH, "sensor_gas_k", "sensor_wall_k", "estimate_k"])
+            self.rmse_text(&TEMPERATURES)
         );
         let mut section =
             Section::new("Temperature").figure(chart.figure("Gas temperature", &caption));
@@ -136,6 +155,7 @@ impl RunReport<'_> {
             _ => panel,
         };
         let panel = self.plot_measured(panel, TRUTH, Colour::Ink);
+        let panel = self.plot(panel, "wall_temperature_k", Colour::Green);
         let panel = self.plot(panel, "sensor_wall_k", Colour::Orange);
         let panel = self.plot(panel, "sensor_gas_k", Colour::Vermillion);
         let panel = self.plot(panel, "estimate_k", Colour::Blue);
@@ -191,7 +211,7 @@ impl RunReport<'_> {
             .fold(chart, Chart::panel);
         let caption = format!(
             "Absolute pressure in the gas, and how the muscle answers.{}",
-            self.rmse_text(&["pressure_pa", "length_m"])
+            self.rmse_text(&MOTION)
         );
         let mut section = Section::new("Pressure and motion")
             .figure(chart.figure("Pressure and length", &caption));
@@ -242,9 +262,30 @@ impl RunReport<'_> {
             .fold(Chart::new(self.time_axis()), Chart::panel);
         let caption = format!(
             "Mass flow through the valves, the gas in the muscle, and the duties that the core commands.{}",
-            self.rmse_text(&["flow_in_kg_s", "flow_out_kg_s", "mass_kg"])
+            self.rmse_text(&AIR)
         );
         Some(Section::new("Air").figure(chart.figure("Flow, mass and valves", &caption)))
+    }
+
+    /// Measurements of columns that no other section draws.
+    fn further_measurements(&self) -> Option<Section> {
+        let elsewhere = [&TEMPERATURES[..], &MOTION, &AIR].concat();
+        let columns: Vec<&str> = self
+            .measured
+            .iter()
+            .map(|m| m.column.as_str())
+            .filter(|column| !elsewhere.contains(column))
+            .collect();
+        (!columns.is_empty()).then(|| {
+            let chart = columns
+                .iter()
+                .fold(Chart::new(self.time_axis()), |chart, column| {
+                    let axis = Axis::new(column, Unit::of_column(column).symbol);
+                    chart.panel(self.plot(Panel::new(axis).height(150.0), column, Colour::Blue))
+                });
+            let caption = format!("Run and measurement.{}", self.rmse_text(&columns));
+            Section::new("Further measurements").figure(chart.figure("Other columns", &caption))
+        })
     }
 
     fn axial(&self) -> Option<Section> {
