@@ -68,12 +68,7 @@ pub struct Run {
 
 impl Default for Run {
     fn default() -> Self {
-        Self {
-            duration_s: 100.0,
-            step_s: 0.001,
-            seed: 1,
-            log_every: 10,
-        }
+        Self { duration_s: 100.0, step_s: 0.001, seed: 1, log_every: 10 }
     }
 }
 
@@ -89,10 +84,7 @@ pub struct Gas {
 
 impl Default for Gas {
     fn default() -> Self {
-        Self {
-            gas_constant_j_kg_k: 287.05,
-            heat_capacity_ratio: 1.4,
-        }
+        Self { gas_constant_j_kg_k: 287.05, heat_capacity_ratio: 1.4 }
     }
 }
 
@@ -108,10 +100,7 @@ pub struct Ambient {
 
 impl Default for Ambient {
     fn default() -> Self {
-        Self {
-            pressure_pa: 101_325.0,
-            temperature_k: 298.0,
-        }
+        Self { pressure_pa: 101_325.0, temperature_k: 298.0 }
     }
 }
 
@@ -129,11 +118,7 @@ pub struct Supply {
 
 impl Default for Supply {
     fn default() -> Self {
-        Self {
-            pressure_pa: 700_000.0,
-            temperature_k: 298.0,
-            droop_pa_s_kg: 2.0e7,
-        }
+        Self { pressure_pa: 700_000.0, temperature_k: 298.0, droop_pa_s_kg: 2.0e7 }
     }
 }
 
@@ -272,11 +257,7 @@ impl Default for Paper {
     /// The choice of Richer and Hurmuzlu, the paper's \[1\], for a pneumatic cylinder: charging
     /// close to adiabatic, discharging close to isothermal, the rest between.
     fn default() -> Self {
-        Self {
-            alpha_in: 1.4,
-            alpha_out: 1.0,
-            alpha: 1.2,
-        }
+        Self { alpha_in: 1.4, alpha_out: 1.0, alpha: 1.2 }
     }
 }
 
@@ -336,11 +317,7 @@ pub struct Wall {
 
 impl Default for Wall {
     fn default() -> Self {
-        Self {
-            heat_capacity_j_k: 65.0,
-            outer_fraction: 0.3,
-            conductance_w_k: 3.0,
-        }
+        Self { heat_capacity_j_k: 65.0, outer_fraction: 0.3, conductance_w_k: 3.0 }
     }
 }
 
@@ -409,12 +386,7 @@ pub struct Load {
 
 impl Default for Load {
     fn default() -> Self {
-        Self {
-            kind: LoadKind::Isotonic,
-            force_n: 100.0,
-            length_m: 0.26,
-            mass_kg: 2.0,
-        }
+        Self { kind: LoadKind::Isotonic, force_n: 100.0, length_m: 0.26, mass_kg: 2.0 }
     }
 }
 
@@ -458,10 +430,7 @@ pub struct Tube {
 
 impl Default for Tube {
     fn default() -> Self {
-        Self {
-            volume_m3: 6.0e-6,
-            conductance_m3_s_pa: 3.0e-8,
-        }
+        Self { volume_m3: 6.0e-6, conductance_m3_s_pa: 3.0e-8 }
     }
 }
 
@@ -477,10 +446,7 @@ pub struct Orifice {
 
 impl Default for Orifice {
     fn default() -> Self {
-        Self {
-            diameter_m: 0.001,
-            discharge_coefficient: 0.84,
-        }
+        Self { diameter_m: 0.001, discharge_coefficient: 0.84 }
     }
 }
 
@@ -598,11 +564,7 @@ pub struct WallSensor {
 
 impl Default for WallSensor {
     fn default() -> Self {
-        Self {
-            time_constant_s: 3.0,
-            noise_k: 0.05,
-            position: 0.5,
-        }
+        Self { time_constant_s: 3.0, noise_k: 0.05, position: 0.5 }
     }
 }
 
@@ -620,11 +582,7 @@ pub struct PressureSensor {
 
 impl Default for PressureSensor {
     fn default() -> Self {
-        Self {
-            time_constant_s: 0.0005,
-            noise_pa: 150.0,
-            range_pa: 700_000.0,
-        }
+        Self { time_constant_s: 0.0005, noise_pa: 150.0, range_pa: 700_000.0 }
     }
 }
 
@@ -642,11 +600,7 @@ pub struct LengthSensor {
 
 impl Default for LengthSensor {
     fn default() -> Self {
-        Self {
-            time_constant_s: 0.0005,
-            noise_m: 2.0e-5,
-            range_m: 0.4,
-        }
+        Self { time_constant_s: 0.0005, noise_m: 2.0e-5, range_m: 0.4 }
     }
 }
 
