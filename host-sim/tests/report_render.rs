@@ -48,16 +48,8 @@ fn recorded() -> (Recorder, Vec<(f64, f64)>) {
         let t = f64::from(i) * STEP_S;
         let phase = (t / PERIOD_S).fract();
         let charging = phase < 0.5;
-        let fill = if charging {
-            2.0 * phase
-        } else {
-            2.0 - 2.0 * phase
-        };
-        let swing = if charging {
-            (-phase * 6.0).exp()
-        } else {
-            -(-(phase - 0.5) * 6.0).exp()
-        };
+        let fill = if charging { 2.0 * phase } else { 2.0 - 2.0 * phase };
+        let swing = if charging { (-phase * 6.0).exp() } else { -(-(phase - 0.5) * 6.0).exp() };
         let gas = 298.0 + 12.0 * swing + 2.0 * (1.0 - (-t / 40.0).exp());
         sensor += (gas - sensor) * STEP_S / 3.0;
         noise = (noise * 9301.7 + 0.1173).fract();
@@ -65,16 +57,8 @@ fn recorded() -> (Recorder, Vec<(f64, f64)>) {
         let pressure = 120e3 + 300e3 * fill.powf(0.8);
         let volume = 70e-6
             + 60e-6 * fill.powf(1.3)
-            + if charging {
-                0.0
-            } else {
-                4e-6 * (fill * TAU / 2.0).sin()
-            };
-        let (flow_in, flow_out) = if charging {
-            (3.6e-4, 0.0)
-        } else {
-            (0.0, 3.6e-4)
-        };
+            + if charging { 0.0 } else { 4e-6 * (fill * TAU / 2.0).sin() };
+        let (flow_in, flow_out) = if charging { (3.6e-4, 0.0) } else { (0.0, 3.6e-4) };
         recorder.push(&[
             t,
             pressure,
@@ -104,9 +88,7 @@ fn recorded() -> (Recorder, Vec<(f64, f64)>) {
 fn full_report() -> String {
     let (series, last_stroke) = recorded();
     let points = |f: &dyn Fn(f64) -> f64| {
-        (0..50)
-            .map(|i| (2.0 * f64::from(i), f(2.0 * f64::from(i))))
-            .collect()
+        (0..50).map(|i| (2.0 * f64::from(i), f(2.0 * f64::from(i)))).collect()
     };
     let measured = [
         Measured {
@@ -130,11 +112,7 @@ fn full_report() -> String {
         ("Gas temperature, mean", 299.1, "K"),
         ("Pressure, highest", 420e3, "Pa"),
     ]
-    .map(|(label, value, unit)| SummaryRow {
-        label: label.into(),
-        value,
-        unit: unit.into(),
-    });
+    .map(|(label, value, unit)| SummaryRow { label: label.into(), value, unit: unit.into() });
     run_report::render(&RunReport {
         title: "Isotonic working cycle",
         lead: "Twenty strokes of 5 s at 0.36 g/s against 100 N. The gas swings by 24 K; the sensor inside the muscle \
@@ -178,20 +156,10 @@ fn odd_charts() -> Vec<Figure> {
     let t: Vec<f64> = (0..200).map(f64::from).collect();
     let decay: Vec<f64> = t.iter().map(|t| 1e3 * (-t / 12.0).exp()).collect();
     let flat = vec![298.0; 200];
-    let gappy: Vec<f64> = t
-        .iter()
-        .map(|t| {
-            if (t / 25.0).fract() < 0.2 {
-                f64::NAN
-            } else {
-                t.sqrt()
-            }
-        })
-        .collect();
-    let circle: Vec<(f64, f64)> = (0..=90)
-        .map(|i| f64::from(i) / 90.0 * TAU)
-        .map(|a| (a.cos(), a.sin()))
-        .collect();
+    let gappy: Vec<f64> =
+        t.iter().map(|t| if (t / 25.0).fract() < 0.2 { f64::NAN } else { t.sqrt() }).collect();
+    let circle: Vec<(f64, f64)> =
+        (0..=90).map(|i| f64::from(i) / 90.0 * TAU).map(|a| (a.cos(), a.sin())).collect();
     let (cos, sin): (Vec<f64>, Vec<f64>) = circle.into_iter().unzip();
     let log = Chart::new(Axis::new("Time", "s"))
         .panel(
@@ -216,9 +184,12 @@ fn odd_charts() -> Vec<Figure> {
         &flat,
     ));
     let gaps = Chart::new(Axis::new("Time", "s")).half().panel(
-        Panel::new(Axis::new("With gaps", ""))
-            .line("gaps", Colour::Green, &t, &gappy)
-            .dots("dots", Colour::Sky, &t, &gappy),
+        Panel::new(Axis::new("With gaps", "")).line("gaps", Colour::Green, &t, &gappy).dots(
+            "dots",
+            Colour::Sky,
+            &t,
+            &gappy,
+        ),
     );
     let circle = Chart::new(Axis::new("Volume", "cm³"))
         .half()
@@ -227,13 +198,7 @@ fn odd_charts() -> Vec<Figure> {
         Panel::new(Axis::new("Nothing", "K"))
             .line("all NaN", Colour::Blue, &t, &[f64::NAN; 200])
             .line("empty", Colour::Green, &[], &[])
-            .band(
-                "band",
-                Colour::Blue,
-                &t,
-                &[f64::INFINITY; 200],
-                &[f64::NAN; 200],
-            ),
+            .band("band", Colour::Blue, &t, &[f64::INFINITY; 200], &[f64::NAN; 200]),
     );
     let no_panel = Chart::new(Axis::new("Time", "s"));
     [log, flat, gaps, circle, nothing, no_panel]
@@ -247,11 +212,7 @@ fn heatmap() -> Figure {
     let y = vec![0.1, 0.3, 1.0, 3.0, 10.0];
     let mut cells: Vec<Vec<f64>> = y
         .iter()
-        .map(|tau: &f64| {
-            x.iter()
-                .map(|p| 2.0 * tau.powf(0.4) + (p - 0.6).abs() * 3.0)
-                .collect()
-        })
+        .map(|tau: &f64| x.iter().map(|p| 2.0 * tau.powf(0.4) + (p - 0.6).abs() * 3.0).collect())
         .collect();
     cells[1][2] = f64::NAN;
     cells[4].truncate(6);
@@ -329,10 +290,7 @@ fn the_run_page_is_well_formed_whole_and_small() {
     let page = full_report();
     keep("run.html", &page);
     let drawings = drawings(&page);
-    let charts = drawings
-        .iter()
-        .filter(|svg| svg.contains("role=\"img\""))
-        .count();
+    let charts = drawings.iter().filter(|svg| svg.contains("role=\"img\"")).count();
     assert_eq!(charts, 7);
     for svg in drawings {
         assert!(elements(svg).unwrap_or_else(|e| panic!("{e}: {svg}")) >= 2);
@@ -340,11 +298,7 @@ fn the_run_page_is_well_formed_whole_and_small() {
     for i in 1..=7 {
         assert!(page.contains(&format!("id=\"fig-{i}\"")), "figure {i}");
     }
-    assert!(
-        (60_000..300_000).contains(&page.len()),
-        "{} bytes",
-        page.len()
-    );
+    assert!((60_000..300_000).contains(&page.len()), "{} bytes", page.len());
     for (what, expected) in [
         ("sensor in the gas”: 0.412 K RMS.", 1),
         ("length”: 3.10 mm RMS.", 1),
@@ -395,14 +349,10 @@ fn every_drawing_is_well_formed_whatever_the_data() {
         assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
         assert!(svg.len() < 60_000, "{} bytes", svg.len());
     }
-    let section = figures
-        .into_iter()
-        .fold(Section::new("All drawings"), Section::figure);
+    let section = figures.into_iter().fold(Section::new("All drawings"), Section::figure);
     keep(
         "gallery.html",
-        &Page::new("Gallery", "Every kind of drawing.", "")
-            .section(section)
-            .render(),
+        &Page::new("Gallery", "Every kind of drawing.", "").section(section).render(),
     );
 }
 
@@ -446,21 +396,16 @@ fn a_long_series_is_thinned_but_keeps_its_peak() {
     let mut y: Vec<f64> = t.iter().map(|t| (t * 0.37).sin()).collect();
     y[123_456] = 10.0;
     let chart = |y: &[f64]| {
-        let panel = Panel::new(Axis::new("y", "").range(-2.0, 12.0))
-            .height(140.0)
-            .line("y", Colour::Blue, &t, y);
-        Chart::new(Axis::new("t", "s"))
-            .panel(panel)
-            .figure("t", "c")
-            .svg()
-            .to_owned()
+        let panel = Panel::new(Axis::new("y", "").range(-2.0, 12.0)).height(140.0).line(
+            "y",
+            Colour::Blue,
+            &t,
+            y,
+        );
+        Chart::new(Axis::new("t", "s")).panel(panel).figure("t", "c").svg().to_owned()
     };
     let with_peak = chart(&y);
-    assert!(
-        (5_000..25_000).contains(&with_peak.len()),
-        "{} bytes",
-        with_peak.len()
-    );
+    assert!((5_000..25_000).contains(&with_peak.len()), "{} bytes", with_peak.len());
     y[123_456] = 0.0;
     assert_ne!(with_peak, chart(&y), "the peak is in the drawing");
 }

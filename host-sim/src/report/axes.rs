@@ -14,20 +14,12 @@ pub(super) type Tick = (f64, String);
 
 /// Ticks of `scale` at their positions, about `count`.
 pub(super) fn ticks(scale: &Scale, count: f64) -> Vec<Tick> {
-    scale
-        .ticks(count)
-        .into_iter()
-        .map(|(value, label)| (scale.position(value), label))
-        .collect()
+    scale.ticks(count).into_iter().map(|(value, label)| (scale.position(value), label)).collect()
 }
 
 /// Title of an axis: the label with its unit, where it has one.
 pub(super) fn axis_title(label: &str, unit: &str) -> String {
-    if unit.is_empty() {
-        label.to_owned()
-    } else {
-        format!("{label} [{unit}]")
-    }
+    if unit.is_empty() { label.to_owned() } else { format!("{label} [{unit}]") }
 }
 
 /// A plotting area \[px\].
@@ -42,12 +34,7 @@ pub(super) struct Area {
 impl Area {
     /// Grid, y tick labels and base line.
     pub(super) fn draw(&self, x_ticks: &[Tick], y_ticks: &[Tick]) -> Markup {
-        let Self {
-            left,
-            right,
-            top,
-            bottom,
-        } = *self;
+        let Self { left, right, top, bottom } = *self;
         let mut grid = Path::default();
         for (x, _) in x_ticks {
             grid.polyline([(*x, top), (*x, bottom)]);

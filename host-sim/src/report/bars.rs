@@ -49,31 +49,18 @@ impl Bars {
     /// Dots on a logarithmic axis, where a bar's length would mean nothing. Values that are not
     /// positive are named, but not drawn.
     pub fn log(label: &str, unit: &str) -> Self {
-        Self {
-            spacing: Spacing::Log,
-            ..Self::linear(label, unit)
-        }
+        Self { spacing: Spacing::Log, ..Self::linear(label, unit) }
     }
 
     /// Adds a bar below the others.
     pub fn bar(mut self, label: &str, value: f64, colour: Colour) -> Self {
-        self.bars.push(Bar {
-            label: label.to_owned(),
-            value,
-            colour,
-            target: None,
-        });
+        self.bars.push(Bar { label: label.to_owned(), value, colour, target: None });
         self
     }
 
     /// Adds a bar with a mark at its target.
     pub fn bar_with_target(mut self, label: &str, value: f64, target: f64, colour: Colour) -> Self {
-        self.bars.push(Bar {
-            label: label.to_owned(),
-            value,
-            colour,
-            target: Some(target),
-        });
+        self.bars.push(Bar { label: label.to_owned(), value, colour, target: Some(target) });
         self
     }
 
@@ -88,22 +75,11 @@ impl Bars {
                 } }
             }
         };
-        Figure::new(
-            title,
-            caption,
-            Drawing {
-                legend,
-                svg: self.svg(title),
-            },
-        )
+        Figure::new(title, caption, Drawing { legend, svg: self.svg(title) })
     }
 
     fn range(&self) -> (f64, f64) {
-        let values = self
-            .bars
-            .iter()
-            .flat_map(|bar| [Some(bar.value), bar.target])
-            .flatten();
+        let values = self.bars.iter().flat_map(|bar| [Some(bar.value), bar.target]).flatten();
         match self.spacing {
             Spacing::Linear => data_range(values.chain([0.0]), Spacing::Linear),
             Spacing::Log => {
@@ -115,33 +91,16 @@ impl Bars {
 
     fn svg(&self, name: &str) -> Markup {
         let range = self.range();
-        let longest = self
-            .bars
-            .iter()
-            .map(|bar| bar.label.chars().count())
-            .max()
-            .unwrap_or(0) as f64;
+        let longest =
+            self.bars.iter().map(|bar| bar.label.chars().count()).max().unwrap_or(0) as f64;
         let labels = (longest * CHARACTER + 14.0).min(FULL_WIDTH / 2.0);
-        let left = if range.0 < 0.0 {
-            labels + VALUE
-        } else {
-            labels
-        };
+        let left = if range.0 < 0.0 { labels + VALUE } else { labels };
         let right = FULL_WIDTH - VALUE;
         let bottom = TOP + ROW * self.bars.len() as f64;
         let x = Scale::new(range, (left, right), self.spacing);
         let x_ticks = ticks(&x, (right - left) / 100.0);
-        let area = Area {
-            left,
-            right,
-            top: TOP,
-            bottom,
-        };
-        let origin = if self.spacing == Spacing::Linear {
-            x.position(0.0)
-        } else {
-            left
-        };
+        let area = Area { left, right, top: TOP, bottom };
+        let origin = if self.spacing == Spacing::Linear { x.position(0.0) } else { left };
         let height = bottom + FOOT;
         let title = axis_title(&self.label, &self.unit);
         html! {
@@ -162,9 +121,7 @@ impl Bars {
         let end = if drawn { x.position(bar.value) } else { origin };
         let target = bar.target.filter(|t| x.shows(*t));
         // The value stands clear of a target mark just beyond the bar's end.
-        let mark = target
-            .map(|t| x.position(t))
-            .filter(|t| (end - 6.0..end + VALUE).contains(t));
+        let mark = target.map(|t| x.position(t)).filter(|t| (end - 6.0..end + VALUE).contains(t));
         let (anchor, value_at) = if end < origin {
             ("end", end - 8.0)
         } else {

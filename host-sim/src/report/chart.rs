@@ -81,12 +81,7 @@ pub struct Panel {
 impl Panel {
     /// An empty panel.
     pub fn new(y: Axis) -> Self {
-        Self {
-            y,
-            height: 210.0,
-            layers: Vec::new(),
-            references: Vec::new(),
-        }
+        Self { y, height: 210.0, layers: Vec::new(), references: Vec::new() }
     }
 
     /// Height of the plotting area \[px\].
@@ -141,22 +136,14 @@ impl Panel {
     fn y_range(&self, window: (f64, f64)) -> (f64, f64) {
         self.y.range.unwrap_or_else(|| {
             let references = self.references.iter().map(|(value, _)| *value);
-            let values = self
-                .layers
-                .iter()
-                .flat_map(|layer| layer.y(window))
-                .chain(references);
+            let values = self.layers.iter().flat_map(|layer| layer.y(window)).chain(references);
             with_room(data_range(values, self.y.spacing), self.y.spacing)
         })
     }
 
     /// The y axis of a plotting area.
     fn scale(&self, window: (f64, f64), area: Area) -> Scale {
-        Scale::new(
-            self.y_range(window),
-            (area.bottom, area.top),
-            self.y.spacing,
-        )
+        Scale::new(self.y_range(window), (area.bottom, area.top), self.y.spacing)
     }
 }
 
@@ -172,12 +159,7 @@ pub struct Chart {
 impl Chart {
     /// A chart without panels yet, across the page.
     pub fn new(x: Axis) -> Self {
-        Self {
-            x,
-            width: FULL_WIDTH,
-            panels: Vec::new(),
-            markers: Vec::new(),
-        }
+        Self { x, width: FULL_WIDTH, panels: Vec::new(), markers: Vec::new() }
     }
 
     /// Half as wide, to stand beside another one.
@@ -200,19 +182,13 @@ impl Chart {
 
     /// Draws it.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
-        let drawing = Drawing {
-            legend: self.legend(),
-            svg: self.svg(title),
-        };
+        let drawing = Drawing { legend: self.legend(), svg: self.svg(title) };
         Figure::new(title, caption, drawing)
     }
 
     fn legend(&self) -> Markup {
-        let named = self
-            .panels
-            .iter()
-            .flat_map(|panel| &panel.layers)
-            .filter(|l| !l.name.is_empty());
+        let named =
+            self.panels.iter().flat_map(|panel| &panel.layers).filter(|l| !l.name.is_empty());
         let mut shown: Vec<&Layer> = Vec::new();
         for layer in named {
             if !shown.iter().any(|other| other.looks_like(layer)) {
@@ -229,17 +205,9 @@ impl Chart {
     /// The range of x in sight.
     fn window(&self) -> (f64, f64) {
         self.x.range.unwrap_or_else(|| {
-            let values = self
-                .panels
-                .iter()
-                .flat_map(|panel| &panel.layers)
-                .flat_map(Layer::x);
+            let values = self.panels.iter().flat_map(|panel| &panel.layers).flat_map(Layer::x);
             let range = data_range(values, self.x.spacing);
-            if self.x.spacing == Spacing::Linear {
-                to_round_ends(range)
-            } else {
-                range
-            }
+            if self.x.spacing == Spacing::Linear { to_round_ends(range) } else { range }
         })
     }
 
@@ -257,12 +225,7 @@ impl Chart {
             .map(|panel| {
                 let top = next_top;
                 next_top += panel.height + HEAD + 8.0;
-                Area {
-                    left,
-                    right,
-                    top,
-                    bottom: top + panel.height,
-                }
+                Area { left, right, top, bottom: top + panel.height }
             })
             .collect();
         let last = areas.last().copied().unwrap_or(Area {
@@ -294,24 +257,14 @@ impl Chart {
             .panels
             .iter()
             .flat_map(|p| {
-                let area = Area {
-                    left: 0.0,
-                    right: 0.0,
-                    top: 0.0,
-                    bottom: p.height,
-                };
+                let area = Area { left: 0.0, right: 0.0, top: 0.0, bottom: p.height };
                 ticks(&p.scale(window, area), p.height / Y_TICK_DISTANCE)
             })
             .map(|(_, label)| text_width(&label))
             .fold(0.0, f64::max);
         let references = self.panels.iter().flat_map(|p| &p.references);
-        let longest_reference = references
-            .map(|(_, label)| text_width(label))
-            .fold(0.0, f64::max);
-        (
-            (longest_tick + 12.0).max(48.0),
-            self.width - (longest_reference + 10.0).max(18.0),
-        )
+        let longest_reference = references.map(|(_, label)| text_width(label)).fold(0.0, f64::max);
+        ((longest_tick + 12.0).max(48.0), self.width - (longest_reference + 10.0).max(18.0))
     }
 
     /// Position of line and label, row (0 is the lowest) and text of the markers in sight, and the
@@ -321,11 +274,8 @@ impl Chart {
         x: &Scale,
         window: (f64, f64),
     ) -> (Vec<(f64, f64, usize, &str)>, usize) {
-        let mut markers: Vec<&(f64, String)> = self
-            .markers
-            .iter()
-            .filter(|(v, _)| (window.0..=window.1).contains(v))
-            .collect();
+        let mut markers: Vec<&(f64, String)> =
+            self.markers.iter().filter(|(v, _)| (window.0..=window.1).contains(v)).collect();
         markers.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut ends: Vec<f64> = Vec::new();
         let mut placed = Vec::new();
@@ -333,10 +283,7 @@ impl Chart {
             let line = x.position(*value);
             let half = text_width(label) / 2.0 + 4.0;
             let middle = line.min(self.width - half).max(half);
-            let row = ends
-                .iter()
-                .position(|end| *end <= middle - half)
-                .unwrap_or(ends.len());
+            let row = ends.iter().position(|end| *end <= middle - half).unwrap_or(ends.len());
             ends.resize(ends.len().max(row + 1), 0.0);
             ends[row] = middle + half;
             placed.push((line, middle, row, label.as_str()));
@@ -377,13 +324,10 @@ impl Panel {
     /// Where the labels of the reference lines in sight go: beside their line, clear of each other.
     fn reference_labels(&self, y: &Scale, window: (f64, f64)) -> Vec<(f64, &str)> {
         let range = self.y_range(window);
-        let in_sight = self
-            .references
-            .iter()
-            .filter(|(value, _)| (range.0..=range.1).contains(value));
-        let mut labels: Vec<(f64, &str)> = in_sight
-            .map(|(value, label)| (y.position(*value), label.as_str()))
-            .collect();
+        let in_sight =
+            self.references.iter().filter(|(value, _)| (range.0..=range.1).contains(value));
+        let mut labels: Vec<(f64, &str)> =
+            in_sight.map(|(value, label)| (y.position(*value), label.as_str())).collect();
         labels.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut lowest_free = f64::NEG_INFINITY;
         for (position, _) in &mut labels {

@@ -39,13 +39,7 @@ pub fn curve(x: &[f64], y: &[f64], keep: Keep, budget: usize) -> Vec<Vec<(f64, f
     };
     let total: usize = runs.iter().map(Range::len).sum();
     runs.into_iter()
-        .map(|run| {
-            thin(
-                &points[run.clone()],
-                keep,
-                budget * run.len() / total.max(1),
-            )
-        })
+        .map(|run| thin(&points[run.clone()], keep, budget * run.len() / total.max(1)))
         .collect()
 }
 
@@ -87,18 +81,14 @@ mod tests {
     #[test]
     fn extremes_stay() {
         let n = 100_000;
-        let mut points: Vec<(f64, f64)> = (0..n)
-            .map(|i| (f64::from(i), (f64::from(i) * 0.01).sin()))
-            .collect();
+        let mut points: Vec<(f64, f64)> =
+            (0..n).map(|i| (f64::from(i), (f64::from(i) * 0.01).sin())).collect();
         points[31_337].1 = 50.0;
         points[77_777].1 = -40.0;
         let thinned = thin(&points, Keep::Y, 1500);
         assert!((1400..=1500).contains(&thinned.len()), "{}", thinned.len());
         assert!(thinned.contains(&points[31_337]) && thinned.contains(&points[77_777]));
-        assert_eq!(
-            (thinned[0], *thinned.last().unwrap()),
-            (points[0], points[99_999])
-        );
+        assert_eq!((thinned[0], *thinned.last().unwrap()), (points[0], points[99_999]));
         assert!(thinned.is_sorted_by(|a, b| a.0 < b.0));
     }
 
@@ -127,9 +117,8 @@ mod tests {
     #[test]
     fn a_series_full_of_gaps_stays_small() {
         let x: Vec<f64> = (0..50_000).map(f64::from).collect();
-        let y: Vec<f64> = (0..50_000)
-            .map(|i| if i % 2 == 0 { f64::NAN } else { f64::from(i) })
-            .collect();
+        let y: Vec<f64> =
+            (0..50_000).map(|i| if i % 2 == 0 { f64::NAN } else { f64::from(i) }).collect();
         let runs = curve(&x, &y, Keep::Y, 1500);
         assert_eq!(runs.len(), 1);
         assert!((1400..=1500).contains(&runs[0].len()));

@@ -40,22 +40,14 @@ impl Heatmap {
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
         let range = data_range(self.cells.iter().flatten().copied(), Spacing::Linear);
         let y_labels: Vec<String> = self.y.iter().map(|v| short(*v)).collect();
-        let longest = y_labels
-            .iter()
-            .map(|l| l.chars().count())
-            .max()
-            .unwrap_or(0) as f64;
+        let longest = y_labels.iter().map(|l| l.chars().count()).max().unwrap_or(0) as f64;
         let left = (longest * CHARACTER + 12.0).max(48.0);
         let right = FULL_WIDTH - BAR;
         let cell_width = (right - left) / self.x.len().max(1) as f64;
         let bottom = TOP + CELL_HEIGHT * self.y.len() as f64;
         let height = bottom.max(TOP + 120.0) + FOOT;
         let cell = |row: usize, column: usize| {
-            self.cells
-                .get(row)
-                .and_then(|r| r.get(column))
-                .copied()
-                .unwrap_or(f64::NAN)
+            self.cells.get(row).and_then(|r| r.get(column)).copied().unwrap_or(f64::NAN)
         };
         let label_every = (46.0 / cell_width).ceil().max(1.0) as usize;
         let svg = html! {
@@ -91,14 +83,7 @@ impl Heatmap {
                 (colour_bar(MAP, range, &self.value_label, right + 24.0, (TOP, bottom.max(TOP + 120.0))))
             }
         };
-        Figure::new(
-            title,
-            caption,
-            Drawing {
-                legend: html! {},
-                svg,
-            },
-        )
+        Figure::new(title, caption, Drawing { legend: html! {}, svg })
     }
 }
 

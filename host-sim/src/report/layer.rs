@@ -28,14 +28,8 @@ pub(super) enum Mark {
 
 impl Mark {
     /// From the lowest to the uppermost: a line through dense dots stays visible.
-    pub(super) const STACK: [Self; 6] = [
-        Self::Wide,
-        Self::Band,
-        Self::Dots,
-        Self::Dashed,
-        Self::Plane,
-        Self::Line,
-    ];
+    pub(super) const STACK: [Self; 6] =
+        [Self::Wide, Self::Band, Self::Dots, Self::Dashed, Self::Plane, Self::Line];
 
     fn class(self) -> &'static str {
         match self {
@@ -61,25 +55,14 @@ pub(super) struct Layer {
 
 impl Layer {
     pub(super) fn new(name: &str, colour: Colour, mark: Mark, x: &[f64], edges: &[&[f64]]) -> Self {
-        let len = edges
-            .iter()
-            .map(|edge| edge.len())
-            .fold(x.len(), usize::min);
+        let len = edges.iter().map(|edge| edge.len()).fold(x.len(), usize::min);
         let present =
             |i: &usize| x[*i].is_finite() && edges.iter().all(|edge| edge[*i].is_finite());
         let masked = |edge: &&[f64]| {
-            (0..len)
-                .map(|i| if present(&i) { edge[i] } else { f64::NAN })
-                .collect()
+            (0..len).map(|i| if present(&i) { edge[i] } else { f64::NAN }).collect()
         };
         let edges = edges.iter().map(masked).collect();
-        Self {
-            name: name.to_owned(),
-            colour,
-            mark,
-            x: x[..len].to_vec(),
-            edges,
-        }
+        Self { name: name.to_owned(), colour, mark, x: x[..len].to_vec(), edges }
     }
 
     /// x of the points that are there.
@@ -91,9 +74,7 @@ impl Layer {
     /// y of the points whose x is within `window`.
     pub(super) fn y(&self, window: (f64, f64)) -> impl Iterator<Item = f64> {
         let within = move |i: &usize| (window.0..=window.1).contains(&self.x[*i]);
-        (0..self.x.len())
-            .filter(within)
-            .flat_map(|i| self.edges.iter().map(move |edge| edge[i]))
+        (0..self.x.len()).filter(within).flat_map(|i| self.edges.iter().map(move |edge| edge[i]))
     }
 
     /// The points in `window` and the next on either side, so that lines go on to its border.
@@ -101,11 +82,7 @@ impl Layer {
         if self.mark == Mark::Plane {
             return 0..self.x.len();
         }
-        let first = self
-            .x
-            .iter()
-            .position(|x| *x >= window.0)
-            .unwrap_or(self.x.len());
+        let first = self.x.iter().position(|x| *x >= window.0).unwrap_or(self.x.len());
         let last = self.x.iter().rposition(|x| *x <= window.1).unwrap_or(0);
         first.saturating_sub(1)..(last + 2).min(self.x.len())
     }
@@ -130,10 +107,9 @@ impl Layer {
                     .map(|(low, high)| low.into_iter().chain(high.into_iter().rev()).collect())
                     .collect()
             }
-            (_, edges) => edges
-                .iter()
-                .flat_map(|y| thinned(y, Keep::Y, decimate::POINTS))
-                .collect(),
+            (_, edges) => {
+                edges.iter().flat_map(|y| thinned(y, Keep::Y, decimate::POINTS)).collect()
+            }
         }
     }
 

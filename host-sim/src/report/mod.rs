@@ -24,3 +24,4 @@ pub mod scale;
 pub mod series;
 
 pub use colour::Colour;
+pub use series::Recorder;

@@ -50,10 +50,7 @@ pub struct Muscle {
 impl Muscle {
     /// On the paper's colour scale, 20 to 40 degC.
     pub fn new(zones_k: &[f64]) -> Self {
-        Self {
-            zones_k: zones_k.to_vec(),
-            scale_degc: (20.0, 40.0),
-        }
+        Self { zones_k: zones_k.to_vec(), scale_degc: (20.0, 40.0) }
     }
 
     /// Draws it. Zones that are not finite are left out; without zones the body stays cold.
@@ -75,35 +72,21 @@ impl Muscle {
                 (self.profile(&zones))
             }
         };
-        Figure::new(
-            title,
-            caption,
-            Drawing {
-                legend: html! {},
-                svg,
-            },
-        )
+        Figure::new(title, caption, Drawing { legend: html! {}, svg })
     }
 
     /// Position of each zone's centre \[px\] and its temperature \[degC\].
     fn zones(&self) -> Vec<(f64, f64)> {
         let count = self.zones_k.len() as f64;
         let centre = |i: usize| LEFT + LENGTH * (i as f64 + 0.5) / count;
-        let zones = self
-            .zones_k
-            .iter()
-            .enumerate()
-            .map(|(i, t)| (centre(i), t - ZERO_CELSIUS_K));
+        let zones = self.zones_k.iter().enumerate().map(|(i, t)| (centre(i), t - ZERO_CELSIUS_K));
         zones.filter(|(_, t)| t.is_finite()).collect()
     }
 
     /// Ids are shared by the whole page: this one is the same only for the same drawing.
     fn id(&self) -> String {
         let mut hasher = DefaultHasher::new();
-        let values = self
-            .zones_k
-            .iter()
-            .chain([&self.scale_degc.0, &self.scale_degc.1]);
+        let values = self.zones_k.iter().chain([&self.scale_degc.0, &self.scale_degc.1]);
         values.for_each(|v| v.to_bits().hash(&mut hasher));
         format!("muscle-{:08x}", hasher.finish() as u32)
     }
@@ -146,18 +129,11 @@ impl Muscle {
     }
 
     fn profile(&self, zones: &[(f64, f64)]) -> Markup {
-        let range = with_room(
-            data_range(zones.iter().map(|(_, t)| *t), Spacing::Linear),
-            Spacing::Linear,
-        );
+        let range =
+            with_room(data_range(zones.iter().map(|(_, t)| *t), Spacing::Linear), Spacing::Linear);
         let y = Scale::new(range, (PROFILE_BOTTOM, PROFILE_TOP), Spacing::Linear);
         let x = Scale::new((0.0, 1.0), (LEFT, RIGHT), Spacing::Linear);
-        let area = Area {
-            left: LEFT,
-            right: RIGHT,
-            top: PROFILE_TOP,
-            bottom: PROFILE_BOTTOM,
-        };
+        let area = Area { left: LEFT, right: RIGHT, top: PROFILE_TOP, bottom: PROFILE_BOTTOM };
         let x_ticks = ticks(&x, 5.0);
         let line = Path::through(zones.iter().map(|(at, t)| (*at, y.position(*t))));
         html! {
@@ -205,17 +181,12 @@ fn threads(direction: f64) -> Path {
         let start = -HALF_TURN + THREAD_PITCH * (f64::from(i) + 0.5);
         let from = start.max(0.0);
         let to = (start + HALF_TURN).min(LENGTH);
-        path.polyline(
-            (0..=14)
-                .map(|step| from + (to - from) * f64::from(step) / 14.0)
-                .map(|along| {
-                    let angle = PI * ((along - start) / HALF_TURN - 0.5);
-                    (
-                        LEFT + along,
-                        AXIS_Y + direction * radius(along) * angle.sin(),
-                    )
-                }),
-        );
+        path.polyline((0..=14).map(|step| from + (to - from) * f64::from(step) / 14.0).map(
+            |along| {
+                let angle = PI * ((along - start) / HALF_TURN - 0.5);
+                (LEFT + along, AXIS_Y + direction * radius(along) * angle.sin())
+            },
+        ));
     }
     path
 }
@@ -268,10 +239,8 @@ fn connections() -> Markup {
 /// Cross hairs at the coldest and the hottest zone, as a thermal camera shows them.
 fn extremes(zones: &[(f64, f64)]) -> Markup {
     let coldest = zones.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-    let hottest = zones
-        .iter()
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .filter(|hottest| Some(*hottest) != coldest);
+    let hottest =
+        zones.iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|hottest| Some(*hottest) != coldest);
     html! {
         g.on-dark {
             @for (name, (at, t)) in [("min", coldest), ("max", hottest)].into_iter().filter_map(|(n, z)| Some((n, z?))) {

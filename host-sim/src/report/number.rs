@@ -16,142 +16,27 @@ pub struct Unit {
 
 /// Suffix of a key or column, SI symbol, shown unit. Longer suffixes stand before their own ends.
 const UNITS: [(&str, &str, Unit); 16] = [
-    (
-        "_w_m2_k",
-        "W/(m2 K)",
-        Unit {
-            symbol: "W/(m² K)",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_kg_s",
-        "kg/s",
-        Unit {
-            symbol: "g/s",
-            factor: 1e3,
-        },
-    ),
-    (
-        "_j_k",
-        "J/K",
-        Unit {
-            symbol: "J/K",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_n_m",
-        "N/m",
-        Unit {
-            symbol: "N/m",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_m_s",
-        "m/s",
-        Unit {
-            symbol: "mm/s",
-            factor: 1e3,
-        },
-    ),
-    (
-        "_deg",
-        "deg",
-        Unit {
-            symbol: "°",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_m3",
-        "m3",
-        Unit {
-            symbol: "cm³",
-            factor: 1e6,
-        },
-    ),
-    (
-        "_kg",
-        "kg",
-        Unit {
-            symbol: "g",
-            factor: 1e3,
-        },
-    ),
-    (
-        "_pa",
-        "Pa",
-        Unit {
-            symbol: "kPa",
-            factor: 1e-3,
-        },
-    ),
-    (
-        "_hz",
-        "Hz",
-        Unit {
-            symbol: "Hz",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_m",
-        "m",
-        Unit {
-            symbol: "mm",
-            factor: 1e3,
-        },
-    ),
-    (
-        "_k",
-        "K",
-        Unit {
-            symbol: "K",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_s",
-        "s",
-        Unit {
-            symbol: "s",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_n",
-        "N",
-        Unit {
-            symbol: "N",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_j",
-        "J",
-        Unit {
-            symbol: "J",
-            factor: 1.0,
-        },
-    ),
-    (
-        "_w",
-        "W",
-        Unit {
-            symbol: "W",
-            factor: 1.0,
-        },
-    ),
+    ("_w_m2_k", "W/(m2 K)", Unit { symbol: "W/(m² K)", factor: 1.0 }),
+    ("_kg_s", "kg/s", Unit { symbol: "g/s", factor: 1e3 }),
+    ("_j_k", "J/K", Unit { symbol: "J/K", factor: 1.0 }),
+    ("_n_m", "N/m", Unit { symbol: "N/m", factor: 1.0 }),
+    ("_m_s", "m/s", Unit { symbol: "mm/s", factor: 1e3 }),
+    ("_deg", "deg", Unit { symbol: "°", factor: 1.0 }),
+    ("_m3", "m3", Unit { symbol: "cm³", factor: 1e6 }),
+    ("_kg", "kg", Unit { symbol: "g", factor: 1e3 }),
+    ("_pa", "Pa", Unit { symbol: "kPa", factor: 1e-3 }),
+    ("_hz", "Hz", Unit { symbol: "Hz", factor: 1.0 }),
+    ("_m", "m", Unit { symbol: "mm", factor: 1e3 }),
+    ("_k", "K", Unit { symbol: "K", factor: 1.0 }),
+    ("_s", "s", Unit { symbol: "s", factor: 1.0 }),
+    ("_n", "N", Unit { symbol: "N", factor: 1.0 }),
+    ("_j", "J", Unit { symbol: "J", factor: 1.0 }),
+    ("_w", "W", Unit { symbol: "W", factor: 1.0 }),
 ];
 
 impl Unit {
     /// No unit, nothing converted.
-    pub const NONE: Self = Self {
-        symbol: "",
-        factor: 1.0,
-    };
+    pub const NONE: Self = Self { symbol: "", factor: 1.0 };
 
     /// The unit of a key or trace column, by its suffix: `pressure_pa` is shown in kPa.
     pub fn of_column(name: &str) -> Self {
@@ -171,16 +56,11 @@ impl Unit {
 ///
 /// An unknown symbol is kept as it is. Absolute temperatures get a fourth digit. Beyond 10 000 of a submultiple the SI unit itself is shown.
 pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
-    let digits = if si_symbol == "K" && value.abs() >= 100.0 {
-        4
-    } else {
-        3
-    };
+    let digits = if si_symbol == "K" && value.abs() >= 100.0 { 4 } else { 3 };
     match UNITS.iter().find(|(_, si, _)| *si == si_symbol) {
-        Some((.., unit)) if unit.factor <= 1.0 || (value * unit.factor).abs() < 1e4 => (
-            significant(value * unit.factor, digits),
-            unit.symbol.to_owned(),
-        ),
+        Some((.., unit)) if unit.factor <= 1.0 || (value * unit.factor).abs() < 1e4 => {
+            (significant(value * unit.factor, digits), unit.symbol.to_owned())
+        }
         _ => (significant(value, digits), si_symbol.to_owned()),
     }
 }
@@ -196,12 +76,8 @@ pub fn significant(value: f64, digits: usize) -> String {
         return "0".to_owned();
     }
     let scientific = format!("{:.*e}", digits.max(1) - 1, value);
-    let (mantissa, exponent) = scientific
-        .split_once('e')
-        .expect("format `e` writes an exponent");
-    let exponent: i32 = exponent
-        .parse()
-        .expect("format `e` writes a whole exponent");
+    let (mantissa, exponent) = scientific.split_once('e').expect("format `e` writes an exponent");
+    let exponent: i32 = exponent.parse().expect("format `e` writes a whole exponent");
     if !(-3..6).contains(&exponent) {
         return format!("{}×{}", minus(mantissa), power_of_ten(exponent));
     }

@@ -28,11 +28,7 @@ pub struct Figure {
 impl Figure {
     /// A figure; the caption may be empty.
     pub fn new(title: &str, caption: &str, drawing: Drawing) -> Self {
-        Self {
-            title: title.to_owned(),
-            caption: caption.to_owned(),
-            drawing,
-        }
+        Self { title: title.to_owned(), caption: caption.to_owned(), drawing }
     }
 
     /// The drawing itself, an `svg` element.
@@ -65,12 +61,7 @@ impl Tile {
     /// A value in SI with its SI unit's symbol, shown in a handy unit: see [`quantity`].
     pub fn new(label: &str, value: f64, si_unit: &str) -> Self {
         let (value, unit) = quantity(value, si_unit);
-        Self {
-            label: label.to_owned(),
-            value,
-            unit,
-            target: None,
-        }
+        Self { label: label.to_owned(), value, unit, target: None }
     }
 
     /// States a target, such as `≤ 0.4 K`, and whether it is met.
@@ -139,10 +130,7 @@ pub struct Section {
 impl Section {
     /// A section without content yet.
     pub fn new(heading: &str) -> Self {
-        Self {
-            heading: heading.to_owned(),
-            blocks: Vec::new(),
-        }
+        Self { heading: heading.to_owned(), blocks: Vec::new() }
     }
 
     /// Adds a paragraph.

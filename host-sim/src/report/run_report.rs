@@ -11,21 +11,10 @@ use super::series::Recorder;
 const TRUTH: &str = "gas_temperature_k";
 
 /// The columns of each section.
-const TEMPERATURES: [&str; 5] = [
-    TRUTH,
-    "wall_temperature_k",
-    "sensor_gas_k",
-    "sensor_wall_k",
-    "estimate_k",
-];
+const TEMPERATURES: [&str; 5] =
+    [TRUTH, "wall_temperature_k", "sensor_gas_k", "sensor_wall_k", "estimate_k"];
 const MOTION: [&str; 2] = ["pressure_pa", "length_m"];
-const AIR: [&str; 5] = [
-    "flow_in_kg_s",
-    "flow_out_kg_s",
-    "mass_kg",
-    "duty_in",
-    "duty_out",
-];
+const AIR: [&str; 5] = ["flow_in_kg_s", "flow_out_kg_s", "mass_kg", "duty_in", "duty_out"];
 
 /// How a column is called in a legend.
 fn label(column: &str) -> &str {
@@ -103,11 +92,7 @@ pub struct RunReport<'a> {
 pub fn render(input: &RunReport) -> String {
     let page = Page::new(input.title, input.lead, input.scenario_toml);
     let page = input.tiles.iter().cloned().fold(page, Page::tile);
-    input
-        .sections()
-        .into_iter()
-        .fold(page, Page::section)
-        .render()
+    input.sections().into_iter().fold(page, Page::section).render()
 }
 
 impl RunReport<'_> {
@@ -166,32 +151,19 @@ impl RunReport<'_> {
         let panel =
             Panel::new(Axis::new("Error against the plant's gas temperature", "K")).height(120.0);
         let panel = self.plot(panel, "sensor_gas_error_k", Colour::Vermillion);
-        self.plot(panel, "estimate_error_k", Colour::Blue)
-            .reference(0.0, "")
+        self.plot(panel, "estimate_error_k", Colour::Blue).reference(0.0, "")
     }
 
     fn estimate_band(&self, panel: Panel) -> Panel {
-        let (Some(time), Some(estimate), Some(sd)) = (
-            self.column("time_s"),
-            self.column("estimate_k"),
-            self.column("estimate_sd_k"),
-        ) else {
+        let (Some(time), Some(estimate), Some(sd)) =
+            (self.column("time_s"), self.column("estimate_k"), self.column("estimate_sd_k"))
+        else {
             return panel;
         };
         let edge = |side: f64| -> Vec<f64> {
-            estimate
-                .iter()
-                .zip(sd)
-                .map(|(e, sd)| e + side * 2.0 * sd)
-                .collect()
+            estimate.iter().zip(sd).map(|(e, sd)| e + side * 2.0 * sd).collect()
         };
-        panel.band(
-            "estimate ± 2 sd",
-            Colour::Blue,
-            time,
-            &edge(-1.0),
-            &edge(1.0),
-        )
+        panel.band("estimate ± 2 sd", Colour::Blue, time, &edge(-1.0), &edge(1.0))
     }
 
     fn motion(&self) -> Option<Section> {
@@ -221,9 +193,8 @@ impl RunReport<'_> {
             let panel = Panel::new(Axis::new("Absolute pressure", "kPa")).height(280.0);
             let panel = panel.plane("", Colour::Blue, &volume, &pressure);
             let chart = Chart::new(Axis::new("Volume", "cm³")).half().panel(panel);
-            section = section.figures(vec![
-                chart.figure("Pressure and volume", "The last stroke."),
-            ]);
+            section =
+                section.figures(vec![chart.figure("Pressure and volume", "The last stroke.")]);
         }
         Some(section)
     }
@@ -231,11 +202,8 @@ impl RunReport<'_> {
     fn contraction_panel(&self) -> Option<Panel> {
         let rest = self.rest_length_m?;
         let time = self.column("time_s")?;
-        let contraction: Vec<f64> = self
-            .column("length_m")?
-            .iter()
-            .map(|l| 100.0 * (1.0 - l / rest))
-            .collect();
+        let contraction: Vec<f64> =
+            self.column("length_m")?.iter().map(|l| 100.0 * (1.0 - l / rest)).collect();
         let panel = Panel::new(Axis::new("Contraction", "% of rest length")).height(150.0);
         Some(panel.line("contraction", Colour::Purple, time, &contraction))
     }
@@ -277,12 +245,10 @@ impl RunReport<'_> {
             .filter(|column| !elsewhere.contains(column))
             .collect();
         (!columns.is_empty()).then(|| {
-            let chart = columns
-                .iter()
-                .fold(Chart::new(self.time_axis()), |chart, column| {
-                    let axis = Axis::new(column, Unit::of_column(column).symbol);
-                    chart.panel(self.plot(Panel::new(axis).height(150.0), column, Colour::Blue))
-                });
+            let chart = columns.iter().fold(Chart::new(self.time_axis()), |chart, column| {
+                let axis = Axis::new(column, Unit::of_column(column).symbol);
+                chart.panel(self.plot(Panel::new(axis).height(150.0), column, Colour::Blue))
+            });
             let caption = format!("Run and measurement.{}", self.rmse_text(&columns));
             Section::new("Further measurements").figure(chart.figure("Other columns", &caption))
         })
@@ -314,9 +280,7 @@ impl RunReport<'_> {
 
     /// Adds a column as a line, with the points measured of it.
     fn plot(&self, panel: Panel, column: &str, colour: Colour) -> Panel {
-        let values = self
-            .column(column)
-            .map(|values| Unit::of_column(column).convert(values));
+        let values = self.column(column).map(|values| Unit::of_column(column).convert(values));
         let panel = match (self.column("time_s"), values) {
             (Some(time), Some(values)) => panel.line(label(column), colour, time, &values),
             _ => panel,
@@ -325,19 +289,11 @@ impl RunReport<'_> {
     }
 
     fn plot_measured(&self, panel: Panel, column: &str, colour: Colour) -> Panel {
-        self.measured
-            .iter()
-            .filter(|m| m.column == column)
-            .fold(panel, |panel, measured| {
-                let (time, values): (Vec<f64>, Vec<f64>) = measured.points.iter().copied().unzip();
-                let name = format!("{}, measured", label(column));
-                panel.dots(
-                    &name,
-                    colour,
-                    &time,
-                    &Unit::of_column(column).convert(&values),
-                )
-            })
+        self.measured.iter().filter(|m| m.column == column).fold(panel, |panel, measured| {
+            let (time, values): (Vec<f64>, Vec<f64>) = measured.points.iter().copied().unzip();
+            let name = format!("{}, measured", label(column));
+            panel.dots(&name, colour, &time, &Unit::of_column(column).convert(&values))
+        })
     }
 
     /// What the captions say about measurements of `columns`.

@@ -23,11 +23,7 @@ pub struct Scale {
 impl Scale {
     /// `range` has to be finite and rising, and positive with [`Spacing::Log`]: see [`data_range`].
     pub fn new(range: (f64, f64), pixels: (f64, f64), spacing: Spacing) -> Self {
-        Self {
-            range,
-            pixels,
-            spacing,
-        }
+        Self { range, pixels, spacing }
     }
 
     /// The position of `value`, kept within reach of the drawing.
@@ -59,9 +55,8 @@ impl Scale {
 /// A flat line gets room on both sides; without any value it is 0 to 1 (log: 0.1 to 1).
 pub fn data_range(values: impl Iterator<Item = f64>, spacing: Spacing) -> (f64, f64) {
     let shown = values.filter(|v| v.is_finite() && (spacing == Spacing::Linear || *v > 0.0));
-    let (low, high) = shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
-        (low.min(v), high.max(v))
-    });
+    let (low, high) =
+        shown.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
     match spacing {
         Spacing::Linear if low > high => (0.0, 1.0),
         Spacing::Log if low > high => (0.1, 1.0),
@@ -83,11 +78,7 @@ pub fn with_room((low, high): (f64, f64), spacing: Spacing) -> (f64, f64) {
         }
         Spacing::Linear => {
             let room = 0.06 * (high - low);
-            let bottom = if low >= 0.0 && low < 0.2 * high {
-                0.0
-            } else {
-                low - room
-            };
+            let bottom = if low >= 0.0 && low < 0.2 * high { 0.0 } else { low - room };
             (bottom, high + room)
         }
     }
@@ -108,11 +99,7 @@ pub fn to_round_ends((low, high): (f64, f64)) -> (f64, f64) {
     let span = high - low;
     let step = round_step(span / 10.0);
     let near = |end: f64, round: f64| {
-        if (end - round).abs() < 0.005 * span {
-            round
-        } else {
-            end
-        }
+        if (end - round).abs() < 0.005 * span { round } else { end }
     };
     let below = (low / step).floor() * step;
     let above = (high / step).ceil() * step;
@@ -128,11 +115,7 @@ fn linear_ticks((low, high): (f64, f64), count: f64) -> Vec<(f64, String)> {
     (first..=last)
         .map(|i| {
             let value = i as f64 * step;
-            let label = if readable {
-                fixed(value, decimals)
-            } else {
-                significant(value, 3)
-            };
+            let label = if readable { fixed(value, decimals) } else { significant(value, 3) };
             (value, label)
         })
         .collect()
@@ -140,11 +123,7 @@ fn linear_ticks((low, high): (f64, f64), count: f64) -> Vec<(f64, String)> {
 
 fn log_ticks((low, high): (f64, f64)) -> Vec<(f64, String)> {
     let decades = (high / low).log10();
-    let multiples: &[f64] = if decades < 2.5 {
-        &[1.0, 2.0, 5.0]
-    } else {
-        &[1.0]
-    };
+    let multiples: &[f64] = if decades < 2.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
     let exponents = low.log10().floor() as i32..=high.log10().ceil() as i32;
     let within = (low * (1.0 - 1e-9))..=(high * (1.0 + 1e-9));
     exponents
@@ -167,20 +146,13 @@ mod tests {
     use super::*;
 
     fn labels(scale: &Scale, count: f64) -> Vec<String> {
-        scale
-            .ticks(count)
-            .into_iter()
-            .map(|(_, label)| label)
-            .collect()
+        scale.ticks(count).into_iter().map(|(_, label)| label).collect()
     }
 
     #[test]
     fn ticks_are_round() {
         let scale = Scale::new((297.93, 300.2), (0.0, 100.0), Spacing::Linear);
-        assert_eq!(
-            labels(&scale, 5.0),
-            ["298.0", "298.5", "299.0", "299.5", "300.0"]
-        );
+        assert_eq!(labels(&scale, 5.0), ["298.0", "298.5", "299.0", "299.5", "300.0"]);
         let signed = Scale::new((-0.2, 0.2), (0.0, 100.0), Spacing::Linear);
         assert_eq!(labels(&signed, 4.0), ["−0.2", "−0.1", "0.0", "0.1", "0.2"]);
         let wide = Scale::new((0.008, 12.0), (0.0, 100.0), Spacing::Log);
@@ -213,10 +185,7 @@ mod tests {
         assert_eq!(linear(&[f64::NAN, 2.0, 5.0]), (2.0, 5.0));
         let (low, high) = linear(&[298.0, 298.0]);
         assert!(low < 297.0 && high > 299.0 && high < 300.0);
-        assert_eq!(
-            data_range([-1.0, 0.0, 3.0, 30.0].into_iter(), Spacing::Log),
-            (3.0, 30.0)
-        );
+        assert_eq!(data_range([-1.0, 0.0, 3.0, 30.0].into_iter(), Spacing::Log), (3.0, 30.0));
     }
 
     #[test]

@@ -38,12 +38,7 @@ impl Recorder {
     /// # Panics
     /// When `sample` does not have one value per column.
     pub fn push(&mut self, sample: &[f64]) {
-        assert_eq!(
-            sample.len(),
-            self.columns.len(),
-            "one value per column: {:?}",
-            self.names
-        );
+        assert_eq!(sample.len(), self.columns.len(), "one value per column: {:?}", self.names);
         if self.open == self.stretch {
             if self.rows() == CAPACITY {
                 self.join_stretches();
@@ -128,18 +123,10 @@ mod tests {
                 3_599_999 => -7.0,
                 _ => (f64::from(i) * 1e-3).sin(),
             };
-            let sparse = if i % 1000 == 0 {
-                f64::from(i)
-            } else {
-                f64::NAN
-            };
+            let sparse = if i % 1000 == 0 { f64::from(i) } else { f64::NAN };
             recorder.push(&[f64::from(i) * 0.5, value, sparse]);
         }
-        assert!(
-            (2048..=4096).contains(&recorder.rows()),
-            "{}",
-            recorder.rows()
-        );
+        assert!((2048..=4096).contains(&recorder.rows()), "{}", recorder.rows());
         let value = recorder.column("value").unwrap();
         assert_eq!(value.iter().copied().fold(f64::NEG_INFINITY, f64::max), 9.0);
         assert_eq!(value.iter().copied().fold(f64::INFINITY, f64::min), -7.0);
