@@ -6,7 +6,7 @@ use crate::board::CoreBoard;
 use crate::input::InputError;
 use crate::measured::Measured;
 use crate::output::OutputDir;
-use crate::report;
+use crate::report::run_page::RunRecorder;
 use crate::reproduce;
 use crate::run::{self, RunError};
 use crate::scenario::{self, Loaded};
@@ -166,13 +166,13 @@ fn run_command(args: &RunArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let mut board = match args.board {
         BoardKind::Core => CoreBoard::default(),
     };
-    let mut recorder = report::Recorder::new(&COLUMNS);
+    let mut recorder = RunRecorder::new(&loaded);
     let mut out = OutputDir::create(&folder)?;
     let summary = record(&loaded, &mut board, measured.as_ref(), &args.output, &mut out, |row| {
-        recorder.push(&row.cells());
+        recorder.add(row);
     })?;
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
-    let page = report::run_page(&title, &loaded, &recorder, measured.as_ref(), &summary);
+    let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
     finish(out, stdout, &loaded, &summary, &page, &args.output)
 }
 

@@ -1,18 +1,28 @@
-//! tmp
-use crate::measured::Measured;
-use crate::scenario::Loaded;
-use crate::summary::Summary;
-/// t
-pub struct Recorder;
-impl Recorder {
-    /// t
-    pub fn new(_: &[&str]) -> Self {
-        Self
-    }
-    /// t
-    pub fn push(&mut self, _: &[f64]) {}
-}
-/// t
-pub fn run_page(_: &str, _: &Loaded, _: &Recorder, _: Option<&Measured>, _: &Summary) -> String {
-    String::new()
-}
+//! `report.html`: one self-contained page per run, and the drawings on it.
+//!
+//! From below to above: [`number`] and [`scale`] turn values into text and positions, [`decimate`]
+//! keeps the drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a
+//! [`page::Figure`] each, [`page`] puts text and figures on a page, and [`run_report`] is the page
+//! of a generic run. [`series`] records what is drawn, in bounded memory, while the run streams by.
+//!
+//! A drawing names its colours by class and leaves their values to the page's style sheet, so one
+//! drawing serves light mode, dark mode and print.
+
+mod axes;
+pub mod bars;
+pub mod chart;
+mod colour;
+pub mod decimate;
+pub mod heatmap;
+mod layer;
+pub mod muscle;
+pub mod number;
+pub mod page;
+mod path;
+pub mod run_page;
+pub mod run_report;
+pub mod scale;
+pub mod series;
+
+pub use colour::Colour;
+pub use series::Recorder;

@@ -4,6 +4,10 @@
 //! friction heat (how much of a sensor's reading is friction), between adiabatic and isothermal
 //! walls (the bounds), and with the paper's reduced equations (6), (8), (9).
 
+mod page;
+
+pub use page::page;
+
 use crate::analysis::{harmonic, harmonic_delay_s, mean, rms_difference, time_shift};
 use crate::board::CoreBoard;
 use crate::input::InputError;
@@ -15,7 +19,7 @@ use crate::trace::Row;
 use std::thread;
 
 /// The paper's experiment, as a scenario file of the repository.
-const SCENARIO: &str = include_str!("../../scenarios/reproduce.toml");
+const SCENARIO: &str = include_str!("../../../scenarios/reproduce.toml");
 /// Largest time shift that is searched \[s\].
 const MOST_SHIFT_S: f64 = 2.5;
 
@@ -143,6 +147,10 @@ pub struct Findings {
     pub gas_sensor: SensorVerdict,
     /// The sensor in the wall.
     pub wall_sensor: SensorVerdict,
+    /// The muscle without air moving under its insulation.
+    pub still_air: Signals,
+    /// By how much its sensor rises, mean of the last stroke \[K\].
+    pub still_air_rise_k: f64,
     /// Temperature bounds: adiabatic, constant coefficient, isothermal (one zone, full balance).
     pub bounds: Vec<Variant>,
     /// The paper's reduced equations: (6), (8), (9).
@@ -181,15 +189,23 @@ impl Study {
             let mut variant = self.loaded.clone();
             variant.plant.plant.model = PlantModel::Paper;
             variant.plant.paper = Paper { alpha_in, alpha_out, alpha };
+            // Eq. (6) compresses what flows in at the temperature inside: it goes far above what a
+            // sensor for this muscle would show.
+            for scenario in [&mut variant.plant, &mut variant.believed] {
+                scenario.sensor.pressure.range_pa *= 3.0;
+            }
             variant
         };
         let mut frictionless = self.loaded.clone();
         frictionless.plant.friction.heat_fraction = 0.0;
+        let mut still_air = self.loaded.clone();
+        still_air.plant.heat.outer_per_speed = 0.0;
         let mut one_stroke_less = self.loaded.clone();
         one_stroke_less.plant.run.duration_s -= period_s;
         let blend = &self.loaded.plant.paper;
         let variants = [
             ("without friction heat", frictionless),
+            ("still air", still_air),
             ("one stroke less", one_stroke_less),
             ("adiabatic wall", lumped(HeatModel::Adiabatic)),
             ("constant coefficient", lumped(HeatModel::Constant)),
@@ -212,29 +228,29 @@ impl Study {
                 .collect()
         });
         let mut results = results.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let reduced = results.split_off(5);
-        let bounds = results.split_off(2);
-        let shorter = &results[1].summary.ledger;
-        let frictionless = &results[0].signals;
-        Ok(self.conclude(summary, period_s, frictionless, shorter, bounds, reduced))
+        let reduced = results.split_off(6);
+        let bounds = results.split_off(3);
+        Ok(self.conclude(summary, &results, bounds, reduced))
     }
 
     fn conclude(
         self,
         summary: &Summary,
-        period_s: f64,
-        frictionless: &Signals,
-        one_stroke_less: &Ledger,
+        full: &[Variant],
         bounds: Vec<Variant>,
         reduced: Vec<Variant>,
     ) -> Findings {
         let signals = self.signals;
+        let period_s = self.loaded.plant.drive.period_s;
+        let [frictionless, still_air, one_stroke_less] = full else {
+            unreachable!("three variants of the full plant");
+        };
         let row_s = self.loaded.plant.run.step_s * self.loaded.plant.run.log_every as f64;
         let most = (MOST_SHIFT_S.min(0.5 * period_s) / row_s) as usize;
         let (shift_rows, model_correlation) =
             time_shift(&signals.model_sensor_k, &signals.sensor_gas_k, most);
         let verdict = |sensor: fn(&Signals) -> &Vec<f64>| {
-            sensor_verdict(&signals, frictionless, sensor, period_s, row_s)
+            sensor_verdict(&signals, &frictionless.signals, sensor, period_s, row_s)
         };
         let gas_sensor = verdict(|signals| &signals.sensor_gas_k);
         let wall_sensor = verdict(|signals| &signals.sensor_wall_k);
@@ -244,9 +260,11 @@ impl Study {
             model_correlation,
             gas_sensor,
             wall_sensor,
+            still_air_rise_k: rise_k(&still_air.signals.sensor_gas_k, &still_air.signals, period_s),
+            still_air: still_air.signals.clone(),
             bounds,
             reduced,
-            stroke: summary.ledger.since(one_stroke_less),
+            stroke: summary.ledger.since(&one_stroke_less.summary.ledger),
             checks: Vec::new(),
             signals,
         };
@@ -288,8 +306,13 @@ fn sensor_verdict(
         delay_s: harmonic_delay_s(gas, reading, frequency_hz),
         correlation,
         friction_share: by_friction / (by_friction + by_gas),
-        rise_k: mean(&sensor(signals)[signals.last_stroke(period_s)]) - first,
+        rise_k: rise_k(sensor(signals), signals, period_s),
     }
+}
+
+/// Rise of a reading over the run, mean of the last stroke against the start \[K\].
+fn rise_k(reading: &[f64], signals: &Signals, period_s: f64) -> f64 {
+    mean(&reading[signals.last_stroke(period_s)]) - reading[0]
 }
 
 /// The statements of the report, each with its figure.
@@ -392,9 +415,4 @@ impl Findings {
         let rows = self.signals.last_stroke(self.period_s);
         rms_difference(&self.signals.gas_k[rows.clone()], &variant.signals.gas_k[rows])
     }
-}
-
-/// t
-pub fn page(_: &Loaded, _: &Findings, _: &Summary) -> String {
-    String::new()
 }

@@ -1,0 +1,58 @@
+//! The palette of Okabe and Ito (2008), distinguishable with every common colour blindness, and
+//! helpers for continuous colour scales.
+
+/// A colour of the palette. The style sheet holds its value for light and for dark mode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Colour {
+    /// Black on white, or white on black: the truth that others are compared with.
+    Ink,
+    /// Blue.
+    Blue,
+    /// Vermillion, a red-orange.
+    Vermillion,
+    /// Bluish green.
+    Green,
+    /// Reddish purple.
+    Purple,
+    /// Orange.
+    Orange,
+    /// Sky blue.
+    Sky,
+    /// Grey, for what stands back.
+    Grey,
+}
+
+impl Colour {
+    /// The class that the style sheet knows it by.
+    pub(super) fn class(self) -> &'static str {
+        match self {
+            Self::Ink => "c-ink",
+            Self::Blue => "c-blue",
+            Self::Vermillion => "c-vermillion",
+            Self::Green => "c-green",
+            Self::Purple => "c-purple",
+            Self::Orange => "c-orange",
+            Self::Sky => "c-sky",
+            Self::Grey => "c-grey",
+        }
+    }
+}
+
+/// Where `value` lies in `low..=high`, as a fraction that is clamped to 0..=1.
+pub(super) fn fraction(value: f64, (low, high): (f64, f64)) -> f64 {
+    ((value - low) / (high - low)).clamp(0.0, 1.0)
+}
+
+/// `fraction` of a colour map as `#rrggbb`.
+pub(super) fn hex(map: colorous::Gradient, fraction: f64) -> String {
+    format!("#{:x}", map.eval_continuous(fraction))
+}
+
+/// Black or white: which of the two reads better on `fraction` of a colour map.
+///
+/// Relative luminance with the coefficients of ITU-R BT.709, on gamma-encoded values.
+pub(super) fn text_on(map: colorous::Gradient, fraction: f64) -> &'static str {
+    let colorous::Color { r, g, b } = map.eval_continuous(fraction);
+    let luma = 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b);
+    if luma > 130.0 { "#000" } else { "#fff" }
+}

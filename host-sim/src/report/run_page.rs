@@ -1,0 +1,151 @@
+//! The page of `thermyo run`: summary and recording of one run, brought into [`RunReport`]'s form.
+
+use super::page::Tile;
+use super::run_report::{self, Measured as MeasuredColumn, RunReport, SummaryRow};
+use super::series::Recorder;
+use crate::measured::Measured;
+use crate::scenario::{self, Loaded, PlantKind};
+use crate::summary::Summary;
+use crate::trace::{COLUMNS, Row};
+
+/// Strokes that the enlarged temperature chart shows.
+const DETAIL_STROKES: f64 = 3.0;
+
+/// Records what the page draws, in bounded memory, while a run goes on.
+#[derive(Debug)]
+pub struct RunRecorder {
+    recorder: Recorder,
+    is_vessel: bool,
+    stroke_from_s: f64,
+    last_stroke: Vec<(f64, f64)>,
+}
+
+impl RunRecorder {
+    /// Nothing yet.
+    pub fn new(loaded: &Loaded) -> Self {
+        let is_vessel = loaded.plant.plant.kind == PlantKind::Vessel;
+        let mut names: Vec<&str> = COLUMNS.to_vec();
+        names.extend(["estimate_error_k", "sensor_gas_error_k"]);
+        if is_vessel {
+            // A vessel's length is its volume in other words.
+            names.retain(|name| *name != "length_m");
+        }
+        let period_s = loaded.plant.drive.period_s;
+        Self {
+            recorder: Recorder::new(&names),
+            is_vessel,
+            stroke_from_s: loaded.plant.run.duration_s - period_s,
+            last_stroke: Vec::new(),
+        }
+    }
+
+    /// Adds one logged row.
+    pub fn add(&mut self, row: &Row) {
+        let truth = &row.truth;
+        let mut cells = row.cells().to_vec();
+        let error = |value: f64| value - truth.gas_temperature_k;
+        cells.extend([error(f64::from(row.telemetry.estimate.gas_k)), error(row.sensor_gas_k)]);
+        if self.is_vessel
+            && let Some(length) = COLUMNS.iter().position(|name| *name == "length_m")
+        {
+            cells.remove(length);
+        }
+        self.recorder.push(&cells);
+        if !self.is_vessel && truth.time_s >= self.stroke_from_s {
+            self.last_stroke.push((truth.volume_m3, truth.pressure_pa));
+        }
+    }
+
+    /// The page.
+    pub fn page(
+        &self,
+        title: &str,
+        loaded: &Loaded,
+        measured: Option<&Measured>,
+        summary: &Summary,
+    ) -> String {
+        let rmse = |name: &str| summary.measured.as_ref().and_then(|all| all.get(name));
+        let measured: Vec<MeasuredColumn> = measured
+            .iter()
+            .flat_map(|measured| &measured.columns)
+            .filter_map(|column| {
+                Some(MeasuredColumn {
+                    column: column.name.clone(),
+                    points: column.points.clone(),
+                    rmse: rmse(&column.name)?.rmse,
+                })
+            })
+            .collect();
+        let period_s = loaded.plant.drive.period_s;
+        let end_s = summary.duration_s;
+        let detail_s = (summary.strokes as f64 > 2.0 * DETAIL_STROKES)
+            .then_some((end_s - DETAIL_STROKES * period_s, end_s));
+        run_report::render(&RunReport {
+            title,
+            lead: &lead(summary),
+            scenario_toml: &scenario::render(loaded),
+            tiles: tiles(summary),
+            series: &self.recorder,
+            measured: &measured,
+            summary: &rows(summary),
+            axial_wall_k: &summary.axial_temperature_k,
+            rest_length_m: loaded.plant.muscle.rest_length_m.filter(|_| !self.is_vessel),
+            last_stroke: &self.last_stroke,
+            detail_s,
+        })
+    }
+}
+
+fn lead(summary: &Summary) -> String {
+    format!(
+        "{} s simulated at {:.0} times real time, with the core on board \"{}\". Read bare, the sensor in \
+         the gas is wrong by {:.2} K (RMS); the core's estimate by {:.2} K.",
+        summary.duration_s,
+        summary.real_time_factor,
+        summary.board,
+        summary.rmse_k.sensor_gas,
+        summary.rmse_k.estimate
+    )
+}
+
+fn tiles(summary: &Summary) -> Vec<Tile> {
+    vec![
+        Tile::new("Bare sensor, RMS error", summary.rmse_k.sensor_gas, "K"),
+        Tile::new("Estimate, RMS error", summary.rmse_k.estimate, "K"),
+        Tile::new("Largest pressure", summary.pressure_pa.max, "Pa"),
+        Tile::new("Mass balance", summary.mass_balance_error, "")
+            .target("≤ 1e-9", summary.mass_balance_error <= 1e-9),
+        Tile::new("Energy balance", summary.energy_balance_error, "")
+            .target("≤ 1e-6", summary.energy_balance_error <= 1e-6),
+    ]
+}
+
+fn rows(summary: &Summary) -> Vec<SummaryRow> {
+    let row = |label: &str, value: f64, unit: &str| SummaryRow {
+        label: label.to_owned(),
+        value,
+        unit: unit.to_owned(),
+    };
+    let mut rows = vec![
+        row("Simulated time", summary.duration_s, "s"),
+        row("Strokes", summary.strokes as f64, ""),
+        row("Gas temperature, lowest", summary.gas_temperature_k.min, "K"),
+        row("Gas temperature, highest", summary.gas_temperature_k.max, "K"),
+        row("Gas temperature, mean", summary.gas_temperature_k.mean, "K"),
+        row("RMS error, sensor in the gas", summary.rmse_k.sensor_gas, "K"),
+        row("RMS error, sensor in the wall", summary.rmse_k.sensor_wall, "K"),
+        row("RMS error, forward model", summary.rmse_k.model, "K"),
+        row("RMS error, estimate", summary.rmse_k.estimate, "K"),
+        row("Truth within two stated deviations", summary.estimate_within_2sd, ""),
+        row("Mass balance error", summary.mass_balance_error, ""),
+        row("Energy balance error", summary.energy_balance_error, ""),
+        row("Steps of the core", summary.core.steps as f64, ""),
+        row("Steps with a sensor at a rail", summary.core.saturations as f64, ""),
+    ];
+    if let Some(control) = &summary.control {
+        rows.push(row("Set point, RMS error", control.rms_error, ""));
+        rows.push(row("Set point, error at the end", control.steady_error, ""));
+        rows.push(row("Set point, overshoot", control.overshoot, ""));
+    }
+    rows
+}

@@ -1,0 +1,411 @@
+//! The report pages, from synthetic data: well-formed, escaped, small, and whole whatever the data.
+//!
+//! The pages stay in the target folder's `tmp`, to be looked at.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use host_sim::report::Colour;
+use host_sim::report::bars::Bars;
+use host_sim::report::chart::{Axis, Chart, Panel};
+use host_sim::report::heatmap::Heatmap;
+use host_sim::report::muscle::Muscle;
+use host_sim::report::page::{Figure, Page, Section, Table, Tile};
+use host_sim::report::run_report::{self, Measured, RunReport, SummaryRow};
+use host_sim::report::series::Recorder;
+use quick_xml::Reader;
+use quick_xml::events::Event;
+
+const COLUMNS: [&str; 17] = [
+    "time_s",
+    "pressure_pa",
+    "volume_m3",
+    "length_m",
+    "mass_kg",
+    "flow_in_kg_s",
+    "flow_out_kg_s",
+    "gas_temperature_k",
+    "wall_temperature_k",
+    "sensor_gas_k",
+    "sensor_wall_k",
+    "estimate_k",
+    "estimate_sd_k",
+    "duty_in",
+    "duty_out",
+    "estimate_error_k",
+    "sensor_gas_error_k",
+];
+const STEP_S: f64 = 0.001;
+const PERIOD_S: f64 = 5.0;
+const ZONES_K: [f64; 8] = [296.4, 298.3, 300.6, 302.7, 304.4, 305.9, 306.8, 307.3];
+
+/// A muscle-like run of 100 s: every column's shape, not the physics.
+fn recorded() -> (Recorder, Vec<(f64, f64)>) {
+    let mut recorder = Recorder::new(&COLUMNS);
+    let mut last_stroke = Vec::new();
+    let (mut sensor, mut noise) = (298.0, 0.3_f64);
+    for i in 0..100_000 {
+        let t = f64::from(i) * STEP_S;
+        let phase = (t / PERIOD_S).fract();
+        let charging = phase < 0.5;
+        let fill = if charging { 2.0 * phase } else { 2.0 - 2.0 * phase };
+        let swing = if charging { (-phase * 6.0).exp() } else { -(-(phase - 0.5) * 6.0).exp() };
+        let gas = 298.0 + 12.0 * swing + 2.0 * (1.0 - (-t / 40.0).exp());
+        sensor += (gas - sensor) * STEP_S / 3.0;
+        noise = (noise * 9301.7 + 0.1173).fract();
+        let estimate = gas + 0.15 * (t * 1.7).sin() + 0.1 * (noise - 0.5);
+        let pressure = 120e3 + 300e3 * fill.powf(0.8);
+        let volume = 70e-6
+            + 60e-6 * fill.powf(1.3)
+            + if charging { 0.0 } else { 4e-6 * (fill * TAU / 2.0).sin() };
+        let (flow_in, flow_out) = if charging { (3.6e-4, 0.0) } else { (0.0, 3.6e-4) };
+        recorder.push(&[
+            t,
+            pressure,
+            volume,
+            0.3 - 0.06 * fill,
+            2e-4 + 9e-4 * fill,
+            flow_in,
+            flow_out,
+            gas,
+            298.0 + 3.0 * (1.0 - (-t / 40.0).exp()),
+            sensor,
+            298.0 + 2.5 * (1.0 - (-t / 45.0).exp()),
+            estimate,
+            0.2 + 0.1 * phase,
+            if charging { 0.45 + 0.2 * fill } else { 0.0 },
+            if charging { 0.0 } else { 0.3 },
+            estimate - gas,
+            sensor - gas,
+        ]);
+        if t >= 95.0 {
+            last_stroke.push((volume, pressure));
+        }
+    }
+    (recorder, last_stroke)
+}
+
+fn full_report() -> String {
+    let (series, last_stroke) = recorded();
+    let points = |f: &dyn Fn(f64) -> f64| {
+        (0..50).map(|i| (2.0 * f64::from(i), f(2.0 * f64::from(i)))).collect()
+    };
+    let measured = [
+        Measured {
+            column: "sensor_gas_k".into(),
+            points: points(&|t| 298.2 + 1.8 * (1.0 - (-t / 40.0).exp()) + 0.4 * (t * 2.1).sin()),
+            rmse: 0.412,
+        },
+        Measured {
+            column: "length_m".into(),
+            points: points(&|t| 0.27 + 0.02 * (t * 2.1).sin()),
+            rmse: 0.0031,
+        },
+        Measured {
+            column: "volume_m3".into(),
+            points: points(&|t| 1e-4 + 2e-5 * (t * 2.1).sin()),
+            rmse: 4.2e-6,
+        },
+    ];
+    let summary = [
+        ("Duration", 100.0, "s"),
+        ("Gas temperature, mean", 299.1, "K"),
+        ("Pressure, highest", 420e3, "Pa"),
+    ]
+    .map(|(label, value, unit)| SummaryRow { label: label.into(), value, unit: unit.into() });
+    run_report::render(&RunReport {
+        title: "Isotonic working cycle",
+        lead: "Twenty strokes of 5 s at 0.36 g/s against 100 N. The gas swings by 24 K; the sensor inside the muscle \
+               shows a tenth of it, and the estimate on the board follows.",
+        scenario_toml: "[run]\nduration_s = 100.0\nstep_s = 0.001\n\n[load]\nkind = \"isotonic\" # <100 N> & more\n",
+        tiles: vec![
+            Tile::new("Error of the estimate, RMS", 0.118, "K").target("≤ 0.15 K", true),
+            Tile::new("Error of the bare sensor, RMS", 6.61, "K"),
+            Tile::new("Highest pressure", 420e3, "Pa"),
+            Tile::new("Steady-state error, fraction of stroke", 0.0123, "").target("≤ 0.01", false),
+        ],
+        series: &series,
+        measured: &measured,
+        summary: &summary,
+        axial_wall_k: &ZONES_K,
+        rest_length_m: Some(0.3),
+        last_stroke: &last_stroke,
+        detail_s: Some((85.0, 100.0)),
+    })
+}
+
+fn bars() -> [Figure; 2] {
+    let budget = Bars::linear("Energy over one stroke", "J")
+        .bar("enthalpy in", 268.2, Colour::Blue)
+        .bar("enthalpy out", -255.9, Colour::Vermillion)
+        .bar("heat to the wall", -3.4, Colour::Orange)
+        .bar("work on the muscle", -8.7, Colour::Green)
+        .bar("change of internal energy", 0.2, Colour::Grey);
+    let sensors = Bars::log("RMSE against the plant's gas temperature", "K")
+        .bar_with_target("estimate on the board", 0.118, 0.15, Colour::Blue)
+        .bar("model alone", 0.92, Colour::Green)
+        .bar("sensor in the gas", 6.6, Colour::Vermillion)
+        .bar("sensor in the wall", 8.9, Colour::Orange);
+    [
+        budget.figure("Where the energy goes", "One stroke."),
+        sensors.figure("Sensors compared", "Full plant."),
+    ]
+}
+
+fn odd_charts() -> Vec<Figure> {
+    let t: Vec<f64> = (0..200).map(f64::from).collect();
+    let decay: Vec<f64> = t.iter().map(|t| 1e3 * (-t / 12.0).exp()).collect();
+    let flat = vec![298.0; 200];
+    let gappy: Vec<f64> =
+        t.iter().map(|t| if (t / 25.0).fract() < 0.2 { f64::NAN } else { t.sqrt() }).collect();
+    let circle: Vec<(f64, f64)> =
+        (0..=90).map(|i| f64::from(i) / 90.0 * TAU).map(|a| (a.cos(), a.sin())).collect();
+    let (cos, sin): (Vec<f64>, Vec<f64>) = circle.into_iter().unzip();
+    let log = Chart::new(Axis::new("Time", "s"))
+        .panel(
+            Panel::new(Axis::new("Residual", "Pa").log())
+                .line("decay", Colour::Blue, &t, &decay)
+                .dashed(
+                    "same, dashed",
+                    Colour::Purple,
+                    &t,
+                    &decay.iter().map(|v| v * 3.0).collect::<Vec<_>>(),
+                )
+                .reference(1.0, "tolerance")
+                .reference(1.4, "limit of the sensor"),
+        )
+        .marker(50.0, "valve opens")
+        .marker(56.0, "valve closes")
+        .marker(150.0, "<stop> & vent");
+    let flat = Chart::new(Axis::new("Time", "s")).panel(Panel::new(Axis::new("Flat", "K")).line(
+        "",
+        Colour::Ink,
+        &t,
+        &flat,
+    ));
+    let gaps = Chart::new(Axis::new("Time", "s")).half().panel(
+        Panel::new(Axis::new("With gaps", "")).line("gaps", Colour::Green, &t, &gappy).dots(
+            "dots",
+            Colour::Sky,
+            &t,
+            &gappy,
+        ),
+    );
+    let circle = Chart::new(Axis::new("Volume", "cm³"))
+        .half()
+        .panel(Panel::new(Axis::new("Pressure", "kPa")).plane("loop", Colour::Blue, &cos, &sin));
+    let nothing = Chart::new(Axis::new("Time", "s")).panel(
+        Panel::new(Axis::new("Nothing", "K"))
+            .line("all NaN", Colour::Blue, &t, &[f64::NAN; 200])
+            .line("empty", Colour::Green, &[], &[])
+            .band("band", Colour::Blue, &t, &[f64::INFINITY; 200], &[f64::NAN; 200]),
+    );
+    let no_panel = Chart::new(Axis::new("Time", "s"));
+    [log, flat, gaps, circle, nothing, no_panel]
+        .iter()
+        .map(|c| c.figure("A <chart> & \"more\"", "Caption."))
+        .collect()
+}
+
+fn heatmap() -> Figure {
+    let x: Vec<f64> = (0..9).map(|i| f64::from(i) / 8.0).collect();
+    let y = vec![0.1, 0.3, 1.0, 3.0, 10.0];
+    let mut cells: Vec<Vec<f64>> = y
+        .iter()
+        .map(|tau: &f64| x.iter().map(|p| 2.0 * tau.powf(0.4) + (p - 0.6).abs() * 3.0).collect())
+        .collect();
+    cells[1][2] = f64::NAN;
+    cells[4].truncate(6);
+    Heatmap {
+        x_label: "Position of the sensor, port to closed end [–]".into(),
+        y_label: "Time constant [s]".into(),
+        value_label: "RMSE [K]".into(),
+        x,
+        y,
+        cells,
+    }
+    .figure("Where to put a sensor", "Error of the bare sensor.")
+}
+
+fn muscles() -> [Figure; 4] {
+    [&ZONES_K[..], &[299.0], &[f64::NAN, 350.0, 250.0], &[]]
+        .map(|z| Muscle::new(z).figure("Muscle <1>", "Zones."))
+}
+
+fn all_figures() -> Vec<Figure> {
+    let mut figures: Vec<Figure> = bars().into();
+    figures.extend(muscles());
+    figures.push(heatmap());
+    figures.extend(odd_charts());
+    figures
+}
+
+fn keep(name: &str, page: &str) {
+    std::fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join(name), page)
+        .expect("the target folder is writable");
+}
+
+/// Number of elements, or what is wrong with the XML.
+fn elements(xml: &str) -> Result<usize, String> {
+    let mut reader = Reader::from_str(xml);
+    let mut count = 0;
+    loop {
+        match reader.read_event().map_err(|e| e.to_string())? {
+            Event::Eof => return Ok(count),
+            Event::Start(element) | Event::Empty(element) => {
+                count += 1;
+                for attribute in element.attributes() {
+                    attribute.map_err(|e| e.to_string())?;
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The outermost `svg` elements of a page.
+fn drawings(page: &str) -> Vec<&str> {
+    let mut rest = page;
+    let mut out = Vec::new();
+    while let Some(start) = rest.find("<svg") {
+        let mut end = start;
+        let mut depth = 0;
+        loop {
+            let close = end + rest[end..].find("</svg>").expect("every svg is closed") + 6;
+            depth += rest[end..close].matches("<svg").count();
+            depth -= 1;
+            end = close;
+            if depth == 0 {
+                break;
+            }
+        }
+        out.push(&rest[start..end]);
+        rest = &rest[end..];
+    }
+    out
+}
+
+#[test]
+fn the_run_page_is_well_formed_whole_and_small() {
+    let page = full_report();
+    keep("run.html", &page);
+    let drawings = drawings(&page);
+    let charts = drawings.iter().filter(|svg| svg.contains("role=\"img\"")).count();
+    assert_eq!(charts, 7);
+    for svg in drawings {
+        assert!(elements(svg).unwrap_or_else(|e| panic!("{e}: {svg}")) >= 2);
+    }
+    for i in 1..=7 {
+        assert!(page.contains(&format!("id=\"fig-{i}\"")), "figure {i}");
+    }
+    assert!((60_000..300_000).contains(&page.len()), "{} bytes", page.len());
+    for (what, expected) in [
+        ("sensor in the gas”: 0.412 K RMS.", 1),
+        ("length”: 3.10 mm RMS.", 1),
+        ("volume_m3”: 4.20 cm³ RMS.", 1),
+        ("✓ met", 1),
+        ("✗ missed", 1),
+    ] {
+        assert_eq!(page.matches(what).count(), expected, "{what}");
+    }
+    for outside in ["http://", "https://", "<script", "@import", "url(h"] {
+        let namespaces = page.matches("http://www.w3.org/2000/svg").count();
+        let expected = if outside == "http://" { namespaces } else { 0 };
+        assert_eq!(page.matches(outside).count(), expected, "{outside}");
+    }
+}
+
+#[test]
+fn a_run_with_hardly_any_columns_has_a_page() {
+    let mut series = Recorder::new(&["time_s", "pressure_pa"]);
+    fn input(series: &Recorder) -> RunReport<'_> {
+        RunReport {
+            title: "Vessel",
+            lead: "",
+            scenario_toml: "",
+            tiles: vec![],
+            series,
+            measured: &[],
+            summary: &[],
+            axial_wall_k: &[298.0],
+            rest_length_m: None,
+            last_stroke: &[],
+            detail_s: None,
+        }
+    }
+    assert_eq!(drawings(&run_report::render(&input(&series))).len(), 2);
+    series.push(&[0.0, f64::NAN]);
+    let page = run_report::render(&input(&series));
+    assert!(page.contains("Absolute pressure [kPa]") && !page.contains("Gas temperature"));
+    assert!(!page.contains("NaN"));
+}
+
+#[test]
+fn every_drawing_is_well_formed_whatever_the_data() {
+    let figures = all_figures();
+    for figure in &figures {
+        let svg = figure.svg();
+        assert!(elements(svg).unwrap_or_else(|e| panic!("{e}: {svg}")) >= 1);
+        assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        assert!(svg.len() < 60_000, "{} bytes", svg.len());
+    }
+    let section = figures.into_iter().fold(Section::new("All drawings"), Section::figure);
+    keep(
+        "gallery.html",
+        &Page::new("Gallery", "Every kind of drawing.", "").section(section).render(),
+    );
+}
+
+#[test]
+fn text_is_escaped_everywhere() {
+    let nasty = "<b>&\"'</b>";
+    let table = Table {
+        caption: nasty.into(),
+        columns: vec![nasty.into()],
+        rows: vec![vec![nasty.into()]],
+    };
+    let chart = Chart::new(Axis::new(nasty, nasty))
+        .panel(
+            Panel::new(Axis::new(nasty, nasty))
+                .line(nasty, Colour::Blue, &[0.0, 1.0], &[0.0, 1.0])
+                .reference(0.5, nasty),
+        )
+        .marker(0.5, nasty);
+    let bars = Bars::linear(nasty, nasty).bar(nasty, 1.0, Colour::Blue);
+    let section = Section::new(nasty)
+        .paragraph(nasty)
+        .table(table)
+        .figure(chart.figure(nasty, nasty))
+        .figure(bars.figure(nasty, nasty));
+    let page = Page::new(nasty, nasty, nasty)
+        .tile(Tile::new(nasty, 1.0, nasty).target(nasty, true))
+        .section(section.clone())
+        .section(section)
+        .render();
+    assert!(!page.contains("<b>&"), "unescaped");
+    // Twice as an attribute (aria-label), where quotes have to be escaped too.
+    assert!(page.contains("aria-label=\"&lt;b&gt;&amp;&quot;"));
+    for svg in drawings(&page) {
+        elements(svg).unwrap_or_else(|e| panic!("{e}: {svg}"));
+    }
+}
+
+#[test]
+fn a_long_series_is_thinned_but_keeps_its_peak() {
+    let t: Vec<f64> = (0..200_000).map(f64::from).collect();
+    let mut y: Vec<f64> = t.iter().map(|t| (t * 0.37).sin()).collect();
+    y[123_456] = 10.0;
+    let chart = |y: &[f64]| {
+        let panel = Panel::new(Axis::new("y", "").range(-2.0, 12.0)).height(140.0).line(
+            "y",
+            Colour::Blue,
+            &t,
+            y,
+        );
+        Chart::new(Axis::new("t", "s")).panel(panel).figure("t", "c").svg().to_owned()
+    };
+    let with_peak = chart(&y);
+    assert!((5_000..25_000).contains(&with_peak.len()), "{} bytes", with_peak.len());
+    y[123_456] = 0.0;
+    assert_ne!(with_peak, chart(&y), "the peak is in the drawing");
+}
