@@ -88,6 +88,20 @@ struct Transition {
     sensor_lag: f32,
 }
 
+impl Transition {
+    fn gas_row(&self, gas: f32, wall: f32, scale: f32) -> f32 {
+        self.gas_gas * gas + self.gas_wall * wall + self.gas_scale * scale
+    }
+
+    fn wall_row(&self, gas: f32, wall: f32, scale: f32) -> f32 {
+        self.wall_gas * gas + self.wall_wall * wall + self.wall_scale * scale
+    }
+
+    fn sensor_row(&self, gas: f32, sensor: f32, lag: f32) -> f32 {
+        self.sensor_gas * gas + self.sensor_sensor * sensor + self.sensor_lag * lag
+    }
+}
+
 /// Sums over one interval.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Interval {
@@ -97,6 +111,35 @@ struct Interval {
     heat_j: f32,
     readings: CodeSum,
     flowing_steps: u16,
+}
+
+/// What the end of an interval leaves for the first steps of the next one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Pending {
+    transition: Transition,
+    product: Product,
+    /// Mean gas temperature of the interval \[K\].
+    gas_k: f32,
+    innovation_k: Option<f32>,
+}
+
+/// M = F P: the rows that F changes, without the entries that P' = M F^T does not ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Product {
+    gas_gas: f32,
+    gas_wall: f32,
+    gas_sensor: f32,
+    gas_scale: f32,
+    gas_lag: f32,
+    wall_gas: f32,
+    wall_wall: f32,
+    wall_sensor: f32,
+    wall_scale: f32,
+    wall_lag: f32,
+    sensor_gas: f32,
+    sensor_sensor: f32,
+    sensor_scale: f32,
+    sensor_lag: f32,
 }
 
 /// State of the estimator.
@@ -125,7 +168,7 @@ pub struct Estimator {
     length_m: f32,
     wall_w_k: f32,
     interval: Interval,
-    innovation_k: Option<f32>,
+    pending: Pending,
     started: bool,
 }
 
@@ -163,7 +206,7 @@ impl Estimator {
             length_m: 0.0,
             wall_w_k: 0.0,
             interval: Interval::default(),
-            innovation_k: None,
+            pending: Pending::default(),
             started: false,
         }
     }
@@ -181,8 +224,7 @@ impl Estimator {
         }
     }
 
-    /// One step. The work of an interval's end is spread: the covariance moves in its first step,
-    /// the sensor's reading corrects in its second.
+    /// One step.
     pub fn step(&mut self, measurement: &Measurement) {
         let pressure_pa = limit(measurement.pressure_pa, 1.0, 1.0e9);
         let volume_m3 = self.shape.volume_m3(measurement.length_m);
@@ -193,11 +235,25 @@ impl Estimator {
         if let Some(code) = measurement.gas {
             self.interval.readings.add(code);
         }
-        if let Some(innovation_k) = self.innovation_k.take() {
-            self.correct(innovation_k);
-        }
-        if self.interval.steps >= INTERVAL_STEPS {
-            self.end_interval(measurement.length_m);
+        self.advance_covariance(measurement.length_m);
+    }
+
+    /// The work of an interval, spread over four of its steps and kept clear of those in which the
+    /// valves' PWM period ends (multiples of ten) and the controller has its own to do.
+    fn advance_covariance(&mut self, length_m: f32) {
+        match self.interval.steps {
+            2 => self.pending.product = self.covariance.rows(&self.pending.transition),
+            3 => {
+                self.covariance.columns(&self.pending.product, &self.pending.transition);
+                self.add_drift();
+            }
+            4 => {
+                if let Some(innovation_k) = self.pending.innovation_k.take() {
+                    self.correct(innovation_k);
+                }
+            }
+            INTERVAL_STEPS => self.end_interval(length_m),
+            _ => {}
         }
     }
 
@@ -282,7 +338,8 @@ impl Estimator {
         let flowing = f32::from(interval.flowing_steps) / steps;
         let per_mass = 1.0 / self.mass_kg.value();
         let exchange = inner_j_k * per_mass * self.per_cp * flowing;
-        let transition = Transition {
+        self.pending.gas_k = gas_k;
+        self.pending.transition = Transition {
             gas_gas: -limit(exchange + interval.inflow_kg * per_mass, -0.9, 0.9),
             gas_wall: exchange / gas_k,
             gas_scale: -exchange * (gas_k - self.wall_k) / (self.scale * gas_k),
@@ -299,20 +356,18 @@ impl Estimator {
         self.sensor_k += sensor_change_k;
         let inflow_kg_s = interval.inflow_kg / duration_s;
         self.wall_w_k = self.scale * heat.inner_w_k(surface_m2, inflow_kg_s);
-        self.covariance.propagate(&transition);
-        self.add_drift(duration_s, gas_k);
-
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag.
         let middle_k = self.sensor_k - 0.5 * sensor_change_k;
-        self.innovation_k =
+        self.pending.innovation_k =
             self.converter.mean_gas_k(&interval.readings).map(|reading_k| reading_k - middle_k);
     }
 
-    fn add_drift(&mut self, duration_s: f32, gas_k: f32) {
+    fn add_drift(&mut self) {
         let drift = &self.config.estimator;
-        let relative = drift.gas_drift_k / gas_k;
+        let duration_s = f32::from(INTERVAL_STEPS) * self.config.step_s;
+        let relative = drift.gas_drift_k / self.pending.gas_k;
         let p = &mut self.covariance;
         p.gas_gas += relative * relative * duration_s;
         p.wall_wall += drift.wall_drift_k * drift.wall_drift_k * duration_s;
@@ -360,46 +415,42 @@ impl Estimator {
 }
 
 impl Covariance {
-    /// P' = F P F^T, F = I + `f`, over the entries of F that are not zero.
-    fn propagate(&mut self, f: &Transition) {
-        let p = *self;
-        // M = F P, the rows that change.
-        let gas = |gas: f32, wall: f32, scale: f32| {
-            f.gas_gas * gas + f.gas_wall * wall + f.gas_scale * scale
-        };
-        let wall = |gas: f32, wall: f32, scale: f32| {
-            f.wall_gas * gas + f.wall_wall * wall + f.wall_scale * scale
-        };
-        let sensor = |gas: f32, sensor: f32, lag: f32| {
-            f.sensor_gas * gas + f.sensor_sensor * sensor + f.sensor_lag * lag
-        };
-        let m_gas_gas = p.gas_gas + gas(p.gas_gas, p.gas_wall, p.gas_scale);
-        let m_gas_wall = p.gas_wall + gas(p.gas_wall, p.wall_wall, p.wall_scale);
-        let m_gas_sensor = p.gas_sensor + gas(p.gas_sensor, p.wall_sensor, p.sensor_scale);
-        let m_gas_scale = p.gas_scale + gas(p.gas_scale, p.wall_scale, p.scale_scale);
-        let m_gas_lag = p.gas_lag + gas(p.gas_lag, p.wall_lag, p.scale_lag);
-        let m_wall_gas = p.gas_wall + wall(p.gas_gas, p.gas_wall, p.gas_scale);
-        let m_wall_wall = p.wall_wall + wall(p.gas_wall, p.wall_wall, p.wall_scale);
-        let m_wall_sensor = p.wall_sensor + wall(p.gas_sensor, p.wall_sensor, p.sensor_scale);
-        let m_wall_scale = p.wall_scale + wall(p.gas_scale, p.wall_scale, p.scale_scale);
-        let m_wall_lag = p.wall_lag + wall(p.gas_lag, p.wall_lag, p.scale_lag);
-        let m_sensor_gas = p.gas_sensor + sensor(p.gas_gas, p.gas_sensor, p.gas_lag);
-        let m_sensor_sensor = p.sensor_sensor + sensor(p.gas_sensor, p.sensor_sensor, p.sensor_lag);
-        let m_sensor_scale = p.sensor_scale + sensor(p.gas_scale, p.sensor_scale, p.scale_lag);
-        let m_sensor_lag = p.sensor_lag + sensor(p.gas_lag, p.sensor_lag, p.lag_lag);
-        // P' = M F^T, upper triangle.
-        self.gas_gas = m_gas_gas + gas(m_gas_gas, m_gas_wall, m_gas_scale);
-        self.gas_wall = m_gas_wall + wall(m_gas_gas, m_gas_wall, m_gas_scale);
-        self.gas_sensor = m_gas_sensor + sensor(m_gas_gas, m_gas_sensor, m_gas_lag);
-        self.gas_scale = m_gas_scale;
-        self.gas_lag = m_gas_lag;
-        self.wall_wall = m_wall_wall + wall(m_wall_gas, m_wall_wall, m_wall_scale);
-        self.wall_sensor = m_wall_sensor + sensor(m_wall_gas, m_wall_sensor, m_wall_lag);
-        self.wall_scale = m_wall_scale;
-        self.wall_lag = m_wall_lag;
-        self.sensor_sensor = m_sensor_sensor + sensor(m_sensor_gas, m_sensor_sensor, m_sensor_lag);
-        self.sensor_scale = m_sensor_scale;
-        self.sensor_lag = m_sensor_lag;
+    /// M = F P with F = I + `f`, over the entries of F that are not zero.
+    fn rows(&self, f: &Transition) -> Product {
+        let p = self;
+        Product {
+            gas_gas: p.gas_gas + f.gas_row(p.gas_gas, p.gas_wall, p.gas_scale),
+            gas_wall: p.gas_wall + f.gas_row(p.gas_wall, p.wall_wall, p.wall_scale),
+            gas_sensor: p.gas_sensor + f.gas_row(p.gas_sensor, p.wall_sensor, p.sensor_scale),
+            gas_scale: p.gas_scale + f.gas_row(p.gas_scale, p.wall_scale, p.scale_scale),
+            gas_lag: p.gas_lag + f.gas_row(p.gas_lag, p.wall_lag, p.scale_lag),
+            wall_gas: p.gas_wall + f.wall_row(p.gas_gas, p.gas_wall, p.gas_scale),
+            wall_wall: p.wall_wall + f.wall_row(p.gas_wall, p.wall_wall, p.wall_scale),
+            wall_sensor: p.wall_sensor + f.wall_row(p.gas_sensor, p.wall_sensor, p.sensor_scale),
+            wall_scale: p.wall_scale + f.wall_row(p.gas_scale, p.wall_scale, p.scale_scale),
+            wall_lag: p.wall_lag + f.wall_row(p.gas_lag, p.wall_lag, p.scale_lag),
+            sensor_gas: p.gas_sensor + f.sensor_row(p.gas_gas, p.gas_sensor, p.gas_lag),
+            sensor_sensor: p.sensor_sensor + f.sensor_row(p.gas_sensor, p.sensor_sensor, p.sensor_lag),
+            sensor_scale: p.sensor_scale + f.sensor_row(p.gas_scale, p.sensor_scale, p.scale_lag),
+            sensor_lag: p.sensor_lag + f.sensor_row(p.gas_lag, p.sensor_lag, p.lag_lag),
+        }
+    }
+
+    /// P' = M F^T, upper triangle.
+    fn columns(&mut self, m: &Product, f: &Transition) {
+        self.gas_gas = m.gas_gas + f.gas_row(m.gas_gas, m.gas_wall, m.gas_scale);
+        self.gas_wall = m.gas_wall + f.wall_row(m.gas_gas, m.gas_wall, m.gas_scale);
+        self.gas_sensor = m.gas_sensor + f.sensor_row(m.gas_gas, m.gas_sensor, m.gas_lag);
+        self.gas_scale = m.gas_scale;
+        self.gas_lag = m.gas_lag;
+        self.wall_wall = m.wall_wall + f.wall_row(m.wall_gas, m.wall_wall, m.wall_scale);
+        self.wall_sensor = m.wall_sensor + f.sensor_row(m.wall_gas, m.wall_sensor, m.wall_lag);
+        self.wall_scale = m.wall_scale;
+        self.wall_lag = m.wall_lag;
+        self.sensor_sensor =
+            m.sensor_sensor + f.sensor_row(m.sensor_gas, m.sensor_sensor, m.sensor_lag);
+        self.sensor_scale = m.sensor_scale;
+        self.sensor_lag = m.sensor_lag;
     }
 
     /// P' = (I - K H) P for a reading of the sensor; `rest` = R/(P_ss + R), so that the sensor's

@@ -1,0 +1,76 @@
+//! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
+
+pub mod estimator;
+
+/// One line of the table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    /// What was run.
+    pub case: String,
+    /// Figures: name, value, allowed range.
+    pub figures: Vec<Figure>,
+}
+
+/// A figure and where it has to lie.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// What it is, with its unit.
+    pub name: &'static str,
+    /// What was measured.
+    pub value: f64,
+    /// Smallest value allowed.
+    pub minimum: f64,
+    /// Largest value allowed.
+    pub maximum: f64,
+}
+
+impl Figure {
+    /// A figure that must not exceed `maximum`.
+    pub fn at_most(name: &'static str, value: f64, maximum: f64) -> Self {
+        Self { name, value, minimum: f64::NEG_INFINITY, maximum }
+    }
+
+    /// A figure that must not fall below `minimum`.
+    pub fn at_least(name: &'static str, value: f64, minimum: f64) -> Self {
+        Self { name, value, minimum, maximum: f64::INFINITY }
+    }
+
+    /// Whether it lies where it has to.
+    pub fn holds(&self) -> bool {
+        (self.minimum..=self.maximum).contains(&self.value)
+    }
+
+    fn target(&self) -> String {
+        match (self.minimum.is_finite(), self.maximum.is_finite()) {
+            (true, true) => format!("{} to {}", self.minimum, self.maximum),
+            (true, false) => format!("≥ {}", self.minimum),
+            _ => format!("≤ {}", self.maximum),
+        }
+    }
+}
+
+/// The table, for a terminal.
+pub fn table(lines: &[Line]) -> String {
+    let width = lines.iter().map(|line| line.case.chars().count()).max().unwrap_or(0);
+    lines
+        .iter()
+        .map(|line| {
+            let figures: Vec<String> = line
+                .figures
+                .iter()
+                .map(|figure| {
+                    let mark = if figure.holds() { ' ' } else { '!' };
+                    let Figure { name, value, .. } = figure;
+                    format!("{mark}{name} {value:.3} ({})", figure.target())
+                })
+                .collect();
+            format!("{:width$}  {}\n", line.case, figures.join("  "))
+        })
+        .collect()
+}
+
+/// How many figures missed their target, of how many.
+pub fn missed(lines: &[Line]) -> (usize, usize) {
+    let figures = lines.iter().flat_map(|line| &line.figures);
+    (figures.clone().filter(|figure| !figure.holds()).count(), figures.count())
+}
