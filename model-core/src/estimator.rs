@@ -430,7 +430,8 @@ impl Covariance {
             wall_scale: p.wall_scale + f.wall_row(p.gas_scale, p.wall_scale, p.scale_scale),
             wall_lag: p.wall_lag + f.wall_row(p.gas_lag, p.wall_lag, p.scale_lag),
             sensor_gas: p.gas_sensor + f.sensor_row(p.gas_gas, p.gas_sensor, p.gas_lag),
-            sensor_sensor: p.sensor_sensor + f.sensor_row(p.gas_sensor, p.sensor_sensor, p.sensor_lag),
+            sensor_sensor: p.sensor_sensor
+                + f.sensor_row(p.gas_sensor, p.sensor_sensor, p.sensor_lag),
             sensor_scale: p.sensor_scale + f.sensor_row(p.gas_scale, p.sensor_scale, p.scale_lag),
             sensor_lag: p.sensor_lag + f.sensor_row(p.gas_lag, p.sensor_lag, p.lag_lag),
         }

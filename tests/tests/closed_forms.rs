@@ -69,11 +69,8 @@ fn isothermal_discharge() {
 
 #[test]
 fn adiabatic_filling_from_a_reservoir() {
-    let run = vessel(
-        "adiabatic",
-        "fill",
-        "[supply]\npressure_pa = 3000000.0\ntemperature_k = 285.0\n",
-    );
+    let run =
+        vessel("adiabatic", "fill", "[supply]\npressure_pa = 3000000.0\ntemperature_k = 285.0\n");
     let flow = nozzle_area(0.0012, 0.8) * choked(K, R) * 3.0e6 / 285_f64.sqrt();
     let cv = R / (K - 1.0);
     let mass = |t: f64| 600_000.0 * 0.002 / (R * 310.0) + flow * t;

@@ -6,13 +6,11 @@ use system_tests::thermyo;
 fn the_paper_comes_out() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("reproduce");
-    let outcome =
-        thermyo(&["reproduce", "--out", &out.display().to_string(), "--json", "--quiet"]);
+    let outcome = thermyo(&["reproduce", "--out", &out.display().to_string(), "--json", "--quiet"]);
     assert_eq!(outcome.code, 0, "{}", outcome.err);
     let summary: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
-    let figure = |path: &str| {
-        path.split('/').fold(&summary, |value, key| &value[key]).as_f64().unwrap()
-    };
+    let figure =
+        |path: &str| path.split('/').fold(&summary, |value, key| &value[key]).as_f64().unwrap();
     for (path, low, high) in [
         ("duration_s", 100.0, 100.0),
         ("strokes", 20.0, 20.0),

@@ -46,7 +46,8 @@ fn every_number_of_the_trace_reads_back() {
 
 #[test]
 fn a_run_of_many_rows_writes_a_small_page() {
-    let run = run_text("[run]\nduration_s = 30.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n", &[]);
+    let run =
+        run_text("[run]\nduration_s = 30.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n", &[]);
     let page = run.text("report.html");
     assert!((50_000..1_000_000).contains(&page.len()), "{} bytes", page.len());
     assert!(!page.contains("src=\"http") && !page.contains("href=\"http"), "opens offline");

@@ -5,7 +5,7 @@ use super::{Figure, Line};
 use crate::board::CoreBoard;
 use crate::profile::Profile;
 use crate::run::{self, RunError};
-use crate::scenario::{DriveKind, Loaded, LoadKind, PlantModel};
+use crate::scenario::{DriveKind, LoadKind, Loaded, PlantModel};
 use crate::trace::Row;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -60,7 +60,9 @@ fn cases() -> Vec<Case> {
             from_s: RECOVERED_S,
             // The sensor starts where the gas does: warm gas in a muscle that has just been
             // flushed, 10 K from what the sensor's mount remembers.
-            ..case("started 10 K wrong", [0.3, 0.6], |l| l.plant.plant.initial_temperature_k += 10.0)
+            ..case("started 10 K wrong", [0.3, 0.6], |l| {
+                l.plant.plant.initial_temperature_k += 10.0
+            })
         },
         case("strokes of 1 s", [0.3, 0.6], |l| period(l, 1.0)),
         case("strokes of 2 s", [0.3, 0.6], |l| period(l, 2.0)),
@@ -76,7 +78,8 @@ fn cases() -> Vec<Case> {
         }),
         case("dump from 5 bar", [0.3, 0.6], |l| {
             l.plant.drive.kind = DriveKind::Pressure;
-            l.drive_profile = profile(&[(0.0, 5.0e5), (20.0, 5.0e5), (20.01, 1.1e5), (50.0, 1.1e5)]);
+            l.drive_profile =
+                profile(&[(0.0, 5.0e5), (20.0, 5.0e5), (20.01, 1.1e5), (50.0, 1.1e5)]);
         }),
     ]
 }
@@ -222,10 +225,8 @@ pub fn evaluate(lumped: &Loaded, full: &Loaded) -> Result<Vec<Line>, RunError> {
             let times = errors.bare_rms_k() / errors.rms_k();
             figures.push(Figure::at_least("times_better", times, [40.0, 15.0][plant]));
         }
-        lines.push(Line {
-            case: format!("{} {}", ["lumped", "full  "][plant], case.name),
-            figures,
-        });
+        lines
+            .push(Line { case: format!("{} {}", ["lumped", "full  "][plant], case.name), figures });
     }
     lines.sort_by_key(|line| line.case.starts_with("full"));
     Ok(lines)

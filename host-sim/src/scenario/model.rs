@@ -216,7 +216,7 @@ impl Default for Muscle {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Vessel {
-    /// Gas volume; `volume_csv` replaces it \[m3\].
+    /// Gas volume; with `volume_csv` only the default for times before its first row \[m3\].
     pub volume_m3: f64,
     /// Inner surface \[m2\].
     pub surface_m2: f64,
@@ -254,9 +254,8 @@ pub struct Paper {
 }
 
 impl Default for Paper {
-    /// Equal for charging, discharging and change of volume: with `alpha_in` above `alpha_out`, the
-    /// choice of Richer and Hurmuzlu (the paper's \[1\]) for one stroke of a cylinder, a closed cycle
-    /// multiplies the gas temperature by (m_max/m_min)^(alpha_in - alpha_out), and it runs away.
+    /// The choice of Richer and Hurmuzlu, the paper's \[1\], for a pneumatic cylinder: charging
+    /// close to adiabatic, discharging close to isothermal, the rest between.
     fn default() -> Self {
         Self { alpha_in: 1.1, alpha_out: 1.1, alpha: 1.1 }
     }
@@ -293,8 +292,6 @@ pub struct Heat {
 }
 
 impl Default for Heat {
-    /// Inner: effective values for one zone, stirring by the stroke and the metal of the fittings
-    /// included; the inflow's part is a sixth of what Woodfield's jet term gives for a 4 mm port.
     fn default() -> Self {
         Self {
             model: HeatModel::Constant,

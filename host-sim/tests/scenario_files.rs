@@ -1,0 +1,634 @@
+//! Scenario files as users write them: what is taken, and what is said of what is not.
+
+use host_sim::core_config::core_config;
+use host_sim::plant;
+use host_sim::scenario::schema::{Allowed, TABLES};
+use host_sim::scenario::{self, LoadKind, Loaded, Scenario};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use std::fs;
+use std::path::Path;
+
+const NAME: &str = "scenario.toml";
+
+fn parse(text: &str) -> Result<Loaded, String> {
+    scenario::parse(text, Path::new(NAME)).map_err(|error| error.to_string())
+}
+
+fn valid(text: &str) -> Loaded {
+    parse(text).unwrap_or_else(|message| panic!("{message}\n{text}"))
+}
+
+#[track_caller]
+fn assert_messages(cases: &[(&str, &str)]) {
+    for (text, message) in cases {
+        assert_eq!(parse(text).err().as_deref(), Some(*message), "{text}");
+    }
+}
+
+#[test]
+fn nothing_said_means_the_defaults() {
+    for text in ["", "\n\n# nothing\n", "\u{feff}", "[believed]\n[sensor]\n[believed.sensor.gas]"] {
+        let loaded = valid(text);
+        let mut expected = Scenario::default();
+        expected.muscle = loaded.plant.muscle.clone();
+        assert_eq!(loaded.plant, expected);
+        assert_eq!(loaded.believed, loaded.plant);
+        assert_eq!(loaded.plant.muscle.rest_length_m, Some(0.3));
+        assert_eq!(loaded.plant.muscle.diameter_m, Some(0.02));
+        assert_eq!(loaded.plant.muscle.braid_angle_deg, Some(23.0));
+    }
+}
+
+#[test]
+fn unknown_names_get_a_suggestion() {
+    assert_messages(&[
+        (
+            "# c\n\n[heat]\n\n\n\niner_w_m2_k = 3",
+            "scenario.toml:7: unknown key heat.iner_w_m2_k; did you mean heat.inner_w_m2_k?",
+        ),
+        (
+            "run.duration = 5",
+            "scenario.toml:1: unknown key run.duration; did you mean run.duration_s?",
+        ),
+        ("duration_s = 5", "scenario.toml:1: unknown key duration_s; did you mean run.duration_s?"),
+        (
+            "[muscle]\nforce_n = 5",
+            "scenario.toml:2: unknown key muscle.force_n; did you mean friction.force_n or load.force_n?",
+        ),
+        (
+            "[believed.heat]\ninner = 5",
+            "scenario.toml:2: unknown key believed.heat.inner; \
+             did you mean believed.heat.inner_w_m2_k?",
+        ),
+        ("[muscel]\nzones = 2", "scenario.toml:1: unknown table [muscel]; did you mean [muscle]?"),
+        (
+            "[sensor.gass]\n",
+            "scenario.toml:1: unknown table [sensor.gass]; did you mean [sensor.gas]?",
+        ),
+        (
+            "[beleived.heat]\n",
+            "scenario.toml:1: unknown table [beleived]; did you mean [believed]?",
+        ),
+        (
+            "[tube]\ncolour = 1",
+            "scenario.toml:2: unknown key tube.colour; known here: volume_m3, conductance_m3_s_pa",
+        ),
+        (
+            "[estimator]\nzones = 3",
+            "scenario.toml:2: unknown key estimator.zones; did you mean muscle.zones?",
+        ),
+        ("\"run.seed\" = 3", "scenario.toml:1: unknown key \"run.seed\"; did you mean run.seed?"),
+        (
+            "[run]\nseed = 1\n[believed.muscle]\n\"a\\nb\" = 3",
+            "scenario.toml:4: unknown key believed.muscle.a\\nb; known here: thread_length_m, turns, \
+             rest_length_m, diameter_m, braid_angle_deg, zones, bladder_stiffness_n_m, \
+             dead_volume_m3",
+        ),
+    ]);
+    let message = parse("[qqqq]").unwrap_err();
+    assert!(
+        message.starts_with("scenario.toml:1: unknown table [qqqq]; known here: [run], [gas], ")
+    );
+    assert!(message.ends_with(", [faults]"), "{message}");
+}
+
+#[test]
+fn wrong_values_are_told_what_is_allowed() {
+    assert_messages(&[
+        (
+            "[muscle]\nzones = -3",
+            "scenario.toml:2: muscle.zones = -3: must be a whole number from 1 to 64",
+        ),
+        (
+            "muscle = { zones = 8.0 }",
+            "scenario.toml:1: muscle.zones = 8.0: must be a whole number from 1 to 64",
+        ),
+        (
+            "[muscle]\nzones = \"eight\"",
+            "scenario.toml:2: muscle.zones = \"eight\": must be a whole number from 1 to 64",
+        ),
+        (
+            "[run]\nduration_s = nan",
+            "scenario.toml:2: run.duration_s = nan: must be a number from 0.001 to 1e6 s",
+        ),
+        (
+            "[run]\nduration_s = -inf",
+            "scenario.toml:2: run.duration_s = -inf: must be a number from 0.001 to 1e6 s",
+        ),
+        (
+            "[run]\nduration_s = 1e999",
+            "scenario.toml:2: run.duration_s = 1e999: must be a number from 0.001 to 1e6 s",
+        ),
+        (
+            "[run]\nduration_s = true",
+            "scenario.toml:2: run.duration_s = true: must be a number from 0.001 to 1e6 s",
+        ),
+        (
+            "[run]\nseed = 99999999999999999999",
+            "scenario.toml:2: run.seed = 99999999999999999999: \
+             must be a whole number from 0 to 9223372036854775807",
+        ),
+        (
+            "[muscle]\nrest_length_m = -0.3",
+            "scenario.toml:2: muscle.rest_length_m = -0.3: must be a number from 0.005 to 10 m",
+        ),
+        (
+            "[plant]\nkind = \"balloon\"",
+            "scenario.toml:2: plant.kind = \"balloon\": must be one of \"muscle\", \"vessel\"",
+        ),
+        (
+            "[plant]\nkind = \"Muscle\"",
+            "scenario.toml:2: plant.kind = \"Muscle\": must be one of \"muscle\", \"vessel\"",
+        ),
+        (
+            "[valve]\ncritical_ratio = 1.0",
+            "scenario.toml:2: valve.critical_ratio = 1.0: must be a number from 0.01 to 0.99",
+        ),
+        (
+            "[believed.gas]\ngas_constant_j_kg_k = [1,\n2]",
+            "scenario.toml:2: believed.gas.gas_constant_j_kg_k = [1,\\n2]: \
+             must be a number from 50 to 5000 J/(kg K)",
+        ),
+        ("gas = 3", "scenario.toml:1: gas = 3: must be a table, [gas]"),
+        ("sensor = \"x\"", "scenario.toml:1: sensor = \"x\": must be a table, [sensor]"),
+        ("believed = 1", "scenario.toml:1: believed = 1: must be a table, [believed]"),
+        ("[[gas]]\n", "scenario.toml:1: gas = [[gas]]: must be a table, [gas]"),
+        (
+            "[vessel]\nvolume_csv = 3",
+            "scenario.toml:2: vessel.volume_csv = 3: \
+             must be the path of a CSV file with the columns time_s,volume_m3",
+        ),
+    ]);
+}
+
+#[test]
+fn the_first_mistake_of_the_file_is_named() {
+    assert_messages(&[(
+        "[wall]\nheat_capacity_j_k = 0\n[ambient]\npressure_pa = 0\n[sensor.gas]\nx = 1",
+        "scenario.toml:2: wall.heat_capacity_j_k = 0: must be a number from 0.01 to 1e9 J/K",
+    )]);
+}
+
+#[test]
+fn what_the_core_is_never_told_cannot_be_believed() {
+    let reason = "the core is not told about it, so that it cannot believe otherwise";
+    for table in ["run", "plant", "drive", "faults", "paper"] {
+        let message = format!("scenario.toml:2: believed.{table}: {reason}");
+        assert_eq!(parse(&format!("\n[believed.{table}]\n")), Err(message));
+    }
+    let message = format!("scenario.toml:1: believed.vessel.volume_csv: {reason}");
+    assert_eq!(parse("believed.vessel.volume_csv = 'a.csv'"), Err(message));
+}
+
+#[test]
+fn broken_toml_is_said_in_one_line() {
+    for (text, line) in [
+        ("[run", 1),
+        ("\n\nduration_s == 3", 3),
+        ("[run]\nseed = 1\nseed = 2", 3),
+        ("[run]\n[gas]\n[run]", 3),
+        ("a = \"\n", 1),
+        ("[run]\nduration_s =", 2),
+        ("[run]\nduration_s = 1,5", 2),
+        ("\u{0}", 1),
+    ] {
+        let message = parse(text).unwrap_err();
+        assert!(
+            message.starts_with(&format!("scenario.toml:{line}: not valid TOML: ")),
+            "{message}"
+        );
+        assert_eq!(message.lines().count(), 1, "{message}");
+    }
+}
+
+#[test]
+fn files_that_cannot_be_read_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let load = |path: &Path| scenario::load(path).unwrap_err().to_string();
+    let absent = folder.path().join("absent.toml");
+    assert_eq!(load(&absent), format!("{}: no such file", absent.display()));
+    assert_eq!(
+        load(folder.path()),
+        format!("{}: is a folder; a file is needed", folder.path().display())
+    );
+    let latin = folder.path().join("latin1.toml");
+    fs::write(&latin, b"[run]\n# \xe9t\xe9\n").unwrap();
+    assert_eq!(load(&latin), format!("{}:2: is not UTF-8 text", latin.display()));
+    let empty = folder.path().join("empty.toml");
+    fs::write(&empty, "").unwrap();
+    assert_eq!(scenario::load(&empty).unwrap(), valid(""));
+}
+
+#[test]
+fn keys_have_to_fit_each_other() {
+    assert_messages(&[
+        (
+            "[run]\nduration_s = 0.01\nstep_s = 0.02",
+            "scenario.toml:2: run.duration_s = 0.01: must be a number from 0.02 to 1e6 s, \
+             one step to 1e9 steps of run.step_s",
+        ),
+        (
+            "run.duration_s = 1e6\nrun.step_s = 1e-4",
+            "scenario.toml:1: run.duration_s = 1e6: must be a number from 0.0001 to 1e5 s, \
+             one step to 1e9 steps of run.step_s",
+        ),
+        (
+            "[drive]\nkind = \"pressure\"\npressure_pa = 800_000",
+            "scenario.toml:3: drive.pressure_pa = 800_000: must be a number from 1.01325e5 to 7e5 Pa, \
+             ambient.pressure_pa to supply.pressure_pa",
+        ),
+        (
+            "drive.kind = \"pressure\"\nsupply.pressure_pa = 2e5",
+            "scenario.toml: drive.pressure_pa = 300000.0 (not given): must be a number from \
+             1.01325e5 to 2e5 Pa, ambient.pressure_pa to supply.pressure_pa",
+        ),
+        (
+            "[drive]\nkind = \"contraction\"\ncontraction = 0.4",
+            "scenario.toml:3: drive.contraction = 0.4: must be a number from 0 to 0.372791, \
+             up to where the force vanishes",
+        ),
+        (
+            "plant.kind = \"vessel\"\ndrive.kind = \"contraction\"",
+            "scenario.toml:2: drive.kind = \"contraction\": \
+             must be another kind: a vessel does not contract",
+        ),
+        (
+            "load.kind = \"isometric\"\ndrive.kind = \"contraction\"",
+            "scenario.toml:2: drive.kind = \"contraction\": \
+             must be another kind: with load.kind = \"isometric\" nothing moves",
+        ),
+        (
+            "drive.kind = \"duty\"",
+            "scenario.toml: drive.profile_csv is missing: drive.kind = \"duty\" needs it",
+        ),
+        (
+            "drive.period_s = 0.001",
+            "scenario.toml:1: drive.period_s = 0.001: must be a number from 0.002 to 1e6 s, \
+             at least two steps",
+        ),
+        (
+            "[load]\nkind = \"isometric\"\nlength_m = 0.31",
+            "scenario.toml:3: load.length_m = 0.31: must be a number from 0.188164 to 0.3 m, \
+             between where the force vanishes and muscle.rest_length_m",
+        ),
+        (
+            "[load]\nkind = \"isometric\"\n[muscle]\nrest_length_m = 0.6",
+            "scenario.toml: load.length_m = 0.26 (not given): must be a number from 0.376327 to 0.6 \
+             m, between where the force vanishes and muscle.rest_length_m",
+        ),
+        (
+            "[sensor.gas]\nrange_max_k = 270",
+            "scenario.toml:2: sensor.gas.range_max_k = 270: must be a number from 271 to 1100 K, \
+             at least 1 K above sensor.gas.range_min_k",
+        ),
+        (
+            "\n[believed.sensor.gas]\nrange_max_k = 270",
+            "scenario.toml:3: believed.sensor.gas.range_max_k = 270: must be a number from 271 to \
+             1100 K, at least 1 K above sensor.gas.range_min_k",
+        ),
+        (
+            "valve.pwm_hz = 0.5",
+            "scenario.toml:1: valve.pwm_hz = 0.5: must be a number from 1 to 1e5 Hz, \
+             a period of at most 1000 times run.step_s",
+        ),
+        (
+            "plant.model = \"paper\"\npaper.alpha_in = 1.5",
+            "scenario.toml:2: paper.alpha_in = 1.5: must be a number from 1 to 1.4, \
+             at most gas.heat_capacity_ratio",
+        ),
+    ]);
+    for kind in ["discharge", "fill", "closed"] {
+        for plant in ["vessel", "muscle"] {
+            valid(&format!("plant.kind = \"{plant}\"\ndrive.kind = \"{kind}\""));
+        }
+    }
+    valid("paper.alpha_in = 1.5"); // of no consequence in another model
+}
+
+#[test]
+fn geometry_comes_from_either_pair() {
+    let rest =
+        valid("[muscle]\nrest_length_m = 0.25\ndiameter_m = 0.03\nbraid_angle_deg = 25").plant;
+    let angle = 25.0_f64.to_radians();
+    let b = 0.25 / angle.cos();
+    let n = b * angle.sin() / (std::f64::consts::PI * 0.03);
+    assert_eq!((rest.muscle.thread_length_m, rest.muscle.turns), (Some(b), Some(n)));
+
+    let thread = valid(&format!("[muscle]\nthread_length_m = {b:?}\nturns = {n:?}")).plant.muscle;
+    let length = b * 23.0_f64.to_radians().cos();
+    assert!((thread.rest_length_m.unwrap() / length - 1.0).abs() < 1e-15);
+    assert!((thread.braid_angle_deg.unwrap() - 23.0).abs() < 1e-10);
+
+    let text = format!("[muscle]\nthread_length_m = {b:?}\nturns = {n:?}\nrest_length_m = 0.25");
+    let thread = valid(&text).plant.muscle;
+    assert!((thread.diameter_m.unwrap() - 0.03).abs() < 1e-14);
+    assert!((thread.braid_angle_deg.unwrap() - 25.0).abs() < 1e-10);
+
+    // Both, rounded by hand, agree.
+    let both = "[muscle]\nthread_length_m = 0.3259\nturns = 2.027\nrest_length_m = 0.3\n\
+                diameter_m = 0.02\nbraid_angle_deg = 23";
+    assert_eq!(valid(both).plant.muscle.turns, Some(2.027));
+}
+
+#[test]
+fn geometry_that_is_none_is_refused() {
+    assert_messages(&[
+        (
+            "muscle.turns = 2",
+            "scenario.toml:1: muscle.thread_length_m is missing: muscle.turns needs it; \
+             or give rest_length_m, diameter_m and braid_angle_deg instead",
+        ),
+        (
+            "muscle.thread_length_m = 0.3",
+            "scenario.toml:1: muscle.turns is missing: muscle.thread_length_m needs it; \
+             or give rest_length_m, diameter_m and braid_angle_deg instead",
+        ),
+        (
+            "[muscle]\nthread_length_m = 0.3\nturns = 2\nrest_length_m = 0.35",
+            "scenario.toml:4: muscle.rest_length_m = 0.35: must be a number from 0.176336 to 0.299588 \
+             m, thread_length_m times the cosine of a braid angle from 54 to 3 deg",
+        ),
+        (
+            "[muscle]\nthread_length_m = 0.3259\nturns = 2.027\nrest_length_m = 0.3\ndiameter_m = 0.03",
+            "scenario.toml:5: muscle.diameter_m = 0.03: must be a number from 0.019976 to 0.0200159 \
+             m, as thread_length_m, turns and rest_length_m say",
+        ),
+        (
+            "[muscle]\nrest_length_m = 0.3\ndiameter_m = 5",
+            "scenario.toml:3: muscle.diameter_m = 5: must be a number from 4.05343e-5 to 0.405342 m, \
+             by its rest length and braid angle",
+        ),
+        (
+            "[muscle]\nrest_length_m = 9.9",
+            "scenario.toml:2: muscle.rest_length_m = 9.9: must be a number from 0.00920505 to \
+             9.20504 m, by its braid angle",
+        ),
+    ]);
+}
+
+#[test]
+fn the_core_can_be_told_another_geometry() {
+    let told = |believed: &str| {
+        let loaded = valid(&format!("[believed.muscle]\n{believed}"));
+        assert_eq!(loaded.plant, valid("").plant);
+        loaded.believed.muscle
+    };
+    let plant = valid("").plant.muscle;
+    let thicker = told("diameter_m = 0.025");
+    assert_eq!(thicker.thread_length_m, plant.thread_length_m);
+    assert!((thicker.turns.unwrap() / plant.turns.unwrap() - 0.8).abs() < 1e-12);
+    let more_turns = told("turns = 2.5");
+    assert_eq!(more_turns.rest_length_m, plant.rest_length_m);
+    assert!((more_turns.diameter_m.unwrap() - 0.02 * plant.turns.unwrap() / 2.5).abs() < 1e-12);
+    // The plant's file speaks of diameter and angle, so these stay.
+    let longer = told("rest_length_m = 0.33");
+    assert_eq!(longer.braid_angle_deg, plant.braid_angle_deg);
+    assert!((longer.thread_length_m.unwrap() / plant.thread_length_m.unwrap() - 1.1).abs() < 1e-12);
+    assert_eq!(told("zones = 3").turns, plant.turns);
+}
+
+#[test]
+fn what_is_believed_overlays_the_plant() {
+    let loaded = valid(
+        "[heat]\ninner_w_m2_k = 50\n[supply]\ntemperature_k = 310\n\
+         [believed.heat]\ninner_w_m2_k = 20\n[believed.sensor.gas]\ntime_constant_s = 2",
+    );
+    assert_eq!(loaded.plant.heat.inner_w_m2_k, 50.0);
+    assert_eq!(loaded.plant.sensor.gas.time_constant_s, 3.0);
+    let mut expected = loaded.plant.clone();
+    expected.heat.inner_w_m2_k = 20.0;
+    expected.sensor.gas.time_constant_s = 2.0;
+    assert_eq!(loaded.believed, expected);
+}
+
+#[test]
+fn sizes_that_are_not_given_fit_the_others() {
+    let vessel = valid("plant.kind = \"vessel\"\nvessel.volume_m3 = 8.0").plant;
+    assert!((vessel.vessel.characteristic_length_m - 2.0).abs() < 1e-15);
+    let length = 8.0 / plant::vessel_section_m2(&vessel);
+    assert!((vessel.sensor.length.range_m * 0.8 / length - 1.0).abs() < 1e-12);
+    let muscle = valid("muscle.rest_length_m = 0.6").plant;
+    assert_eq!(muscle.sensor.length.range_m, 0.6 / 0.8);
+    let given = valid("[muscle]\nrest_length_m = 0.6\n[sensor.length]\nrange_m = 0.3").plant;
+    assert_eq!(given.sensor.length.range_m, 0.3);
+}
+
+/// A folder with a scenario and the CSV files beside it.
+fn folder(scenario: &str, files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join(NAME), scenario).unwrap();
+    for (name, text) in files {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    folder
+}
+
+const PISTON: &str = "[plant]\nkind = \"vessel\"\n[vessel]\nvolume_csv = \"piston.csv\"\n";
+const STEPS: &str = "[drive]\nkind = \"contraction\"\nprofile_csv = \"steps.csv\"\n";
+
+#[test]
+fn profiles_lie_beside_the_scenario() {
+    // Other columns may be there; a measured file serves as it is.
+    let csv = "time_s,pressure_pa,volume_m3\n0,1e5,0.02\n0.5,,0.01\n";
+    let folder = folder(PISTON, &[("piston.csv", csv)]);
+    let loaded = scenario::load(&folder.path().join(NAME)).unwrap();
+    let profile = loaded.volume_profile.as_ref().unwrap();
+    assert_eq!(profile.points(), [(0.0, 0.02), (0.5, 0.01)]);
+    assert_eq!(loaded.plant.vessel.volume_csv, Some(folder.path().join("piston.csv")));
+    assert_eq!(loaded.plant.vessel.characteristic_length_m, 0.02_f64.cbrt());
+    // What `check` prints works from another folder.
+    assert_eq!(parse(&scenario::render(&loaded)), Ok(loaded));
+}
+
+#[test]
+fn broken_profiles_are_named_by_file_line_and_column() {
+    for (scenario, file, csv, message) in [
+        (
+            PISTON,
+            "piston.csv",
+            "time_s,volume_m3\n0,0.02\n0,0.01\n",
+            "piston.csv:3: column time_s = 0.0: must be above 0.0, the time of the row before",
+        ),
+        (
+            PISTON,
+            "piston.csv",
+            "time_s,volume_m3\n0,0.02\n\n1,-0.01\n",
+            "piston.csv:4: column volume_m3 = -0.01: must be a number from 1e-9 to 1e6 m3",
+        ),
+        (
+            PISTON,
+            "piston.csv",
+            "time_s,volume_m3\n0,\n",
+            "piston.csv:2: column volume_m3 = (empty): must be a number",
+        ),
+        (
+            STEPS,
+            "steps.csv",
+            "time_s,value\n0,0.1\n1,0.5\n",
+            "steps.csv:3: column value = 0.5: must be a number from 0 to 0.372791, \
+             up to where the force vanishes",
+        ),
+        (
+            STEPS,
+            "steps.csv",
+            "time_s,value\n0,inf\n",
+            "steps.csv:2: column value = inf: must be a finite number",
+        ),
+    ] {
+        let folder = folder(scenario, &[(file, csv)]);
+        let found = scenario::load(&folder.path().join(NAME)).unwrap_err().to_string();
+        assert_eq!(found, folder.path().join(message).display().to_string(), "{csv}");
+    }
+    for (csv, message) in [
+        (None, "no such file"),
+        (Some("time_s,volume\n0,1\n"), "column volume_m3 is missing"),
+        (Some(""), "is empty; the first line must name the columns"),
+        (Some("time_s,volume_m3\n"), "has no row below the names of the columns"),
+    ] {
+        let files: Vec<_> = csv.iter().map(|csv| ("piston.csv", *csv)).collect();
+        let folder = folder(PISTON, &files);
+        let (scenario, file) = (folder.path().join(NAME), folder.path().join("piston.csv"));
+        let found = scenario::load(&scenario).unwrap_err().to_string();
+        let (scenario, file) = (scenario.display(), file.display());
+        assert_eq!(found, format!("{scenario}:4: vessel.volume_csv: {file}: {message}"));
+    }
+    let closed = "drive.kind = \"closed\"\ndrive.profile_csv = \"steps.csv\"";
+    assert_messages(&[(
+        closed,
+        "scenario.toml:2: drive.profile_csv = \"steps.csv\": \
+         must be left out: this drive.kind has no set point",
+    )]);
+}
+
+#[test]
+fn the_print_explains_every_key() {
+    let text = scenario::render(&valid("[believed.heat]\nouter_w_m2_k = 5"));
+    for line in [
+        "duration_s = 100.0  # s, 0.001 to 1e6: simulated time",
+        "zones = 8  # 1 to 64: axial zones of gas and wall (full)",
+        "kind = \"muscle\"  # \"muscle\" | \"vessel\": what holds the gas",
+        "conductance_m3_s_pa = 4e-9  # m3/(s Pa), 1e-13 to 0.001: sonic conductance C",
+        "critical_ratio = 0.3  # 0.01 to 0.99: critical pressure ratio b",
+        "# volume_csv = \"FILE.csv\"  # CSV file, time_s,volume_m3: volume over time, of a moving piston",
+    ] {
+        assert!(text.lines().any(|found| found == line), "{line} is not in\n{text}");
+    }
+    let believed = text.split_once("\n[believed.").unwrap().1;
+    assert_eq!(
+        believed,
+        "heat]  # what the core is told instead\n\
+         outer_w_m2_k = 5.0  # W/(m2 K), 0 to 1e5: wall to ambient, at rest\n"
+    );
+}
+
+/// The number's text of one key, anywhere in its range.
+fn any_value(allowed: Allowed) -> BoxedStrategy<Option<String>> {
+    match allowed {
+        Allowed::Real(limits) if limits.min > 0.0 && limits.max / limits.min > 100.0 => {
+            (limits.min.ln()..limits.max.ln())
+                .prop_map(move |x| Some(format!("{:?}", x.exp().clamp(limits.min, limits.max))))
+                .boxed()
+        }
+        Allowed::Real(limits) => {
+            (limits.min..=limits.max).prop_map(|x| Some(format!("{x:?}"))).boxed()
+        }
+        Allowed::Whole { min, max } => (min..=max).prop_map(|x| Some(x.to_string())).boxed(),
+        Allowed::Choice(words) => {
+            proptest::sample::select(words).prop_map(|word| Some(format!("{word:?}"))).boxed()
+        }
+        Allowed::Csv { .. } => Just(None).boxed(),
+    }
+}
+
+/// A scenario with some keys anywhere in their ranges; others keep their defaults.
+fn any_scenario(share: f64) -> impl Strategy<Value = String> {
+    let keys: Vec<_> = ["", "believed."]
+        .into_iter()
+        .flat_map(|prefix| {
+            TABLES.iter().filter(move |table| prefix.is_empty() || table.believed).flat_map(
+                move |table| {
+                    table.keys.iter().map(move |key| {
+                        let path = format!("{prefix}{}.{}", table.name, key.name);
+                        proptest::option::weighted(share, any_value(key.allowed)).prop_map(
+                            move |value| match value.flatten() {
+                                Some(value) => format!("{path} = {value}\n"),
+                                None => String::new(),
+                            },
+                        )
+                    })
+                },
+            )
+        })
+        .collect();
+    keys.prop_map(|lines| lines.concat())
+}
+
+fn one_line(message: &str) -> bool {
+    message.starts_with("scenario.toml:") && !message.contains(char::is_control)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(512))]
+
+    #[test]
+    fn the_print_reads_back_to_the_bit(text in any_scenario(0.03)) {
+        match parse(&text) {
+            Ok(loaded) => {
+                let printed = scenario::render(&loaded);
+                let again = parse(&printed);
+                prop_assert_eq!(again.as_ref(), Ok(&loaded), "{}", printed);
+                // Equal numbers may differ in the sign of zero; equal prints may not.
+                prop_assert_eq!(scenario::render(&again.unwrap()), printed);
+                // What passes here, the core takes.
+                prop_assert_eq!(core_config(&loaded.believed).check(), Ok(()));
+                let working = loaded.plant.load.kind != LoadKind::Isometric
+                    || loaded.plant.load.length_m <= loaded.plant.muscle.rest_length_m.unwrap();
+                prop_assert!(working);
+            }
+            Err(message) => prop_assert!(one_line(&message), "{}", message),
+        }
+    }
+
+    #[test]
+    fn a_damaged_scenario_never_panics(
+        at in 0.0..1.0_f64,
+        length in 0_usize..6,
+        inserted in "[\\[\\]=.\"'{}#\n a-z0-9-]{0,5}|\\PC{0,3}",
+    ) {
+        let mut text = scenario::render(&valid("[believed.heat]\ninner_w_m2_k = 20"));
+        let boundary = |text: &str, mut at: usize| {
+            while !text.is_char_boundary(at) {
+                at += 1;
+            }
+            at
+        };
+        let start = boundary(&text, (at * text.len() as f64) as usize);
+        let end = boundary(&text, (start + length).min(text.len()));
+        text.replace_range(start..end, &inserted);
+        if let Err(message) = parse(&text) {
+            prop_assert!(one_line(&message), "{}", message);
+        }
+    }
+
+    #[test]
+    fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        let text = String::from_utf8_lossy(&bytes);
+        if let Err(message) = parse(&text) {
+            prop_assert!(one_line(&message), "{:?}", message);
+        }
+    }
+}
+
+#[test]
+fn most_random_scenarios_are_valid() {
+    // The round trip above would prove nothing if hardly any scenario passed.
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let valid = (0..200)
+        .filter(|_| {
+            let text = any_scenario(0.03).new_tree(&mut runner).unwrap().current();
+            parse(&text).is_ok()
+        })
+        .count();
+    assert!((60..200).contains(&valid), "{valid} of 200");
+}
