@@ -13,6 +13,9 @@ use model_core::valve::Valve;
 const ISOTHERMAL_W_M2_K: f32 = 2_000.0;
 /// Erratum RP2040-E11, the virtual ADC's as the board's \[LSB of 12 bit\].
 const RP2040_WIDE_CODE_LSB: f32 = 8.9;
+/// Shortest sensor lag that the core's filter works with; a sensor without lag is told as this
+/// one \[s\].
+const SHORTEST_LAG_S: f32 = 0.001;
 /// Standard gravity \[m/s2\].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -99,7 +102,7 @@ pub fn core_config(believed: &Scenario) -> Config {
             wide_code_lsb: RP2040_WIDE_CODE_LSB,
         },
         gas_sensor: GasSensor {
-            time_constant_s: s.sensor.gas.time_constant_s as f32,
+            time_constant_s: (s.sensor.gas.time_constant_s as f32).max(SHORTEST_LAG_S),
             noise_k: s.sensor.gas.noise_k as f32,
         },
         estimator: EstimatorConfig::default(),

@@ -1,16 +1,297 @@
-//! tmp
-use std::path::Path;
-/// tmp
-#[derive(Debug)]
-pub struct InputError(pub String);
-impl std::fmt::Display for InputError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
+//! What is wrong with a user's input, said in one line: file, line, key, value found, what is
+//! allowed.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A file that cannot be used as it is. Its `Display` is one line:
+/// `scenario.toml:12: muscle.zones = -3: must be a whole number from 1 to 64`.
+#[derive(Debug, thiserror::Error)]
+pub struct InputError {
+    /// The file, as the user named it.
+    pub file: PathBuf,
+    /// The line, from 1, where one is to blame.
+    pub line: Option<u64>,
+    /// What is wrong there. Boxed, so that a `Result` stays small.
+    pub problem: Box<Problem>,
+}
+
+/// What is wrong. The texts follow the file's name and the line.
+#[derive(Debug, thiserror::Error)]
+pub enum Problem {
+    /// The file does not exist.
+    #[error("no such file")]
+    NotFound,
+    /// A folder is not a file.
+    #[error("is a folder; a file is needed")]
+    IsFolder,
+    /// The system refuses to read.
+    #[error("cannot be read: {0}")]
+    Unreadable(String),
+    /// The system refuses to write.
+    #[error("cannot be written: {0}")]
+    Unwritable(String),
+    /// Bytes that are no text.
+    #[error("is not UTF-8 text")]
+    NotUtf8,
+    /// The parser's own words.
+    #[error("not valid TOML: {0}")]
+    Syntax(String),
+    /// A key that no table has.
+    #[error("unknown key {key}; {instead}")]
+    UnknownKey {
+        /// Its whole path.
+        key: String,
+        /// What to write instead.
+        instead: Instead,
+    },
+    /// A table that no scenario has.
+    #[error("unknown table [{table}]; {instead}")]
+    UnknownTable {
+        /// Its whole path.
+        table: String,
+        /// What to write instead.
+        instead: Instead,
+    },
+    /// A value where a table belongs.
+    #[error("{table} = {value}: must be a table, [{table}]")]
+    NotATable {
+        /// The table's path.
+        table: String,
+        /// What is there instead.
+        value: String,
+    },
+    /// A value of the wrong type, out of range, or at odds with another one.
+    #[error("{key} = {value}: must be {allowed}")]
+    NotAllowed {
+        /// Its whole path.
+        key: String,
+        /// As it is written in the file.
+        value: String,
+        /// What it may be.
+        allowed: String,
+    },
+    /// A value that others make necessary.
+    #[error("{key} is missing: {why}")]
+    Missing {
+        /// Its whole path.
+        key: String,
+        /// What needs it.
+        why: String,
+    },
+    /// Something that the core is never told.
+    #[error("{key}: the core is not told about it, so that it cannot believe otherwise")]
+    NotBelieved {
+        /// Its whole path.
+        key: String,
+    },
+    /// A key names a file that cannot be opened.
+    #[error("{key}: {file}")]
+    Reference {
+        /// The key.
+        key: String,
+        /// What is wrong with the file.
+        file: InputError,
+    },
+    /// A table without its first line.
+    #[error("is empty; the first line must name the columns")]
+    NoHeader,
+    /// A table without rows.
+    #[error("has no row below the names of the columns")]
+    NoRows,
+    /// A column without a name.
+    #[error("column {position} has no name")]
+    UnnamedColumn {
+        /// From 1.
+        position: usize,
+    },
+    /// Two columns of one name.
+    #[error("column {column} appears twice")]
+    DuplicateColumn {
+        /// The name.
+        column: String,
+    },
+    /// A column that nothing is known about.
+    #[error("unknown column {column}; {instead}")]
+    UnknownColumn {
+        /// The name.
+        column: String,
+        /// What to write instead.
+        instead: Instead,
+    },
+    /// A column that has to be there.
+    #[error("column {column} is missing")]
+    MissingColumn {
+        /// The name.
+        column: String,
+    },
+    /// A row that is longer or shorter than the first line.
+    #[error("{found} cells in this row: must be {expected}, one per column")]
+    CellCount {
+        /// How many cells the row has.
+        found: usize,
+        /// How many columns there are.
+        expected: usize,
+    },
+    /// A cell with a wrong value.
+    #[error("column {column} = {value}: must be {allowed}")]
+    Cell {
+        /// The column's name.
+        column: String,
+        /// As it is written in the file.
+        value: String,
+        /// What it may be.
+        allowed: String,
+    },
+}
+
+/// What to write in place of an unknown name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Instead {
+    /// Names that the user may have meant.
+    Near(Vec<String>),
+    /// Nothing is near: all names that are possible in this place.
+    Known(Vec<String>),
+}
+
+impl fmt::Display for Instead {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Near(names) => write!(f, "did you mean {}?", names.join(" or ")),
+            Self::Known(names) if names.is_empty() => f.write_str("nothing is known here"),
+            Self::Known(names) => write!(f, "known here: {}", names.join(", ")),
+        }
     }
 }
+
 impl InputError {
-    /// tmp
-    pub fn output(path: &Path, error: &std::io::Error) -> Self {
-        Self(format!("{}: cannot be written: {error}", path.display()))
+    /// A problem of a whole file.
+    pub fn file(file: &Path, problem: Problem) -> Self {
+        Self { file: file.to_path_buf(), line: None, problem: Box::new(problem) }
+    }
+
+    /// A problem of one line, counted from 1.
+    pub fn line(file: &Path, line: u64, problem: Problem) -> Self {
+        Self { file: file.to_path_buf(), line: Some(line), problem: Box::new(problem) }
+    }
+
+    /// A file that cannot be written.
+    pub fn output(file: &Path, error: &io::Error) -> Self {
+        Self::file(file, Problem::Unwritable(error.to_string()))
+    }
+}
+
+impl fmt::Display for InputError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:", self.file.display())?;
+        if let Some(line) = self.line {
+            write!(f, "{line}:")?;
+        }
+        write!(f, " {}", self.problem)
+    }
+}
+
+/// Reads a whole text file. A byte order mark at its start is dropped.
+///
+/// # Errors
+/// When it is missing, a folder, unreadable or not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, InputError> {
+    let bytes = std::fs::read(path).map_err(|error| {
+        let problem = match error.kind() {
+            io::ErrorKind::NotFound => Problem::NotFound,
+            io::ErrorKind::IsADirectory => Problem::IsFolder,
+            // Windows says "access denied" of a folder.
+            _ if path.is_dir() => Problem::IsFolder,
+            _ => Problem::Unreadable(error.to_string()),
+        };
+        InputError::file(path, problem)
+    })?;
+    match String::from_utf8(bytes) {
+        Ok(text) => Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text)),
+        Err(error) => {
+            let valid = error.utf8_error().valid_up_to();
+            let line = line_of(&error.as_bytes()[..valid]);
+            Err(InputError::line(path, line, Problem::NotUtf8))
+        }
+    }
+}
+
+/// The line, from 1, in which what follows `before` begins.
+pub fn line_of(before: &[u8]) -> u64 {
+    1 + before.iter().filter(|byte| **byte == b'\n').count() as u64
+}
+
+/// A piece of the user's text, fit to be quoted within one line of a message.
+pub fn quoted(text: &str) -> String {
+    const LONGEST: usize = 60;
+    let mut quoted = String::new();
+    for (count, c) in text.trim().chars().enumerate() {
+        if count == LONGEST {
+            quoted.push_str("...");
+            break;
+        }
+        if c.is_control() { quoted.extend(c.escape_default()) } else { quoted.push(c) }
+    }
+    quoted
+}
+
+/// The name among `known` that `word` may be a slip of: a few letters off, or the name without its
+/// unit.
+pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // Three letters in ten may be wrong; words of any length may have one wrong.
+    let most = (word.chars().count() * 3 / 10).max(1);
+    let word = word.to_lowercase();
+    known
+        .into_iter()
+        .filter_map(|name| {
+            let without_unit = word.len() >= 3 && name.starts_with(&word);
+            let distance = strsim::damerau_levenshtein(&word, name);
+            (without_unit || distance <= most).then_some((distance.min(most), name))
+        })
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, name)| name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_is_one_line() {
+        let problem = Problem::NotAllowed {
+            key: "muscle.zones".into(),
+            value: quoted("-3"),
+            allowed: "a whole number from 1 to 64".into(),
+        };
+        let error = InputError::line(Path::new("scenario.toml"), 12, problem);
+        assert_eq!(
+            error.to_string(),
+            "scenario.toml:12: muscle.zones = -3: must be a whole number from 1 to 64"
+        );
+        let missing = InputError::file(Path::new("a.csv"), Problem::NotFound);
+        assert_eq!(missing.to_string(), "a.csv: no such file");
+    }
+
+    #[test]
+    fn quotes_stay_short_and_on_the_line() {
+        assert_eq!(quoted(" a\nb\u{1b} "), "a\\nb\\u{1b}");
+        assert_eq!(quoted(&"x".repeat(1000)).len(), 63);
+    }
+
+    #[test]
+    fn slips_are_recognised() {
+        let known = ["duration_s", "step_s", "seed", "pressure_pa"];
+        for (word, name) in [
+            ("duration", Some("duration_s")),
+            ("pressure", Some("pressure_pa")),
+            ("Seed", Some("seed")),
+            ("setp_s", Some("step_s")),
+            ("sede", Some("seed")),
+            ("colour", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(word, known), name, "{word}");
+        }
     }
 }

@@ -18,4 +18,5 @@ pub mod reproduce;
 pub mod run;
 pub mod scenario;
 pub mod summary;
+pub mod table;
 pub mod trace;

@@ -1,37 +1,130 @@
-//! tmp
-use crate::input::InputError;
+//! Measurements to compare a run with (`--measured`): time_s and any columns of the trace.
+
+use crate::input::{InputError, Instead, Problem, nearest, quoted};
+use crate::table::{Table, read_table};
 use std::path::Path;
-/// tmp
-#[derive(Debug, Clone)]
+
+/// The column that every other one is over.
+const TIME: &str = "time_s";
+
+/// Measured columns.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
-    /// t
+    /// Those with at least one value, in order of the file.
     pub columns: Vec<Column>,
 }
-/// tmp
-#[derive(Debug, Clone)]
+
+/// One measured quantity.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// t
+    /// The trace's name for it.
     pub name: String,
-    /// t
+    /// (time \[s\], value), times never falling.
     pub points: Vec<(f64, f64)>,
 }
+
 impl Measured {
-    /// tmp
-    pub fn read(path: &Path, _allowed: &[&str]) -> Result<Self, InputError> {
-        let mut r = csv::Reader::from_path(path).map_err(|e| InputError(e.to_string()))?;
-        let names: Vec<String> = r.headers().unwrap().iter().map(str::to_owned).collect();
-        let mut columns: Vec<Column> =
-            names.iter().map(|n| Column { name: n.clone(), points: vec![] }).collect();
-        for rec in r.records() {
-            let rec = rec.unwrap();
-            let t: f64 = rec[0].parse().unwrap();
-            for (i, c) in rec.iter().enumerate() {
-                if let Ok(v) = c.parse() {
-                    columns[i].points.push((t, v));
-                }
+    /// Reads a CSV file with the column time_s and any of the `known` columns; cells may be empty.
+    ///
+    /// # Errors
+    /// As [`read_table`]; for a column that is not `known`, and for times that are missing or fall.
+    pub fn read(path: &Path, known: &[&str]) -> Result<Self, InputError> {
+        Self::from_table(&read_table(path)?, known)
+    }
+
+    fn from_table(table: &Table, known: &[&str]) -> Result<Self, InputError> {
+        for column in table.columns() {
+            if column.name != TIME && !known.contains(&column.name.as_str()) {
+                let instead = match nearest(&column.name, known.iter().copied()) {
+                    Some(name) => Instead::Near(vec![name.to_owned()]),
+                    None => Instead::Known(known.iter().map(|name| (*name).to_owned()).collect()),
+                };
+                let column = quoted(&column.name);
+                return Err(table.header_error(Problem::UnknownColumn { column, instead }));
             }
         }
-        columns.remove(0);
+        let times = table.filled(TIME)?;
+        if let Some(row) = (1..times.len()).find(|row| times[*row] < times[row - 1]) {
+            let allowed = format!("at least {:?}, the time of the row before", times[row - 1]);
+            return Err(table.cell_error(row, TIME, &allowed));
+        }
+        let columns = table
+            .columns()
+            .iter()
+            .filter(|column| column.name != TIME)
+            .map(|column| Column {
+                name: column.name.clone(),
+                points: times
+                    .iter()
+                    .zip(&column.cells)
+                    .filter_map(|(time, cell)| cell.map(|value| (*time, value)))
+                    .collect(),
+            })
+            .filter(|column| !column.points.is_empty())
+            .collect();
         Ok(Self { columns })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KNOWN: [&str; 4] = ["time_s", "pressure_pa", "sensor_gas_k", "length_m"];
+
+    fn read(text: &str) -> Result<Measured, String> {
+        Table::parse(text, "m.csv".as_ref())
+            .and_then(|table| Measured::from_table(&table, &KNOWN))
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn each_column_has_its_own_times() {
+        let text =
+            "sensor_gas_k,time_s,pressure_pa,length_m\n,0.2,768830,\n285.9,3.58,,\n,3.58,5e5,\n";
+        let column = |name: &str, points: &[(f64, f64)]| Column {
+            name: name.to_owned(),
+            points: points.to_vec(),
+        };
+        let columns = vec![
+            column("sensor_gas_k", &[(3.58, 285.9)]),
+            column("pressure_pa", &[(0.2, 768_830.0), (3.58, 5e5)]),
+        ];
+        assert_eq!(read(text), Ok(Measured { columns }));
+    }
+
+    #[test]
+    fn says_what_is_wrong_and_where() {
+        for (text, message) in [
+            (
+                "time_s,presure_pa\n0,1\n",
+                "m.csv: unknown column presure_pa; did you mean pressure_pa?",
+            ),
+            ("time_s,pressure\n0,1\n", "m.csv: unknown column pressure; did you mean pressure_pa?"),
+            (
+                "time_s,colour\n0,1\n",
+                "m.csv: unknown column colour; \
+                 known here: time_s, pressure_pa, sensor_gas_k, length_m",
+            ),
+            ("pressure_pa\n1\n", "m.csv: column time_s is missing"),
+            ("time_s,pressure_pa\n0,1\n,2\n", "m.csv:3: column time_s = (empty): must be a number"),
+            (
+                "time_s,pressure_pa\n0,1\n2,2\n\n1,3\n",
+                "m.csv:5: column time_s = 1.0: must be at least 2.0, the time of the row before",
+            ),
+        ] {
+            assert_eq!(read(text), Err(message.to_owned()), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn missing_files_and_folders_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let absent = folder.path().join("absent.csv");
+        let message = Measured::read(&absent, &KNOWN).unwrap_err().to_string();
+        assert_eq!(message, format!("{}: no such file", absent.display()));
+        let message = Measured::read(folder.path(), &KNOWN).unwrap_err().to_string();
+        let expected = format!("{}: is a folder; a file is needed", folder.path().display());
+        assert_eq!(message, expected);
     }
 }

@@ -34,12 +34,18 @@ fn the_working_cycle() {
             sensor_mean += truth.sensor_gas_k / 50_000.0;
         }
         if i % 10_000 == 2_500 {
-            println!("{} s: foil {:.2} K, wall sensor {:.2} K", truth.time_s, truth.sensor_gas_k, truth.sensor_wall_k);
+            println!(
+                "{} s: foil {:.2} K, wall sensor {:.2} K",
+                truth.time_s, truth.sensor_gas_k, truth.sensor_wall_k
+            );
         }
         plant.advance(drive.actuation(&truth)).unwrap();
     }
     let rms = (square / 100_000.0f64).sqrt();
-    println!("pressure {pressure:.0?} Pa, contraction {:.3}, gas {gas:.1?} K", 1.0 - shortest / 0.3);
+    println!(
+        "pressure {pressure:.0?} Pa, contraction {:.3}, gas {gas:.1?} K",
+        1.0 - shortest / 0.3
+    );
     println!("bare sensor {rms:.2} K RMS, foil mean {sensor_mean:.2} K");
     println!("wall outer {:.2?} K", plant.axial_wall_k());
     println!("gas {:.2?} K", plant.axial_gas_k());
@@ -64,7 +70,12 @@ fn mass_and_energy_are_conserved_over_100_s() {
             let plant = cycle(&scenario, 100_000);
             let ledger = plant.ledger();
             let case = format!("{heat:?} {load:?}");
-            println!("{case}: {:.1e} {:.1e} {:.1e}", ledger.mass_balance_error(), ledger.energy_balance_error(), ledger.wall_balance_error());
+            println!(
+                "{case}: {:.1e} {:.1e} {:.1e}",
+                ledger.mass_balance_error(),
+                ledger.energy_balance_error(),
+                ledger.wall_balance_error()
+            );
             assert!(ledger.mass_in_kg > 0.005, "{case}");
             assert!(ledger.mass_balance_error() < 1e-9, "{case}");
             assert!(ledger.energy_balance_error() < 1e-6, "{case}");

@@ -53,21 +53,13 @@ impl Bristle {
         let sliding = softening * (self.coulomb_n + self.stribeck_n * (-ratio * ratio).exp());
         let spring = self.stiffness_n_m * deflection;
         // No friction at all: the bristles follow without force.
-        let slip = if sliding > 0.0 {
-            speed.abs() * spring / sliding
-        } else {
-            speed
-        };
+        let slip = if sliding > 0.0 { speed.abs() * spring / sliding } else { speed };
         let rate = speed - slip;
         // The bristles' damping fades with sliding (the same authors' remark): it keeps the model passive.
         let damping = self.damping_n_s_m * (-ratio * ratio).exp() * rate;
         let viscous = softening * self.viscous_n_s_m * speed;
         let force = spring + damping + viscous;
-        Drag {
-            force,
-            deflection_rate: rate,
-            heat: force * speed - spring * rate,
-        }
+        Drag { force, deflection_rate: rate, heat: force * speed - spring * rate }
     }
 }
 
@@ -91,10 +83,7 @@ mod tests {
                 * ((friction.force_n + friction.stribeck_force_n * (-r * r).exp())
                     * speed.signum()
                     + friction.viscous_n_s_m * speed);
-            assert!(
-                (drag.force / expected - 1.0).abs() < 1e-6,
-                "at {speed} m/s: {drag:?}"
-            );
+            assert!((drag.force / expected - 1.0).abs() < 1e-6, "at {speed} m/s: {drag:?}");
             assert!((drag.heat / (expected * speed) - 1.0).abs() < 1e-6);
         }
     }

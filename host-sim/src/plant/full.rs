@@ -103,10 +103,7 @@ impl Config {
     /// Tube pressure \[Pa\] and temperature \[K\].
     fn tube_gas(&self, y: &[f64]) -> (f64, f64) {
         let gas = &self.closure.gas;
-        (
-            (gas.k - 1.0) * y[TUBE_ENERGY] / self.tube_m3,
-            y[TUBE_ENERGY] / (gas.cv * y[TUBE_MASS]),
-        )
+        ((gas.k - 1.0) * y[TUBE_ENERGY] / self.tube_m3, y[TUBE_ENERGY] / (gas.cv * y[TUBE_MASS]))
     }
 
     /// Flow between tube and muscle, seen from the muscle.
@@ -126,21 +123,14 @@ impl Config {
         drive: &Drive,
         rates: &mut [f64],
     ) {
-        let supply = (
-            self.supply.0 - self.droop_pa_s_kg * y[REGULATOR],
-            self.supply.1,
-        );
+        let supply = (self.supply.0 - self.droop_pa_s_kg * y[REGULATOR], self.supply.1);
         let mut from_supply = Streams::default();
         if drive.inlet > 0.0 {
-            from_supply.add(tube, supply, |p, t, q| {
-                drive.inlet * self.valve.mass_flow(p, t, q)
-            });
+            from_supply.add(tube, supply, |p, t, q| drive.inlet * self.valve.mass_flow(p, t, q));
         }
         let mut valves = from_supply;
         if drive.outlet > 0.0 {
-            valves.add(tube, self.ambient, |p, t, q| {
-                drive.outlet * self.valve.mass_flow(p, t, q)
-            });
+            valves.add(tube, self.ambient, |p, t, q| drive.outlet * self.valve.mass_flow(p, t, q));
         }
         let into_muscle = port.inflow_temperature - port.outflow * port_k;
         rates[TUBE_MASS] = valves.net() - port.net();
@@ -324,11 +314,8 @@ impl Full {
 
         let coulomb = scenario.friction.force_n * softening.factor(temperature);
         let isometric = scenario.load.kind == LoadKind::Isometric;
-        let length = if isometric {
-            scenario.load.length_m
-        } else {
-            pull.start_length(pressure, coulomb)
-        };
+        let length =
+            if isometric { scenario.load.length_m } else { pull.start_length(pressure, coulomb) };
         let excess = pull.force(pressure, length) - pull.load_n;
         let volume = braid.volume(length);
 
@@ -416,13 +403,7 @@ impl Full {
     }
 
     fn substep(&mut self, step: f64, drive: &Drive) {
-        let Self {
-            config,
-            integrator,
-            state,
-            power,
-            ..
-        } = self;
+        let Self { config, integrator, state, power, .. } = self;
         let mut stage = 0;
         let mut middle = self.place;
         integrator.step(state, step, |y, rates| {
@@ -455,11 +436,7 @@ impl Full {
         let config = &self.config;
         let gas = self.axial_gas_k();
         Exposure {
-            gas_k: gas
-                .iter()
-                .zip(&config.foil)
-                .map(|(t, weight)| t * weight)
-                .sum(),
+            gas_k: gas.iter().zip(&config.foil).map(|(t, weight)| t * weight).sum(),
             wall_k: config.wall_at_sensor(&self.state),
             pressure_pa: self.place.0,
             length_m: self.state[LENGTH],
@@ -534,10 +511,7 @@ impl Plant for Full {
         let config = &self.config;
         let y = &self.state;
         let layer = |capacity: f64, temperatures: &[f64]| -> f64 {
-            temperatures
-                .iter()
-                .map(|t| capacity * (t - config.initial_k))
-                .sum()
+            temperatures.iter().map(|t| capacity * (t - config.initial_k)).sum()
         };
         Ledger {
             mass_kg: config.masses(y).iter().sum(),
@@ -567,11 +541,7 @@ impl Plant for Full {
         self.config
             .masses(&self.state)
             .iter()
-            .map(|mass| {
-                self.config
-                    .closure
-                    .temperature(pressure, zone_volume, *mass)
-            })
+            .map(|mass| self.config.closure.temperature(pressure, zone_volume, *mass))
             .collect()
     }
 }

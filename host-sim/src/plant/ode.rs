@@ -28,11 +28,7 @@ impl Rk4 {
     /// For that many states.
     pub fn new(states: usize) -> Self {
         let zeros = vec![0.0; states];
-        Self {
-            rates: zeros.clone(),
-            sum: zeros.clone(),
-            trial: zeros,
-        }
+        Self { rates: zeros.clone(), sum: zeros.clone(), trial: zeros }
     }
 
     /// One step of an autonomous system; `rates` writes the derivatives into its second argument.
@@ -42,21 +38,14 @@ impl Rk4 {
         step: f64,
         mut rates: impl FnMut(&[f64], &mut [f64]),
     ) {
-        let Self {
-            rates: k,
-            sum,
-            trial,
-        } = self;
+        let Self { rates: k, sum, trial } = self;
         trial.copy_from_slice(state);
         sum.fill(0.0);
         // Weight of the stage in the sum, and where the next stage is evaluated.
         for (weight, next) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
             rates(trial, k);
-            for (((sum, trial), k), y) in sum
-                .iter_mut()
-                .zip(trial.iter_mut())
-                .zip(k.iter())
-                .zip(state.iter())
+            for (((sum, trial), k), y) in
+                sum.iter_mut().zip(trial.iter_mut()).zip(k.iter()).zip(state.iter())
             {
                 *sum += weight * k;
                 *trial = y + next * step * k;

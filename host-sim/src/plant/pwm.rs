@@ -61,11 +61,7 @@ impl PwmValve {
         let duty = self.latched.front().copied().unwrap_or(0.0);
         let start = self.dead_time_s + self.oldest_start_s(0);
         let fall = start + duty * self.period_s;
-        if time_s < fall {
-            (true, fall)
-        } else {
-            (false, start + self.period_s)
-        }
+        if time_s < fall { (true, fall) } else { (false, start + self.period_s) }
     }
 
     /// Mean opening from `start` to `end` \[-\]; moves the poppet.
@@ -84,11 +80,7 @@ impl PwmValve {
 
     /// Moves the poppet towards the pin's level; integral of the opening over `duration`.
     fn travel(&mut self, on: bool, duration: f64) -> f64 {
-        let (target, distance) = if on {
-            (1.0, 1.0 - self.opening)
-        } else {
-            (0.0, self.opening)
-        };
+        let (target, distance) = if on { (1.0, 1.0 - self.opening) } else { (0.0, self.opening) };
         let needed = distance / self.slew;
         let start = self.opening;
         if needed <= duration {
@@ -106,12 +98,7 @@ mod tests {
     use super::*;
 
     fn valve() -> Valve {
-        Valve {
-            switch_time_s: 0.002,
-            dead_time_s: 0.001,
-            pwm_hz: 100.0,
-            ..Valve::default()
-        }
+        Valve { switch_time_s: 0.002, dead_time_s: 0.001, pwm_hz: 100.0, ..Valve::default() }
     }
 
     /// Mean opening over the last ten of twenty periods, in steps of 1 ms.
@@ -144,11 +131,7 @@ mod tests {
         // 1 ms of 10 ms reaches half of the stroke: a triangle, 1 ms up, 1 ms down, peak 0.5.
         assert!((mean(&valve(), 0.1) - 0.05).abs() < 1e-6);
         // An ideal valve has no such loss.
-        let ideal = Valve {
-            switch_time_s: 0.0,
-            dead_time_s: 0.0,
-            ..valve()
-        };
+        let ideal = Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..valve() };
         assert!((mean(&ideal, 0.1) - 0.1).abs() < 1e-6);
     }
 

@@ -1,0 +1,78 @@
+//! A scenario as `thermyo check` prints it: every key, its value, and what it may be.
+
+use super::load::Loaded;
+use super::model::Scenario;
+use super::schema::{Key, TABLES};
+use std::fmt::Write;
+use toml::{Table, Value};
+
+/// The dimensions of the muscle, which the core is told all together or not at all: any of them
+/// alone would let the others follow anew.
+const DIMENSIONS: [&str; 5] =
+    ["thread_length_m", "turns", "rest_length_m", "diameter_m", "braid_angle_deg"];
+
+/// The scenario as TOML with every default filled in; what it reads back to is the same to the bit.
+pub fn render(loaded: &Loaded) -> String {
+    let plant = tree(&loaded.plant);
+    let believed = tree(&loaded.believed);
+    let mut text = String::new();
+    for table in TABLES {
+        let lines = table
+            .keys
+            .iter()
+            .map(|key| key_line(key, value(&plant, table.name, key.name)))
+            .collect::<String>();
+        push_table(&mut text, table.name, table.meaning, &lines);
+    }
+    for table in TABLES {
+        let differs = |key: &&Key| {
+            !same(value(&plant, table.name, key.name), value(&believed, table.name, key.name))
+        };
+        let is_dimension = |key: &Key| table.name == "muscle" && DIMENSIONS.contains(&key.name);
+        let dimensions_differ = table.keys.iter().any(|key| is_dimension(key) && differs(&key));
+        let lines = table
+            .keys
+            .iter()
+            .filter(|key| differs(key) || (dimensions_differ && is_dimension(key)))
+            .map(|key| key_line(key, value(&believed, table.name, key.name)))
+            .collect::<String>();
+        if !lines.is_empty() {
+            let name = format!("believed.{}", table.name);
+            push_table(&mut text, &name, "what the core is told instead", &lines);
+        }
+    }
+    text
+}
+
+fn push_table(text: &mut String, name: &str, meaning: &str, lines: &str) {
+    let gap = if text.is_empty() { "" } else { "\n" };
+    // Writing into a string cannot fail.
+    let _ = write!(text, "{gap}[{name}]  # {meaning}\n{lines}");
+}
+
+fn key_line(key: &Key, value: Option<&Value>) -> String {
+    let comment = key.comment();
+    match value {
+        // Rust's shortest text that reads back to the same number is TOML too.
+        Some(Value::Float(number)) => format!("{} = {number:?}  # {comment}\n", key.name),
+        Some(value) => format!("{} = {value}  # {comment}\n", key.name),
+        // Only files have no default.
+        None => format!("# {} = \"FILE.csv\"  # {comment}\n", key.name),
+    }
+}
+
+fn tree(scenario: &Scenario) -> Table {
+    Table::try_from(scenario).expect("a checked scenario is plain TOML")
+}
+
+fn value<'a>(tree: &'a Table, table: &str, key: &str) -> Option<&'a Value> {
+    table.split('.').try_fold(tree, |tree, name| tree.get(name)?.as_table())?.get(key)
+}
+
+/// Equal to the bit: 0.0 and -0.0 are not.
+fn same(a: Option<&Value>, b: Option<&Value>) -> bool {
+    match (a, b) {
+        (Some(Value::Float(a)), Some(Value::Float(b))) => a.to_bits() == b.to_bits(),
+        _ => a == b,
+    }
+}

@@ -1,0 +1,246 @@
+//! From text to checked entries: every key known, every value of its type and within its range.
+
+use super::schema::{self, Allowed, Key, Table};
+use crate::input::{InputError, Instead, Problem, line_of, nearest, quoted};
+use std::path::{Path, PathBuf};
+use toml::de::{DeInteger, DeTable, DeValue};
+use toml::{Spanned, Value};
+
+/// The prefix of what the core is told.
+const BELIEVED: &str = "believed";
+
+/// A scenario file, entry by entry.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Document {
+    /// Where it came from.
+    pub origin: PathBuf,
+    /// What the plant is given.
+    pub plant: Entries,
+    /// What the core is told where it differs.
+    pub believed: Entries,
+}
+
+/// Entries of a scenario, or of its `[believed]`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Entries {
+    /// "" or "believed.".
+    prefix: &'static str,
+    list: Vec<Entry>,
+}
+
+/// One key with its value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// The table that it is in.
+    pub table: &'static Table,
+    /// What the schema says of it.
+    pub key: &'static Key,
+    /// Its value, of the type that the schema asks for.
+    pub value: Value,
+    /// The value as it is written.
+    pub written: String,
+    /// The line that it is on.
+    pub line: u64,
+}
+
+impl Entry {
+    /// Its path, "muscle.zones".
+    pub fn path(&self) -> String {
+        format!("{}.{}", self.table.name, self.key.name)
+    }
+}
+
+impl Entries {
+    /// Every entry, in order of the keys.
+    pub fn iter(&self) -> impl Iterator<Item = &Entry> {
+        self.list.iter()
+    }
+
+    /// The entry of a path such as "muscle.zones", if the file has it.
+    pub fn get(&self, path: &str) -> Option<&Entry> {
+        let (table, name) = path.rsplit_once('.')?;
+        self.list.iter().find(|entry| entry.table.name == table && entry.key.name == name)
+    }
+
+    /// The whole path of a key, as it is written in the file.
+    pub fn full_path(&self, path: &str) -> String {
+        format!("{}{path}", self.prefix)
+    }
+}
+
+impl Document {
+    /// Reads a scenario's text; `origin` is what messages call it.
+    ///
+    /// # Errors
+    /// For the first place of the file that is not TOML or not in the schema.
+    pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
+        let line_at = |offset: usize| line_of(&text.as_bytes()[..offset.min(text.len())]);
+        let root = DeTable::parse(text).map_err(|error| {
+            let message = Problem::Syntax(error.message().replace('\n', ", "));
+            match error.span() {
+                Some(span) => InputError::line(origin, line_at(span.start), message),
+                None => InputError::file(origin, message),
+            }
+        })?;
+        let mut walk = Walk {
+            text,
+            plant: Entries::default(),
+            believed: Entries { prefix: "believed.", list: Vec::new() },
+            first_problem: None,
+        };
+        walk.table("", root.get_ref());
+        match walk.first_problem {
+            Some((offset, problem)) => Err(InputError::line(origin, line_at(offset), problem)),
+            None => Ok(Self {
+                origin: origin.to_path_buf(),
+                plant: walk.plant,
+                believed: walk.believed,
+            }),
+        }
+    }
+}
+
+/// The walk through the parsed file. Tables may be scattered over it, so that every problem is
+/// looked at and the first in the file is kept.
+struct Walk<'a> {
+    text: &'a str,
+    plant: Entries,
+    believed: Entries,
+    first_problem: Option<(usize, Problem)>,
+}
+
+impl Walk<'_> {
+    /// `path` is the table's whole path, `believed` included.
+    fn table(&mut self, path: &str, table: &DeTable<'_>) {
+        for (name, value) in table {
+            let offset = name.span().start;
+            let name = name.get_ref();
+            // A name with a dot of its own is no path.
+            let name = if name.contains('.') { format!("{name:?}") } else { name.to_string() };
+            let path = if path.is_empty() { name } else { format!("{path}.{name}") };
+            if let Err(problem) = self.item(&path, offset, value)
+                && self.first_problem.as_ref().is_none_or(|(first, _)| offset < *first)
+            {
+                self.first_problem = Some((offset, problem));
+            }
+        }
+    }
+
+    fn item(
+        &mut self,
+        full_path: &str,
+        offset: usize,
+        value: &Spanned<DeValue<'_>>,
+    ) -> Result<(), Problem> {
+        let written = quoted(self.text.get(value.span()).unwrap_or_default());
+        let table = value.get_ref().as_table();
+        let (is_believed, path) = match full_path.strip_prefix(BELIEVED) {
+            Some("") => (true, ""),
+            Some(rest) if rest.starts_with('.') => (true, &rest[1..]),
+            _ => (false, full_path),
+        };
+        if path.is_empty() || schema::is_table(path) {
+            if is_believed && schema::table(path).is_some_and(|table| !table.believed) {
+                return Err(Problem::NotBelieved { key: full_path.to_owned() });
+            }
+            let table = table
+                .ok_or_else(|| Problem::NotATable { table: quoted(full_path), value: written })?;
+            self.table(full_path, table);
+            return Ok(());
+        }
+        let Some((table, key)) = schema::key(path) else {
+            return Err(unknown(full_path, path, table.is_some()));
+        };
+        // The course of the volume is the plant's; the core measures it.
+        if is_believed && matches!(key.allowed, Allowed::Csv { .. }) {
+            return Err(Problem::NotBelieved { key: full_path.to_owned() });
+        }
+        let Some(value) = checked(key.allowed, value.get_ref()) else {
+            return Err(Problem::NotAllowed {
+                key: full_path.to_owned(),
+                value: written,
+                allowed: key.allowed.to_string(),
+            });
+        };
+        let line = line_of(&self.text.as_bytes()[..offset]);
+        let entries = if is_believed { &mut self.believed } else { &mut self.plant };
+        entries.list.push(Entry { table, key, value, written, line });
+        Ok(())
+    }
+}
+
+/// The value in the schema's type, if it is allowed.
+fn checked(allowed: Allowed, value: &DeValue<'_>) -> Option<Value> {
+    match allowed {
+        Allowed::Real(limits) => {
+            let number = match value {
+                DeValue::Float(float) => float.as_str().parse().ok()?,
+                DeValue::Integer(integer) => whole(integer)? as f64,
+                _ => return None,
+            };
+            limits.contains(number).then_some(Value::Float(number))
+        }
+        Allowed::Whole { min, max } => {
+            let number = whole(value.as_integer()?)?;
+            (min..=max).contains(&number).then_some(Value::Integer(number))
+        }
+        Allowed::Choice(words) => {
+            let word = value.as_str()?;
+            words.contains(&word).then(|| Value::String(word.to_owned()))
+        }
+        Allowed::Csv { .. } => {
+            let path = value.as_str()?;
+            (!path.is_empty()).then(|| Value::String(path.to_owned()))
+        }
+    }
+}
+
+fn whole(integer: &DeInteger<'_>) -> Option<i64> {
+    i64::from_str_radix(integer.as_str(), integer.radix()).ok()
+}
+
+/// The message for a path that the schema does not have. `path` is without `believed`.
+fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
+    let prefix = full_path.strip_suffix(path).unwrap_or_default();
+    let (parent, name) = path.rsplit_once('.').unwrap_or(("", path));
+    let siblings = schema::table(parent).map_or(&[][..], |table| table.keys);
+    let all_keys: Vec<String> = schema::TABLES
+        .iter()
+        .filter(|table| prefix.is_empty() || table.believed)
+        .flat_map(|table| table.keys.iter().map(|key| format!("{}.{}", table.name, key.name)))
+        .collect();
+    let tables = schema::TABLES.iter().filter(|table| prefix.is_empty() || table.believed);
+    if is_table {
+        let tables: Vec<&str> = tables.map(|table| table.name).collect();
+        let with_believed = prefix.is_empty().then_some(BELIEVED);
+        let near = nearest(path, tables.iter().copied().chain(with_believed));
+        let bracketed = |name: &str| format!("[{prefix}{name}]");
+        let instead = match near {
+            Some(name) => Instead::Near(vec![bracketed(name)]),
+            None => Instead::Known(tables.into_iter().map(bracketed).collect()),
+        };
+        return Problem::UnknownTable { table: quoted(full_path), instead };
+    }
+    let near = if let Some(name) = nearest(name, siblings.iter().map(|key| key.name)) {
+        vec![format!("{parent}.{name}")]
+    } else {
+        let elsewhere: Vec<String> =
+            all_keys.iter().filter(|key| key.rsplit('.').next() == Some(name)).cloned().collect();
+        if elsewhere.is_empty() {
+            nearest(path, all_keys.iter().map(String::as_str))
+                .map(str::to_owned)
+                .into_iter()
+                .collect()
+        } else {
+            elsewhere
+        }
+    };
+    let instead = if !near.is_empty() {
+        Instead::Near(near.into_iter().map(|key| format!("{prefix}{key}")).collect())
+    } else if siblings.is_empty() {
+        Instead::Known(tables.map(|table| format!("[{prefix}{}]", table.name)).collect())
+    } else {
+        Instead::Known(siblings.iter().map(|key| key.name.to_owned()).collect())
+    };
+    Problem::UnknownKey { key: quoted(full_path), instead }
+}

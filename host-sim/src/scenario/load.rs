@@ -1,0 +1,187 @@
+//! From a scenario file to everything that a run needs.
+
+use super::document::{Document, Entries, Entry};
+use super::geometry;
+use super::model::{Muscle, PlantKind, Scenario};
+use super::rules::{self, Fault, Violation};
+use super::schema::{Allowed, Limits, limits};
+use crate::input::{InputError, Problem, read_text};
+use crate::plant::vessel_section_m2;
+use crate::profile::Profile;
+use crate::table::read_table;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// Part of the length sensor's range that the longest length takes where the file does not give the
+/// range.
+const LENGTH_USE: f64 = 0.8;
+
+/// A scenario, checked, with every default filled in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loaded {
+    /// What the plant is. Its CSV paths are absolute; its muscle's dimensions are all filled in.
+    pub plant: Scenario,
+    /// What the core is told: the plant's scenario, overlaid by `[believed]`.
+    pub believed: Scenario,
+    /// The vessel's volume \[m3\] over time, where `vessel.volume_csv` gives it.
+    pub volume_profile: Option<Profile>,
+    /// The set point over time in the drive's unit, where `drive.profile_csv` gives it.
+    pub drive_profile: Option<Profile>,
+}
+
+/// Loads a scenario file. CSV files that it names are looked for from its own folder.
+///
+/// # Errors
+/// In one line: file, line, key, what is there and what is allowed.
+pub fn load(path: &Path) -> Result<Loaded, InputError> {
+    parse(&read_text(path)?, path)
+}
+
+/// Loads a scenario from its text; `origin` is what messages call it, and its folder is where CSV
+/// files are looked for.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
+    assemble(&Document::parse(text, origin)?)
+}
+
+fn assemble(document: &Document) -> Result<Loaded, InputError> {
+    let Document { origin, plant: given, believed: told } = document;
+    let mut plant = overlaid(&Scenario::default(), given, origin)?;
+    geometry::resolve(&mut plant.muscle).map_err(|found| blame(found, given, origin))?;
+    let volumes = limits("vessel.volume_m3");
+    let volume_profile = profile(given.get("vessel.volume_csv"), (volumes, ""), origin)?;
+    fit_sizes(&mut plant, given, volume_profile.as_ref());
+    rules::check_plant(&plant).map_err(|found| blame(found, given, origin))?;
+    let set_points = rules::set_points(&plant);
+    let drive_profile = profile(given.get("drive.profile_csv"), set_points, origin)?;
+    for (path, found) in [
+        (&mut plant.vessel.volume_csv, given.get("vessel.volume_csv")),
+        (&mut plant.drive.profile_csv, given.get("drive.profile_csv")),
+    ] {
+        if let Some(entry) = found {
+            // Absolute, so that the scenario that `check` prints works in any folder.
+            let file = csv_path(entry, origin);
+            let file = std::path::absolute(&file).unwrap_or(file);
+            if file.to_str().is_none() {
+                let problem = Problem::NotAllowed {
+                    key: entry.path(),
+                    value: entry.written.clone(),
+                    allowed: "in a folder whose path is UTF-8 text".to_owned(),
+                };
+                return Err(InputError::line(origin, entry.line, problem));
+            }
+            *path = Some(file);
+        }
+    }
+
+    let mut believed = overlaid(&plant, told, origin)?;
+    let threaded = given.get("muscle.thread_length_m").is_some();
+    let muscle = overlaid(&Scenario::default(), told, origin)?.muscle;
+    let dimensions = geometry::overlay(&muscle, &plant.muscle, threaded);
+    believed.muscle = Muscle {
+        zones: believed.muscle.zones,
+        bladder_stiffness_n_m: believed.muscle.bladder_stiffness_n_m,
+        dead_volume_m3: believed.muscle.dead_volume_m3,
+        ..dimensions
+    };
+    geometry::resolve(&mut believed.muscle).map_err(|found| blame(found, told, origin))?;
+    rules::check_told(&believed).map_err(|found| blame(found, told, origin))?;
+    Ok(Loaded { plant, believed, volume_profile, drive_profile })
+}
+
+/// A scenario with the entries of a file written over it.
+fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
+    // Schema and structs name the same keys and types, which a test watches over.
+    let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
+    let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
+    for entry in entries.iter() {
+        let mut table = &mut tree;
+        for name in entry.table.name.split('.') {
+            let next = table.entry(name).or_insert_with(|| Value::Table(Table::new()));
+            table = next.as_table_mut().ok_or_else(|| internal(format!("{name} is no table")))?;
+        }
+        table.insert(entry.key.name.to_owned(), entry.value.clone());
+    }
+    tree.try_into().map_err(|error: toml::de::Error| internal(error.message().to_owned()))
+}
+
+/// Sizes that follow from others where the file leaves them open.
+fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
+    let longest_m = match plant.plant.kind {
+        PlantKind::Muscle => plant.muscle.rest_length_m.unwrap_or_default(),
+        PlantKind::Vessel => {
+            let volumes = volume.map_or(&[][..], Profile::points).iter().map(|point| point.1);
+            let largest_m3 = volumes.reduce(f64::max).unwrap_or(plant.vessel.volume_m3);
+            let sized = volume.is_some() || given.get("vessel.volume_m3").is_some();
+            if sized && given.get("vessel.characteristic_length_m").is_none() {
+                // A cube's.
+                plant.vessel.characteristic_length_m = largest_m3.cbrt();
+            }
+            largest_m3 / vessel_section_m2(plant)
+        }
+    };
+    if given.get("sensor.length.range_m").is_none() {
+        let range = &mut plant.sensor.length.range_m;
+        *range = range.max(longest_m / LENGTH_USE).min(limits("sensor.length.range_m").max);
+    }
+}
+
+/// A rule's violation, as the user has to hear it.
+fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
+    let key = entries.full_path(violation.path);
+    let entry = entries.get(violation.path);
+    let problem = match violation.fault {
+        Fault::NotAllowed { value, allowed } => {
+            let value = match entry {
+                Some(entry) => entry.written.clone(),
+                None => format!("{value} (not given)"),
+            };
+            Problem::NotAllowed { key, value, allowed }
+        }
+        Fault::Missing { why } => Problem::Missing { key, why },
+    };
+    match entry {
+        Some(entry) => InputError::line(origin, entry.line, problem),
+        None => InputError::file(origin, problem),
+    }
+}
+
+/// Where the file lies that an entry names.
+fn csv_path(entry: &Entry, origin: &Path) -> PathBuf {
+    let folder = origin.parent().unwrap_or(Path::new(""));
+    folder.join(entry.value.as_str().unwrap_or_default())
+}
+
+/// The profile in the CSV file that an entry names; its values stay within `allowed`.
+fn profile(
+    entry: Option<&Entry>,
+    (allowed, why): (Limits, &str),
+    origin: &Path,
+) -> Result<Option<Profile>, InputError> {
+    let Some((entry, Allowed::Csv { columns: [time, value] })) =
+        entry.map(|entry| (entry, entry.key.allowed))
+    else {
+        return Ok(None);
+    };
+    let table = read_table(&csv_path(entry, origin)).map_err(|error| match error.line {
+        Some(_) => error,
+        None => {
+            let problem = Problem::Reference { key: entry.path(), file: error };
+            InputError::line(origin, entry.line, problem)
+        }
+    })?;
+    let times = table.filled(time)?;
+    let values = table.filled(value)?;
+    if let Some(row) = (1..times.len()).find(|row| times[*row] <= times[row - 1]) {
+        let later = format!("above {:?}, the time of the row before", times[row - 1]);
+        return Err(table.cell_error(row, time, &later));
+    }
+    if let Some(row) = values.iter().position(|number| !allowed.contains(*number)) {
+        let separator = if why.is_empty() { "" } else { ", " };
+        return Err(table.cell_error(row, value, &format!("{allowed}{separator}{why}")));
+    }
+    let profile = Profile::new(times.into_iter().zip(values).collect());
+    profile.map(Some).map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
+}

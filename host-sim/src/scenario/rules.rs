@@ -1,0 +1,179 @@
+//! Rules that tie several keys together.
+
+use super::model::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
+use super::schema::{Limits, limits};
+
+/// Most steps of a run: more take days.
+const MOST_STEPS: f64 = 1.0e9;
+/// Most steps of the core per PWM period: its timer counts no further.
+const MOST_PWM_STEPS: f64 = 1000.0;
+
+/// A rule that does not hold, and the key to blame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Violation {
+    /// Path of the key.
+    pub path: &'static str,
+    /// What is wrong with it.
+    pub fault: Fault,
+}
+
+/// What is wrong with a key.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Fault {
+    /// Its value does not fit the others.
+    NotAllowed {
+        /// The value.
+        value: String,
+        /// What it may be, and why.
+        allowed: String,
+    },
+    /// It has to be there.
+    Missing {
+        /// What needs it.
+        why: String,
+    },
+}
+
+impl Violation {
+    /// A number outside of the limits that other keys set.
+    pub fn number(path: &'static str, value: f64, allowed: &Limits, why: &str) -> Self {
+        Self::value(path, &format!("{value:?}"), format!("{allowed}, {why}"))
+    }
+
+    /// A key that has to be there.
+    pub fn missing(path: &'static str, why: &str) -> Self {
+        Self { path, fault: Fault::Missing { why: why.to_owned() } }
+    }
+
+    fn value(path: &'static str, value: &str, allowed: String) -> Self {
+        Self { path, fault: Fault::NotAllowed { value: value.to_owned(), allowed } }
+    }
+}
+
+/// Checks a number against limits that other keys set.
+fn within(
+    path: &'static str,
+    value: f64,
+    (min, max): (f64, f64),
+    why: &str,
+) -> Result<(), Violation> {
+    let allowed = limits(path).between(min, max);
+    if allowed.contains(value) {
+        Ok(())
+    } else {
+        Err(Violation::number(path, value, &allowed, why))
+    }
+}
+
+/// Rules for what the plant is given. Its geometry is resolved.
+///
+/// # Errors
+/// The first rule that does not hold.
+pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
+    let run = &scenario.run;
+    let longest = limits("run.duration_s").max.min(MOST_STEPS * run.step_s);
+    let why = "one step to 1e9 steps of run.step_s";
+    within("run.duration_s", run.duration_s, (run.step_s, longest), why)?;
+    check_drive(scenario)?;
+    if scenario.plant.model == PlantModel::Paper {
+        let ratio = scenario.gas.heat_capacity_ratio;
+        let paper = &scenario.paper;
+        for (path, alpha) in [
+            ("paper.alpha_in", paper.alpha_in),
+            ("paper.alpha_out", paper.alpha_out),
+            ("paper.alpha", paper.alpha),
+        ] {
+            within(path, alpha, (1.0, ratio), "at most gas.heat_capacity_ratio")?;
+        }
+    }
+    check_told(scenario)
+}
+
+/// Rules for what the core is told, which hold for the plant too.
+///
+/// # Errors
+/// The first rule that does not hold.
+pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
+    let slowest = 1.0 / (MOST_PWM_STEPS * scenario.run.step_s);
+    let fastest = limits("valve.pwm_hz").max;
+    // A hair of room: 1/(1000 step) has been rounded.
+    let why = "a period of at most 1000 times run.step_s";
+    within("valve.pwm_hz", scenario.valve.pwm_hz, (slowest * (1.0 - 1e-12), fastest), why)?;
+    let sensor = &scenario.sensor.gas;
+    let highest = limits("sensor.gas.range_max_k").max;
+    let why = "at least 1 K above sensor.gas.range_min_k";
+    within("sensor.gas.range_max_k", sensor.range_max_k, (sensor.range_min_k + 1.0, highest), why)?;
+    if scenario.plant.kind == PlantKind::Muscle && scenario.load.kind == LoadKind::Isometric {
+        let [shortest, rest] = working_lengths_m(&scenario.muscle);
+        let why = "between where the force vanishes and muscle.rest_length_m";
+        within("load.length_m", scenario.load.length_m, (shortest, rest), why)?;
+    }
+    Ok(())
+}
+
+fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
+    let drive = &scenario.drive;
+    let contraction = drive.kind == DriveKind::Contraction;
+    if contraction && scenario.plant.kind == PlantKind::Vessel {
+        let allowed = "another kind: a vessel does not contract".to_owned();
+        return Err(Violation::value("drive.kind", "\"contraction\"", allowed));
+    }
+    if contraction && scenario.load.kind == LoadKind::Isometric {
+        let allowed = "another kind: with load.kind = \"isometric\" nothing moves".to_owned();
+        return Err(Violation::value("drive.kind", "\"contraction\"", allowed));
+    }
+    match (&drive.profile_csv, drive.kind) {
+        (Some(path), DriveKind::Discharge | DriveKind::Fill | DriveKind::Closed) => {
+            let path_text = format!("{:?}", path.display().to_string());
+            let allowed = "left out: this drive.kind has no set point".to_owned();
+            Err(Violation::value("drive.profile_csv", &path_text, allowed))
+        }
+        (None, DriveKind::Duty) => {
+            Err(Violation::missing("drive.profile_csv", "drive.kind = \"duty\" needs it"))
+        }
+        (None, DriveKind::MassFlow) => {
+            let longest = limits("drive.period_s").max;
+            let shortest = 2.0 * scenario.run.step_s;
+            within("drive.period_s", drive.period_s, (shortest, longest), "at least two steps")
+        }
+        (None, DriveKind::Pressure | DriveKind::Contraction) => {
+            let (path, value) = if contraction {
+                ("drive.contraction", drive.contraction)
+            } else {
+                ("drive.pressure_pa", drive.pressure_pa)
+            };
+            let (allowed, why) = set_points(scenario);
+            within(path, value, (allowed.min, allowed.max), why)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What the drive's set point may be, and why.
+pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
+    match scenario.drive.kind {
+        DriveKind::Pressure => (
+            limits("drive.pressure_pa")
+                .between(scenario.ambient.pressure_pa, scenario.supply.pressure_pa),
+            "ambient.pressure_pa to supply.pressure_pa",
+        ),
+        DriveKind::Contraction => {
+            let [shortest, rest] = working_lengths_m(&scenario.muscle);
+            let largest = limits("drive.contraction").max.min(1.0 - shortest / rest);
+            (limits("drive.contraction").between(0.0, largest), "up to where the force vanishes")
+        }
+        DriveKind::MassFlow => {
+            let largest = limits("drive.flow_kg_s").max;
+            (limits("drive.flow_kg_s").between(-largest, largest), "negative: out")
+        }
+        DriveKind::Duty | DriveKind::Discharge | DriveKind::Fill | DriveKind::Closed => {
+            (Limits { min: -1.0, max: 1.0, unit: "" }, "negative: outlet")
+        }
+    }
+}
+
+/// Shortest length, b/sqrt(3), where the force vanishes, and rest length \[m\].
+fn working_lengths_m(muscle: &Muscle) -> [f64; 2] {
+    let thread_m = muscle.thread_length_m.unwrap_or_default();
+    [thread_m / 3.0_f64.sqrt(), muscle.rest_length_m.unwrap_or_default()]
+}
