@@ -7,6 +7,7 @@
 use crate::adc::VirtualAdc;
 use crate::board::{Board, BoardError};
 use crate::core_config::core_config;
+use crate::faults::FaultyLines;
 use crate::measured::Measured;
 use crate::plant::{self, Actuation, BuildError, Diverged, Plant};
 use crate::profile::Profile;
@@ -14,7 +15,7 @@ use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
 use crate::summary::{Accumulator, Ending, Summary};
 use crate::trace::Row;
 use model_core::model::Model;
-use model_core::{AdcCode, Command, ConfigError, Duty, Sample, SetPoint};
+use model_core::{Command, ConfigError, Duty, SetPoint};
 use std::fmt;
 use std::io;
 use std::time::Instant;
@@ -95,6 +96,7 @@ pub fn run(
     let mut plant =
         plant::build(scenario, loaded.volume_profile.clone()).map_err(RunError::Build)?;
     let mut adc = VirtualAdc::new(scenario);
+    let mut faults = FaultyLines::new(scenario);
     let drive = SetPoints::new(&scenario.drive, loaded.drive_profile.clone());
     let truth = plant.truth();
     let mut model = Model::new(
@@ -122,13 +124,7 @@ pub fn run(
                 board.set(drive.at(truth.time_s))?;
             }
         }
-        let codes = adc.convert(&truth);
-        let sample = Sample {
-            pressure: AdcCode(codes.pressure),
-            gas: AdcCode(codes.gas),
-            length: AdcCode(codes.length),
-            emergency_stop: false,
-        };
+        let sample = faults.apply(truth.time_s, adc.convert(&truth));
         let telemetry = board.step(&sample)?;
         let logged = step % scenario.run.log_every == 0 || step == steps;
         if logged {

@@ -147,8 +147,8 @@ impl Default for Config {
                 dead_volume_m3: 5.0e-6,
             }),
             heat: Heat {
-                inner_w_m2_k: 25.0,
-                inner_per_flow: 4.0e4,
+                inner_w_m2_k: 90.0,
+                inner_per_flow: 1.0e5,
                 outer_w_m2_k: 8.0,
                 outer_per_speed: 60.0,
                 wall_heat_capacity_j_k: 65.0,
@@ -171,7 +171,7 @@ impl Default for Config {
             },
             gas_sensor: GasSensor { time_constant_s: 3.0, noise_k: 0.05 },
             estimator: EstimatorConfig::default(),
-            pressure_limit_pa: 690_000.0,
+            pressure_limit_pa: 0.985 * 700_000.0,
         }
     }
 }

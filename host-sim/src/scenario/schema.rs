@@ -187,6 +187,8 @@ const FORCE_N: (f64, f64) = (0.0, 1.0e5);
 const COEFFICIENT_W_M2_K: (f64, f64) = (0.0, 1.0e5);
 const CONDUCTANCE_M3_S_PA: (f64, f64) = (1.0e-13, 1.0e-3);
 const LAG_S: (f64, f64) = (0.0, 1000.0);
+const TUNING: (f64, f64) = (0.0, 100.0);
+const FAULTS: &[&str] = &["none", "open", "shorted", "frozen", "noisy"];
 
 /// Every table, in the order of [`super::Scenario`].
 pub static TABLES: &[Table] = &[
@@ -493,9 +495,34 @@ pub static TABLES: &[Table] = &[
             real("range_m", "m", (0.001, 100.0), "full scale; the range starts at 0"),
         ],
     },
-    Table { name: "estimator", meaning: "estimator tuning", believed: true, keys: &[] },
+    Table {
+        name: "estimator",
+        meaning: "estimator tuning; a drift is what a random walk gains in one second",
+        believed: true,
+        keys: &[
+            real("initial_sd_k", "K", TUNING, "gas and wall temperature at the start"),
+            real("gas_drift_k", "K", TUNING, "drift of the gas temperature's error"),
+            real("wall_drift_k", "K", TUNING, "drift of the wall temperature's error"),
+            real("heat_scale_sd", "", TUNING, "scale of the heat transfer at the start"),
+            real("heat_scale_drift", "", TUNING, "drift of the scale of the heat transfer"),
+            real("lag_sd", "", TUNING, "logarithm of the sensor's lag at the start"),
+            real("lag_drift", "", TUNING, "drift of the logarithm of the sensor's lag"),
+            real("sensor_bias_k", "K", TUNING, "error that a second of readings keeps"),
+        ],
+    },
     Table { name: "controller", meaning: "controller tuning", believed: true, keys: &[] },
-    Table { name: "faults", meaning: "faults that the run injects", believed: false, keys: &[] },
+    Table {
+        name: "faults",
+        meaning: "faults that the run injects",
+        believed: false,
+        keys: &[
+            choice("pressure", FAULTS, "fault of the pressure channel"),
+            choice("gas", FAULTS, "fault of the gas sensor's channel"),
+            choice("length", FAULTS, "fault of the length channel"),
+            real("from_s", "s", (0.0, 1.0e6), "start of the faults"),
+            real("until_s", "s", (0.0, 1.0e6), "end of the faults"),
+        ],
+    },
 ];
 
 /// The table of that path.
