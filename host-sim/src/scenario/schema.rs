@@ -153,8 +153,9 @@ impl Rounded {
 
 impl fmt::Display for Rounded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let plain = self.0 == 0.0 || (1e-3..1e5).contains(&self.0.abs());
-        if plain { write!(f, "{}", self.0) } else { write!(f, "{:e}", self.0) }
+        let (plain, scientific) = (self.0.to_string(), format!("{:e}", self.0));
+        let familiar = self.0 == 0.0 || (1e-3..1e5).contains(&self.0.abs());
+        f.write_str(if familiar || plain.len() <= scientific.len() { &plain } else { &scientific })
     }
 }
 
