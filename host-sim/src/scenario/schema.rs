@@ -1,7 +1,7 @@
 //! Every key of a scenario: unit, what it may be, and what it means.
 //!
 //! Validation, suggestions and the comments of `thermyo check` all read this table. The values'
-//! defaults are in [`super::model`]. No range is wider than what the core works with
+//! defaults are those of [`super::Scenario`]. No range is wider than what the core works with
 //! (`model_core::config::Config::check`): a scenario that passes here, runs.
 
 use std::fmt;
@@ -193,7 +193,7 @@ const LAG_S: (f64, f64) = (0.0, 1000.0);
 pub static TABLES: &[Table] = &[
     Table {
         name: "run",
-        meaning: "the run",
+        meaning: "length, step, seed",
         believed: false,
         keys: &[
             real("duration_s", "s", (0.001, 1.0e6), "simulated time"),
@@ -384,13 +384,13 @@ pub static TABLES: &[Table] = &[
                 &["isotonic", "isometric", "mass"],
                 "a constant force, a fixed length, a hanging mass",
             ),
-            real("force_n", "N", (0.0, 1.0e6), "isotonic: the force"),
-            real("length_m", "m", (0.001, 10.0), "isometric: the length held"),
+            real("force_n", "N", (0.0, 1.0e6), "the force (isotonic)"),
+            real("length_m", "m", (0.001, 10.0), "the length held (isometric)"),
             real(
                 "mass_kg",
                 "kg",
                 (0.0, 1.0e5),
-                "mass: the mass; isotonic: what moves with the muscle's end (full)",
+                "the mass (mass); what moves with the muscle's end (isotonic, full)",
             ),
         ],
     },
@@ -439,10 +439,20 @@ pub static TABLES: &[Table] = &[
                 &["mass-flow", "duty", "pressure", "contraction", "discharge", "fill", "closed"],
                 "what is given",
             ),
-            real("period_s", "s", (1.0e-3, 1.0e6), "mass-flow: period of the cycle"),
-            real("flow_kg_s", "kg/s", (0.0, 1000.0), "mass-flow: in, then out"),
-            real("pressure_pa", "Pa", PRESSURE_PA, "pressure: absolute"),
-            real("contraction", "", (0.0, 0.45), "contraction: fraction of the rest length"),
+            real("period_s", "s", (1.0e-3, 1.0e6), "period of the cycle (mass-flow)"),
+            real(
+                "flow_kg_s",
+                "kg/s",
+                (0.0, 1000.0),
+                "flow, in for half of the period, then out (mass-flow)",
+            ),
+            real("pressure_pa", "Pa", PRESSURE_PA, "set point, absolute (pressure)"),
+            real(
+                "contraction",
+                "",
+                (0.0, 0.45),
+                "set point, fraction of the rest length (contraction)",
+            ),
             csv(
                 "profile_csv",
                 ["time_s", "value"],
