@@ -1,7 +1,7 @@
 //! Every key of a scenario: unit, what it may be, and what it means.
 //!
 //! Validation, suggestions and the comments of `thermyo check` all read this table. The values'
-//! defaults are in [`super::model`]. No range is wider than what the core works with
+//! defaults are those of [`super::Scenario`]. No range is wider than what the core works with
 //! (`model_core::config::Config::check`): a scenario that passes here, runs.
 
 use std::fmt;
@@ -153,8 +153,9 @@ impl Rounded {
 
 impl fmt::Display for Rounded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let plain = self.0 == 0.0 || (1e-3..1e5).contains(&self.0.abs());
-        if plain { write!(f, "{}", self.0) } else { write!(f, "{:e}", self.0) }
+        let (plain, scientific) = (self.0.to_string(), format!("{:e}", self.0));
+        let familiar = self.0 == 0.0 || (1e-3..1e5).contains(&self.0.abs());
+        f.write_str(if familiar || plain.len() <= scientific.len() { &plain } else { &scientific })
     }
 }
 
@@ -194,7 +195,7 @@ const FAULTS: &[&str] = &["none", "open", "shorted", "frozen", "noisy"];
 pub static TABLES: &[Table] = &[
     Table {
         name: "run",
-        meaning: "the run",
+        meaning: "length, step, seed",
         believed: false,
         keys: &[
             real("duration_s", "s", (0.001, 1.0e6), "simulated time"),
@@ -385,13 +386,13 @@ pub static TABLES: &[Table] = &[
                 &["isotonic", "isometric", "mass"],
                 "a constant force, a fixed length, a hanging mass",
             ),
-            real("force_n", "N", (0.0, 1.0e6), "isotonic: the force"),
-            real("length_m", "m", (0.001, 10.0), "isometric: the length held"),
+            real("force_n", "N", (0.0, 1.0e6), "the force (isotonic)"),
+            real("length_m", "m", (0.001, 10.0), "the length held (isometric)"),
             real(
                 "mass_kg",
                 "kg",
                 (0.0, 1.0e5),
-                "mass: the mass; isotonic: what moves with the muscle's end (full)",
+                "the mass (mass); what moves with the muscle's end (isotonic, full)",
             ),
         ],
     },
@@ -440,10 +441,20 @@ pub static TABLES: &[Table] = &[
                 &["mass-flow", "duty", "pressure", "contraction", "discharge", "fill", "closed"],
                 "what is given",
             ),
-            real("period_s", "s", (1.0e-3, 1.0e6), "mass-flow: period of the cycle"),
-            real("flow_kg_s", "kg/s", (0.0, 1000.0), "mass-flow: in, then out"),
-            real("pressure_pa", "Pa", PRESSURE_PA, "pressure: absolute"),
-            real("contraction", "", (0.0, 0.45), "contraction: fraction of the rest length"),
+            real("period_s", "s", (1.0e-3, 1.0e6), "period of the cycle (mass-flow)"),
+            real(
+                "flow_kg_s",
+                "kg/s",
+                (0.0, 1000.0),
+                "flow, in for half of the period, then out (mass-flow)",
+            ),
+            real("pressure_pa", "Pa", PRESSURE_PA, "set point, absolute (pressure)"),
+            real(
+                "contraction",
+                "",
+                (0.0, 0.45),
+                "set point, fraction of the rest length (contraction)",
+            ),
             csv(
                 "profile_csv",
                 ["time_s", "value"],
