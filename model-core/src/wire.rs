@@ -123,8 +123,6 @@ pub enum Refusal {
     },
     /// Samples from the host need firmware with the `hil` feature.
     NoHostSamples,
-    /// The board is still busy with the request before.
-    Busy,
 }
 
 impl From<ConfigError> for Refusal {
@@ -144,7 +142,6 @@ impl core::fmt::Display for Refusal {
             Self::NoHostSamples => {
                 write!(f, "this firmware samples its ADC: flash the one built with `hil`")
             }
-            Self::Busy => write!(f, "the board is busy with the request before: ask again"),
         }
     }
 }
