@@ -10,6 +10,7 @@ use model_core::Command;
 use model_core::wire::Phase;
 
 /// Analog inputs.
+#[cfg(not(feature = "hil"))]
 #[derive(Clone, Copy)]
 pub enum Channel {
     /// Muscle pressure.
@@ -21,7 +22,7 @@ pub enum Channel {
 }
 
 /// A converter of 12 bits.
-#[cfg_attr(feature = "hil", allow(dead_code))]
+#[cfg(not(feature = "hil"))]
 pub trait Adc {
     /// One conversion, 0 to 4095. It blocks for the two microseconds that this takes; the watchdog
     /// ends a longer wait.

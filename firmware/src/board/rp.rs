@@ -60,9 +60,6 @@ fn main() -> ! {
     watchdog.start(supervisor::WATCHDOG);
     let [major, minor, patch] = link::FIRMWARE;
     defmt::info!("thermyo firmware {}.{}.{}", major, minor, patch);
-    if last_reset != LastReset::Power {
-        defmt::warn!("restarted: {}", defmt::Debug2Format(&last_reset));
-    }
 
     static TX: StaticCell<[u8; 512]> = StaticCell::new();
     static RX: StaticCell<[u8; 512]> = StaticCell::new();
@@ -241,12 +238,16 @@ impl BlackBox for Recorder {
 fn recall(watchdog: &mut Watchdog) -> LastReset {
     let phase = *PHASES.get(watchdog.get_scratch(PHASE) as usize).unwrap_or(&Phase::Starting);
     let detail = watchdog.get_scratch(DETAIL);
-    let last_reset = match (watchdog.reset_reason(), watchdog.get_scratch(CAUSE)) {
+    let cause = watchdog.get_scratch(CAUSE);
+    let last_reset = match (watchdog.reset_reason(), cause) {
         (Some(ResetReason::Forced), PANIC) => LastReset::Panic { line: detail, phase },
         (Some(ResetReason::Forced), HARD_FAULT) => LastReset::HardFault { address: detail, phase },
         (Some(ResetReason::TimedOut), _) => LastReset::Watchdog { phase },
         _ => LastReset::Power,
     };
+    if last_reset != LastReset::Power {
+        defmt::warn!("restarted in phase {=u32}, cause {=u32}", phase as u32, cause);
+    }
     watchdog.set_scratch(PHASE, Phase::Starting as u32);
     watchdog.set_scratch(CAUSE, 0);
     last_reset

@@ -1,22 +1,11 @@
-//! Where samples come from, and when.
+//! The board's own inputs, at every whole millisecond.
 
+use super::{STEP, Source};
 use crate::board::{Adc, Channel};
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Instant, Timer};
 use embedded_hal::digital::InputPin;
 use model_core::sample::OVERSAMPLING;
 use model_core::{AdcCode, Sample};
-
-/// Step of the board.
-pub const STEP: Duration = Duration::from_millis(1);
-
-/// Where samples come from.
-pub trait Source {
-    /// Waits until the next step is due and returns when that was, and how many steps were left out
-    /// since the one before; `None` when the wait was long and nothing is due.
-    async fn due(&mut self) -> Option<(Instant, u32)>;
-    /// The inputs of the step that is due.
-    fn sample(&mut self) -> Sample;
-}
 
 /// The board's own inputs, at every whole millisecond.
 pub struct Inputs<A, P> {
@@ -64,33 +53,5 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
             // A line that cannot be read is a line that is open.
             emergency_stop: !self.run_line.is_high().unwrap_or(false),
         }
-    }
-}
-
-/// The host's samples, one step for each.
-#[cfg(feature = "hil")]
-pub struct Host {
-    shared: &'static crate::shared::Shared,
-    sample: Sample,
-}
-
-#[cfg(feature = "hil")]
-impl Host {
-    /// Samples that the link leaves in `shared`.
-    pub fn new(shared: &'static crate::shared::Shared) -> Self {
-        Self { shared, sample: Sample::default() }
-    }
-}
-
-#[cfg(feature = "hil")]
-impl Source for Host {
-    async fn due(&mut self) -> Option<(Instant, u32)> {
-        let wait = Duration::from_millis(20);
-        self.sample = embassy_time::with_timeout(wait, self.shared.samples.receive()).await.ok()?;
-        Some((Instant::now(), 0))
-    }
-
-    fn sample(&mut self) -> Sample {
-        self.sample
     }
 }
