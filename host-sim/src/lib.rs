@@ -1,3 +1,5 @@
 //! Simulated plant, virtual board, scenarios and reports.
+pub mod board;
 pub mod plant;
+pub mod replay;
 pub mod scenario;
