@@ -76,7 +76,7 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
     let outcome = replay(&config, &rows).unwrap();
     assert_eq!((outcome.mismatches, outcome.first), (0, None));
     // The run was worth comparing: both valves moved, and the emergency stop vented.
-    let duties: std::collections::HashSet<_> = rows
+    let duties: std::collections::BTreeSet<_> = rows
         .iter()
         .map(|row| (row.telemetry.command.inlet, row.telemetry.command.outlet))
         .collect();

@@ -75,8 +75,8 @@ fn main() -> ! {
         uart_config,
     );
     let (tx, rx) = uart.split();
-    // Below control, so that no byte makes a step late.
-    interrupt::UART0_IRQ.set_priority(Priority::P2);
+    // Above control, whose step is longer than the receiver's buffer lasts.
+    interrupt::UART0_IRQ.set_priority(Priority::P0);
 
     #[cfg(not(feature = "hil"))]
     let source = source::Inputs::new(

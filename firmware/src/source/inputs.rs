@@ -2,10 +2,14 @@
 
 use super::{STEP, Source};
 use crate::board::{Adc, Channel};
-use embassy_time::{Instant, Timer};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_hal::digital::InputPin;
 use model_core::sample::OVERSAMPLING;
 use model_core::{AdcCode, Sample};
+
+/// The timer is set this much ahead, and the rest is waited for in place: the way from the timer's
+/// interrupt to the task takes some 14 us, and the line's interrupt may come in between.
+const LEAD: Duration = Duration::from_micros(30);
 
 /// The board's own inputs, at every whole millisecond.
 pub struct Inputs<A, P> {
@@ -39,8 +43,9 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
             self.due += STEP;
             missed += 1;
         }
-        Timer::at(self.due).await;
         let due = self.due;
+        Timer::at(due - LEAD).await;
+        while Instant::now() < due {}
         self.due += STEP;
         Some((due, missed))
     }
