@@ -50,6 +50,7 @@ export class Board {
     const watchdog = chip.peripherals[0x40058];
     watchdog.onWatchdogTrigger = () => {
       this.restart = true;
+      watchdog.alarm.enable = false; // or it would fire again and again at this instant
     };
 
     chip.adc.onADCRead = (channel) => this.convert(channel);

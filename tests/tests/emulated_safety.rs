@@ -52,7 +52,11 @@ fn time_to_vent(board: &mut EmulatedBoard, sample: &Sample) -> u32 {
 }
 
 fn last_telemetry(board: &mut EmulatedBoard, sample: &Sample) -> Telemetry {
-    (0..5).filter_map(|_| board.step(sample).unwrap().telemetry).last().unwrap()
+    board.take_telemetry();
+    for _ in 0..15 {
+        board.exchange(sample).unwrap();
+    }
+    *board.take_telemetry().last().unwrap()
 }
 
 #[test]

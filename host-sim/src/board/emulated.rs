@@ -9,8 +9,8 @@ use super::link::Link;
 use super::log::LogDecoder;
 use super::{Board, BoardError, BoardStep, image};
 use crate::plant::Actuation;
-use model_core::wire::{Answer, HostCommand, LastReset, PROTOCOL, Timing, Version};
-use model_core::{AdcCode, Config, Sample, SetPoint};
+use model_core::wire::{Answer, BAUD, HostCommand, LastReset, PROTOCOL, Timing, Version};
+use model_core::{AdcCode, Config, Sample, SetPoint, Telemetry};
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -21,8 +21,8 @@ const STEP_NS: u32 = 1_000_000;
 const LEAD_NS: u32 = 900_000;
 /// Exchanges after which a board that has not answered will not.
 const PATIENCE: u32 = 200;
-/// Largest number of bytes to the UART in one exchange.
-const CHUNK: usize = 60_000;
+/// Bytes to the UART in one exchange: what the line carries in it.
+const CHUNK: usize = (BAUD / 10_000) as usize;
 
 /// Healthy inputs, while nobody gives any.
 const IDLE: Sample = Sample {
@@ -146,6 +146,11 @@ impl EmulatedBoard {
     /// Bytes that the UART has sent since the last call, as they are.
     pub fn read(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.from_board)
+    }
+
+    /// Telemetry that has come since the last call, or the last step.
+    pub fn take_telemetry(&mut self) -> Vec<Telemetry> {
+        std::iter::from_fn(|| self.link.take_telemetry()).collect()
     }
 
     /// Lets something go wrong.
