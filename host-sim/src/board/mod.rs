@@ -5,6 +5,10 @@ pub mod emulated;
 pub mod image;
 pub mod link;
 mod log;
+#[cfg(unix)]
+pub mod pty;
+pub mod pwm;
+pub mod serial;
 
 use crate::plant::Actuation;
 use model_core::wire::{Chip, PROTOCOL, Refusal};
