@@ -51,7 +51,7 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
         });
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
-        .args(["build", "--release", "--locked", "--target", TARGET, "--target-dir"])
+        .args(["build", "--release", "--target", TARGET, "--target-dir"])
         .arg(&target_folder)
         .current_dir(root.join("firmware"))
         .stdin(Stdio::null());
