@@ -1,9 +1,7 @@
 //! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
 
 use crate::scenario::{Estimator, HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
-use model_core::config::{
-    Body, Config, EstimatorConfig, GasSensor, Load, PressureSensor, Reservoir, ValveDrive,
-};
+use model_core::config::{Body, Config, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive};
 use model_core::front_end::FrontEnd;
 use model_core::gas::Gas;
 use model_core::geometry::{Braid, Friction, Muscle};
@@ -95,10 +93,6 @@ pub fn core_config(believed: &Scenario) -> Config {
         drive: ValveDrive {
             period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
             minimum_pulse_s: s.valve.switch_time_s as f32,
-            // And the tube's and the sensor's settling, two steps.
-            closing_steps: ((s.valve.dead_time_s + s.valve.switch_time_s) / s.run.step_s + 2.0)
-                .ceil()
-                .clamp(1.0, 1000.0) as u16,
         },
         front_end: FrontEnd {
             pressure_range_pa: s.sensor.pressure.range_pa as f32,
@@ -111,7 +105,6 @@ pub fn core_config(believed: &Scenario) -> Config {
             time_constant_s: (s.sensor.gas.time_constant_s as f32).max(SHORTEST_LAG_S),
             noise_k: s.sensor.gas.noise_k as f32,
         },
-        pressure_sensor: PressureSensor { noise_pa: s.sensor.pressure.noise_pa as f32 },
         estimator: estimator(&s.estimator),
         // A hair below full scale, so that the limit acts before the sensor saturates.
         pressure_limit_pa: (0.985 * s.sensor.pressure.range_pa) as f32,
@@ -128,7 +121,6 @@ fn estimator(tuning: &Estimator) -> EstimatorConfig {
         lag_sd: tuning.lag_sd as f32,
         lag_drift: tuning.lag_drift as f32,
         sensor_bias_k: tuning.sensor_bias_k as f32,
-        heat_error: tuning.heat_error as f32,
     }
 }
 

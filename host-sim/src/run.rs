@@ -5,11 +5,11 @@
 //! ```
 
 use crate::adc::VirtualAdc;
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, BoardStep};
 use crate::core_config::core_config;
 use crate::faults::FaultyLines;
 use crate::measured::Measured;
-use crate::plant::{self, Actuation, BuildError, Diverged, Plant};
+use crate::plant::{self, BuildError, Diverged, Plant};
 use crate::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
 use crate::summary::{Accumulator, Ending, Summary};
@@ -112,6 +112,7 @@ pub fn run(
     let mut accumulator = Accumulator::new(scenario.run.duration_s, measured);
     let mut flows = MeanFlows::new(plant.as_ref());
     let mut step_flows = flows;
+    let mut latest = None;
     let started = Instant::now();
     board.start(&config, drive.at(0.0))?;
     for step in 0..=steps {
@@ -125,7 +126,15 @@ pub fn run(
             }
         }
         let sample = faults.apply(truth.time_s, adc.convert(&truth));
-        let telemetry = board.step(&sample)?;
+        let BoardStep { telemetry, actuation } = board.step(&sample)?;
+        // A board behind a line in real time may have nothing new to say of this step.
+        latest = telemetry.or(latest);
+        let Some(telemetry) = latest else {
+            if step < steps {
+                plant.advance(actuation)?;
+            }
+            continue;
+        };
         let logged = step % scenario.run.log_every == 0 || step == steps;
         if logged {
             let elapsed_s = truth.time_s - flows.time_s;
@@ -145,10 +154,7 @@ pub fn run(
             observer.row(&row).map_err(RunError::Output)?;
         }
         if step < steps {
-            plant.advance(Actuation {
-                inlet: f64::from(telemetry.command.inlet.share()),
-                outlet: f64::from(telemetry.command.outlet.share()),
-            })?;
+            plant.advance(actuation)?;
         }
     }
     Ok(accumulator.finish(Ending {

@@ -34,8 +34,6 @@ pub struct Config {
     pub front_end: FrontEnd,
     /// The gas sensor's element.
     pub gas_sensor: GasSensor,
-    /// The pressure sensor.
-    pub pressure_sensor: PressureSensor,
     /// Estimator tuning.
     pub estimator: EstimatorConfig,
     /// Above this absolute pressure the supervisor vents \[Pa\].
@@ -87,8 +85,6 @@ pub struct ValveDrive {
     pub period_steps: u16,
     /// Shortest opening that the valve still follows \[s\].
     pub minimum_pulse_s: f32,
-    /// Steps after the end of a PWM period in which a valve was driven until it is surely shut \[-\].
-    pub closing_steps: u16,
 }
 
 /// The gas sensor's element.
@@ -98,13 +94,6 @@ pub struct GasSensor {
     pub time_constant_s: f32,
     /// Noise of one conversion, standard deviation \[K\].
     pub noise_k: f32,
-}
-
-/// The pressure sensor.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct PressureSensor {
-    /// Noise of one conversion, standard deviation \[Pa\].
-    pub noise_pa: f32,
 }
 
 /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
@@ -126,8 +115,6 @@ pub struct EstimatorConfig {
     pub lag_drift: f32,
     /// Error of the sensor's reading that averaging does not remove (non-linearity) \[K\].
     pub sensor_bias_k: f32,
-    /// Relative error of the heat transfer's model that one closed stretch shows anew \[-\].
-    pub heat_error: f32,
 }
 
 impl Default for EstimatorConfig {
@@ -141,7 +128,6 @@ impl Default for EstimatorConfig {
             lag_sd: 0.05,
             lag_drift: 0.0005,
             sensor_bias_k: 1.0,
-            heat_error: 0.3,
         }
     }
 }
@@ -175,7 +161,7 @@ impl Default for Config {
             },
             load: Load::Isotonic { force_n: 100.0 },
             valve: Valve { conductance_m3_s_pa: 4.0e-9, critical_ratio: 0.3 },
-            drive: ValveDrive { period_steps: 10, minimum_pulse_s: 0.002, closing_steps: 5 },
+            drive: ValveDrive { period_steps: 10, minimum_pulse_s: 0.002 },
             front_end: FrontEnd {
                 pressure_range_pa: 700_000.0,
                 length_range_m: 0.4,
@@ -184,7 +170,6 @@ impl Default for Config {
                 wide_code_lsb: 8.9,
             },
             gas_sensor: GasSensor { time_constant_s: 3.0, noise_k: 0.05 },
-            pressure_sensor: PressureSensor { noise_pa: 150.0 },
             estimator: EstimatorConfig::default(),
             pressure_limit_pa: 0.985 * 700_000.0,
         }
@@ -269,7 +254,6 @@ impl Config {
         within("valve.critical_ratio", self.valve.critical_ratio, 0.01, 0.99)?;
         within("valve.period_steps", f32::from(self.drive.period_steps), 1.0, 1000.0)?;
         within("valve.minimum_pulse_s", self.drive.minimum_pulse_s, 0.0, 0.1)?;
-        within("valve.closing_steps", f32::from(self.drive.closing_steps), 1.0, 1000.0)?;
         let front_end = &self.front_end;
         within("sensor.pressure.range_pa", front_end.pressure_range_pa, 1.0e3, 1.0e9)?;
         within("sensor.length.range_m", front_end.length_range_m, 0.001, 100.0)?;
@@ -278,7 +262,6 @@ impl Config {
         within("adc.wide_code_lsb", front_end.wide_code_lsb, 0.0, 100.0)?;
         within("sensor.gas.time_constant_s", self.gas_sensor.time_constant_s, 0.001, 1.0e3)?;
         within("sensor.gas.noise_k", self.gas_sensor.noise_k, 0.0, 100.0)?;
-        within("sensor.pressure.noise_pa", self.pressure_sensor.noise_pa, 0.0, 1.0e8)?;
         let estimator = &self.estimator;
         for (field, value) in [
             ("estimator.initial_sd_k", estimator.initial_sd_k),
@@ -289,7 +272,6 @@ impl Config {
             ("estimator.lag_sd", estimator.lag_sd),
             ("estimator.lag_drift", estimator.lag_drift),
             ("estimator.sensor_bias_k", estimator.sensor_bias_k),
-            ("estimator.heat_error", estimator.heat_error),
         ] {
             within(field, value, 0.0, 100.0)?;
         }

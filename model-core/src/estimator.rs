@@ -33,15 +33,11 @@
 use crate::body::Shape;
 use crate::config::Config;
 use crate::front_end::{CodeSum, Converter};
-use crate::math::{CompensatedSum, limit, sqrt};
+use crate::math::{CompensatedSum, exp, limit, sqrt};
 use crate::sample::{AdcCode, Estimate};
 
 /// Steps per update of the covariance and of the sensor's correction.
 pub const INTERVAL_STEPS: u16 = 20;
-/// Readings of the heat further off than this many standard deviations are not believed.
-const GATE: f32 = 3.0;
-/// Fewer closed steps than this in an interval say more of the noise than of the heat.
-const SHORTEST_CLOSED_STEPS: u16 = 3;
 
 /// What the estimator needs to know of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,12 +48,10 @@ pub struct Measurement {
     pub length_m: f32,
     /// Raw code of the gas sensor; `None` while the sensor is not to be trusted.
     pub gas: Option<AdcCode>,
-    /// The inlet has been driven in this PWM period or the one before.
+    /// The inlet has been driven lately.
     pub charging: bool,
-    /// The outlet has been driven in this PWM period or the one before.
+    /// The outlet has been driven lately.
     pub discharging: bool,
-    /// Both valves have had the time to shut.
-    pub shut: bool,
 }
 
 /// Covariance of the five errors: upper triangle, named by row and column.
@@ -78,16 +72,6 @@ struct Covariance {
     scale_scale: f32,
     scale_lag: f32,
     lag_lag: f32,
-}
-
-/// One column of P H^T.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Column {
-    gas: f32,
-    wall: f32,
-    sensor: f32,
-    scale: f32,
-    lag: f32,
 }
 
 /// Linearised error dynamics over one interval: the entries that differ from the identity.
@@ -127,20 +111,6 @@ struct Interval {
     heat_j: f32,
     readings: CodeSum,
     flowing_steps: u16,
-    closed: ClosedSum,
-}
-
-/// Sums over the steps in which both valves were shut: then the gas loses what the wall gains, and
-/// pressure and volume tell how much.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct ClosedSum {
-    steps: u16,
-    /// Stretches of such steps; each brings the noise of its two ends.
-    stretches: u16,
-    /// -(V dP/(k-1) + k/(k-1) P dV): heat lost by what pressure and volume did \[J\].
-    measured_j: f32,
-    /// h A (T - T_w) dt: heat lost by the model \[J\].
-    expected_j: f32,
 }
 
 /// What the end of an interval leaves for the first steps of the next one.
@@ -151,20 +121,6 @@ struct Pending {
     /// Mean gas temperature of the interval \[K\].
     gas_k: f32,
     innovation_k: Option<f32>,
-    heat: Option<HeatReading>,
-}
-
-/// What the closed steps of an interval say of the heat transfer.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct HeatReading {
-    /// Heat measured less heat expected \[J\].
-    innovation_j: f32,
-    /// Its variance \[J2\].
-    variance_j2: f32,
-    /// Its derivatives: by u, by the wall's temperature \[J/K\], by the scale.
-    by_gas: f32,
-    by_wall: f32,
-    by_scale: f32,
 }
 
 /// M = F P: the rows that F changes, without the entries that P' = M F^T does not ask for.
@@ -210,10 +166,7 @@ pub struct Estimator {
     volume_m3: f32,
     // Since the last interval.
     length_m: f32,
-    /// Conductance to the wall while gas flows and while it does not \[W/K\].
-    flowing_w_k: f32,
-    still_w_k: f32,
-    shut: bool,
+    wall_w_k: f32,
     interval: Interval,
     pending: Pending,
     started: bool,
@@ -251,9 +204,7 @@ impl Estimator {
             pressure_pa: 0.0,
             volume_m3: 0.0,
             length_m: 0.0,
-            flowing_w_k: 0.0,
-            still_w_k: 0.0,
-            shut: false,
+            wall_w_k: 0.0,
             interval: Interval::default(),
             pending: Pending::default(),
             started: false,
@@ -287,7 +238,7 @@ impl Estimator {
         self.advance_covariance(measurement.length_m);
     }
 
-    /// The work of an interval, spread over five of its steps and kept clear of those in which the
+    /// The work of an interval, spread over four of its steps and kept clear of those in which the
     /// valves' PWM period ends (multiples of ten) and the controller has its own to do.
     fn advance_covariance(&mut self, length_m: f32) {
         match self.interval.steps {
@@ -299,11 +250,6 @@ impl Estimator {
             4 => {
                 if let Some(innovation_k) = self.pending.innovation_k.take() {
                     self.correct(innovation_k);
-                }
-            }
-            5 => {
-                if let Some(reading) = self.pending.heat.take() {
-                    self.correct_heat(&reading);
                 }
             }
             INTERVAL_STEPS => self.end_interval(length_m),
@@ -325,7 +271,7 @@ impl Estimator {
         self.volume_m3 = volume_m3;
         self.length_m = measurement.length_m;
         self.started = true;
-        self.update_conductance(self.shape.surface_m2(measurement.length_m), 0.0);
+        self.update_conductance(0.0);
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
@@ -334,30 +280,14 @@ impl Estimator {
         let mean_pressure_pa = 0.5 * (pressure_pa + self.pressure_pa);
         let product_change = pressure_pa * volume_m3 - self.pressure_pa * self.volume_m3;
         let work_j = mean_pressure_pa * (volume_m3 - self.volume_m3);
-        let wall_w_k = if measurement.shut { self.still_w_k } else { self.flowing_w_k };
-        let heat_j = wall_w_k * (self.gas_k - self.wall_k) * step_s;
+        let heat_j = self.wall_w_k * (self.gas_k - self.wall_k) * step_s;
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.interval.steps += 1;
         self.interval.heat_j += heat_j;
-        // (3), (4): what the gas gained that neither heat nor work explain.
-        let gain_j = product_change * self.per_k_minus_1 + work_j;
-        if measurement.shut {
-            let closed = &mut self.interval.closed;
-            closed.steps += 1;
-            closed.measured_j -= gain_j;
-            closed.expected_j += heat_j;
-            if !self.shut || closed.stretches == 0 {
-                closed.stretches += 1;
-            }
-        } else {
-            self.interval.flowing_steps += 1;
-        }
-        self.shut = measurement.shut;
-        // Between two pulses the balance goes on although the valves are shut: the pressure's noise
-        // at the ends of a pulse would otherwise stay in the mass, pulse by pulse.
         if measurement.charging || measurement.discharging {
-            let enthalpy_j = gain_j + heat_j;
+            // (3), (4) solved for the enthalpy that crossed the port.
+            let enthalpy_j = product_change * self.per_k_minus_1 + work_j + heat_j;
             // The direction comes from the duties where they are one-sided: the noise of a
             // difference of pressures would be rectified.
             let entering = if measurement.charging && measurement.discharging {
@@ -368,6 +298,7 @@ impl Estimator {
             let port_k = if entering { self.config.supply.temperature_k } else { self.gas_k };
             let change_kg = enthalpy_j * self.per_cp / port_k;
             self.mass_kg.add(change_kg);
+            self.interval.flowing_steps += 1;
             if entering {
                 self.interval.inflow_kg += change_kg;
             }
@@ -382,12 +313,10 @@ impl Estimator {
         limit(product / self.mass_kg.value(), 100.0, 1000.0)
     }
 
-    /// Heat transfer for the coming interval, from the length and the inflow of the last one. The
-    /// inflow is its mean over the steps in which gas flowed: a jet stirs while it lasts.
-    fn update_conductance(&mut self, surface_m2: f32, inflow_kg_s: f32) {
-        let heat = &self.config.heat;
-        self.still_w_k = self.scale * heat.inner_w_k(surface_m2, 0.0);
-        self.flowing_w_k = self.scale * heat.inner_w_k(surface_m2, inflow_kg_s);
+    /// Heat transfer for the coming interval, from the length and the inflow of the last one.
+    fn update_conductance(&mut self, inflow_kg_s: f32) {
+        let surface_m2 = self.shape.surface_m2(self.length_m);
+        self.wall_w_k = self.scale * self.config.heat.inner_w_k(surface_m2, inflow_kg_s);
     }
 
     fn end_interval(&mut self, length_m: f32) {
@@ -405,10 +334,10 @@ impl Estimator {
         let outer_share = heat.outer_w_k(surface_m2, speed_m_s) * duration_s * per_wall;
         let friction_j = self.config.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s;
         let lag_share = duration_s / (self.lag_s + 0.5 * duration_s);
-        let flowing_s = f32::from(interval.flowing_steps) * self.config.step_s;
-        let inner_j_k = self.flowing_w_k * flowing_s + self.still_w_k * (duration_s - flowing_s);
+        let inner_j_k = self.wall_w_k * duration_s;
+        let flowing = f32::from(interval.flowing_steps) / steps;
         let per_mass = 1.0 / self.mass_kg.value();
-        let exchange = self.flowing_w_k * flowing_s * per_mass * self.per_cp;
+        let exchange = inner_j_k * per_mass * self.per_cp * flowing;
         self.pending.gas_k = gas_k;
         self.pending.transition = Transition {
             gas_gas: -limit(exchange + interval.inflow_kg * per_mass, -0.9, 0.9),
@@ -425,9 +354,8 @@ impl Estimator {
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
         let sensor_change_k = lag_share * (gas_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
-        self.pending.heat = self.heat_reading(&interval.closed, gas_k);
-        let inflow_kg_s = if flowing_s > 0.0 { interval.inflow_kg / flowing_s } else { 0.0 };
-        self.update_conductance(surface_m2, inflow_kg_s);
+        let inflow_kg_s = interval.inflow_kg / duration_s;
+        self.wall_w_k = self.scale * heat.inner_w_k(surface_m2, inflow_kg_s);
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag.
@@ -450,86 +378,37 @@ impl Estimator {
         p.limit();
     }
 
-    /// What the shut valves have shown of the heat transfer, if they were shut long enough.
-    fn heat_reading(&self, closed: &ClosedSum, gas_k: f32) -> Option<HeatReading> {
-        if closed.steps < SHORTEST_CLOSED_STEPS {
-            return None;
-        }
-        let noise_pa = self.config.pressure_sensor.noise_pa;
-        let noise_j = noise_pa * self.volume_m3 * self.per_k_minus_1;
-        let model_j = self.config.estimator.heat_error * closed.expected_j;
-        // Two ends per stretch, each the sum of eight conversions.
-        let variance_j2 =
-            noise_j * noise_j * f32::from(closed.stretches) * (2.0 / 8.0) + model_j * model_j;
-        let conductance_j_k = self.still_w_k * f32::from(closed.steps) * self.config.step_s;
-        Some(HeatReading {
-            innovation_j: closed.measured_j - closed.expected_j,
-            variance_j2,
-            by_gas: conductance_j_k * gas_k,
-            by_wall: -conductance_j_k,
-            by_scale: closed.expected_j / self.scale,
-        })
-    }
-
     /// Kalman update with the innovation of one interval's readings of the gas sensor.
-    fn correct(&mut self, innovation_k: f32) {
+    fn correct(&mut self, innovation: f32) {
         let noise_k = self.config.gas_sensor.noise_k;
         let bias_k = self.config.estimator.sensor_bias_k;
         // What is left of the noise after averaging eight conversions over an interval; the bias
         // is the same in every reading of a second or so, and is counted as if it were.
         let readings_per_second = 1.0 / (f32::from(INTERVAL_STEPS) * self.config.step_s);
-        let variance_k2 = noise_k * noise_k / (8.0 * f32::from(INTERVAL_STEPS))
+        let variance = noise_k * noise_k / (8.0 * f32::from(INTERVAL_STEPS))
             + bias_k * bias_k * readings_per_second;
-        let p = &self.covariance;
-        let column = Column {
-            gas: p.gas_sensor,
-            wall: p.wall_sensor,
-            sensor: p.sensor_sensor,
-            scale: p.sensor_scale,
-            lag: p.sensor_lag,
-        };
-        let variance_k2 = p.sensor_sensor + variance_k2;
-        self.update(&column, innovation_k, variance_k2);
-    }
+        let p = self.covariance;
+        let per_s = 1.0 / (p.sensor_sensor + variance);
+        let [gas, wall, sensor, scale, lag] = [
+            p.gas_sensor * per_s,
+            p.wall_sensor * per_s,
+            p.sensor_sensor * per_s,
+            p.sensor_scale * per_s,
+            p.sensor_lag * per_s,
+        ];
+        self.covariance.reduce(gas, wall, scale, lag, variance * per_s);
 
-    /// Kalman update with the heat that passed while the valves were shut.
-    fn correct_heat(&mut self, reading: &HeatReading) {
-        let p = &self.covariance;
-        let of = |gas: f32, wall: f32, scale: f32| {
-            reading.by_gas * gas + reading.by_wall * wall + reading.by_scale * scale
-        };
-        let column = Column {
-            gas: of(p.gas_gas, p.gas_wall, p.gas_scale),
-            wall: of(p.gas_wall, p.wall_wall, p.wall_scale),
-            sensor: of(p.gas_sensor, p.wall_sensor, p.sensor_scale),
-            scale: of(p.gas_scale, p.wall_scale, p.scale_scale),
-            lag: of(p.gas_lag, p.wall_lag, p.scale_lag),
-        };
-        let variance_j2 = of(column.gas, column.wall, column.scale) + reading.variance_j2;
-        // A step of the ADC's curve, or a valve that was not shut after all, is no heat.
-        let innovation_j2 = reading.innovation_j * reading.innovation_j;
-        if innovation_j2 < GATE * GATE * variance_j2 {
-            self.update(&column, reading.innovation_j, variance_j2);
-        }
-    }
-
-    /// Kalman update: `column` is P H^T, `variance` H P H^T + R.
-    fn update(&mut self, column: &Column, innovation: f32, variance: f32) {
-        let per_variance = 1.0 / variance;
-        let weight = innovation * per_variance;
-        self.covariance.reduce(column, per_variance);
         // u = dT/T = -dm/m
-        let relative = limit(column.gas * weight, -0.05, 0.05);
+        let relative = limit(gas * innovation, -0.05, 0.05);
         self.mass_kg = CompensatedSum::new(self.mass_kg.value() / (1.0 + relative));
         self.gas_k = self.temperature_k();
-        self.wall_k = limit(self.wall_k + column.wall * weight, 100.0, 1000.0);
-        self.sensor_k = limit(self.sensor_k + column.sensor * weight, 100.0, 1000.0);
-        self.scale = limit(self.scale + column.scale * weight, 0.2, 5.0);
-        let nominal_lag_s = self.config.gas_sensor.time_constant_s;
+        self.wall_k = limit(self.wall_k + wall * innovation, 100.0, 1000.0);
+        self.sensor_k += sensor * innovation;
+        self.scale = limit(self.scale + scale * innovation, 0.2, 5.0);
         self.lag_s = limit(
-            self.lag_s * (1.0 + limit(column.lag * weight, -0.1, 0.1)),
-            0.2 * nominal_lag_s,
-            5.0 * nominal_lag_s,
+            self.lag_s * exp(limit(lag * innovation, -0.1, 0.1)),
+            0.2 * self.config.gas_sensor.time_constant_s,
+            5.0 * self.config.gas_sensor.time_constant_s,
         );
         self.gas_sd_k = self.gas_k * sqrt(self.covariance.gas_gas);
     }
@@ -575,31 +454,25 @@ impl Covariance {
         self.sensor_lag = m.sensor_lag;
     }
 
-    /// P' = P - c c^T/S with c = P H^T and S the innovation's variance.
-    fn reduce(&mut self, c: &Column, per_variance: f32) {
-        let k = Column {
-            gas: c.gas * per_variance,
-            wall: c.wall * per_variance,
-            sensor: c.sensor * per_variance,
-            scale: c.scale * per_variance,
-            lag: c.lag * per_variance,
-        };
-        self.gas_gas -= k.gas * c.gas;
-        self.gas_wall -= k.gas * c.wall;
-        self.gas_sensor -= k.gas * c.sensor;
-        self.gas_scale -= k.gas * c.scale;
-        self.gas_lag -= k.gas * c.lag;
-        self.wall_wall -= k.wall * c.wall;
-        self.wall_sensor -= k.wall * c.sensor;
-        self.wall_scale -= k.wall * c.scale;
-        self.wall_lag -= k.wall * c.lag;
-        self.sensor_sensor -= k.sensor * c.sensor;
-        self.sensor_scale -= k.sensor * c.scale;
-        self.sensor_lag -= k.sensor * c.lag;
-        self.scale_scale -= k.scale * c.scale;
-        self.scale_lag -= k.scale * c.lag;
-        self.lag_lag -= k.lag * c.lag;
-        self.limit();
+    /// P' = (I - K H) P for a reading of the sensor; `rest` = R/(P_ss + R), so that the sensor's
+    /// own entries shrink by a product and never by a difference.
+    fn reduce(&mut self, gas: f32, wall: f32, scale: f32, lag: f32, rest: f32) {
+        let p = *self;
+        self.gas_gas -= gas * p.gas_sensor;
+        self.gas_wall -= gas * p.wall_sensor;
+        self.gas_scale -= gas * p.sensor_scale;
+        self.gas_lag -= gas * p.sensor_lag;
+        self.wall_wall -= wall * p.wall_sensor;
+        self.wall_scale -= wall * p.sensor_scale;
+        self.wall_lag -= wall * p.sensor_lag;
+        self.scale_scale -= scale * p.sensor_scale;
+        self.scale_lag -= scale * p.sensor_lag;
+        self.lag_lag -= lag * p.sensor_lag;
+        self.gas_sensor *= rest;
+        self.wall_sensor *= rest;
+        self.sensor_sensor *= rest;
+        self.sensor_scale *= rest;
+        self.sensor_lag *= rest;
     }
 
     /// Variances stay positive and bounded.

@@ -1,7 +1,7 @@
 //! The core: one [`Sample`] in, one [`Telemetry`] with its [`Command`] out, once per fixed step.
 
 use crate::body::Shape;
-use crate::config::{Config, ConfigError, Load, ValveDrive};
+use crate::config::{Config, ConfigError, Load};
 use crate::control::{Controller, Feedback};
 use crate::estimator::{Estimator, Measurement};
 use crate::front_end::Converter;
@@ -18,30 +18,10 @@ pub struct Core {
     estimator: Estimator,
     controller: Controller,
     command: Command,
-    inlet: Passage,
-    outlet: Passage,
+    /// Steps for which the inlet, and the outlet, may still pass gas after their last duty.
+    inlet_steps: u16,
+    outlet_steps: u16,
     step: u32,
-}
-
-/// What a valve may still let pass after it was driven.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Passage {
-    /// Steps until it is surely shut.
-    open_steps: u16,
-    /// Steps for which it counts as driven lately.
-    recent_steps: u16,
-}
-
-impl Passage {
-    fn drive(&mut self, duty: Duty, drive: &ValveDrive) {
-        if duty > Duty::ZERO {
-            self.open_steps = drive.closing_steps;
-            self.recent_steps = drive.closing_steps.saturating_add(drive.period_steps);
-        } else {
-            self.open_steps = self.open_steps.saturating_sub(1);
-            self.recent_steps = self.recent_steps.saturating_sub(1);
-        }
-    }
 }
 
 impl Core {
@@ -59,8 +39,8 @@ impl Core {
             estimator: Estimator::new(config),
             controller: Controller::new(config),
             command: Command::VENT,
-            inlet: Passage::default(),
-            outlet: Passage::default(),
+            inlet_steps: 0,
+            outlet_steps: 0,
             step: 0,
         })
     }
@@ -101,12 +81,16 @@ impl Core {
             pressure_pa,
             length_m,
             gas: (!faults.intersects(Faults::GAS_SENSOR)).then_some(sample.gas),
-            charging: self.inlet.recent_steps > 0,
-            discharging: self.outlet.recent_steps > 0,
-            shut: self.inlet.open_steps == 0 && self.outlet.open_steps == 0,
+            charging: self.inlet_steps > 0,
+            discharging: self.outlet_steps > 0,
         });
-        self.inlet.drive(command.inlet, &self.config.drive);
-        self.outlet.drive(command.outlet, &self.config.drive);
+        // A pulse ends late, at most one PWM period after its duty.
+        let period = self.config.drive.period_steps;
+        let passing = |duty: Duty, steps: u16| {
+            if duty > Duty::ZERO { period.saturating_add(1) } else { steps.saturating_sub(1) }
+        };
+        self.inlet_steps = passing(command.inlet, self.inlet_steps);
+        self.outlet_steps = passing(command.outlet, self.outlet_steps);
         self.command = command;
         let telemetry = Telemetry {
             step: self.step,

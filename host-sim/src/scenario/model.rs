@@ -624,8 +624,6 @@ pub struct Estimator {
     pub lag_drift: f64,
     /// Error of the sensor's reading that averaging over a second does not remove \[K\].
     pub sensor_bias_k: f64,
-    /// Relative error of the heat transfer's model that one closed stretch shows anew \[-\].
-    pub heat_error: f64,
 }
 
 impl Default for Estimator {
@@ -639,7 +637,6 @@ impl Default for Estimator {
             lag_sd: 0.05,
             lag_drift: 0.0005,
             sensor_bias_k: 1.0,
-            heat_error: 0.3,
         }
     }
 }

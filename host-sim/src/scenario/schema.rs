@@ -519,7 +519,6 @@ pub static TABLES: &[Table] = &[
             real("lag_sd", "", TUNING, "logarithm of the sensor's lag at the start"),
             real("lag_drift", "", TUNING, "drift of the logarithm of the sensor's lag"),
             real("sensor_bias_k", "K", TUNING, "error that a second of readings keeps"),
-            real("heat_error", "", TUNING, "relative error of the heat model per closed stretch"),
         ],
     },
     Table { name: "controller", meaning: "controller tuning", believed: true, keys: &[] },
