@@ -4,7 +4,7 @@ use super::BoardError;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
-use std::{env, fs};
+use std::{env, fs, io};
 
 /// Target of the RP2040.
 const TARGET: &str = "thumbv6m-none-eabi";
@@ -45,10 +45,7 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     let root = workspace();
     let target_folder = env::var_os("CARGO_TARGET_DIR")
         .map_or_else(|| root.join("target"), PathBuf::from)
-        .join(match variant {
-            Variant::Standard => "firmware",
-            Variant::Hil => "firmware-hil",
-        });
+        .join("firmware");
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
         .args(["build", "--release", "--target", TARGET, "--target-dir"])
@@ -69,7 +66,18 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     let output =
         cargo.output().map_err(|error| BoardError::Build { message: error.to_string() })?;
     if output.status.success() {
-        return Ok(target_folder.join(TARGET).join("release").join("firmware"));
+        // The variants share the folder, and with it what they are built of; each image gets a place
+        // of its own, at once whole.
+        let build_error = |error: io::Error| BoardError::Build { message: error.to_string() };
+        let image = target_folder.join(match variant {
+            Variant::Standard => "firmware.elf",
+            Variant::Hil => "firmware-hil.elf",
+        });
+        let copy = image.with_extension(format!("{}.part", std::process::id()));
+        fs::copy(target_folder.join(TARGET).join("release").join("firmware"), &copy)
+            .and_then(|_| fs::rename(&copy, &image))
+            .map_err(build_error)?;
+        return Ok(image);
     }
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     if message.contains("can't find crate for `core`")
