@@ -12,6 +12,9 @@ const ADC_NANOS = 2000;
 const BRANCH_TO_ITSELF = 0xe7fe;
 const INLET_COIL = 16;
 const OUTLET_COIL = 17;
+/** GPIO function (datasheet 2.19.2) and enable bit of the PWM slices. */
+const FUNCTION_PWM = 4;
+const PWM_ENABLE = 1;
 const RUN_LINE = 14;
 const FAULT_OUTPUT = 15;
 const LED = 25;
@@ -127,6 +130,20 @@ export class Board {
 
   pin(number) {
     return this.chip.gpio[number].value === GPIOPinState.High;
+  }
+
+  /** Share of the PWM period for which a coil is set to be powered: what the timer's registers say. */
+  duty(number) {
+    const channel = this.chip.pwm.channels[(number >> 1) & 7];
+    if (this.chip.gpio[number].functionSelect !== FUNCTION_PWM || !(channel.csr & PWM_ENABLE)) {
+      return this.pin(number) ? 1 : 0;
+    }
+    const compare = number & 1 ? channel.cc >>> 16 : channel.cc & 0xffff;
+    return Math.min(1, compare / (channel.top + 1));
+  }
+
+  get duties() {
+    return [INLET_COIL, OUTLET_COIL].map((number) => this.duty(number));
   }
 
   get pins() {

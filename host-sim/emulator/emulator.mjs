@@ -5,8 +5,8 @@
 //           (1: run line high, 2: converter stalled, 4: hang the control task now); u16 count and
 //           bytes for the UART
 // response: u32 nanoseconds that the inlet's and the outlet's coil were powered; u32 cycles in which the
-//           core did not sleep; u32 restarts by the watchdog so far; u8 pins (1: fault output, 2: LED);
-//           u16 count and bytes from the UART; u16 count and bytes of the log (defmt over RTT)
+//           core did not sleep; u32 restarts by the watchdog so far; u16 duties that inlet's and outlet's
+//           coil are set to, in 1/65535; u8 pins (1: fault output, 2: LED); u16 count and bytes from the UART; u16 count and bytes of the log (defmt over RTT)
 //
 // The first response comes of its own accord, when the image is in place.
 
@@ -61,15 +61,16 @@ function respond() {
   const uart = board.uartBytes;
   board.uartBytes = [];
   const log = board.takeLog();
-  const response = Buffer.alloc(17 + 2 + uart.length + 2 + log.length);
+  const response = Buffer.alloc(21 + 2 + uart.length + 2 + log.length);
   board.coils.forEach((coil, i) => response.writeUInt32LE(Math.round(coil.total), 4 * i));
   response.writeUInt32LE(board.busyCycles >>> 0, 8);
   response.writeUInt32LE(board.resets, 12);
-  response[16] = board.pins;
-  response.writeUInt16LE(uart.length, 17);
-  response.set(uart, 19);
-  response.writeUInt16LE(log.length, 19 + uart.length);
-  log.copy(response, 21 + uart.length);
+  board.duties.forEach((duty, i) => response.writeUInt16LE(Math.round(duty * 65535), 16 + 2 * i));
+  response[20] = board.pins;
+  response.writeUInt16LE(uart.length, 21);
+  response.set(uart, 23);
+  response.writeUInt16LE(log.length, 23 + uart.length);
+  log.copy(response, 25 + uart.length);
   board.busyCycles = 0;
   let written = 0;
   while (written < response.length) {

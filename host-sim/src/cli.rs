@@ -2,11 +2,15 @@
 //!
 //! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
 
-use crate::board::CoreBoard;
+use crate::board::emulated::EmulatedBoard;
+use crate::board::serial::SerialBoard;
+use crate::board::{Board, BoardError, CoreBoard};
 use crate::evaluate;
 use crate::input::InputError;
 use crate::measured::Measured;
+use crate::monitor;
 use crate::output::OutputDir;
+use crate::replay;
 use crate::report::run_page::RunRecorder;
 use crate::reproduce;
 use crate::run::{self, RunError};
@@ -37,6 +41,21 @@ enum Task {
     Reproduce(ReproduceArgs),
     /// Runs a scenario
     Run(RunArgs),
+    /// Recorded samples through the core again, compared to the bit
+    Replay {
+        /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
+        trace: PathBuf,
+        #[command(flatten)]
+        board: BoardArgs,
+    },
+    /// Live view and recording of a flashed board; q ends it
+    Monitor {
+        /// Serial port, such as /dev/ttyACM0
+        port: String,
+        /// Folder for trace.csv [default: out/monitor]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Measures the project's own targets and prints a table of target and figure
     Evaluate {
         /// What to evaluate
@@ -78,9 +97,8 @@ struct RunArgs {
     scenario: PathBuf,
     #[command(flatten)]
     output: OutputArgs,
-    /// Where the core runs
-    #[arg(long, value_enum, default_value_t = BoardKind::Core)]
-    board: BoardKind,
+    #[command(flatten)]
+    board: BoardArgs,
     /// Measurements to compare with: time_s and any columns of trace.csv
     #[arg(long, value_name = "FILE.csv")]
     measured: Option<PathBuf>,
@@ -92,10 +110,50 @@ enum Subject {
     Estimator,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Args)]
+struct BoardArgs {
+    /// Where the core runs: "core" (in this process), "emulated" (the firmware on an emulated
+    /// RP2040) or "serial:PORT" (a flashed board, firmware built with its feature `hil`)
+    #[arg(long, value_name = "BOARD", default_value = "core", value_parser = board_kind)]
+    board: BoardKind,
+    /// Image for the emulated board, ELF or UF2 [default: the firmware of this checkout]
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone)]
 enum BoardKind {
-    /// In this process
     Core,
+    Emulated,
+    Serial(String),
+}
+
+fn board_kind(text: &str) -> Result<BoardKind, String> {
+    match (text, text.strip_prefix("serial:")) {
+        ("core", _) => Ok(BoardKind::Core),
+        ("emulated", _) => Ok(BoardKind::Emulated),
+        (_, Some(port)) if !port.is_empty() => Ok(BoardKind::Serial(port.to_owned())),
+        _ => Err("must be core, emulated or serial:PORT".to_owned()),
+    }
+}
+
+impl BoardArgs {
+    fn open(&self) -> Result<Box<dyn Board>, Failure> {
+        let board: Result<Box<dyn Board>, BoardError> = match (&self.board, &self.image) {
+            (BoardKind::Core, None) => return Ok(Box::new(CoreBoard::default())),
+            (BoardKind::Emulated, None) => EmulatedBoard::new().map(|board| Box::new(board) as _),
+            (BoardKind::Emulated, Some(image)) => {
+                EmulatedBoard::with_image(image).map(|board| Box::new(board) as _)
+            }
+            (BoardKind::Serial(port), None) => {
+                SerialBoard::open(port).map(|board| Box::new(board) as _)
+            }
+            (BoardKind::Core | BoardKind::Serial(_), Some(_)) => {
+                return Err(Failure::Usage("--image goes with --board emulated only".to_owned()));
+            }
+        };
+        board.map_err(Failure::Board)
+    }
 }
 
 /// Why the command does not end with 0.
@@ -103,6 +161,10 @@ enum BoardKind {
 enum Failure {
     /// Exit 2.
     Input(InputError),
+    /// Exit 2: arguments that do not go together.
+    Usage(String),
+    /// Exit 2: the board cannot be used.
+    Board(BoardError),
     /// Exit 1.
     Run(RunError),
     /// Exit 1: it ran, and a stated check did not hold.
@@ -113,6 +175,8 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(error) => error.fmt(f),
+            Self::Usage(what) => f.write_str(what),
+            Self::Board(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
             Self::Check(what) => f.write_str(what),
         }
@@ -128,7 +192,10 @@ impl From<InputError> for Failure {
 impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Input(_) | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
+            Self::Input(_)
+            | Self::Usage(_)
+            | Self::Board(_)
+            | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
             Self::Run(_) | Self::Check(_) => 1,
         }
     }
@@ -158,6 +225,11 @@ pub fn run<A: Into<OsString> + Clone>(
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
         Task::Reproduce(args) => reproduce_command(&args, out),
         Task::Run(args) => run_command(&args, out),
+        Task::Replay { trace, board } => replay_command(&trace, &board, out),
+        Task::Monitor { port, out: folder } => {
+            let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
+            monitor::run(&port, &folder.join("trace.csv")).map_err(Failure::Board)
+        }
         Task::Evaluate { what, scenario } => evaluate_command(what, scenario.as_deref(), out),
         Task::Check { scenario } => check_command(&scenario, out),
     };
@@ -173,6 +245,27 @@ pub fn run<A: Into<OsString> + Clone>(
 fn check_command(path: &Path, out: &mut dyn Write) -> Result<(), Failure> {
     let loaded = scenario::load(path)?;
     print(out, &scenario::render(&loaded))
+}
+
+fn replay_command(trace: &Path, board: &BoardArgs, out: &mut dyn Write) -> Result<(), Failure> {
+    let (config, rows) = replay::read_record(trace)?;
+    let outcome = replay::replay(board.open()?.as_mut(), &config, &rows).map_err(Failure::Board)?;
+    let json = serde_json::json!({ "steps": outcome.steps, "mismatches": outcome.mismatches });
+    print(out, &format!("{json:#}\n"))?;
+    match outcome.first {
+        None if outcome.steps == rows.len() as u64 => Ok(()),
+        None => {
+            Err(Failure::Check(format!("{} of {} steps were replayed", outcome.steps, rows.len())))
+        }
+        Some(first) => Err(Failure::Check(format!(
+            "{} of {} steps differ, the first is step {}: {:?} recorded, {:?} replayed",
+            outcome.mismatches,
+            outcome.steps,
+            first.recorded.step,
+            first.recorded.estimate,
+            first.replayed.estimate
+        ))),
+    }
 }
 
 fn evaluate_command(
@@ -199,14 +292,13 @@ fn run_command(args: &RunArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let measured =
         args.measured.as_deref().map(|path| Measured::read(path, &COLUMNS)).transpose()?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
-    let mut board = match args.board {
-        BoardKind::Core => CoreBoard::default(),
-    };
+    let mut board = args.board.open()?;
     let mut recorder = RunRecorder::new(&loaded);
     let mut out = OutputDir::create(&folder)?;
-    let summary = record(&loaded, &mut board, measured.as_ref(), &args.output, &mut out, |row| {
-        recorder.add(row);
-    })?;
+    let summary =
+        record(&loaded, board.as_mut(), measured.as_ref(), &args.output, &mut out, |row| {
+            recorder.add(row);
+        })?;
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
     finish(out, stdout, &loaded, &summary, &page, &args.output)
@@ -231,7 +323,7 @@ fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(),
 /// Runs a scenario with its trace streamed into `out`; every logged row is shown to `each` too.
 fn record(
     loaded: &Loaded,
-    board: &mut CoreBoard,
+    board: &mut dyn Board,
     measured: Option<&Measured>,
     args: &OutputArgs,
     out: &mut OutputDir,

@@ -1,7 +1,7 @@
 //! The image that is flashed computes what the core computes on the host, to the bit, and on time.
 
 use host_sim::board::emulated::EmulatedBoard;
-use host_sim::board::{Board, BoardError};
+use host_sim::board::{Board, BoardError, CoreBoard};
 use host_sim::replay::{Row, replay};
 use model_core::wire::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
 use model_core::{AdcCode, Config, Sample, SetPoint};
@@ -73,7 +73,7 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
     let real_time_factor = f64::from(STEPS) * 1.0e-3 / started.elapsed().as_secs_f64();
     assert_eq!(rows.len(), STEPS as usize);
     assert!(rows.iter().zip(0..).all(|(row, step)| row.telemetry.step == step));
-    let outcome = replay(&config, &rows).unwrap();
+    let outcome = replay(&mut CoreBoard::default(), &config, &rows).unwrap();
     assert_eq!((outcome.mismatches, outcome.first), (0, None));
     // The run was worth comparing: both valves moved, and the emergency stop vented.
     let duties: std::collections::BTreeSet<_> = rows

@@ -5,7 +5,7 @@ use host_sim::board::emulated::EmulatedBoard;
 use host_sim::board::image::{Variant, firmware, prepare_emulator};
 use host_sim::board::pty::PtyBoard;
 use host_sim::board::serial::SerialBoard;
-use host_sim::board::{Board, BoardError};
+use host_sim::board::{Board, BoardError, CoreBoard};
 use host_sim::replay::{Row, replay};
 use model_core::{AdcCode, Config, Sample, SetPoint};
 use system_tests::skip_emulator;
@@ -48,7 +48,7 @@ fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
         opened += outcome.actuation.inlet;
         rows.push(Row { set_point, telemetry });
     }
-    let outcome = replay(&config, &rows).unwrap();
+    let outcome = replay(&mut CoreBoard::default(), &config, &rows).unwrap();
     assert_eq!((outcome.steps, outcome.mismatches), (500, 0));
     assert!((10.0..300.0).contains(&opened), "the inlet was open for {opened} steps");
 }

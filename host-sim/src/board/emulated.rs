@@ -2,7 +2,7 @@
 //! millisecond of its time.
 //!
 //! Nothing of the firmware is known here but its pins and its wire: samples go to the ADC, the valves
-//! get what the PWM pins show, and telemetry is what comes out of the UART. At 921600 baud a frame
+//! get the duties that the PWM's registers hold, and telemetry is what comes out of the UART. At 921600 baud a frame
 //! takes most of a millisecond, so that the telemetry of a step comes with the step after it.
 
 use super::link::Link;
@@ -48,6 +48,10 @@ pub struct Exchange {
     pub inlet_coil: f64,
     /// Share of the time in which the outlet's coil was powered.
     pub outlet_coil: f64,
+    /// Share of the PWM period that the inlet's coil is set to.
+    pub inlet_duty: f64,
+    /// Share of the PWM period that the outlet's coil is set to.
+    pub outlet_duty: f64,
     /// Cycles in which the core did not sleep.
     pub busy_cycles: u32,
     /// Restarts by the watchdog since power came.
@@ -59,9 +63,14 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// What the valves do: the inlet opens with power, the outlet closes with it.
+    /// What the valves did: the inlet opens with power, the outlet closes with it.
     pub fn actuation(&self) -> Actuation {
         Actuation { inlet: self.inlet_coil, outlet: 1.0 - self.outlet_coil }
+    }
+
+    /// What the valves are set to do: the duties from which the plant makes its own pulses.
+    pub fn set_duty(&self) -> Actuation {
+        Actuation { inlet: self.inlet_duty, outlet: 1.0 - self.outlet_duty }
     }
 }
 
@@ -253,6 +262,11 @@ impl EmulatedBoard {
             self.responses.read_exact(&mut bytes).map(|()| u32::from_le_bytes(bytes))
         };
         let [inlet_ns, outlet_ns, busy_cycles, restarts] = [word()?, word()?, word()?, word()?];
+        let mut half_word = || {
+            let mut bytes = [0; 2];
+            self.responses.read_exact(&mut bytes).map(|()| f64::from(u16::from_le_bytes(bytes)))
+        };
+        let [inlet_duty, outlet_duty] = [half_word()? / 65_535.0, half_word()? / 65_535.0];
         let mut pins = [0];
         self.responses.read_exact(&mut pins)?;
         let uart = self.read_counted()?;
@@ -266,6 +280,8 @@ impl EmulatedBoard {
         Ok(Exchange {
             inlet_coil: f64::from(inlet_ns),
             outlet_coil: f64::from(outlet_ns),
+            inlet_duty,
+            outlet_duty,
             busy_cycles,
             restarts,
             fault_output: pins & 1 != 0,
@@ -325,7 +341,7 @@ impl Board for EmulatedBoard {
         if exchange.restarts != before {
             return Err(BoardError::Restarted);
         }
-        Ok(BoardStep { telemetry: self.link.take_telemetry(), actuation: exchange.actuation() })
+        Ok(BoardStep { telemetry: self.link.take_telemetry(), actuation: exchange.set_duty() })
     }
 }
 

@@ -7,12 +7,11 @@ pub mod link;
 mod log;
 #[cfg(unix)]
 pub mod pty;
-pub mod pwm;
 pub mod serial;
 
 use crate::plant::Actuation;
 use model_core::wire::{Chip, PROTOCOL, Refusal};
-use model_core::{Config, ConfigError, Core, Sample, SetPoint, Telemetry};
+use model_core::{Command, Config, ConfigError, Core, Sample, SetPoint, Telemetry};
 use std::path::PathBuf;
 use std::{fmt, io};
 
@@ -25,7 +24,8 @@ pub trait Board {
     /// # Errors
     /// [`BoardError`]
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError>;
-    /// Changes the set point.
+    /// Changes the set point, from the step after the next on: on a real board it arrives while that
+    /// step is computed.
     ///
     /// # Errors
     /// [`BoardError`]
@@ -43,7 +43,8 @@ pub struct BoardStep {
     /// What the core made of a sample: this step's, or, where it crosses a serial line in real time,
     /// an earlier one's. `Telemetry::step` says which.
     pub telemetry: Option<Telemetry>,
-    /// What the valves see between this step and the next.
+    /// What the valves are set to between this step and the next: duties, as the timer that drives
+    /// them holds them.
     pub actuation: Actuation,
 }
 
@@ -197,10 +198,17 @@ impl From<io::Error> for BoardError {
     }
 }
 
+impl From<Command> for Actuation {
+    fn from(command: Command) -> Self {
+        Self { inlet: f64::from(command.inlet.share()), outlet: f64::from(command.outlet.share()) }
+    }
+}
+
 /// The core in this process: the valves see at once what it commands.
 #[derive(Debug, Default)]
 pub struct CoreBoard {
     core: Option<Core>,
+    pending: Option<SetPoint>,
 }
 
 impl CoreBoard {
@@ -222,16 +230,17 @@ impl Board for CoreBoard {
     }
 
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
-        self.core()?.set(set_point);
+        self.pending = Some(set_point);
         Ok(())
     }
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
-        let telemetry = self.core()?.step(sample);
-        let actuation = Actuation {
-            inlet: f64::from(telemetry.command.inlet.share()),
-            outlet: f64::from(telemetry.command.outlet.share()),
-        };
-        Ok(BoardStep { telemetry: Some(telemetry), actuation })
+        let pending = self.pending.take();
+        let core = self.core()?;
+        let telemetry = core.step(sample);
+        if let Some(set_point) = pending {
+            core.set(set_point);
+        }
+        Ok(BoardStep { telemetry: Some(telemetry), actuation: telemetry.command.into() })
     }
 }

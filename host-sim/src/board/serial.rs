@@ -2,7 +2,6 @@
 //! telemetry per step.
 
 use super::link::Link;
-use super::pwm::VirtualPwm;
 use super::{Board, BoardError, BoardStep};
 use model_core::wire::{Answer, BAUD, HostCommand, PROTOCOL, Version};
 use model_core::{Config, Sample, SetPoint, Telemetry};
@@ -46,7 +45,6 @@ pub fn read<R: Read>(port: &mut R, buffer: &mut [u8]) -> io::Result<usize> {
 pub struct SerialBoard {
     port: Box<dyn SerialPort>,
     link: Link,
-    pwm: VirtualPwm,
 }
 
 impl SerialBoard {
@@ -55,8 +53,7 @@ impl SerialBoard {
     /// # Errors
     /// [`BoardError`]
     pub fn open(port: &str) -> Result<Self, BoardError> {
-        let pwm = VirtualPwm::new(Config::default().drive.period_steps);
-        let mut board = Self { port: open(port)?, link: Link::default(), pwm };
+        let mut board = Self { port: open(port)?, link: Link::default() };
         let version = board.version()?;
         if version.protocol != PROTOCOL {
             return Err(BoardError::Protocol { board: version.protocol });
@@ -111,7 +108,6 @@ impl Board for SerialBoard {
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError> {
         self.ask(HostCommand::Configure(*config), "configure")?;
         self.ask(HostCommand::Start(set_point), "start")?;
-        self.pwm = VirtualPwm::new(config.drive.period_steps);
         Ok(())
     }
 
@@ -123,7 +119,7 @@ impl Board for SerialBoard {
         let (_, frame) = self.link.request(HostCommand::Step(*sample));
         self.port.write_all(&frame)?;
         let telemetry: Telemetry = self.wait(Link::take_telemetry, "step")?;
-        let actuation = self.pwm.step(telemetry.command);
+        let actuation = telemetry.command.into();
         Ok(BoardStep { telemetry: Some(telemetry), actuation })
     }
 }
