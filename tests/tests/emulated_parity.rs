@@ -9,6 +9,9 @@ use system_tests::skip_emulator;
 
 const STEPS: u32 = 10_000;
 
+/// Worst time of the core's step, the line's interrupts included \[us\].
+const STEP_WORST_US: u32 = 400;
+
 /// A sample that moves as a muscle's would, with noise in the last bits.
 fn sample(step: u32) -> Sample {
     let noise = |seed: u32| (step.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 27) as u16;
@@ -89,7 +92,7 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
     assert_eq!((timing.missed_steps, timing.dropped_telemetry, timing.malformed_frames), (0, 0, 0));
     assert!((1..=20).contains(&timing.jitter_worst_us), "{timing:?}");
     assert!((20_000..=150_000).contains(&timing.step_mean_ns), "{timing:?}");
-    assert!((50..=300).contains(&timing.step_worst_us), "{timing:?}");
+    assert!((50..=STEP_WORST_US).contains(&timing.step_worst_us), "{timing:?}");
     assert!(real_time_factor > 0.5, "{real_time_factor} times real time");
 }
 
