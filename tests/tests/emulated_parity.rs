@@ -1,6 +1,7 @@
 //! The image that is flashed computes what the core computes on the host, to the bit, and on time.
 
 use host_sim::board::emulated::EmulatedBoard;
+use host_sim::board::pwm::VirtualPwm;
 use host_sim::board::{Board, BoardError};
 use host_sim::replay::{Row, replay};
 use model_core::wire::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
@@ -19,11 +20,12 @@ fn sample(step: u32) -> Sample {
     let code = |middle: f64, swing: f64, phase: f64, seed: u32| {
         AdcCode((middle + swing * (stroke + phase).sin()) as u16 + noise(seed))
     };
+    let (gas, length) = (code(16_000.0, 800.0, -1.2, 2), code(21_000.0, -1_500.0, -0.2, 3));
     Sample {
         pressure: code(13_000.0, 5_000.0, 0.0, 1),
-        gas: code(16_000.0, 800.0, -1.2, 2),
-        length: code(21_000.0, -1_500.0, -0.2, 3),
         // Two sensors fail for a while, and the line of the emergency stop opens once.
+        gas: if (3000..3200).contains(&step) { AdcCode(0) } else { gas },
+        length: if (4000..4200).contains(&step) { AdcCode(32_760) } else { length },
         emergency_stop: step == 8000,
     }
 }
@@ -34,36 +36,23 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
         return;
     }
     let mut board = EmulatedBoard::new().unwrap();
-    let mut config = Config::default();
-    config.load = model_core::config::Load::Isotonic { force_n: 120.0 };
+    let load = model_core::config::Load::Isotonic { force_n: 120.0 };
+    let config = Config { load, ..Config::default() };
     let cycle = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 2.0 };
     let pressure = SetPoint::Pressure { pressure_pa: 3.0e5 };
     board.start(&config, cycle).unwrap();
 
-    let mut rows = Vec::new();
+    let (mut rows, mut pins) = (Vec::new(), Vec::new());
     let started = std::time::Instant::now();
     for step in 0..=STEPS {
-        let mut now = sample(step);
-        if (3000..3200).contains(&step) {
-            now.gas = AdcCode(0);
-        }
-        if (4000..4200).contains(&step) {
-            now.length = AdcCode(32_760);
-        }
         if step == 5000 {
             board.set(pressure).unwrap();
         }
-        let outcome = board.step(&now).unwrap();
+        let outcome = board.step(&sample(step)).unwrap();
+        pins.push(outcome.actuation);
         if let Some(telemetry) = outcome.telemetry {
             // What was fed is what was read: the conversions add up to the code.
-            let mut fed = sample(telemetry.step);
-            if (3000..3200).contains(&telemetry.step) {
-                fed.gas = AdcCode(0);
-            }
-            if (4000..4200).contains(&telemetry.step) {
-                fed.length = AdcCode(32_760);
-            }
-            assert_eq!(telemetry.sample, fed, "step {}", telemetry.step);
+            assert_eq!(telemetry.sample, sample(telemetry.step), "step {}", telemetry.step);
             // The set point arrives with the step: it holds from the next one on.
             let set_point = match telemetry.step {
                 0 => Some(cycle),
@@ -85,6 +74,20 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
         .collect();
     assert!(duties.len() > 50, "{} commands", duties.len());
     assert!(rows[9000].telemetry.faults.intersects(model_core::Faults::EMERGENCY_STOP));
+
+    // The pins do what the model of the PWM does, but for the tenth of a step between the two clocks.
+    let mut pwm = VirtualPwm::new(config.drive.period_steps);
+    let (mut difference, mut open) = ((0.0, 0.0), (0.0, 0.0));
+    for (row, pins) in rows.iter().zip(&pins) {
+        let modelled = pwm.step(row.telemetry.command);
+        open = (open.0 + modelled.inlet, open.1 + modelled.outlet);
+        difference = (
+            difference.0 + pins.inlet - modelled.inlet,
+            difference.1 + pins.outlet - modelled.outlet,
+        );
+        assert!(difference.0.abs() < 0.3 && difference.1.abs() < 0.3, "{difference:?} {row:?}");
+    }
+    assert!(open.0 > 100.0 && open.1 > 1000.0, "{open:?}");
 
     let timing = board.timing().unwrap();
     println!("{timing:?}, {real_time_factor:.2} times real time");
@@ -109,8 +112,7 @@ fn the_board_says_who_it_is_and_refuses_what_it_cannot_do() {
         Err(BoardError::Refused(refusal)) => refusal,
         other => panic!("{other:?}"),
     };
-    let mut config = Config::default();
-    config.step_s = 0.002;
+    let config = Config { step_s: 0.002, ..Config::default() };
     let refused = refusal(&mut board, HostCommand::Configure(config));
     assert_eq!(refused, Refusal::Step { board_us: 1000 });
     let mut config = Config::default();

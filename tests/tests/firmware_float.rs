@@ -25,9 +25,12 @@ fn near(a: u32, b: u32) -> u32 {
     b & 0x807f_ffff | exponent << 23
 }
 
+/// Makes a pair of a kind out of any pair.
+type Shape = fn(u32, u32) -> (u32, u32);
+
 #[test]
 fn sums_and_products_are_those_of_the_fpu() {
-    let kinds: [(&str, fn(u32, u32) -> (u32, u32)); 4] = [
+    let kinds: [(&str, Shape); 4] = [
         ("any", |a, b| (a, b)),
         ("alike", |a, b| (a, near(a, b))),
         ("short, so that ties occur", |a, b| (a & !0xfff, near(a, b) & !0x7fff)),
