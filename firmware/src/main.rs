@@ -11,6 +11,8 @@
 
 mod board;
 mod control;
+#[cfg(feature = "pico")]
+mod float;
 mod link;
 mod shared;
 mod source;

@@ -11,6 +11,7 @@
 
 use crate::config::{Config, ConfigError};
 use crate::sample::{Sample, SetPoint, Telemetry};
+use cobs::{DecodeResult, DecoderState};
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -248,8 +249,8 @@ pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 pub fn encode<T: Serialize>(message: &T) -> Result<Frame, TooLong> {
     let mut payload = [0_u8; MAX_PAYLOAD];
     let length = postcard::to_slice(message, &mut payload).map_err(|_| TooLong)?.len();
-    let checksum = CRC.checksum(payload.get(..length).ok_or(TooLong)?).to_le_bytes();
-    payload.get_mut(length..length + CRC_BYTES).ok_or(TooLong)?.copy_from_slice(&checksum);
+    let (message, rest) = payload.split_at_mut_checked(length).ok_or(TooLong)?;
+    *rest.first_chunk_mut::<CRC_BYTES>().ok_or(TooLong)? = CRC.checksum(message).to_le_bytes();
     let mut frame = Frame::new();
     frame.resize(MAX_FRAME, 0).map_err(|_| TooLong)?;
     let content = payload.get(..length + CRC_BYTES).ok_or(TooLong)?;
@@ -262,18 +263,31 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Frame, TooLong> {
 }
 
 /// Puts a stream of bytes together into messages; what is no message it counts and drops.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug)]
 pub struct Decoder {
-    buffer: Frame,
+    cobs: DecoderState,
+    /// Message and checksum so far.
+    content: heapless::Vec<u8, MAX_PAYLOAD>,
     /// The frame at hand is longer than any can be.
     overlong: bool,
     malformed: u32,
 }
 
+impl Default for Decoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Decoder {
     /// A decoder at the start of a frame.
     pub const fn new() -> Self {
-        Self { buffer: Frame::new(), overlong: false, malformed: 0 }
+        Self {
+            cobs: DecoderState::Idle,
+            content: heapless::Vec::new(),
+            overlong: false,
+            malformed: 0,
+        }
     }
 
     /// Frames that were dropped: too long, damaged, or of no known message; wraps.
@@ -283,25 +297,27 @@ impl Decoder {
 
     /// Takes one byte; returns the message that it completes.
     pub fn push<T: DeserializeOwned>(&mut self, byte: u8) -> Option<T> {
-        if byte != 0 {
-            self.overlong |= self.buffer.push(byte).is_err();
-            return None;
-        }
-        let message = if self.overlong { None } else { decode(&mut self.buffer) };
-        // A zero after a zero is an idle line, not a frame.
-        if message.is_none() && !self.buffer.is_empty() {
+        let message = match self.cobs.feed(byte) {
+            Ok(DecodeResult::NoData) => return None,
+            Ok(DecodeResult::DataContinue(byte)) => {
+                self.overlong |= self.content.push(byte).is_err();
+                return None;
+            }
+            Ok(DecodeResult::DataComplete) if !self.overlong => decode(&self.content),
+            Ok(DecodeResult::DataComplete) | Err(_) => None,
+        };
+        if message.is_none() {
             self.malformed = self.malformed.wrapping_add(1);
         }
-        self.buffer.clear();
+        self.content.clear();
         self.overlong = false;
         message
     }
 }
 
-/// The message of a stuffed frame without its zero.
-fn decode<T: DeserializeOwned>(stuffed: &mut [u8]) -> Option<T> {
-    let length = cobs::decode_in_place(stuffed).ok()?;
-    let (payload, checksum) = stuffed.get(..length)?.split_last_chunk::<CRC_BYTES>()?;
+/// The message of a frame's content.
+fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
+    let (payload, checksum) = content.split_last_chunk::<CRC_BYTES>()?;
     if CRC.checksum(payload) != u32::from_le_bytes(*checksum) {
         return None;
     }
@@ -392,7 +408,7 @@ mod tests {
         let telemetry = longest_telemetry();
         let frame = encode(&Message::Telemetry(telemetry)).unwrap();
         let messages = decode_all::<Message>(&mut Decoder::new(), &frame);
-        let [Message::Telemetry(back)] = messages[..] else { panic!("{messages:?}") };
+        let [Message::Telemetry(back)] = messages[..] else { unreachable!("{messages:?}") };
         assert_eq!(back.pressure_pa.to_bits(), telemetry.pressure_pa.to_bits());
         assert_eq!(back.estimate.sensor_lag_s.to_bits(), 0x7fc1_2345);
     }

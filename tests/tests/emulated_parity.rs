@@ -8,6 +8,11 @@ use model_core::{AdcCode, Config, Sample, SetPoint};
 use system_tests::skip_emulator;
 
 const STEPS: u32 = 10_000;
+/// A PWM period of the configuration that is run.
+const PERIOD_STEPS: f64 = 10.0;
+
+/// Worst time of the core's step, the line's interrupts included \[us\].
+const STEP_WORST_US: u32 = 300;
 
 /// A sample that moves as a muscle's would, with noise in the last bits.
 fn sample(step: u32) -> Sample {
@@ -16,11 +21,12 @@ fn sample(step: u32) -> Sample {
     let code = |middle: f64, swing: f64, phase: f64, seed: u32| {
         AdcCode((middle + swing * (stroke + phase).sin()) as u16 + noise(seed))
     };
+    let (gas, length) = (code(16_000.0, 800.0, -1.2, 2), code(21_000.0, -1_500.0, -0.2, 3));
     Sample {
         pressure: code(13_000.0, 5_000.0, 0.0, 1),
-        gas: code(16_000.0, 800.0, -1.2, 2),
-        length: code(21_000.0, -1_500.0, -0.2, 3),
         // Two sensors fail for a while, and the line of the emergency stop opens once.
+        gas: if (3000..3200).contains(&step) { AdcCode(0) } else { gas },
+        length: if (4000..4200).contains(&step) { AdcCode(32_760) } else { length },
         emergency_stop: step == 8000,
     }
 }
@@ -31,36 +37,23 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
         return;
     }
     let mut board = EmulatedBoard::new().unwrap();
-    let mut config = Config::default();
-    config.load = model_core::config::Load::Isotonic { force_n: 120.0 };
+    let load = model_core::config::Load::Isotonic { force_n: 120.0 };
+    let config = Config { load, ..Config::default() };
     let cycle = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 2.0 };
     let pressure = SetPoint::Pressure { pressure_pa: 3.0e5 };
     board.start(&config, cycle).unwrap();
 
-    let mut rows = Vec::new();
+    let (mut rows, mut duties_and_pins) = (Vec::new(), Vec::new());
     let started = std::time::Instant::now();
     for step in 0..=STEPS {
-        let mut now = sample(step);
-        if (3000..3200).contains(&step) {
-            now.gas = AdcCode(0);
-        }
-        if (4000..4200).contains(&step) {
-            now.length = AdcCode(32_760);
-        }
         if step == 5000 {
             board.set(pressure).unwrap();
         }
-        let outcome = board.step(&now).unwrap();
+        let outcome = board.step(&sample(step)).unwrap();
+        duties_and_pins.push((outcome.actuation, board.shown().unwrap().actuation()));
         if let Some(telemetry) = outcome.telemetry {
             // What was fed is what was read: the conversions add up to the code.
-            let mut fed = sample(telemetry.step);
-            if (3000..3200).contains(&telemetry.step) {
-                fed.gas = AdcCode(0);
-            }
-            if (4000..4200).contains(&telemetry.step) {
-                fed.length = AdcCode(32_760);
-            }
-            assert_eq!(telemetry.sample, fed, "step {}", telemetry.step);
+            assert_eq!(telemetry.sample, sample(telemetry.step), "step {}", telemetry.step);
             // The set point arrives with the step: it holds from the next one on.
             let set_point = match telemetry.step {
                 0 => Some(cycle),
@@ -83,13 +76,26 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
     assert!(duties.len() > 50, "{} commands", duties.len());
     assert!(rows[9000].telemetry.faults.intersects(model_core::Faults::EMERGENCY_STOP));
 
+    // The timer holds what the core commanded, and the pins do what the timer holds: their time
+    // open adds up to the duties', but for the period that is under way.
+    let (mut ahead, mut open) = ((0.0, 0.0), (0.0, 0.0));
+    for (row, (set, pins)) in rows.iter().zip(&duties_and_pins) {
+        let command = row.telemetry.command;
+        assert!((set.inlet - f64::from(command.inlet.share())).abs() < 1e-4, "{set:?} {row:?}");
+        assert!((set.outlet - f64::from(command.outlet.share())).abs() < 1e-4, "{set:?} {row:?}");
+        open = (open.0 + pins.inlet, open.1 + pins.outlet);
+        ahead = (ahead.0 + pins.inlet - set.inlet, ahead.1 + pins.outlet - set.outlet);
+        assert!(ahead.0.abs() < PERIOD_STEPS && ahead.1.abs() < PERIOD_STEPS, "{ahead:?}");
+    }
+    assert!(open.0 > 100.0 && open.1 > 1000.0, "{open:?}");
+
     let timing = board.timing().unwrap();
     println!("{timing:?}, {real_time_factor:.2} times real time");
     assert!(timing.steps > STEPS);
     assert_eq!((timing.missed_steps, timing.dropped_telemetry, timing.malformed_frames), (0, 0, 0));
     assert!((1..=20).contains(&timing.jitter_worst_us), "{timing:?}");
     assert!((20_000..=150_000).contains(&timing.step_mean_ns), "{timing:?}");
-    assert!((50..=300).contains(&timing.step_worst_us), "{timing:?}");
+    assert!((50..=STEP_WORST_US).contains(&timing.step_worst_us), "{timing:?}");
     assert!(real_time_factor > 0.5, "{real_time_factor} times real time");
 }
 
@@ -106,8 +112,7 @@ fn the_board_says_who_it_is_and_refuses_what_it_cannot_do() {
         Err(BoardError::Refused(refusal)) => refusal,
         other => panic!("{other:?}"),
     };
-    let mut config = Config::default();
-    config.step_s = 0.002;
+    let config = Config { step_s: 0.002, ..Config::default() };
     let refused = refusal(&mut board, HostCommand::Configure(config));
     assert_eq!(refused, Refusal::Step { board_us: 1000 });
     let mut config = Config::default();

@@ -3,6 +3,8 @@
 //! Another chip means another file beside `rp.rs` that gives these traits, an `embedded-io` serial
 //! port, `embedded-hal` pins and the tasks' start. Nothing else changes.
 
+#[cfg(feature = "pico")]
+mod float_calls;
 mod rp;
 
 use embassy_time::Duration;

@@ -86,6 +86,7 @@ pub struct EmulatedBoard {
     restarts: u32,
     to_board: Vec<u8>,
     from_board: Vec<u8>,
+    shown: Option<Exchange>,
 }
 
 impl EmulatedBoard {
@@ -130,6 +131,7 @@ impl EmulatedBoard {
             restarts: 0,
             to_board: Vec::new(),
             from_board: Vec::new(),
+            shown: None,
         };
         board.response().map_err(|error| match error {
             BoardError::Emulator { message } => BoardError::Image { message },
@@ -145,6 +147,11 @@ impl EmulatedBoard {
     /// [`BoardError::Emulator`]
     pub fn exchange(&mut self, sample: &Sample) -> Result<Exchange, BoardError> {
         self.run(sample, STEP_NS)
+    }
+
+    /// What the last step has shown, pins included; nothing before the first one.
+    pub fn shown(&self) -> Option<Exchange> {
+        self.shown
     }
 
     /// Bytes for the UART, as they are.
@@ -337,6 +344,7 @@ impl Board for EmulatedBoard {
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
         let before = self.restarts;
         let exchange = self.exchange(sample)?;
+        self.shown = Some(exchange);
         self.from_board.clear();
         if exchange.restarts != before {
             return Err(BoardError::Restarted);
