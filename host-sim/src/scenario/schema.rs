@@ -494,7 +494,92 @@ pub static TABLES: &[Table] = &[
         ],
     },
     Table { name: "estimator", meaning: "estimator tuning", believed: true, keys: &[] },
-    Table { name: "controller", meaning: "controller tuning", believed: true, keys: &[] },
+    Table {
+        name: "controller",
+        meaning: "controller tuning",
+        believed: true,
+        keys: &[
+            real(
+                "pressure_loop_s",
+                "s",
+                (0.001, 10.0),
+                "time in which the pressure loop closes an error",
+            ),
+            real(
+                "pressure_reset_s",
+                "s",
+                (0.01, 10000.0),
+                "reset time of the pressure loop's integral",
+            ),
+            real(
+                "pressure_rate_pa_s",
+                "Pa/s",
+                (1.0, 1000000000.0),
+                "fastest change of the pressure's set point",
+            ),
+            real(
+                "pressure_dead_zone_pa",
+                "Pa",
+                (0.0, 1000000.0),
+                "pressure error that is left alone at rest",
+            ),
+            real(
+                "length_loop_s",
+                "s",
+                (0.001, 10.0),
+                "time in which the contraction loop closes an error of the gas mass",
+            ),
+            real(
+                "length_gain",
+                "",
+                (0.0, 10.0),
+                "weight of an error of length against one of pressure",
+            ),
+            real(
+                "load_gain_n_m_s",
+                "N/(m s)",
+                (0.0, 10000000.0),
+                "load that the contraction loop learns per length error and time",
+            ),
+            real("load_limit_n", "N", (0.0, 100000.0), "largest load that it learns, either way"),
+            real(
+                "learning_band",
+                "",
+                (0.0, 1.0),
+                "largest length error that it learns from, share of the rest length",
+            ),
+            real(
+                "reference_rad_s",
+                "rad/s",
+                (0.01, 10000.0),
+                "natural frequency of the contraction's reference",
+            ),
+            real(
+                "contraction_rate_per_s",
+                "1/s",
+                (0.0001, 100.0),
+                "fastest contraction of the reference, share of the rest length",
+            ),
+            real(
+                "contraction_acceleration_per_s2",
+                "1/s2",
+                (0.0001, 10000.0),
+                "largest acceleration of the reference, share of the rest length",
+            ),
+            real(
+                "contraction_dead_zone",
+                "",
+                (0.0, 0.1),
+                "length error that is left alone at rest, share of the rest length",
+            ),
+            real(
+                "minimum_pulse_s",
+                "s",
+                (0.0, 0.1),
+                "shortest valve pulse worth giving; below valve.switch_time_s it opens partly",
+            ),
+        ],
+    },
     Table { name: "faults", meaning: "faults that the run injects", believed: false, keys: &[] },
 ];
 
