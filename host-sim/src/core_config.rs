@@ -19,7 +19,7 @@ const RP2040_WIDE_CODE_LSB: f32 = 8.9;
 /// one \[s\].
 const SHORTEST_LAG_S: f32 = 0.001;
 /// Stands for friction that is there from the first micrometre on \[N/m\].
-const LUMPED_PRESLIDING_N_M: f64 = 1.0e5;
+const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
 /// Standard gravity \[m/s2\].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -121,11 +121,8 @@ pub fn core_config(believed: &Scenario) -> Config {
 fn controller(s: &Scenario) -> ControllerConfig {
     let tuning = &s.controller;
     // Only `full` has them.
-    let (viscous_n_s_m, presliding_n_m, moving_mass_kg) = if s.plant.model == PlantModel::Full {
-        (s.friction.viscous_n_s_m, s.friction.presliding_stiffness_n_m, s.load.mass_kg)
-    } else {
-        (0.0, LUMPED_PRESLIDING_N_M, 0.0)
-    };
+    let full = s.plant.model == PlantModel::Full;
+    let where_full = |value: f64| if full { value as f32 } else { 0.0 };
     ControllerConfig {
         pressure_loop_s: tuning.pressure_loop_s as f32,
         pressure_reset_s: tuning.pressure_reset_s as f32,
@@ -133,6 +130,7 @@ fn controller(s: &Scenario) -> ControllerConfig {
         pressure_dead_zone_pa: tuning.pressure_dead_zone_pa as f32,
         length_loop_s: tuning.length_loop_s as f32,
         length_gain: tuning.length_gain as f32,
+        length_lead_s: tuning.length_lead_s as f32,
         load_gain_n_m_s: tuning.load_gain_n_m_s as f32,
         load_limit_n: tuning.load_limit_n as f32,
         learning_band: tuning.learning_band as f32,
@@ -140,8 +138,12 @@ fn controller(s: &Scenario) -> ControllerConfig {
         contraction_rate_per_s: tuning.contraction_rate_per_s as f32,
         contraction_acceleration_per_s2: tuning.contraction_acceleration_per_s2 as f32,
         contraction_dead_zone: tuning.contraction_dead_zone as f32,
-        presliding_n_m: presliding_n_m as f32,
-        viscous_n_s_m: viscous_n_s_m as f32,
-        moving_mass_kg: moving_mass_kg as f32,
+        presliding_n_m: if full {
+            s.friction.presliding_stiffness_n_m as f32
+        } else {
+            LUMPED_PRESLIDING_N_M
+        },
+        viscous_n_s_m: where_full(s.friction.viscous_n_s_m),
+        moving_mass_kg: where_full(s.load.mass_kg),
     }
 }

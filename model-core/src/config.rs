@@ -153,6 +153,8 @@ pub struct ControllerConfig {
     pub length_loop_s: f32,
     /// Weight of an error of length against one of pressure \[-\]; 1: the gas spring's own.
     pub length_gain: f32,
+    /// How far ahead the length error is looked for, by its speed \[s\].
+    pub length_lead_s: f32,
     /// Load that the loop learns per length error and time \[N/(m s)\].
     pub load_gain_n_m_s: f32,
     /// Largest load that it learns, either way \[N\].
@@ -182,8 +184,9 @@ impl Default for ControllerConfig {
             pressure_reset_s: 0.3,
             pressure_rate_pa_s: 1.0e7,
             pressure_dead_zone_pa: 1_000.0,
-            length_loop_s: 0.02,
+            length_loop_s: 0.014,
             length_gain: 1.0,
+            length_lead_s: 0.01,
             load_gain_n_m_s: 4.0e4,
             load_limit_n: 300.0,
             learning_band: 0.005,
@@ -357,6 +360,7 @@ impl Config {
             ("controller.pressure_dead_zone_pa", controller.pressure_dead_zone_pa, 0.0, 1.0e6),
             ("controller.length_loop_s", controller.length_loop_s, 0.001, 10.0),
             ("controller.length_gain", controller.length_gain, 0.0, 10.0),
+            ("controller.length_lead_s", controller.length_lead_s, 0.0, 10.0),
             ("controller.load_gain_n_m_s", controller.load_gain_n_m_s, 0.0, 1.0e7),
             ("controller.load_limit_n", controller.load_limit_n, 0.0, 1.0e5),
             ("controller.learning_band", controller.learning_band, 0.0, 1.0),

@@ -90,7 +90,7 @@ pub struct ContractionLoop {
 
 impl ContractionLoop {
     /// A loop that starts at the measured length and pressure: nothing jumps.
-    pub fn new(config: &Config, geometry: &Geometry, feedback: &Feedback, friction_n: f32) -> Self {
+    pub fn new(config: &Config, geometry: &Geometry, feedback: &Feedback, softening: f32) -> Self {
         let mut fresh = Self {
             reference: Reference::at(feedback.length_m),
             pressure_pa: feedback.pressure_pa,
@@ -100,7 +100,7 @@ impl ContractionLoop {
             calm_periods: 0,
             holding: false,
         };
-        fresh.take_over(config, geometry, feedback, friction_n);
+        fresh.take_over(config, geometry, feedback, softening);
         fresh
     }
 
@@ -121,9 +121,10 @@ impl ContractionLoop {
         config: &Config,
         geometry: &Geometry,
         feedback: &Feedback,
-        most_friction_n: f32,
+        softening: f32,
     ) {
         let Load::Isotonic { force_n } = config.load else { return };
+        let most_friction_n = softening * config.friction.force_n;
         let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
         let holds_n = geometry.force_n(gauge_pa, feedback.length_m) - force_n - self.trim_n;
         self.friction_n = limit(holds_n, -most_friction_n, most_friction_n);
@@ -135,7 +136,7 @@ impl ContractionLoop {
     }
 
     /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
-    /// `most_friction_n` is the Coulomb friction at the estimated wall temperature.
+    /// `softening` is what the estimated wall temperature makes of friction \[-\].
     pub fn period(
         &mut self,
         config: &Config,
@@ -143,7 +144,7 @@ impl ContractionLoop {
         feedback: &Feedback,
         port: &Port,
         contraction: f32,
-        most_friction_n: f32,
+        softening: f32,
     ) -> Option<f32> {
         let Load::Isotonic { force_n: load_n } = config.load else { return None };
         let tuning = &config.controller;
@@ -162,7 +163,7 @@ impl ContractionLoop {
             }
             self.holding = false;
             self.calm_periods = 0;
-            self.take_over(config, geometry, feedback, most_friction_n);
+            self.take_over(config, geometry, feedback, softening);
         }
         let still = !moves
             && absolute(target_m - self.reference.length_m) <= zone_m
@@ -179,7 +180,10 @@ impl ContractionLoop {
         let volume_m3 = port.volume_m3;
         let before_m3 = geometry.volume_m3(self.reference.length_m);
         let before_pa = self.pressure_pa;
-        let missing_m3 = (before_m3 - volume_m3) * tuning.length_gain;
+        // Ahead of its reference by that much when the pulse acts: damps the load on its gas spring.
+        let ahead_m = (moved_m / period_s - self.reference.speed_m_s) * tuning.length_lead_s;
+        let ahead_m3 = geometry.volume_slope_m2(feedback.length_m) * ahead_m;
+        let missing_m3 = (before_m3 - volume_m3 - ahead_m3) * tuning.length_gain;
 
         // Anti-windup: nothing is learnt while a valve is fully open, or from more than what
         // friction and load explain at once.
@@ -194,9 +198,10 @@ impl ContractionLoop {
         self.reference.advance(config, rest_m, target_m, period_s);
         let reference = &self.reference;
         let way_n = tuning.presliding_n_m * (start_m - reference.length_m);
-        self.friction_n = limit(self.friction_n + way_n, -most_friction_n, most_friction_n);
+        let coulomb_n = softening * config.friction.force_n;
+        self.friction_n = slide(self.friction_n, way_n, coulomb_n);
         let wanted_n = load_n + self.trim_n + self.friction_n
-            - tuning.viscous_n_s_m * reference.speed_m_s
+            - softening * tuning.viscous_n_s_m * reference.speed_m_s
             - tuning.moving_mass_kg * reference.acceleration_m_s2;
         let ambient_pa = config.ambient.pressure_pa;
         let gauge_pa = geometry.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
@@ -207,4 +212,11 @@ impl ContractionLoop {
         let change_m3 = geometry.volume_m3(reference.length_m) - before_m3 + gain * missing_m3;
         Some(port.mass_kg(change_pa, change_m3) - port.in_flight_kg)
     }
+}
+
+/// Friction after a way, `way_n` its stiffness times the way: it builds up along the way as the
+/// bristles of LuGre do (Canudas de Wit et al. 1995), f' = k (1 - f/F sgn x'), backward Euler.
+fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
+    let most_n = coulomb_n + absolute(way_n);
+    if most_n > 0.0 { (friction_n + way_n) * coulomb_n / most_n } else { 0.0 }
 }

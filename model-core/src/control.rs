@@ -67,8 +67,8 @@ pub struct Controller {
     age_steps: u32,
     /// Steps until the PWM period ends.
     remaining_steps: u16,
-    /// Coulomb friction at the estimated wall temperature \[N\].
-    friction_n: f32,
+    /// What the estimated wall temperature makes of friction \[-\].
+    softening: f32,
     /// Measured length at the start of the last period \[m\].
     length_m: f32,
 }
@@ -127,7 +127,7 @@ impl Controller {
             command: Command::VENT,
             age_steps: 0,
             remaining_steps: 0,
-            friction_n: config.friction.force_n(config.ambient.temperature_k),
+            softening: config.friction.softening(config.ambient.temperature_k),
             length_m: 0.0,
         }
     }
@@ -169,7 +169,7 @@ impl Controller {
             self.command = self.period(config, feedback);
             self.length_m = feedback.length_m;
         } else if self.remaining_steps == config.drive.period_steps / 2 {
-            self.friction_n = config.friction.force_n(feedback.estimate.wall_k);
+            self.softening = config.friction.softening(feedback.estimate.wall_k);
         }
         self.remaining_steps = self.remaining_steps.saturating_sub(1);
         self.age_steps = self.age_steps.wrapping_add(1);
@@ -204,10 +204,10 @@ impl Controller {
                 let port = self.port(config, feedback);
                 let mut active = match self.active {
                     ActiveLoop::Contraction(active) => active,
-                    _ => ContractionLoop::new(config, &geometry, feedback, self.friction_n),
+                    _ => ContractionLoop::new(config, &geometry, feedback, self.softening),
                 };
                 let mass_kg =
-                    active.period(config, &geometry, feedback, &port, contraction, self.friction_n);
+                    active.period(config, &geometry, feedback, &port, contraction, self.softening);
                 self.active = ActiveLoop::Contraction(active);
                 mass_kg
             }

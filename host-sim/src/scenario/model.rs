@@ -625,6 +625,8 @@ pub struct Controller {
     pub length_loop_s: f64,
     /// Weight of an error of length against one of pressure \[-\].
     pub length_gain: f64,
+    /// How far ahead the length error is looked for, by its speed \[s\].
+    pub length_lead_s: f64,
     /// Load that the contraction loop learns per length error and time \[N/(m s)\].
     pub load_gain_n_m_s: f64,
     /// Largest load that it learns, either way \[N\].
@@ -650,8 +652,9 @@ impl Default for Controller {
             pressure_reset_s: 0.3,
             pressure_rate_pa_s: 1.0e7,
             pressure_dead_zone_pa: 1_000.0,
-            length_loop_s: 0.02,
+            length_loop_s: 0.014,
             length_gain: 1.0,
+            length_lead_s: 0.01,
             load_gain_n_m_s: 4.0e4,
             load_limit_n: 300.0,
             learning_band: 0.005,

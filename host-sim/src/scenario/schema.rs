@@ -536,6 +536,12 @@ pub static TABLES: &[Table] = &[
                 "weight of an error of length against one of pressure",
             ),
             real(
+                "length_lead_s",
+                "s",
+                (0.0, 10.0),
+                "how far ahead the length error is looked for, by its speed",
+            ),
+            real(
                 "load_gain_n_m_s",
                 "N/(m s)",
                 (0.0, 10000000.0),
