@@ -131,6 +131,7 @@ fn controller(s: &Scenario) -> ControllerConfig {
         length_loop_s: tuning.length_loop_s as f32,
         length_gain: tuning.length_gain as f32,
         length_lead_s: tuning.length_lead_s as f32,
+        friction_gain: tuning.friction_gain as f32,
         load_gain_n_m_s: tuning.load_gain_n_m_s as f32,
         load_limit_n: tuning.load_limit_n as f32,
         learning_band: tuning.learning_band as f32,

@@ -155,6 +155,8 @@ pub struct ControllerConfig {
     pub length_gain: f32,
     /// How far ahead the length error is looked for, by its speed \[s\].
     pub length_lead_s: f32,
+    /// Friction compensated, as a share of the Coulomb force \[-\]; above 1 for a Stribeck surplus.
+    pub friction_gain: f32,
     /// Load that the loop learns per length error and time \[N/(m s)\].
     pub load_gain_n_m_s: f32,
     /// Largest load that it learns, either way \[N\].
@@ -187,6 +189,7 @@ impl Default for ControllerConfig {
             length_loop_s: 0.014,
             length_gain: 1.0,
             length_lead_s: 0.01,
+            friction_gain: 1.03,
             load_gain_n_m_s: 4.0e4,
             load_limit_n: 300.0,
             learning_band: 0.005,
@@ -361,6 +364,7 @@ impl Config {
             ("controller.length_loop_s", controller.length_loop_s, 0.001, 10.0),
             ("controller.length_gain", controller.length_gain, 0.0, 10.0),
             ("controller.length_lead_s", controller.length_lead_s, 0.0, 10.0),
+            ("controller.friction_gain", controller.friction_gain, 0.0, 2.0),
             ("controller.load_gain_n_m_s", controller.load_gain_n_m_s, 0.0, 1.0e7),
             ("controller.load_limit_n", controller.load_limit_n, 0.0, 1.0e5),
             ("controller.learning_band", controller.learning_band, 0.0, 1.0),

@@ -124,7 +124,7 @@ impl ContractionLoop {
         softening: f32,
     ) {
         let Load::Isotonic { force_n } = config.load else { return };
-        let most_friction_n = softening * config.friction.force_n;
+        let most_friction_n = config.controller.friction_gain * softening * config.friction.force_n;
         let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
         let holds_n = geometry.force_n(gauge_pa, feedback.length_m) - force_n - self.trim_n;
         self.friction_n = limit(holds_n, -most_friction_n, most_friction_n);
@@ -198,7 +198,7 @@ impl ContractionLoop {
         self.reference.advance(config, rest_m, target_m, period_s);
         let reference = &self.reference;
         let way_n = tuning.presliding_n_m * (start_m - reference.length_m);
-        let coulomb_n = softening * config.friction.force_n;
+        let coulomb_n = tuning.friction_gain * softening * config.friction.force_n;
         self.friction_n = slide(self.friction_n, way_n, coulomb_n);
         let wanted_n = load_n + self.trim_n + self.friction_n
             - softening * tuning.viscous_n_s_m * reference.speed_m_s

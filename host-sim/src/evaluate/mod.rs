@@ -1,6 +1,8 @@
 //! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
 
+pub mod control;
 pub mod estimator;
+pub mod pid;
 
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq)]

@@ -627,6 +627,8 @@ pub struct Controller {
     pub length_gain: f64,
     /// How far ahead the length error is looked for, by its speed \[s\].
     pub length_lead_s: f64,
+    /// Friction compensated, share of the Coulomb force; above 1 for a Stribeck surplus \[-\].
+    pub friction_gain: f64,
     /// Load that the contraction loop learns per length error and time \[N/(m s)\].
     pub load_gain_n_m_s: f64,
     /// Largest load that it learns, either way \[N\].
@@ -655,6 +657,7 @@ impl Default for Controller {
             length_loop_s: 0.014,
             length_gain: 1.0,
             length_lead_s: 0.01,
+            friction_gain: 1.03,
             load_gain_n_m_s: 4.0e4,
             load_limit_n: 300.0,
             learning_band: 0.005,

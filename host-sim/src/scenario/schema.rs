@@ -542,6 +542,12 @@ pub static TABLES: &[Table] = &[
                 "how far ahead the length error is looked for, by its speed",
             ),
             real(
+                "friction_gain",
+                "",
+                (0.0, 2.0),
+                "friction compensated, share of friction.force_n; above 1 for a Stribeck surplus",
+            ),
+            real(
                 "load_gain_n_m_s",
                 "N/(m s)",
                 (0.0, 10000000.0),
