@@ -3,6 +3,7 @@
 //! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
 
 use crate::board::CoreBoard;
+use crate::evaluate;
 use crate::input::InputError;
 use crate::measured::Measured;
 use crate::output::OutputDir;
@@ -36,6 +37,15 @@ enum Task {
     Reproduce(ReproduceArgs),
     /// Runs a scenario
     Run(RunArgs),
+    /// Measures the project's own targets and prints a table of target and figure
+    Evaluate {
+        /// What to evaluate
+        #[arg(value_enum)]
+        what: Subject,
+        /// Nominal scenario [default: scenarios/nominal.toml as built in]
+        #[arg(long, value_name = "FILE.toml")]
+        scenario: Option<PathBuf>,
+    },
     /// Validates a scenario and prints it with every default filled in
     Check {
         /// Scenario file (TOML)
@@ -74,6 +84,14 @@ struct RunArgs {
     /// Measurements to compare with: time_s and any columns of trace.csv
     #[arg(long, value_name = "FILE.csv")]
     measured: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Subject {
+    /// The estimate of the gas temperature
+    Estimator,
+    /// The muscle at rest, in motion, and against the usual practice
+    Control,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -142,6 +160,7 @@ pub fn run<A: Into<OsString> + Clone>(
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
         Task::Reproduce(args) => reproduce_command(&args, out),
         Task::Run(args) => run_command(&args, out),
+        Task::Evaluate { what, scenario } => evaluate_command(what, scenario.as_deref(), out),
         Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
@@ -156,6 +175,26 @@ pub fn run<A: Into<OsString> + Clone>(
 fn check_command(path: &Path, out: &mut dyn Write) -> Result<(), Failure> {
     let loaded = scenario::load(path)?;
     print(out, &scenario::render(&loaded))
+}
+
+fn evaluate_command(
+    what: Subject,
+    path: Option<&Path>,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let nominal = match path {
+        Some(path) => scenario::load(path)?,
+        None => evaluate::nominal()?,
+    };
+    let lines = match what {
+        Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
+        Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
+    };
+    print(out, &evaluate::table(&lines))?;
+    match evaluate::missed(&lines) {
+        (0, _) => Ok(()),
+        (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),
+    }
 }
 
 fn run_command(args: &RunArgs, stdout: &mut dyn Write) -> Result<(), Failure> {

@@ -1,6 +1,6 @@
 //! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
 
-use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
+use crate::scenario::{Estimator, HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 use model_core::config::{
     Body, Config, ControllerConfig, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive,
 };
@@ -111,7 +111,7 @@ pub fn core_config(believed: &Scenario) -> Config {
             time_constant_s: (s.sensor.gas.time_constant_s as f32).max(SHORTEST_LAG_S),
             noise_k: s.sensor.gas.noise_k as f32,
         },
-        estimator: EstimatorConfig::default(),
+        estimator: estimator(&s.estimator),
         controller: controller(s),
         // A hair below full scale, so that the limit acts before the sensor saturates.
         pressure_limit_pa: (0.985 * s.sensor.pressure.range_pa) as f32,
@@ -146,5 +146,38 @@ fn controller(s: &Scenario) -> ControllerConfig {
         },
         viscous_n_s_m: where_full(s.friction.viscous_n_s_m),
         moving_mass_kg: where_full(s.load.mass_kg),
+    }
+}
+
+fn estimator(tuning: &Estimator) -> EstimatorConfig {
+    EstimatorConfig {
+        initial_sd_k: tuning.initial_sd_k as f32,
+        gas_drift_k: tuning.gas_drift_k as f32,
+        wall_drift_k: tuning.wall_drift_k as f32,
+        heat_scale_sd: tuning.heat_scale_sd as f32,
+        heat_scale_drift: tuning.heat_scale_drift as f32,
+        lag_sd: tuning.lag_sd as f32,
+        lag_drift: tuning.lag_drift as f32,
+        sensor_bias_k: tuning.sensor_bias_k as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario;
+
+    /// Scenario and core state the same nominal muscle, each in its own words.
+    #[test]
+    fn the_defaults_agree() {
+        let loaded = scenario::parse("[plant]\nmodel = \"lumped\"\n", "test".as_ref()).unwrap();
+        let (told, default) = (core_config(&loaded.believed), Config::default());
+        assert_eq!(told.estimator, default.estimator);
+        let (Body::Muscle(a), Body::Muscle(b)) = (told.body, default.body) else {
+            panic!("both are muscles");
+        };
+        assert!((a.braid.thread_length_m / b.braid.thread_length_m - 1.0).abs() < 1e-6);
+        assert!((a.braid.turns / b.braid.turns - 1.0).abs() < 1e-5);
+        assert_eq!(Config { body: told.body, ..default }, told);
     }
 }

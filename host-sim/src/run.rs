@@ -5,16 +5,17 @@
 //! ```
 
 use crate::adc::VirtualAdc;
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, BoardStep};
 use crate::core_config::core_config;
+use crate::faults::FaultyLines;
 use crate::measured::Measured;
-use crate::plant::{self, Actuation, BuildError, Diverged, Plant};
+use crate::plant::{self, BuildError, Diverged, Plant};
 use crate::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
 use crate::summary::{Accumulator, Ending, Summary};
 use crate::trace::Row;
 use model_core::model::Model;
-use model_core::{AdcCode, Command, ConfigError, Duty, Sample, SetPoint};
+use model_core::{Command, ConfigError, Duty, SetPoint};
 use std::fmt;
 use std::io;
 use std::time::Instant;
@@ -95,6 +96,7 @@ pub fn run(
     let mut plant =
         plant::build(scenario, loaded.volume_profile.clone()).map_err(RunError::Build)?;
     let mut adc = VirtualAdc::new(scenario);
+    let mut faults = FaultyLines::new(scenario);
     let drive = SetPoints::new(&scenario.drive, loaded.drive_profile.clone());
     let truth = plant.truth();
     let mut model = Model::new(
@@ -110,6 +112,7 @@ pub fn run(
     let mut accumulator = Accumulator::new(scenario.run.duration_s, measured);
     let mut flows = MeanFlows::new(plant.as_ref());
     let mut step_flows = flows;
+    let mut latest = None;
     let started = Instant::now();
     board.start(&config, drive.at(0.0))?;
     for step in 0..=steps {
@@ -122,14 +125,16 @@ pub fn run(
                 board.set(drive.at(truth.time_s))?;
             }
         }
-        let codes = adc.convert(&truth);
-        let sample = Sample {
-            pressure: AdcCode(codes.pressure),
-            gas: AdcCode(codes.gas),
-            length: AdcCode(codes.length),
-            emergency_stop: false,
+        let sample = faults.apply(truth.time_s, adc.convert(&truth));
+        let BoardStep { telemetry, actuation } = board.step(&sample)?;
+        // A board behind a line in real time may have nothing new to say of this step.
+        latest = telemetry.or(latest);
+        let Some(telemetry) = latest else {
+            if step < steps {
+                plant.advance(actuation)?;
+            }
+            continue;
         };
-        let telemetry = board.step(&sample)?;
         let logged = step % scenario.run.log_every == 0 || step == steps;
         if logged {
             let elapsed_s = truth.time_s - flows.time_s;
@@ -149,10 +154,7 @@ pub fn run(
             observer.row(&row).map_err(RunError::Output)?;
         }
         if step < steps {
-            plant.advance(Actuation {
-                inlet: f64::from(telemetry.command.inlet.share()),
-                outlet: f64::from(telemetry.command.outlet.share()),
-            })?;
+            plant.advance(actuation)?;
         }
     }
     Ok(accumulator.finish(Ending {

@@ -197,9 +197,10 @@ impl Default for ControllerConfig {
             contraction_rate_per_s: 0.7,
             contraction_acceleration_per_s2: 30.0,
             contraction_dead_zone: 0.001,
-            presliding_n_m: 4.0e4,
-            viscous_n_s_m: 40.0,
-            moving_mass_kg: 2.0,
+            // Neither is part of the lumped model.
+            presliding_n_m: 1.0e5,
+            viscous_n_s_m: 0.0,
+            moving_mass_kg: 0.0,
         }
     }
 }
@@ -219,8 +220,8 @@ impl Default for Config {
                 dead_volume_m3: 5.0e-6,
             }),
             heat: Heat {
-                inner_w_m2_k: 25.0,
-                inner_per_flow: 4.0e4,
+                inner_w_m2_k: 90.0,
+                inner_per_flow: 1.0e5,
                 outer_w_m2_k: 8.0,
                 outer_per_speed: 60.0,
                 wall_heat_capacity_j_k: 65.0,
@@ -249,7 +250,7 @@ impl Default for Config {
             gas_sensor: GasSensor { time_constant_s: 3.0, noise_k: 0.05 },
             estimator: EstimatorConfig::default(),
             controller: ControllerConfig::default(),
-            pressure_limit_pa: 690_000.0,
+            pressure_limit_pa: 0.985 * 700_000.0,
         }
     }
 }

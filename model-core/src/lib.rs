@@ -47,6 +47,7 @@ mod step;
 pub mod supervisor;
 pub mod valve;
 pub mod valve_drive;
+pub mod wire;
 
 pub use config::{Config, ConfigError};
 pub use sample::{AdcCode, Command, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};

@@ -6,7 +6,7 @@ use super::{Figure, Line};
 use crate::board::{Board, CoreBoard};
 use crate::profile::Profile;
 use crate::run::{self, RunError};
-use crate::scenario::{DriveKind, Loaded, Scenario};
+use crate::scenario::{DriveKind, Loaded, PlantModel, Scenario};
 use crate::trace::Row;
 use std::f64::consts::TAU;
 use std::sync::Mutex;
@@ -253,6 +253,14 @@ fn hold_line(
     })
 }
 
+/// The nominal muscle with everything that the core leaves out.
+pub fn full(nominal: &Loaded) -> Loaded {
+    let mut loaded = nominal.clone();
+    loaded.plant.plant.model = PlantModel::Full;
+    loaded.believed.plant.model = PlantModel::Full;
+    loaded
+}
+
 type Job<'a> = Box<dyn Fn() -> Result<Line, RunError> + Send + Sync + 'a>;
 
 fn holding(full: &Loaded) -> Vec<Job<'_>> {
@@ -374,12 +382,14 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
         .collect()
 }
 
-/// Runs every case on `full`, the nominal scenario, on all cores.
+/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario.
 ///
 /// # Errors
 /// The first run that could not be finished.
-pub fn evaluate(full: &Loaded) -> Result<Vec<Line>, RunError> {
-    let jobs: Vec<Job> = [holding(full), moving(full), compared(full)].into_iter().flatten().collect();
+pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
+    let full = &full(nominal);
+    let jobs: Vec<Job> =
+        [holding(full), moving(full), compared(full)].into_iter().flatten().collect();
     let next = AtomicUsize::new(0);
     let results = Mutex::new(Vec::new());
     let work = || {
@@ -388,10 +398,7 @@ pub fn evaluate(full: &Loaded) -> Result<Vec<Line>, RunError> {
             jobs.get(index).map(|job| (index, job))
         } {
             let result = job.1();
-            results
-                .lock()
-                .unwrap_or_else(std::sync::PoisonError::into_inner)
-                .push((job.0, result));
+            results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((job.0, result));
         }
     };
     let threads = thread::available_parallelism().map_or(1, usize::from);

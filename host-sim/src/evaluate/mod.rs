@@ -4,6 +4,18 @@ pub mod control;
 pub mod estimator;
 pub mod pid;
 
+use crate::input::InputError;
+use crate::scenario::{self, Loaded};
+
+/// The nominal scenario.
+///
+/// # Errors
+/// None in a sane build: the file is part of the program and tested.
+pub fn nominal() -> Result<Loaded, InputError> {
+    let text = include_str!("../../../scenarios/nominal.toml");
+    scenario::parse(text, "scenarios/nominal.toml".as_ref())
+}
+
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {

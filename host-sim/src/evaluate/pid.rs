@@ -1,8 +1,8 @@
 //! The usual practice to compare with: a PID on the length that sets the pressure, without a model
 //! of muscle, load or friction.
 
-use crate::board::{Board, BoardError, CoreBoard};
-use model_core::{Config, Sample, SetPoint, Telemetry};
+use crate::board::{Board, BoardError, BoardStep, CoreBoard};
+use model_core::{Config, Sample, SetPoint};
 
 /// Gains of the PID.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,15 +83,17 @@ impl Board for PidBoard {
         Ok(())
     }
 
-    fn step(&mut self, sample: &Sample) -> Result<Telemetry, BoardError> {
-        let telemetry = self.core.step(sample)?;
+    fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
+        let step = self.core.step(sample)?;
         self.steps += 1;
         // One step before the next PWM period: as fresh as the core's own loop has it.
-        if self.steps % self.period_steps == 0 {
+        if self.steps.is_multiple_of(self.period_steps)
+            && let Some(telemetry) = &step.telemetry
+        {
             let contraction = 1.0 - f64::from(telemetry.length_m) / self.rest_length_m;
             let pressure_pa = self.pressure_pa(contraction) as f32;
             self.core.set(SetPoint::Pressure { pressure_pa })?;
         }
-        Ok(telemetry)
+        Ok(step)
     }
 }

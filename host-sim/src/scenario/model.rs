@@ -604,10 +604,42 @@ impl Default for LengthSensor {
     }
 }
 
-/// Estimator tuning.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+/// Estimator tuning: standard deviations; a drift is what a random walk gains in one second.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Estimator {}
+pub struct Estimator {
+    /// Gas and wall temperature at the start \[K\].
+    pub initial_sd_k: f64,
+    /// Drift of the gas temperature's error \[K\].
+    pub gas_drift_k: f64,
+    /// Drift of the wall temperature's error \[K\].
+    pub wall_drift_k: f64,
+    /// Scale of the heat transfer at the start \[-\].
+    pub heat_scale_sd: f64,
+    /// Drift of the scale of the heat transfer \[-\].
+    pub heat_scale_drift: f64,
+    /// Logarithm of the sensor's lag at the start \[-\].
+    pub lag_sd: f64,
+    /// Drift of the logarithm of the sensor's lag \[-\].
+    pub lag_drift: f64,
+    /// Error of the sensor's reading that averaging over a second does not remove \[K\].
+    pub sensor_bias_k: f64,
+}
+
+impl Default for Estimator {
+    fn default() -> Self {
+        Self {
+            initial_sd_k: 3.0,
+            gas_drift_k: 0.1,
+            wall_drift_k: 0.05,
+            heat_scale_sd: 0.1,
+            heat_scale_drift: 0.002,
+            lag_sd: 0.05,
+            lag_drift: 0.0005,
+            sensor_bias_k: 1.0,
+        }
+    }
+}
 
 /// Controller tuning.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -670,7 +702,46 @@ impl Default for Controller {
     }
 }
 
+/// A fault of one analog channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ChannelFault {
+    /// Healthy.
+    None,
+    /// The line is open: the code goes to the upper rail.
+    Open,
+    /// The line is shorted to ground: the code goes to the lower rail.
+    Shorted,
+    /// The code stays what it was when the fault began.
+    Frozen,
+    /// Strong noise on the line, 5 % of the range.
+    Noisy,
+}
+
 /// Faults that the run injects.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Faults {}
+pub struct Faults {
+    /// Pressure channel.
+    pub pressure: ChannelFault,
+    /// Gas sensor's channel.
+    pub gas: ChannelFault,
+    /// Length channel.
+    pub length: ChannelFault,
+    /// Start of the faults \[s\].
+    pub from_s: f64,
+    /// End of the faults \[s\].
+    pub until_s: f64,
+}
+
+impl Default for Faults {
+    fn default() -> Self {
+        Self {
+            pressure: ChannelFault::None,
+            gas: ChannelFault::None,
+            length: ChannelFault::None,
+            from_s: 0.0,
+            until_s: 1.0e6,
+        }
+    }
+}
