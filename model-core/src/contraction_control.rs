@@ -23,6 +23,10 @@ use crate::math::{absolute, limit};
 const CALM_PERIODS: u8 = 5;
 /// The dead zone is left at this multiple of its width \[-\].
 const HYSTERESIS: f32 = 2.0;
+/// A reference that needs longer than this for a dead zone is at rest \[s\].
+const STILL_S: f32 = 0.1;
+/// What an error at rest counts more while the loop learns, in dead zones \[-\].
+const STICKING: f32 = 2.0;
 /// Closer than this to the rest length the load may lie on its stop \[m\].
 const STOP_M: f32 = 3.0e-4;
 
@@ -189,7 +193,19 @@ impl ContractionLoop {
         // friction and load explain at once.
         if !port.saturated {
             let most_m = tuning.learning_band * rest_m;
-            let learnt_n = tuning.load_gain_n_m_s * period_s * limit(error_m, -most_m, most_m);
+            // A muscle that sticks near its goal needs as much force as one that sticks far from it.
+            let sticks = absolute(self.reference.speed_m_s) * STILL_S < zone_m;
+            let extra_m = if !sticks {
+                0.0
+            } else if error_m > zone_m {
+                STICKING * zone_m
+            } else if error_m < -zone_m {
+                -STICKING * zone_m
+            } else {
+                0.0
+            };
+            let learns_m = limit(error_m + extra_m, -most_m, most_m);
+            let learnt_n = tuning.load_gain_n_m_s * period_s * learns_m;
             let most_n = tuning.load_limit_n;
             self.trim_n = limit(self.trim_n + learnt_n, -most_n, most_n);
         }
