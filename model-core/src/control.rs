@@ -246,3 +246,175 @@ impl Controller {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{Body, Load};
+    use crate::sample::Duty;
+
+    const LENGTH_M: f32 = 0.27;
+
+    fn feedback(pressure_pa: f32, length_m: f32) -> Feedback {
+        let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
+        Feedback { pressure_pa, length_m, estimate }
+    }
+
+    /// Runs for some PWM periods; the last openings.
+    fn periods(controller: &mut Controller, config: &Config, count: u16, now: Feedback) -> Command {
+        let mut command = Command::VENT;
+        for _ in 0..count * config.drive.period_steps {
+            command = controller.step(config, &now);
+        }
+        command
+    }
+
+    /// A pressure at which the muscle holds its load at [`LENGTH_M`] without friction.
+    fn balance_pa(config: &Config) -> f32 {
+        let Shape::Muscle(geometry) = Shape::new(&config.body) else { panic!("a muscle") };
+        config.ambient.pressure_pa + geometry.gauge_pressure_for_force_pa(100.0, LENGTH_M)
+    }
+
+    fn every_set_point() -> [SetPoint; 6] {
+        [
+            SetPoint::Vent,
+            SetPoint::Duty(Command { inlet: Duty(20_000), outlet: Duty::ZERO }),
+            SetPoint::MassFlow { flow_kg_s: 1.0e-3 },
+            SetPoint::MassFlowCycle { flow_kg_s: 1.0e-3, period_s: 2.0 },
+            SetPoint::Pressure { pressure_pa: 4.0e5 },
+            SetPoint::Contraction { contraction: 0.2 },
+        ]
+    }
+
+    fn mode_of(set_point: &SetPoint) -> Mode {
+        match set_point {
+            SetPoint::Vent => Mode::Vent,
+            SetPoint::Duty(_) => Mode::Duty,
+            SetPoint::MassFlow { .. } | SetPoint::MassFlowCycle { .. } => Mode::MassFlow,
+            SetPoint::Pressure { .. } => Mode::Pressure,
+            SetPoint::Contraction { .. } => Mode::Contraction,
+        }
+    }
+
+    /// Every kind after every kind, and what each drives.
+    #[test]
+    fn every_transition() {
+        let config = Config::default();
+        for from in every_set_point() {
+            for to in every_set_point() {
+                let mut controller = Controller::new(&config);
+                controller.set(from);
+                periods(&mut controller, &config, 3, feedback(2.0e5, LENGTH_M));
+                controller.set(to);
+                // Two periods: after the outlet was open to the period's end the inlet waits one.
+                let command = periods(&mut controller, &config, 2, feedback(2.0e5, LENGTH_M));
+                assert_eq!(controller.mode(), mode_of(&to), "{from:?} to {to:?}");
+                let (inlet, outlet) = (command.inlet > Duty::ZERO, command.outlet > Duty::ZERO);
+                let expected = if to == SetPoint::Vent { (false, true) } else { (true, false) };
+                assert_eq!((inlet, outlet), expected, "{from:?} to {to:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn pressure_rests_and_wakes() {
+        let config = Config::default();
+        let mut controller = Controller::new(&config);
+        controller.set(SetPoint::Pressure { pressure_pa: 3.0e5 });
+        for (pressure_pa, mode) in [
+            (2.9e5, Mode::Pressure),
+            (2.994e5, Mode::Pressure),
+            (2.996e5, Mode::PressureHeld),
+            (2.992e5, Mode::PressureHeld),
+            (2.989e5, Mode::Pressure),
+            (3.004e5, Mode::PressureHeld),
+        ] {
+            // The second period has nothing in flight.
+            let command = periods(&mut controller, &config, 2, feedback(pressure_pa, LENGTH_M));
+            assert_eq!(controller.mode(), mode, "at {pressure_pa} Pa");
+            assert!(mode != Mode::PressureHeld || command == Command::CLOSED);
+        }
+        controller.set(SetPoint::Pressure { pressure_pa: 3.5e5 });
+        periods(&mut controller, &config, 1, feedback(3.004e5, LENGTH_M));
+        assert_eq!(controller.mode(), Mode::Pressure, "another set point of the same kind");
+    }
+
+    #[test]
+    fn contraction_rests_and_wakes() {
+        let config = Config::default();
+        let held = feedback(balance_pa(&config), LENGTH_M);
+        let mut controller = Controller::new(&config);
+        controller.set(SetPoint::Contraction { contraction: 0.1 });
+        // Entered at its goal: nothing moves, and after five calm periods it rests.
+        for _ in 0..5 {
+            assert_eq!(periods(&mut controller, &config, 1, held), Command::CLOSED);
+        }
+        assert_eq!(periods(&mut controller, &config, 1, held), Command::CLOSED);
+        assert_eq!(controller.mode(), Mode::ContractionHeld);
+        let nudged = |by_m: f32| feedback(balance_pa(&config), LENGTH_M + by_m);
+        periods(&mut controller, &config, 3, nudged(5.0e-4));
+        assert_eq!(controller.mode(), Mode::ContractionHeld, "within twice the dead zone");
+        periods(&mut controller, &config, 1, nudged(7.0e-4));
+        assert_eq!(controller.mode(), Mode::Contraction, "beyond it");
+        periods(&mut controller, &config, 8, held);
+        assert_eq!(controller.mode(), Mode::ContractionHeld);
+        controller.set(SetPoint::Contraction { contraction: 0.15 });
+        let command = periods(&mut controller, &config, 1, held);
+        assert_eq!(controller.mode(), Mode::Contraction);
+        assert!(command.inlet > Duty::ZERO && command.outlet == Duty::ZERO);
+    }
+
+    #[test]
+    fn contraction_holds_what_cannot_move() {
+        let isometric =
+            Config { load: Load::Isometric { length_m: LENGTH_M }, ..Config::default() };
+        let vessel = Config {
+            body: Body::Vessel { section_m2: 0.01, surface_m2: 0.1 },
+            ..Config::default()
+        };
+        for config in [isometric, vessel] {
+            let mut controller = Controller::new(&config);
+            controller.set(SetPoint::Contraction { contraction: 0.2 });
+            let command = periods(&mut controller, &config, 3, feedback(2.0e5, LENGTH_M));
+            assert_eq!(command, Command::CLOSED);
+        }
+    }
+
+    /// A change of mode at rest moves next to nothing, whatever the load really is.
+    #[test]
+    fn a_change_of_mode_is_bumpless() {
+        let config = Config::default();
+        for off_pa in [-4.0e4, -1.0e4, 0.0, 1.0e4, 4.0e4] {
+            let now = feedback(balance_pa(&config) + off_pa, LENGTH_M);
+            let mut controller = Controller::new(&config);
+            controller.set(SetPoint::Pressure { pressure_pa: now.pressure_pa });
+            periods(&mut controller, &config, 3, now);
+            controller.set(SetPoint::Contraction { contraction: 0.1 });
+            for _ in 0..8 {
+                let command = periods(&mut controller, &config, 1, now);
+                assert_eq!(command, Command::CLOSED, "{off_pa} Pa from balance");
+            }
+        }
+    }
+
+    /// Eq. (6) backwards: dP/dt of the mass that [`Port::mass_kg`] asks for is the one wanted.
+    #[test]
+    fn mass_is_eq_6_solved_for_it() {
+        let config = Config::default();
+        let mut controller = Controller::new(&config);
+        controller.length_m = LENGTH_M + 1.0e-3;
+        let port = controller.port(&config, &feedback(3.0e5, LENGTH_M));
+        let mass_kg = port.mass_kg(5_000.0, port.volume_rate_m3_s * port.period_s);
+        let chamber = crate::gas::Chamber {
+            pressure_pa: 3.0e5,
+            temperature_k: 298.0,
+            volume_m3: port.volume_m3,
+            volume_rate_m3_s: port.volume_rate_m3_s,
+            inflow_kg_s: mass_kg / port.period_s,
+            outflow_kg_s: 0.0,
+        };
+        let rate = crate::gas::pressure_rate_adiabatic(&config.gas, &chamber);
+        assert!(port.volume_rate_m3_s > 1.0e-4, "it contracts");
+        assert!((rate * port.period_s / 5_000.0 - 1.0).abs() < 1e-3, "{rate} Pa/s");
+    }
+}
