@@ -73,7 +73,7 @@ fn pressure_as_fast_as_the_valve() {
         s.load.length_m = 0.27;
     });
     for loaded in [nominal(), isometric] {
-        let step = pressure_step(&loaded).unwrap();
+        let step = pressure_step(&loaded, &mut CoreBoard::default()).unwrap();
         assert_within("times the open valve", step.times_open_valve, (1.0, 1.3));
         assert_within("overshoot %", step.overshoot_percent, (0.0, 2.0));
     }

@@ -183,15 +183,15 @@ pub struct Step {
     pub overshoot_percent: f64,
 }
 
-/// A step of the pressure from 2 to 4 bar.
+/// A step of the pressure from 2 to 4 bar, compared with the open valve on the same plant.
 ///
 /// # Errors
 /// When a run could not be finished.
-pub fn pressure_step(loaded: &Loaded) -> Result<Step, RunError> {
+pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, RunError> {
     const STEP_S: f64 = 1.5;
     let (low, high) = (2.0e5, 4.0e5);
     let profile = vec![(0.0, low), (STEP_S, low), (STEP_S + 0.001, high), (STEP_S + 2.0, high)];
-    let closed = trace(loaded, DriveKind::Pressure, profile, &mut CoreBoard::default())?;
+    let closed = trace(loaded, DriveKind::Pressure, profile, board)?;
     let band = 0.02 * (high - low);
     let late = closed.iter().filter(|p| p.time_s >= STEP_S);
     let settled_s = late
@@ -312,7 +312,7 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
     for (force_n, bandwidth_target_hz) in [(50.0, 4.0), (100.0, 5.0), (200.0, 5.0)] {
         jobs.push(Box::new(move || {
             let loaded = load(full.clone(), force_n);
-            let step = pressure_step(&loaded)?;
+            let step = pressure_step(&loaded, &mut CoreBoard::default())?;
             Ok(Line {
                 case: format!("pressure 2 to 4 bar, {force_n} N"),
                 figures: vec![
