@@ -108,6 +108,8 @@ struct RunArgs {
 enum Subject {
     /// The estimate of the gas temperature
     Estimator,
+    /// The muscle at rest, in motion, and against the usual practice
+    Control,
 }
 
 #[derive(Debug, Args)]
@@ -279,6 +281,7 @@ fn evaluate_command(
     };
     let lines = match what {
         Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
+        Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
     };
     print(out, &evaluate::table(&lines))?;
     match evaluate::missed(&lines) {

@@ -17,14 +17,14 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 1;
+pub const PROTOCOL: u16 = 2;
 /// Speed of the line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
-pub const MAX_FRAME: usize = 256;
+pub const MAX_FRAME: usize = 512;
 
-/// Longest message and CRC before COBS adds its one byte and the zero.
-const MAX_PAYLOAD: usize = MAX_FRAME - 2;
+/// Longest message and CRC before COBS adds its byte per 254, begun or whole, and the zero.
+const MAX_PAYLOAD: usize = MAX_FRAME - 4;
 const CRC_BYTES: usize = 4;
 const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
@@ -391,7 +391,7 @@ mod tests {
         assert!(
             encode(&Message::Reply(Reply { sequence: 0, answer: Answer::Timing(timing) })).is_ok()
         );
-        assert_eq!(encode(&[u64::MAX; 30]), Err(TooLong));
+        assert_eq!(encode(&[u64::MAX; 52].as_slice()), Err(TooLong));
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
 
+pub mod control;
 pub mod estimator;
+pub mod pid;
 
 use crate::input::InputError;
 use crate::scenario::{self, Loaded};

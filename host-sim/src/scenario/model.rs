@@ -642,9 +642,65 @@ impl Default for Estimator {
 }
 
 /// Controller tuning.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Controller {}
+pub struct Controller {
+    /// Time in which the pressure loop closes an error \[s\].
+    pub pressure_loop_s: f64,
+    /// Reset time of the pressure loop's integral \[s\].
+    pub pressure_reset_s: f64,
+    /// Fastest change of the pressure's set point \[Pa/s\].
+    pub pressure_rate_pa_s: f64,
+    /// Pressure error that is left alone at rest \[Pa\].
+    pub pressure_dead_zone_pa: f64,
+    /// Time in which the contraction loop closes an error of the gas mass \[s\].
+    pub length_loop_s: f64,
+    /// Weight of an error of length against one of pressure \[-\].
+    pub length_gain: f64,
+    /// How far ahead the length error is looked for, by its speed \[s\].
+    pub length_lead_s: f64,
+    /// Friction compensated, share of the Coulomb force; above 1 for a Stribeck surplus \[-\].
+    pub friction_gain: f64,
+    /// Load that the contraction loop learns per length error and time \[N/(m s)\].
+    pub load_gain_n_m_s: f64,
+    /// Largest load that it learns, either way \[N\].
+    pub load_limit_n: f64,
+    /// Largest length error that it learns from, share of the rest length \[-\].
+    pub learning_band: f64,
+    /// Natural frequency of the contraction's reference \[rad/s\].
+    pub reference_rad_s: f64,
+    /// Fastest contraction of the reference, share of the rest length \[1/s\].
+    pub contraction_rate_per_s: f64,
+    /// Largest acceleration of the reference, share of the rest length \[1/s2\].
+    pub contraction_acceleration_per_s2: f64,
+    /// Length error that is left alone at rest, share of the rest length \[-\].
+    pub contraction_dead_zone: f64,
+    /// Shortest valve pulse worth giving; below valve.switch_time_s it opens partly \[s\].
+    pub minimum_pulse_s: f64,
+}
+
+impl Default for Controller {
+    fn default() -> Self {
+        Self {
+            pressure_loop_s: 0.014,
+            pressure_reset_s: 0.3,
+            pressure_rate_pa_s: 1.0e7,
+            pressure_dead_zone_pa: 1_000.0,
+            length_loop_s: 0.014,
+            length_gain: 1.0,
+            length_lead_s: 0.01,
+            friction_gain: 1.03,
+            load_gain_n_m_s: 4.0e4,
+            load_limit_n: 300.0,
+            learning_band: 0.005,
+            reference_rad_s: 90.0,
+            contraction_rate_per_s: 0.7,
+            contraction_acceleration_per_s2: 30.0,
+            contraction_dead_zone: 0.001,
+            minimum_pulse_s: 0.001,
+        }
+    }
+}
 
 /// A fault of one analog channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
