@@ -622,7 +622,7 @@ proptest! {
 
 #[test]
 fn the_core_takes_every_key_at_its_limits() {
-    let mut taken = 0;
+    let (mut taken, mut tried) = (0, 0);
     for table in TABLES {
         for key in table.keys {
             let limits = match key.allowed {
@@ -635,6 +635,7 @@ fn the_core_takes_every_key_at_its_limits() {
             {
                 let text =
                     format!("{}.{} = {limit}\nplant.kind = \"{kind}\"\n", table.name, key.name);
+                tried += 1;
                 match parse(&text) {
                     Ok(loaded) => {
                         assert_eq!(core_config(&loaded.believed).check(), Ok(()), "{text}");
@@ -649,7 +650,7 @@ fn the_core_takes_every_key_at_its_limits() {
         }
     }
     // Ends of duration, diameter, thread length and the like contradict the other defaults.
-    assert!((290..340).contains(&taken), "{taken}");
+    assert!(taken * 10 > tried * 8 && taken < tried, "{taken} of {tried}");
 }
 
 #[test]

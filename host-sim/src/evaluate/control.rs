@@ -309,7 +309,7 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
     let mut jobs: Vec<Job> = Vec::new();
     // At 50 N the muscle works at 1.4 bar, where the open outlet passes 0.5 g/s: the turn of 30 N of
     // friction alone takes it a third of half a period at 5 Hz.
-    for (force_n, bandwidth_target_hz) in [(50.0, 4.0), (100.0, 5.0), (200.0, 5.0)] {
+    for (force_n, bandwidth_target_hz) in [(50.0, 5.0), (100.0, 5.0), (200.0, 5.0)] {
         jobs.push(Box::new(move || {
             let loaded = load(full.clone(), force_n);
             let step = pressure_step(&loaded, &mut CoreBoard::default())?;

@@ -176,12 +176,8 @@ fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
 /// # Errors
 /// The first run that could not be finished.
 pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
-    let [lumped, full] = [PlantModel::Lumped, PlantModel::Full].map(|model| {
-        let mut loaded = nominal.clone();
-        loaded.plant.plant.model = model;
-        loaded.believed.plant.model = model;
-        loaded
-    });
+    let [lumped, full] =
+        [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
     let cases = cases();
     let jobs: Vec<(usize, usize)> =
         (0..cases.len()).flat_map(|case| [(case, 0), (case, 1)]).collect();

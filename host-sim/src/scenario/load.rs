@@ -2,7 +2,7 @@
 
 use super::document::{Document, Entries, Entry};
 use super::geometry;
-use super::model::{Muscle, PlantKind, Scenario};
+use super::model::{Muscle, PlantKind, PlantModel, Scenario};
 use super::rules::{self, Fault, Violation};
 use super::schema::{Allowed, Limits, limits};
 use crate::input::{InputError, Problem, read_text};
@@ -27,6 +27,16 @@ pub struct Loaded {
     pub volume_profile: Option<Profile>,
     /// The set point over time in the drive's unit, where `drive.profile_csv` gives it.
     pub drive_profile: Option<Profile>,
+}
+
+impl Loaded {
+    /// The same scenario on another plant. The core is told too: it drives ideal valves differently.
+    pub fn with_model(&self, model: PlantModel) -> Self {
+        let mut other = self.clone();
+        other.plant.plant.model = model;
+        other.believed.plant.model = model;
+        other
+    }
 }
 
 /// Loads a scenario file. CSV files that it names are looked for from its own folder.
