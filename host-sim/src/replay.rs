@@ -83,7 +83,6 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
         return Err(table.cell_error(row, "step", allowed));
     }
     let drive = SetPoints::new(&loaded);
-    let times = column("time_s")?;
     let [pressure, length] = [column("measured_pressure_pa")?, column("measured_length_m")?];
     let codes = [column("code_pressure")?, column("code_gas")?, column("code_length")?];
     let stop = column("emergency_stop")?;
@@ -103,7 +102,7 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
                 estimate.each_ref().map(|values| values[i] as f32);
             let set_point = match i {
                 0 => Some(drive.at(0.0)),
-                _ => drive.given_at(i as u64 - 1, &loaded).then(|| drive.at(times[i - 1])),
+                _ => drive.acting_from(i as u64, &loaded),
             };
             let telemetry = Telemetry {
                 step: i as u32,

@@ -131,9 +131,10 @@ pub fn run(
             if step > 0 {
                 let held = length_held.then_some(truth.length_m as f32);
                 model.step(inflow as f32, outflow as f32, held);
-                if drive.given_at(step, loaded) {
-                    board.set(drive.at(truth.time_s))?;
-                }
+            }
+            // It acts from the step after this one on.
+            if let Some(set_point) = drive.acting_from(step + 1, loaded) {
+                board.set(set_point)?;
             }
             sample = faults.apply(truth.time_s, adc.convert(&truth));
             let logged = step % scenario.run.log_every == 0 || step == steps;
@@ -243,10 +244,12 @@ impl SetPoints {
         Self { drive: loaded.plant.drive.clone(), profile: loaded.drive_profile.clone() }
     }
 
-    /// Whether the set point is given anew in this step: at intervals, where a profile moves it.
-    pub fn given_at(&self, step: u64, loaded: &Loaded) -> bool {
-        let interval = (SET_POINT_INTERVAL_S / loaded.plant.run.step_s).round() as u64;
-        step > 0 && self.follows_profile() && step.is_multiple_of(interval.max(1))
+    /// The set point that acts from this step on, where a profile moves it: at intervals.
+    pub fn acting_from(&self, step: u64, loaded: &Loaded) -> Option<SetPoint> {
+        let step_s = loaded.plant.run.step_s;
+        let interval = (SET_POINT_INTERVAL_S / step_s).round() as u64;
+        let anew = self.follows_profile() && step.is_multiple_of(interval.max(1));
+        anew.then(|| self.at(step as f64 * step_s))
     }
 
     fn follows_profile(&self) -> bool {

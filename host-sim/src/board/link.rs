@@ -19,8 +19,9 @@ impl Link {
     /// The bytes of a request and its sequence number.
     pub fn request(&mut self, command: HostCommand) -> (u8, Vec<u8>) {
         self.sequence = self.sequence.wrapping_add(1);
-        // An answer that nobody asked for, 256 requests ago, is not the answer to this one.
-        self.replies.retain(|reply| reply.sequence != self.sequence);
+        // A reply of 256 requests ago that nobody took is not this one's.
+        let sequence = self.sequence;
+        self.replies.retain(|reply| reply.sequence != sequence);
         if matches!(command, HostCommand::Start(_) | HostCommand::Configure(_)) {
             self.start = Some(self.sequence);
         }

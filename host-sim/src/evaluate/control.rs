@@ -231,7 +231,10 @@ fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
     loaded
 }
 
-fn told(mut loaded: Loaded, change: fn(&mut Scenario)) -> Loaded {
+/// What the core is told differently.
+type Change = fn(&mut Scenario);
+
+fn told(mut loaded: Loaded, change: Change) -> Loaded {
     change(&mut loaded.believed);
     loaded
 }
@@ -280,7 +283,7 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
             hold_line(case, &loaded, 200, 1.0)
         }));
     }
-    let wrong: [(&str, fn(&mut Scenario)); 8] = [
+    let wrong: [(&str, Change); 8] = [
         ("friction 20 % low", |s| s.friction.force_n *= 0.8),
         ("friction 20 % high", |s| s.friction.force_n *= 1.2),
         // Turns go into the volume squared, and into the force with it.

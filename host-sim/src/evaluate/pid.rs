@@ -86,8 +86,8 @@ impl Board for PidBoard {
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
         let step = self.core.step(sample)?;
         self.steps += 1;
-        // One step before the next PWM period: as fresh as the core's own loop has it.
-        if self.steps.is_multiple_of(self.period_steps)
+        // A set point acts one step after the next: given here, it is there when the period starts.
+        if (self.steps + 1).is_multiple_of(self.period_steps)
             && let Some(telemetry) = &step.telemetry
         {
             let contraction = 1.0 - f64::from(telemetry.length_m) / self.rest_length_m;
