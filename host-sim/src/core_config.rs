@@ -50,6 +50,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         PlantKind::Muscle => s.wall.heat_capacity_j_k,
         PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
     };
+    let switching = s.plant.kind == PlantKind::Muscle && s.plant.model == PlantModel::Full;
     let (inner_w_m2_k, inner_per_flow) = match s.heat.model {
         HeatModel::Adiabatic => (0.0, 0.0),
         HeatModel::Isothermal => (ISOTHERMAL_W_M2_K, 0.0),
@@ -97,8 +98,9 @@ pub fn core_config(believed: &Scenario) -> Config {
         drive: ValveDrive {
             period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
             minimum_pulse_s: s.controller.minimum_pulse_s as f32,
-            switch_time_s: s.valve.switch_time_s as f32,
-            dead_time_s: s.valve.dead_time_s as f32,
+            // Every other plant has ideal valves.
+            switch_time_s: if switching { s.valve.switch_time_s as f32 } else { 0.0 },
+            dead_time_s: if switching { s.valve.dead_time_s as f32 } else { 0.0 },
         },
         front_end: FrontEnd {
             pressure_range_pa: s.sensor.pressure.range_pa as f32,
@@ -170,7 +172,7 @@ mod tests {
     /// Scenario and core state the same nominal muscle, each in its own words.
     #[test]
     fn the_defaults_agree() {
-        let loaded = scenario::parse("[plant]\nmodel = \"lumped\"\n", "test".as_ref()).unwrap();
+        let loaded = scenario::parse("", "test".as_ref()).unwrap();
         let (told, default) = (core_config(&loaded.believed), Config::default());
         assert_eq!(told.estimator, default.estimator);
         let (Body::Muscle(a), Body::Muscle(b)) = (told.body, default.body) else {
