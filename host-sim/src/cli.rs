@@ -3,6 +3,7 @@
 //! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
 
 use crate::board::CoreBoard;
+use crate::identify::{self, IdentifyError};
 use crate::input::InputError;
 use crate::measured::Measured;
 use crate::output::OutputDir;
@@ -36,6 +37,8 @@ enum Task {
     Reproduce(ReproduceArgs),
     /// Runs a scenario
     Run(RunArgs),
+    /// Finds the parameters that make the plant follow recorded data
+    Identify(IdentifyArgs),
     /// Validates a scenario and prints it with every default filled in
     Check {
         /// Scenario file (TOML)
@@ -76,6 +79,17 @@ struct RunArgs {
     measured: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+struct IdentifyArgs {
+    /// Recorded data: time_s and columns of trace.csv
+    data: PathBuf,
+    /// Scenario file (TOML) whose [identify] names the parameters
+    #[arg(long, value_name = "FILE.toml")]
+    config: PathBuf,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum BoardKind {
     /// In this process
@@ -87,6 +101,8 @@ enum BoardKind {
 enum Failure {
     /// Exit 2.
     Input(InputError),
+    /// Exit 2, or 1 where the plant diverges.
+    Identify(IdentifyError),
     /// Exit 1.
     Run(RunError),
     /// Exit 1: it ran, and a stated check did not hold.
@@ -97,6 +113,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(error) => error.fmt(f),
+            Self::Identify(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
             Self::Check(what) => f.write_str(what),
         }
@@ -113,7 +130,8 @@ impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Input(_) | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
-            Self::Run(_) | Self::Check(_) => 1,
+            Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_)) => 2,
+            Self::Identify(IdentifyError::Diverged(_)) | Self::Run(_) | Self::Check(_) => 1,
         }
     }
 }
@@ -142,6 +160,7 @@ pub fn run<A: Into<OsString> + Clone>(
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
         Task::Reproduce(args) => reproduce_command(&args, out),
         Task::Run(args) => run_command(&args, out),
+        Task::Identify(args) => identify_command(&args, out),
         Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
@@ -174,6 +193,28 @@ fn run_command(args: &RunArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
     finish(out, stdout, &loaded, &summary, &page, &args.output)
+}
+
+fn identify_command(args: &IdentifyArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+    let loaded = scenario::load(&args.config)?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
+    let mut out = OutputDir::create(&folder)?;
+    let identified =
+        identify::identify(&loaded, &args.config, &args.data).map_err(Failure::Identify)?;
+    let findings = &identified.findings;
+    let title = args.data.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    let json = serde_json::to_string_pretty(findings).expect("findings are plain data") + "\n";
+    out.keep_text("summary.json", &json)?;
+    out.keep_text("identified.toml", &scenario::render(&identified.scenario))?;
+    out.keep_text("report.html", &identify::page(&identified, &title))?;
+    out.publish()?;
+    if args.output.json {
+        print(stdout, &json)?;
+    } else {
+        print(stdout, &findings.text())?;
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
+    }
+    findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
 }
 
 fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(), Failure> {

@@ -9,6 +9,7 @@ pub mod board;
 pub mod cli;
 pub mod core_config;
 pub mod evaluate;
+pub mod identify;
 pub mod input;
 pub mod measured;
 pub mod output;
