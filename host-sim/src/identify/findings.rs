@@ -20,7 +20,7 @@ const LASTING_ROWS: f64 = 5.0;
 pub struct Fitted {
     /// Value \[unit\].
     pub value: f64,
-    /// Its standard error \[unit\]; none where the data leave it open.
+    /// Its standard error \[unit\]; none where the data leave it open, or it is at a limit.
     pub standard_error: Option<f64>,
     /// Unit, as the SI writes it; empty for a ratio.
     pub unit: &'static str,
@@ -92,7 +92,9 @@ pub(super) struct Parts<'a> {
 impl Findings {
     pub(super) fn new(parts: Parts) -> Self {
         let Parts { parameters, data, best, ends, agreeing, misfits, covariance, mass } = parts;
-        let error = |i: usize| covariance.map(|covariance| covariance[(i, i)].sqrt());
+        let inside = |i: usize| !parameters[i].at_limit(best.place[i]);
+        let error =
+            |i: usize| covariance.filter(|_| inside(i)).map(|covariance| covariance[(i, i)].sqrt());
         let values = parameters.iter().zip(best.place.iter()).enumerate();
         let mut fitted: BTreeMap<String, Fitted> = values
             .map(|(i, (parameter, u))| {
@@ -124,10 +126,10 @@ impl Findings {
                 covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
             };
             let row = |i: usize| {
-                let paths = parameters.iter().enumerate();
+                let paths = parameters.iter().enumerate().filter(|(j, _)| inside(*j));
                 paths.map(|(j, other)| (other.path.clone(), correlation(i, j))).collect()
             };
-            let rows = parameters.iter().enumerate();
+            let rows = parameters.iter().enumerate().filter(|(i, _)| inside(*i));
             rows.map(|(i, parameter)| (parameter.path.clone(), row(i))).collect()
         });
 

@@ -79,7 +79,7 @@ pub fn identify(
         scenario: &scenario,
         parameters: &parameters,
         data: &data,
-        experiment: Experiment::new(&data),
+        experiment: Experiment::new(&data, &scenario),
     };
     let own = DVector::from_iterator(
         parameters.len(),
@@ -107,7 +107,7 @@ pub fn identify(
         columns.push(own.to_vec());
         first += observed.points.len();
     }
-    let covariance = covariance(&problem.sensitivities(&best.place), &data.observed, &misfits);
+    let covariance = covariance_inside(&problem, &best.place, &misfits);
     let agreeing = agreeing(&ends, best, &parameters, covariance.as_ref());
     let mass = gas_mass(&problem, &best.place, covariance.as_ref());
     let findings = Findings::new(findings::Parts {
@@ -198,6 +198,26 @@ fn best(ends: &[End]) -> &End {
         .expect("there is at least one start")
 }
 
+/// Covariance of the logarithms, with those at a limit held: their rows are zero.
+fn covariance_inside(
+    problem: &Problem,
+    place: &DVector<f64>,
+    misfits: &[Misfit],
+) -> Option<DMatrix<f64>> {
+    let count = place.len();
+    let inside: Vec<usize> =
+        (0..count).filter(|i| !problem.parameters[*i].at_limit(place[*i])).collect();
+    let sensitivities = problem.sensitivities(place).select_columns(&inside);
+    let reduced = covariance(&sensitivities, &problem.data.observed, misfits)?;
+    let mut full = DMatrix::zeros(count, count);
+    for (row, i) in inside.iter().enumerate() {
+        for (column, j) in inside.iter().enumerate() {
+            full[(*i, *j)] = reduced[(row, column)];
+        }
+    }
+    Some(full)
+}
+
 /// How many searches ended where the best one did.
 fn agreeing(
     ends: &[End],
@@ -208,6 +228,9 @@ fn agreeing(
     let near = |end: &&End| {
         let same_cost = end.cost <= best.cost * (1.0 + SAME_COST);
         let same_place = parameters.iter().enumerate().all(|(i, parameter)| {
+            if parameter.at_limit(end.place[i]) && parameter.at_limit(best.place[i]) {
+                return end.place[i].signum() == best.place[i].signum();
+            }
             let difference = parameter.value(end.place[i]) / parameter.value(best.place[i]);
             let error = covariance.map_or(0.0, |covariance| covariance[(i, i)].sqrt());
             difference.ln().abs() <= (SAME_PLACE * error).max(SAME_COST)

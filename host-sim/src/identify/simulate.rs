@@ -2,10 +2,10 @@
 
 use super::data::{Data, Input};
 use crate::plant::{self, Actuation, BuildError, Diverged, Truth};
-use crate::scenario::Scenario;
+use crate::scenario::{PlantKind, Scenario};
 
-/// Longest step between two looks at the plant \[s\]; the plants' own integrators step finer.
-const LONGEST_STEP_S: f64 = 0.02;
+/// Longest step between two looks at a vessel \[s\]: its integrator keeps its tolerance in between.
+const LONGEST_VESSEL_STEP_S: f64 = 0.02;
 /// Part of a step that two times may differ by and still be one.
 const SAME: f64 = 1e-6;
 
@@ -26,11 +26,16 @@ pub struct Experiment<'a> {
 }
 
 impl<'a> Experiment<'a> {
-    /// The experiment that the data recorded.
-    pub fn new(data: &'a Data) -> Self {
+    /// The experiment that the data recorded. A muscle is stepped as in a run of the scenario: stick
+    /// and slip are resolved to a step, and another step shifts the fit by more than its error.
+    pub fn new(data: &'a Data, scenario: &Scenario) -> Self {
+        let longest_s = match scenario.plant.kind {
+            PlantKind::Muscle => scenario.run.step_s,
+            PlantKind::Vessel => LONGEST_VESSEL_STEP_S,
+        };
         // Rows of regular data fall on steps; those of other data are interpolated.
         let spacing_s = data.spacing_s.min(data.end_s());
-        let step_s = spacing_s / (spacing_s / LONGEST_STEP_S).ceil().max(1.0);
+        let step_s = spacing_s / (spacing_s / longest_s - SAME).ceil().max(1.0);
         Self { data, step_s }
     }
 
