@@ -4,7 +4,7 @@ use super::Identified;
 use super::data::{Observed, Quantity};
 use crate::report::Colour;
 use crate::report::chart::{Axis, Chart, Panel};
-use crate::report::number::{MISSING, Unit, significant};
+use crate::report::number::{MISSING, Unit, fixed, significant};
 use crate::report::page::{Page, Section, Table, Tile};
 use crate::scenario;
 
@@ -112,7 +112,7 @@ fn correlations(identified: &Identified) -> Section {
     columns.extend(table.keys().cloned());
     let rows = table.iter().map(|(path, row)| {
         let mut cells = vec![path.clone()];
-        cells.extend(row.values().map(|correlation| format!("{correlation:.3}")));
+        cells.extend(row.values().map(|correlation| fixed(*correlation, 3)));
         cells
     });
     section
