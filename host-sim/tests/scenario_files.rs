@@ -90,7 +90,7 @@ fn unknown_names_get_a_suggestion() {
     assert!(
         message.starts_with("scenario.toml:1: unknown table [qqqq]; known here: [run], [gas], ")
     );
-    assert!(message.ends_with(", [faults]"), "{message}");
+    assert!(message.ends_with(", [identify]"), "{message}");
 }
 
 #[test]
@@ -536,6 +536,10 @@ fn any_value(allowed: Allowed) -> BoxedStrategy<Option<String>> {
         Allowed::Whole { min, max } => (min..=max).prop_map(|x| Some(x.to_string())).boxed(),
         Allowed::Choice(words) => {
             proptest::sample::select(words).prop_map(|word| Some(format!("{word:?}"))).boxed()
+        }
+        Allowed::List => {
+            let lists = vec!["[]", "[\"heat.scale\"]", "[\"pressure_pa\"]", "[\"a\\nb\"]"];
+            proptest::sample::select(lists).prop_map(|list| Some(list.to_owned())).boxed()
         }
         Allowed::Csv { .. } => Just(None).boxed(),
     }

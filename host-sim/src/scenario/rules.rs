@@ -102,6 +102,13 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
     // A hair of room: 1/(1000 step) has been rounded.
     let why = "a period of at most 1000 times run.step_s";
     within("valve.pwm_hz", scenario.valve.pwm_hz, (slowest * (1.0 - 1e-12), fastest), why)?;
+    let heat = &scenario.heat;
+    let largest = limits("heat.scale")
+        .max
+        .min(limits("heat.inner_w_m2_k").max / heat.inner_w_m2_k)
+        .min(limits("heat.inner_per_flow").max / heat.inner_per_flow);
+    let why = "with which heat.inner_w_m2_k and heat.inner_per_flow stay within their limits";
+    within("heat.scale", heat.scale, (limits("heat.scale").min, largest), why)?;
     let sensor = &scenario.sensor.gas;
     let highest = limits("sensor.gas.range_max_k").max;
     let why = "at least 1 K above sensor.gas.range_min_k";
