@@ -11,6 +11,8 @@ use crate::scenario::{Scenario, number};
 const WIDEST: f64 = 1e4;
 /// A value this close to a limit, as a share of the way in logarithms, is at it.
 const AT_LIMIT: f64 = 1e-3;
+/// Closest to a limit that a search starts: nearer, the logistic function is too flat to leave it.
+const START_MARGIN: f64 = 0.05;
 
 /// A parameter to fit.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,9 +56,9 @@ impl Parameter {
         self.low * (self.span() / (1.0 + (-u).exp())).exp()
     }
 
-    /// The place of the search for a value; a limit itself has none, and gets one close to it.
+    /// The place to start a search from that value; near a limit, one at some distance from it.
     pub fn place(&self, value: f64) -> f64 {
-        let share = ((value / self.low).ln() / self.span()).clamp(AT_LIMIT, 1.0 - AT_LIMIT);
+        let share = ((value / self.low).ln() / self.span()).clamp(START_MARGIN, 1.0 - START_MARGIN);
         (share / (1.0 - share)).ln()
     }
 
