@@ -16,9 +16,8 @@ fn main() {
 
 #[divan::bench(args = [PlantModel::Lumped, PlantModel::Paper, PlantModel::Full], sample_count = 10)]
 fn real_time_factor(bencher: Bencher, model: PlantModel) {
-    let mut loaded = scenario::parse("", "default".as_ref()).expect("the defaults are valid");
-    loaded.plant.plant.model = model;
-    loaded.believed.plant.model = model;
+    let default = scenario::parse("", "default".as_ref()).expect("the defaults are valid");
+    let mut loaded = default.with_model(model);
     loaded.plant.run.duration_s = 20.0;
     bencher.counter(ItemsCount::new(20_u64)).bench_local(|| {
         let mut writer = TraceWriter::new(io::sink()).expect("a sink takes everything");

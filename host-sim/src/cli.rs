@@ -2,11 +2,16 @@
 //!
 //! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
 
-use crate::board::CoreBoard;
+use crate::board::emulated::EmulatedBoard;
+use crate::board::serial::SerialBoard;
+use crate::board::{Board, BoardError, CoreBoard};
+use crate::evaluate;
 use crate::identify::{self, IdentifyError};
 use crate::input::InputError;
 use crate::measured::Measured;
+use crate::monitor;
 use crate::output::OutputDir;
+use crate::replay;
 use crate::report::run_page::RunRecorder;
 use crate::reproduce;
 use crate::run::{self, RunError};
@@ -39,6 +44,30 @@ enum Task {
     Run(RunArgs),
     /// Finds the parameters that make the plant follow recorded data
     Identify(IdentifyArgs),
+    /// Recorded samples through the core again, compared to the bit
+    Replay {
+        /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
+        trace: PathBuf,
+        #[command(flatten)]
+        board: BoardArgs,
+    },
+    /// Live view and recording of a flashed board; q ends it
+    Monitor {
+        /// Serial port, such as /dev/ttyACM0
+        port: String,
+        /// Folder for trace.csv [default: out/monitor]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+    /// Measures the project's own targets and prints a table of target and figure
+    Evaluate {
+        /// What to evaluate
+        #[arg(value_enum)]
+        what: Subject,
+        /// Nominal scenario [default: scenarios/nominal.toml as built in]
+        #[arg(long, value_name = "FILE.toml")]
+        scenario: Option<PathBuf>,
+    },
     /// Validates a scenario and prints it with every default filled in
     Check {
         /// Scenario file (TOML)
@@ -71,9 +100,8 @@ struct RunArgs {
     scenario: PathBuf,
     #[command(flatten)]
     output: OutputArgs,
-    /// Where the core runs
-    #[arg(long, value_enum, default_value_t = BoardKind::Core)]
-    board: BoardKind,
+    #[command(flatten)]
+    board: BoardArgs,
     /// Measurements to compare with: time_s and any columns of trace.csv
     #[arg(long, value_name = "FILE.csv")]
     measured: Option<PathBuf>,
@@ -91,9 +119,57 @@ struct IdentifyArgs {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum Subject {
+    /// The estimate of the gas temperature
+    Estimator,
+    /// The muscle at rest, in motion, and against the usual practice
+    Control,
+}
+
+#[derive(Debug, Args)]
+struct BoardArgs {
+    /// Where the core runs: "core" (in this process), "emulated" (the firmware on an emulated
+    /// RP2040) or "serial:PORT" (a flashed board, firmware built with its feature `hil`)
+    #[arg(long, value_name = "BOARD", default_value = "core", value_parser = board_kind)]
+    board: BoardKind,
+    /// Image for the emulated board, ELF or UF2 [default: the firmware of this checkout]
+    #[arg(long, value_name = "FILE")]
+    image: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone)]
 enum BoardKind {
-    /// In this process
     Core,
+    Emulated,
+    Serial(String),
+}
+
+fn board_kind(text: &str) -> Result<BoardKind, String> {
+    match (text, text.strip_prefix("serial:")) {
+        ("core", _) => Ok(BoardKind::Core),
+        ("emulated", _) => Ok(BoardKind::Emulated),
+        (_, Some(port)) if !port.is_empty() => Ok(BoardKind::Serial(port.to_owned())),
+        _ => Err("must be core, emulated or serial:PORT".to_owned()),
+    }
+}
+
+impl BoardArgs {
+    fn open(&self) -> Result<Box<dyn Board>, Failure> {
+        let board: Result<Box<dyn Board>, BoardError> = match (&self.board, &self.image) {
+            (BoardKind::Core, None) => return Ok(Box::new(CoreBoard::default())),
+            (BoardKind::Emulated, None) => EmulatedBoard::new().map(|board| Box::new(board) as _),
+            (BoardKind::Emulated, Some(image)) => {
+                EmulatedBoard::with_image(image).map(|board| Box::new(board) as _)
+            }
+            (BoardKind::Serial(port), None) => {
+                SerialBoard::open(port).map(|board| Box::new(board) as _)
+            }
+            (BoardKind::Core | BoardKind::Serial(_), Some(_)) => {
+                return Err(Failure::Usage("--image goes with --board emulated only".to_owned()));
+            }
+        };
+        board.map_err(Failure::Board)
+    }
 }
 
 /// Why the command does not end with 0.
@@ -103,6 +179,10 @@ enum Failure {
     Input(InputError),
     /// Exit 2, or 1 where the plant diverges.
     Identify(IdentifyError),
+    /// Exit 2: arguments that do not go together.
+    Usage(String),
+    /// Exit 2: the board cannot be used.
+    Board(BoardError),
     /// Exit 1.
     Run(RunError),
     /// Exit 1: it ran, and a stated check did not hold.
@@ -114,6 +194,8 @@ impl fmt::Display for Failure {
         match self {
             Self::Input(error) => error.fmt(f),
             Self::Identify(error) => error.fmt(f),
+            Self::Usage(what) => f.write_str(what),
+            Self::Board(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
             Self::Check(what) => f.write_str(what),
         }
@@ -129,8 +211,11 @@ impl From<InputError> for Failure {
 impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Input(_) | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
-            Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_)) => 2,
+            Self::Input(_)
+            | Self::Usage(_)
+            | Self::Board(_)
+            | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
+            | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
             Self::Identify(IdentifyError::Diverged(_)) | Self::Run(_) | Self::Check(_) => 1,
         }
     }
@@ -161,6 +246,12 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Reproduce(args) => reproduce_command(&args, out),
         Task::Run(args) => run_command(&args, out),
         Task::Identify(args) => identify_command(&args, out),
+        Task::Replay { trace, board } => replay_command(&trace, &board, out),
+        Task::Monitor { port, out: folder } => {
+            let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
+            monitor::run(&port, &folder.join("trace.csv")).map_err(Failure::Board)
+        }
+        Task::Evaluate { what, scenario } => evaluate_command(what, scenario.as_deref(), out),
         Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
@@ -177,19 +268,59 @@ fn check_command(path: &Path, out: &mut dyn Write) -> Result<(), Failure> {
     print(out, &scenario::render(&loaded))
 }
 
+fn replay_command(trace: &Path, board: &BoardArgs, out: &mut dyn Write) -> Result<(), Failure> {
+    let (config, rows) = replay::read_record(trace)?;
+    let outcome = replay::replay(board.open()?.as_mut(), &config, &rows).map_err(Failure::Board)?;
+    let json = serde_json::json!({ "steps": outcome.steps, "mismatches": outcome.mismatches });
+    print(out, &format!("{json:#}\n"))?;
+    match outcome.first {
+        None if outcome.steps == rows.len() as u64 => Ok(()),
+        None => {
+            Err(Failure::Check(format!("{} of {} steps were replayed", outcome.steps, rows.len())))
+        }
+        Some(first) => Err(Failure::Check(format!(
+            "{} of {} steps differ, the first is step {}: {:?} recorded, {:?} replayed",
+            outcome.mismatches,
+            outcome.steps,
+            first.recorded.step,
+            first.recorded.estimate,
+            first.replayed.estimate
+        ))),
+    }
+}
+
+fn evaluate_command(
+    what: Subject,
+    path: Option<&Path>,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let nominal = match path {
+        Some(path) => scenario::load(path)?,
+        None => evaluate::nominal()?,
+    };
+    let lines = match what {
+        Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
+        Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
+    };
+    print(out, &evaluate::table(&lines))?;
+    match evaluate::missed(&lines) {
+        (0, _) => Ok(()),
+        (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),
+    }
+}
+
 fn run_command(args: &RunArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let loaded = scenario::load(&args.scenario)?;
     let measured =
         args.measured.as_deref().map(|path| Measured::read(path, &COLUMNS)).transpose()?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
-    let mut board = match args.board {
-        BoardKind::Core => CoreBoard::default(),
-    };
+    let mut board = args.board.open()?;
     let mut recorder = RunRecorder::new(&loaded);
     let mut out = OutputDir::create(&folder)?;
-    let summary = record(&loaded, &mut board, measured.as_ref(), &args.output, &mut out, |row| {
-        recorder.add(row);
-    })?;
+    let summary =
+        record(&loaded, board.as_mut(), measured.as_ref(), &args.output, &mut out, |row| {
+            recorder.add(row);
+        })?;
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
     finish(out, stdout, &loaded, &summary, &page, &args.output)
@@ -236,7 +367,7 @@ fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(),
 /// Runs a scenario with its trace streamed into `out`; every logged row is shown to `each` too.
 fn record(
     loaded: &Loaded,
-    board: &mut CoreBoard,
+    board: &mut dyn Board,
     measured: Option<&Measured>,
     args: &OutputArgs,
     out: &mut OutputDir,

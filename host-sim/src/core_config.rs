@@ -1,7 +1,9 @@
 //! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
 
-use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
-use model_core::config::{Body, Config, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive};
+use crate::scenario::{Estimator, HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
+use model_core::config::{
+    Body, Config, ControllerConfig, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive,
+};
 use model_core::front_end::FrontEnd;
 use model_core::gas::Gas;
 use model_core::geometry::{Braid, Friction, Muscle};
@@ -16,6 +18,8 @@ const RP2040_WIDE_CODE_LSB: f32 = 8.9;
 /// Shortest sensor lag that the core's filter works with; a sensor without lag is told as this
 /// one \[s\].
 const SHORTEST_LAG_S: f32 = 0.001;
+/// Stands for friction that is there from the first micrometre on \[N/m\].
+const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
 /// Standard gravity \[m/s2\].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -93,7 +97,9 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         drive: ValveDrive {
             period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
-            minimum_pulse_s: s.valve.switch_time_s as f32,
+            minimum_pulse_s: s.controller.minimum_pulse_s as f32,
+            switch_time_s: s.valve.switch_time_s as f32,
+            dead_time_s: s.valve.dead_time_s as f32,
         },
         front_end: FrontEnd {
             pressure_range_pa: s.sensor.pressure.range_pa as f32,
@@ -106,8 +112,73 @@ pub fn core_config(believed: &Scenario) -> Config {
             time_constant_s: (s.sensor.gas.time_constant_s as f32).max(SHORTEST_LAG_S),
             noise_k: s.sensor.gas.noise_k as f32,
         },
-        estimator: EstimatorConfig::default(),
+        estimator: estimator(&s.estimator),
+        controller: controller(s),
         // A hair below full scale, so that the limit acts before the sensor saturates.
         pressure_limit_pa: (0.985 * s.sensor.pressure.range_pa) as f32,
+    }
+}
+
+fn controller(s: &Scenario) -> ControllerConfig {
+    let tuning = &s.controller;
+    // Only `full` has them.
+    let full = s.plant.model == PlantModel::Full;
+    let where_full = |value: f64| if full { value as f32 } else { 0.0 };
+    ControllerConfig {
+        pressure_loop_s: tuning.pressure_loop_s as f32,
+        pressure_reset_s: tuning.pressure_reset_s as f32,
+        pressure_rate_pa_s: tuning.pressure_rate_pa_s as f32,
+        pressure_dead_zone_pa: tuning.pressure_dead_zone_pa as f32,
+        length_loop_s: tuning.length_loop_s as f32,
+        length_gain: tuning.length_gain as f32,
+        length_lead_s: tuning.length_lead_s as f32,
+        friction_gain: tuning.friction_gain as f32,
+        load_gain_n_m_s: tuning.load_gain_n_m_s as f32,
+        load_limit_n: tuning.load_limit_n as f32,
+        learning_band: tuning.learning_band as f32,
+        reference_rad_s: tuning.reference_rad_s as f32,
+        contraction_rate_per_s: tuning.contraction_rate_per_s as f32,
+        contraction_acceleration_per_s2: tuning.contraction_acceleration_per_s2 as f32,
+        contraction_dead_zone: tuning.contraction_dead_zone as f32,
+        presliding_n_m: if full {
+            s.friction.presliding_stiffness_n_m as f32
+        } else {
+            LUMPED_PRESLIDING_N_M
+        },
+        viscous_n_s_m: where_full(s.friction.viscous_n_s_m),
+        moving_mass_kg: where_full(s.load.mass_kg),
+    }
+}
+
+fn estimator(tuning: &Estimator) -> EstimatorConfig {
+    EstimatorConfig {
+        initial_sd_k: tuning.initial_sd_k as f32,
+        gas_drift_k: tuning.gas_drift_k as f32,
+        wall_drift_k: tuning.wall_drift_k as f32,
+        heat_scale_sd: tuning.heat_scale_sd as f32,
+        heat_scale_drift: tuning.heat_scale_drift as f32,
+        lag_sd: tuning.lag_sd as f32,
+        lag_drift: tuning.lag_drift as f32,
+        sensor_bias_k: tuning.sensor_bias_k as f32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario;
+
+    /// Scenario and core state the same nominal muscle, each in its own words.
+    #[test]
+    fn the_defaults_agree() {
+        let loaded = scenario::parse("[plant]\nmodel = \"lumped\"\n", "test".as_ref()).unwrap();
+        let (told, default) = (core_config(&loaded.believed), Config::default());
+        assert_eq!(told.estimator, default.estimator);
+        let (Body::Muscle(a), Body::Muscle(b)) = (told.body, default.body) else {
+            panic!("both are muscles");
+        };
+        assert!((a.braid.thread_length_m / b.braid.thread_length_m - 1.0).abs() < 1e-6);
+        assert!((a.braid.turns / b.braid.turns - 1.0).abs() < 1e-5);
+        assert_eq!(Config { body: told.body, ..default }, told);
     }
 }

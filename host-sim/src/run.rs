@@ -5,22 +5,27 @@
 //! ```
 
 use crate::adc::VirtualAdc;
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, BoardStep};
 use crate::core_config::core_config;
+use crate::faults::FaultyLines;
 use crate::measured::Measured;
-use crate::plant::{self, Actuation, BuildError, Diverged, Plant};
+use crate::plant::{self, BuildError, Diverged, Plant, Truth};
 use crate::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
 use crate::summary::{Accumulator, Ending, Summary};
 use crate::trace::Row;
 use model_core::model::Model;
-use model_core::{AdcCode, Command, ConfigError, Duty, Sample, SetPoint};
+use model_core::{Command, ConfigError, Duty, Sample, SetPoint};
+use std::collections::VecDeque;
 use std::fmt;
 use std::io;
 use std::time::Instant;
 
 /// Interval at which a set point that follows a profile is given anew \[s\].
 const SET_POINT_INTERVAL_S: f64 = 0.01;
+
+/// Steps after the end within which the last telemetry has to arrive.
+pub const MOST_LATE_STEPS: u64 = 5;
 
 /// Why a run ended before its time.
 #[derive(Debug)]
@@ -95,7 +100,8 @@ pub fn run(
     let mut plant =
         plant::build(scenario, loaded.volume_profile.clone()).map_err(RunError::Build)?;
     let mut adc = VirtualAdc::new(scenario);
-    let drive = SetPoints::new(&scenario.drive, loaded.drive_profile.clone());
+    let mut faults = FaultyLines::new(scenario);
+    let drive = SetPoints::new(loaded);
     let truth = plant.truth();
     let mut model = Model::new(
         &config,
@@ -106,53 +112,68 @@ pub fn run(
     .map_err(RunError::Config)?;
     let length_held =
         scenario.plant.kind == PlantKind::Vessel || scenario.load.kind == LoadKind::Isometric;
-    let set_point_steps = ((SET_POINT_INTERVAL_S / step_s).round() as u64).max(1);
+    let mut sample = Sample::default();
     let mut accumulator = Accumulator::new(scenario.run.duration_s, measured);
     let mut flows = MeanFlows::new(plant.as_ref());
     let mut step_flows = flows;
     let started = Instant::now();
     board.start(&config, drive.at(0.0))?;
-    for step in 0..=steps {
-        let mut truth = plant.truth();
-        let (inflow, outflow) = step_flows.since(plant.as_ref(), step_s);
-        if step > 0 {
-            let held = length_held.then_some(truth.length_m as f32);
-            model.step(inflow as f32, outflow as f32, held);
-            if drive.follows_profile() && step % set_point_steps == 0 {
-                board.set(drive.at(truth.time_s))?;
+    // Steps whose telemetry has not come back: none in this process, one behind a line.
+    let mut waiting: VecDeque<Waiting> = VecDeque::new();
+    for step in 0..=steps + MOST_LATE_STEPS {
+        let ended = step > steps;
+        if ended && waiting.is_empty() {
+            break;
+        }
+        if !ended {
+            let mut truth = plant.truth();
+            let (inflow, outflow) = step_flows.since(plant.as_ref(), step_s);
+            if step > 0 {
+                let held = length_held.then_some(truth.length_m as f32);
+                model.step(inflow as f32, outflow as f32, held);
+                if drive.given_at(step, loaded) {
+                    board.set(drive.at(truth.time_s))?;
+                }
+            }
+            sample = faults.apply(truth.time_s, adc.convert(&truth));
+            let logged = step % scenario.run.log_every == 0 || step == steps;
+            if logged {
+                let elapsed_s = truth.time_s - flows.time_s;
+                (truth.flow_in_kg_s, truth.flow_out_kg_s) = flows.since(plant.as_ref(), elapsed_s);
+            }
+            waiting.push_back(Waiting {
+                step,
+                logged,
+                truth,
+                sensor_gas_k: adc.gas_reading_k(),
+                sensor_wall_k: adc.wall_reading_k(),
+                model_k: f64::from(model.gas_k()),
+                model_sensor_k: f64::from(model.sensor_k()),
+            });
+        }
+        let BoardStep { telemetry, actuation } = board.step(&sample)?;
+        if let Some(telemetry) = telemetry {
+            while waiting.front().is_some_and(|front| front.step < u64::from(telemetry.step)) {
+                waiting.pop_front();
+            }
+            if let Some(done) = waiting.pop_front() {
+                let row = Row {
+                    sensor_gas_k: done.sensor_gas_k,
+                    sensor_wall_k: done.sensor_wall_k,
+                    model_k: done.model_k,
+                    model_sensor_k: done.model_sensor_k,
+                    set_point: drive.value(done.truth.time_s),
+                    truth: done.truth,
+                    telemetry,
+                };
+                accumulator.add(&row, drive.controlled(scenario, &row));
+                if done.logged {
+                    observer.row(&row).map_err(RunError::Output)?;
+                }
             }
         }
-        let codes = adc.convert(&truth);
-        let sample = Sample {
-            pressure: AdcCode(codes.pressure),
-            gas: AdcCode(codes.gas),
-            length: AdcCode(codes.length),
-            emergency_stop: false,
-        };
-        let telemetry = board.step(&sample)?;
-        let logged = step % scenario.run.log_every == 0 || step == steps;
-        if logged {
-            let elapsed_s = truth.time_s - flows.time_s;
-            (truth.flow_in_kg_s, truth.flow_out_kg_s) = flows.since(plant.as_ref(), elapsed_s);
-        }
-        let row = Row {
-            sensor_gas_k: adc.gas_reading_k(),
-            sensor_wall_k: adc.wall_reading_k(),
-            model_k: f64::from(model.gas_k()),
-            model_sensor_k: f64::from(model.sensor_k()),
-            set_point: drive.value(truth.time_s),
-            truth,
-            telemetry,
-        };
-        accumulator.add(&row, drive.controlled(scenario, &row));
-        if logged {
-            observer.row(&row).map_err(RunError::Output)?;
-        }
         if step < steps {
-            plant.advance(Actuation {
-                inlet: f64::from(telemetry.command.inlet.share()),
-                outlet: f64::from(telemetry.command.outlet.share()),
-            })?;
+            plant.advance(actuation)?;
         }
     }
     Ok(accumulator.finish(Ending {
@@ -169,6 +190,18 @@ pub fn run(
 
 fn plant_is_vessel(scenario: &Scenario) -> bool {
     scenario.plant.kind == PlantKind::Vessel
+}
+
+/// A step that the plant has made and the board has not yet told of.
+#[derive(Debug, Clone, Copy)]
+struct Waiting {
+    step: u64,
+    logged: bool,
+    truth: Truth,
+    sensor_gas_k: f64,
+    sensor_wall_k: f64,
+    model_k: f64,
+    model_sensor_k: f64,
 }
 
 /// Mean mass flows between two looks at the plant's books.
@@ -199,14 +232,21 @@ impl MeanFlows {
 
 /// The scenario's drive, as set points over time.
 #[derive(Debug, Clone)]
-struct SetPoints {
+pub struct SetPoints {
     drive: Drive,
     profile: Option<Profile>,
 }
 
 impl SetPoints {
-    fn new(drive: &Drive, profile: Option<Profile>) -> Self {
-        Self { drive: drive.clone(), profile }
+    /// The set points of a scenario.
+    pub fn new(loaded: &Loaded) -> Self {
+        Self { drive: loaded.plant.drive.clone(), profile: loaded.drive_profile.clone() }
+    }
+
+    /// Whether the set point is given anew in this step: at intervals, where a profile moves it.
+    pub fn given_at(&self, step: u64, loaded: &Loaded) -> bool {
+        let interval = (SET_POINT_INTERVAL_S / loaded.plant.run.step_s).round() as u64;
+        step > 0 && self.follows_profile() && step.is_multiple_of(interval.max(1))
     }
 
     fn follows_profile(&self) -> bool {
@@ -232,7 +272,7 @@ impl SetPoints {
     }
 
     /// The set point for the core.
-    fn at(&self, time_s: f64) -> SetPoint {
+    pub fn at(&self, time_s: f64) -> SetPoint {
         let value = self.value(time_s);
         match self.drive.kind {
             DriveKind::MassFlow if self.profile.is_none() => SetPoint::MassFlowCycle {

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 /// The columns, in order. The first fifteen are the public surface that scripts rely on; the rest
 /// is what `thermyo replay` and the report need besides.
-pub const COLUMNS: [&str; 27] = [
+pub const COLUMNS: [&str; 31] = [
     "time_s",
     "pressure_pa",
     "volume_m3",
@@ -30,9 +30,13 @@ pub const COLUMNS: [&str; 27] = [
     "heat_scale",
     "sensor_lag_s",
     "set_point",
-    "adc_pressure",
-    "adc_gas",
-    "adc_length",
+    "measured_pressure_pa",
+    "measured_length_m",
+    "step",
+    "code_pressure",
+    "code_gas",
+    "code_length",
+    "emergency_stop",
     "faults",
 ];
 
@@ -60,7 +64,7 @@ impl Row {
     pub fn cells(&self) -> [f64; COLUMNS.len()] {
         let Self { truth, telemetry, .. } = self;
         let estimate = &telemetry.estimate;
-        let Sample { pressure, gas, length, .. } = telemetry.sample;
+        let Sample { pressure, gas, length, emergency_stop } = telemetry.sample;
         [
             truth.time_s,
             truth.pressure_pa,
@@ -85,9 +89,13 @@ impl Row {
             f64::from(estimate.heat_scale),
             f64::from(estimate.sensor_lag_s),
             self.set_point,
+            f64::from(telemetry.pressure_pa),
+            f64::from(telemetry.length_m),
+            f64::from(telemetry.step),
             f64::from(pressure.0),
             f64::from(gas.0),
             f64::from(length.0),
+            f64::from(u8::from(emergency_stop)),
             f64::from(telemetry.faults.0),
         ]
     }

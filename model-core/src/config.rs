@@ -36,6 +36,8 @@ pub struct Config {
     pub gas_sensor: GasSensor,
     /// Estimator tuning.
     pub estimator: EstimatorConfig,
+    /// Controller tuning.
+    pub controller: ControllerConfig,
     /// Above this absolute pressure the supervisor vents \[Pa\].
     pub pressure_limit_pa: f32,
 }
@@ -83,8 +85,12 @@ pub enum Load {
 pub struct ValveDrive {
     /// PWM period, in steps of the core \[-\].
     pub period_steps: u16,
-    /// Shortest opening that the valve still follows \[s\].
+    /// Shortest pulse worth giving \[s\]: shorter than the switching time it opens partly.
     pub minimum_pulse_s: f32,
+    /// Time from closed to open, and from open to closed \[s\].
+    pub switch_time_s: f32,
+    /// Delay between the pin and the first movement \[s\].
+    pub dead_time_s: f32,
 }
 
 /// The gas sensor's element.
@@ -132,6 +138,73 @@ impl Default for EstimatorConfig {
     }
 }
 
+/// Controller tuning; `docs/control.md` says how each is found.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ControllerConfig {
+    /// Time in which the pressure loop closes an error \[s\]; at least one PWM period acts.
+    pub pressure_loop_s: f32,
+    /// Reset time of the pressure loop's integral \[s\].
+    pub pressure_reset_s: f32,
+    /// Fastest change of the pressure's set point \[Pa/s\].
+    pub pressure_rate_pa_s: f32,
+    /// Pressure error that is left alone at rest \[Pa\].
+    pub pressure_dead_zone_pa: f32,
+    /// Time in which the contraction loop closes an error of the gas mass \[s\].
+    pub length_loop_s: f32,
+    /// Weight of an error of length against one of pressure \[-\]; 1: the gas spring's own.
+    pub length_gain: f32,
+    /// How far ahead the length error is looked for, by its speed \[s\].
+    pub length_lead_s: f32,
+    /// Friction compensated, as a share of the Coulomb force \[-\]; above 1 for a Stribeck surplus.
+    pub friction_gain: f32,
+    /// Load that the loop learns per length error and time \[N/(m s)\].
+    pub load_gain_n_m_s: f32,
+    /// Largest load that it learns, either way \[N\].
+    pub load_limit_n: f32,
+    /// Largest length error that it learns from, share of the rest length \[-\].
+    pub learning_band: f32,
+    /// Natural frequency of the reference \[rad/s\].
+    pub reference_rad_s: f32,
+    /// Fastest contraction of the reference, share of the rest length \[1/s\].
+    pub contraction_rate_per_s: f32,
+    /// Largest acceleration of the reference, share of the rest length \[1/s2\].
+    pub contraction_acceleration_per_s2: f32,
+    /// Length error that is left alone at rest, share of the rest length \[-\].
+    pub contraction_dead_zone: f32,
+    /// Stiffness with which friction builds up after a turn \[N/m\].
+    pub presliding_n_m: f32,
+    /// Viscous friction \[N s/m\].
+    pub viscous_n_s_m: f32,
+    /// What moves with the muscle's end \[kg\].
+    pub moving_mass_kg: f32,
+}
+
+impl Default for ControllerConfig {
+    fn default() -> Self {
+        Self {
+            pressure_loop_s: 0.014,
+            pressure_reset_s: 0.3,
+            pressure_rate_pa_s: 1.0e7,
+            pressure_dead_zone_pa: 1_000.0,
+            length_loop_s: 0.014,
+            length_gain: 1.0,
+            length_lead_s: 0.01,
+            friction_gain: 1.03,
+            load_gain_n_m_s: 4.0e4,
+            load_limit_n: 300.0,
+            learning_band: 0.005,
+            reference_rad_s: 90.0,
+            contraction_rate_per_s: 0.7,
+            contraction_acceleration_per_s2: 30.0,
+            contraction_dead_zone: 0.001,
+            // Neither is part of the lumped model.
+            presliding_n_m: 1.0e5,
+            viscous_n_s_m: 0.0,
+            moving_mass_kg: 0.0,
+        }
+    }
+}
+
 impl Default for Config {
     fn default() -> Self {
         Self {
@@ -147,8 +220,8 @@ impl Default for Config {
                 dead_volume_m3: 5.0e-6,
             }),
             heat: Heat {
-                inner_w_m2_k: 25.0,
-                inner_per_flow: 4.0e4,
+                inner_w_m2_k: 90.0,
+                inner_per_flow: 1.0e5,
                 outer_w_m2_k: 8.0,
                 outer_per_speed: 60.0,
                 wall_heat_capacity_j_k: 65.0,
@@ -161,7 +234,12 @@ impl Default for Config {
             },
             load: Load::Isotonic { force_n: 100.0 },
             valve: Valve { conductance_m3_s_pa: 4.0e-9, critical_ratio: 0.3 },
-            drive: ValveDrive { period_steps: 10, minimum_pulse_s: 0.002 },
+            drive: ValveDrive {
+                period_steps: 10,
+                minimum_pulse_s: 0.001,
+                switch_time_s: 0.002,
+                dead_time_s: 0.001,
+            },
             front_end: FrontEnd {
                 pressure_range_pa: 700_000.0,
                 length_range_m: 0.4,
@@ -171,7 +249,8 @@ impl Default for Config {
             },
             gas_sensor: GasSensor { time_constant_s: 3.0, noise_k: 0.05 },
             estimator: EstimatorConfig::default(),
-            pressure_limit_pa: 690_000.0,
+            controller: ControllerConfig::default(),
+            pressure_limit_pa: 0.985 * 700_000.0,
         }
     }
 }
@@ -254,6 +333,8 @@ impl Config {
         within("valve.critical_ratio", self.valve.critical_ratio, 0.01, 0.99)?;
         within("valve.period_steps", f32::from(self.drive.period_steps), 1.0, 1000.0)?;
         within("valve.minimum_pulse_s", self.drive.minimum_pulse_s, 0.0, 0.1)?;
+        within("valve.switch_time_s", self.drive.switch_time_s, 0.0, 0.1)?;
+        within("valve.dead_time_s", self.drive.dead_time_s, 0.0, 0.1)?;
         let front_end = &self.front_end;
         within("sensor.pressure.range_pa", front_end.pressure_range_pa, 1.0e3, 1.0e9)?;
         within("sensor.length.range_m", front_end.length_range_m, 0.001, 100.0)?;
@@ -274,6 +355,34 @@ impl Config {
             ("estimator.sensor_bias_k", estimator.sensor_bias_k),
         ] {
             within(field, value, 0.0, 100.0)?;
+        }
+        let controller = &self.controller;
+        for (field, value, minimum, maximum) in [
+            ("controller.pressure_loop_s", controller.pressure_loop_s, 0.001, 10.0),
+            ("controller.pressure_reset_s", controller.pressure_reset_s, 0.01, 1.0e4),
+            ("controller.pressure_rate_pa_s", controller.pressure_rate_pa_s, 1.0, 1.0e9),
+            ("controller.pressure_dead_zone_pa", controller.pressure_dead_zone_pa, 0.0, 1.0e6),
+            ("controller.length_loop_s", controller.length_loop_s, 0.001, 10.0),
+            ("controller.length_gain", controller.length_gain, 0.0, 10.0),
+            ("controller.length_lead_s", controller.length_lead_s, 0.0, 10.0),
+            ("controller.friction_gain", controller.friction_gain, 0.0, 2.0),
+            ("controller.load_gain_n_m_s", controller.load_gain_n_m_s, 0.0, 1.0e7),
+            ("controller.load_limit_n", controller.load_limit_n, 0.0, 1.0e5),
+            ("controller.learning_band", controller.learning_band, 0.0, 1.0),
+            ("controller.reference_rad_s", controller.reference_rad_s, 0.01, 1.0e4),
+            ("controller.contraction_rate_per_s", controller.contraction_rate_per_s, 1.0e-4, 100.0),
+            (
+                "controller.contraction_acceleration_per_s2",
+                controller.contraction_acceleration_per_s2,
+                1.0e-4,
+                1.0e4,
+            ),
+            ("controller.contraction_dead_zone", controller.contraction_dead_zone, 0.0, 0.1),
+            ("controller.presliding_n_m", controller.presliding_n_m, 0.0, 1.0e9),
+            ("controller.viscous_n_s_m", controller.viscous_n_s_m, 0.0, 1.0e6),
+            ("controller.moving_mass_kg", controller.moving_mass_kg, 0.0, 1.0e6),
+        ] {
+            within(field, value, minimum, maximum)?;
         }
         within("pressure_limit_pa", self.pressure_limit_pa, 1.0, 1.0e9)
     }

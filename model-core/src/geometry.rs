@@ -244,8 +244,12 @@ pub struct Friction {
 impl Friction {
     /// Friction force \[N\] at a wall temperature: F_ref exp(-beta (T_w - T_ref)).
     pub fn force_n(&self, wall_temperature_k: f32) -> f32 {
-        self.force_n
-            * exp(-self.softening_per_k * (wall_temperature_k - self.reference_temperature_k))
+        self.force_n * self.softening(wall_temperature_k)
+    }
+
+    /// What a wall temperature makes of every part of friction \[-\]: exp(-beta (T_w - T_ref)).
+    pub fn softening(&self, wall_temperature_k: f32) -> f32 {
+        exp(-self.softening_per_k * (wall_temperature_k - self.reference_temperature_k))
     }
 
     /// Friction heat that goes into the wall \[W\]: a share of |F dL/dt|.

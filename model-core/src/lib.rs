@@ -32,6 +32,7 @@
 pub mod balance;
 pub mod body;
 pub mod config;
+pub mod contraction_control;
 pub mod control;
 pub mod estimator;
 pub mod front_end;
@@ -40,11 +41,13 @@ pub mod geometry;
 pub mod heat;
 pub mod math;
 pub mod model;
+pub mod pressure_control;
 pub mod sample;
 mod step;
 pub mod supervisor;
 pub mod valve;
 pub mod valve_drive;
+pub mod wire;
 
 pub use config::{Config, ConfigError};
 pub use sample::{AdcCode, Command, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};

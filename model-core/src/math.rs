@@ -60,6 +60,11 @@ pub fn limit(x: f32, low: f32, high: f32) -> f32 {
     }
 }
 
+/// Magnitude; that of NaN is NaN.
+pub fn absolute(x: f32) -> f32 {
+    f32::from_bits(x.to_bits() & 0x7fff_ffff)
+}
+
 /// A sum that remembers what each addition rounded away (Kahan 1965), so that ten million small
 /// steps do not drift.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -1,39 +1,125 @@
-//! Boards: raw samples in, openings and telemetry out, once per step.
+//! Boards: where the core runs. In this process, in the firmware on an emulated chip, or in the
+//! firmware on a real one behind a serial port.
 
-use model_core::{Config, ConfigError, Core, Sample, SetPoint, Telemetry};
-use std::fmt;
+pub mod emulated;
+pub mod image;
+pub mod link;
+mod log;
+#[cfg(unix)]
+pub mod pty;
+pub mod serial;
 
-/// A board that runs the core.
+use crate::plant::Actuation;
+use model_core::wire::{Chip, PROTOCOL, Refusal};
+use model_core::{Command, Config, ConfigError, Core, Sample, SetPoint, Telemetry};
+use std::path::PathBuf;
+use std::{fmt, io};
+
+/// A board: raw samples in, openings and telemetry out, once per step.
 pub trait Board {
     /// What it is, for summaries: "core", "emulated", "serial".
     fn name(&self) -> &'static str;
-
     /// Configures the core and gives the first set point. Steps count from 0 after it.
     ///
     /// # Errors
-    /// When the board cannot be reached or refuses the configuration.
+    /// [`BoardError`]
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError>;
-
-    /// Changes the set point before the next step.
+    /// Changes the set point, from the step after the next on: on a real board it arrives while that
+    /// step is computed.
     ///
     /// # Errors
-    /// When the board cannot be reached.
+    /// [`BoardError`]
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError>;
-
-    /// One step: what the core made of the sample.
+    /// One step: feeds the sample, returns what became of it.
     ///
     /// # Errors
-    /// When the board cannot be reached or has stopped.
-    fn step(&mut self, sample: &Sample) -> Result<Telemetry, BoardError>;
+    /// [`BoardError`]
+    fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError>;
 }
 
-/// Why a board does not do what it is asked.
-#[derive(Debug, Clone, PartialEq)]
+/// What one step gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoardStep {
+    /// What the core made of a sample: this step's, or, where it crosses a serial line in real time,
+    /// an earlier one's. `Telemetry::step` says which.
+    pub telemetry: Option<Telemetry>,
+    /// What the valves are set to between this step and the next: duties, as the timer that drives
+    /// them holds them.
+    pub actuation: Actuation,
+}
+
+/// A board that cannot be used, or no longer.
+#[derive(Debug)]
 pub enum BoardError {
     /// The core refuses its configuration.
     Config(ConfigError),
     /// A step was asked for before the board was started.
     NotStarted,
+    /// Node.js is not there.
+    NoNode,
+    /// Node.js is older than the emulator needs.
+    OldNode {
+        /// What `node --version` says.
+        version: String,
+    },
+    /// `npm ci` failed.
+    Npm {
+        /// What it said.
+        message: String,
+    },
+    /// The compiler's target for the chip is not installed.
+    NoTarget {
+        /// Name of the target.
+        target: &'static str,
+    },
+    /// The firmware did not build.
+    Build {
+        /// What cargo said.
+        message: String,
+    },
+    /// There is no file where the image should be.
+    NoImage {
+        /// Where.
+        path: PathBuf,
+    },
+    /// The emulator cannot run the image.
+    Image {
+        /// What it said.
+        message: String,
+    },
+    /// The emulator ended.
+    Emulator {
+        /// What it said.
+        message: String,
+    },
+    /// The serial port cannot be opened.
+    NoPort {
+        /// Name of the port.
+        port: String,
+        /// What the system said.
+        reason: String,
+    },
+    /// The line to the board broke.
+    Line(io::Error),
+    /// The board does not answer.
+    Silent {
+        /// What was asked.
+        asked: &'static str,
+    },
+    /// The board speaks another version of the protocol.
+    Protocol {
+        /// Its version.
+        board: u16,
+    },
+    /// The board samples its own inputs.
+    NotHil {
+        /// The chip.
+        chip: Chip,
+    },
+    /// The board refused a request.
+    Refused(Refusal),
+    /// The board restarted in the middle of a run.
+    Restarted,
 }
 
 impl fmt::Display for BoardError {
@@ -41,16 +127,94 @@ impl fmt::Display for BoardError {
         match self {
             Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
             Self::NotStarted => write!(f, "the board was asked for a step before it was started"),
+            Self::NoNode => write!(
+                f,
+                "Node.js was not found: install Node.js 18 or newer for the emulated board, or set \
+                 THERMYO_SKIP_EMULATOR=1 to skip its tests"
+            ),
+            Self::OldNode { version } => {
+                write!(
+                    f,
+                    "Node.js {version} is too old for the emulated board: install 18 or newer"
+                )
+            }
+            Self::Npm { message } => {
+                write!(
+                    f,
+                    "`npm ci` in host-sim/emulator failed; it needs npm and its registry: {message}"
+                )
+            }
+            Self::NoTarget { target } => {
+                write!(
+                    f,
+                    "the compiler's target for the chip is missing: run `rustup target add {target}`"
+                )
+            }
+            Self::Build { message } => write!(f, "the firmware did not build:\n{message}"),
+            Self::NoImage { path } => write!(
+                f,
+                "{}: no such image: give the ELF or UF2 file that a build of the firmware left",
+                path.display()
+            ),
+            Self::Image { message } => write!(f, "{message}"),
+            Self::Emulator { message } => write!(f, "the emulated board stopped: {message}"),
+            Self::NoPort { port, reason } => write!(
+                f,
+                "{port}: {reason}: connect the board and name its port (Linux /dev/ttyACM0 or \
+                 /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
+            ),
+            Self::Line(error) => {
+                write!(f, "the line to the board broke ({error}): check its cable and start again")
+            }
+            Self::Silent { asked } => write!(
+                f,
+                "the board does not answer ({asked}): check power and wiring (GP0, GP1, 921600 baud), \
+                 and that this project's firmware is flashed"
+            ),
+            Self::Protocol { board } => write!(
+                f,
+                "the board's firmware speaks protocol {board}, this program {PROTOCOL}: flash the \
+                 firmware of the same version"
+            ),
+            Self::NotHil { chip } => write!(
+                f,
+                "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
+                 built with `--features hil`"
+            ),
+            Self::Refused(refusal) => write!(f, "the board refused: {refusal}"),
+            Self::Restarted => write!(
+                f,
+                "the board restarted in the middle of the run: `thermyo monitor` shows the reason"
+            ),
         }
     }
 }
 
 impl std::error::Error for BoardError {}
 
-/// The core in this process.
+impl From<io::Error> for BoardError {
+    fn from(error: io::Error) -> Self {
+        Self::Line(error)
+    }
+}
+
+impl From<Command> for Actuation {
+    fn from(command: Command) -> Self {
+        Self { inlet: f64::from(command.inlet.share()), outlet: f64::from(command.outlet.share()) }
+    }
+}
+
+/// The core in this process: the valves see at once what it commands.
 #[derive(Debug, Default)]
 pub struct CoreBoard {
     core: Option<Core>,
+    pending: Option<SetPoint>,
+}
+
+impl CoreBoard {
+    fn core(&mut self) -> Result<&mut Core, BoardError> {
+        self.core.as_mut().ok_or(BoardError::NotStarted)
+    }
 }
 
 impl Board for CoreBoard {
@@ -66,11 +230,17 @@ impl Board for CoreBoard {
     }
 
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
-        self.core.as_mut().ok_or(BoardError::NotStarted)?.set(set_point);
+        self.pending = Some(set_point);
         Ok(())
     }
 
-    fn step(&mut self, sample: &Sample) -> Result<Telemetry, BoardError> {
-        Ok(self.core.as_mut().ok_or(BoardError::NotStarted)?.step(sample))
+    fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
+        let pending = self.pending.take();
+        let core = self.core()?;
+        let telemetry = core.step(sample);
+        if let Some(set_point) = pending {
+            core.set(set_point);
+        }
+        Ok(BoardStep { telemetry: Some(telemetry), actuation: telemetry.command.into() })
     }
 }

@@ -173,11 +173,11 @@ fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
 
 /// Runs every case on `lumped` and on `full`, on all cores.
 ///
-/// `lumped` and `full` are the nominal scenarios.
-///
 /// # Errors
 /// The first run that could not be finished.
-pub fn evaluate(lumped: &Loaded, full: &Loaded) -> Result<Vec<Line>, RunError> {
+pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
+    let [lumped, full] =
+        [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
     let cases = cases();
     let jobs: Vec<(usize, usize)> =
         (0..cases.len()).flat_map(|case| [(case, 0), (case, 1)]).collect();
@@ -185,11 +185,7 @@ pub fn evaluate(lumped: &Loaded, full: &Loaded) -> Result<Vec<Line>, RunError> {
     let results = Mutex::new(vec![None; jobs.len()]);
     let work = || {
         while let Some(&(case, plant)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let mut loaded = [lumped, full][plant].clone();
-            debug_assert!(matches!(
-                loaded.plant.plant.model,
-                PlantModel::Lumped | PlantModel::Full
-            ));
+            let mut loaded = [&lumped, &full][plant].clone();
             loaded.plant.run.log_every = 1;
             (cases[case].change)(&mut loaded);
             let result = measure(&loaded, cases[case].from_s);

@@ -1,6 +1,20 @@
 //! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
 
+pub mod control;
 pub mod estimator;
+pub mod pid;
+
+use crate::input::InputError;
+use crate::scenario::{self, Loaded};
+
+/// The nominal scenario.
+///
+/// # Errors
+/// None in a sane build: the file is part of the program and tested.
+pub fn nominal() -> Result<Loaded, InputError> {
+    let text = include_str!("../../../scenarios/nominal.toml");
+    scenario::parse(text, "scenarios/nominal.toml".as_ref())
+}
 
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq)]

@@ -180,14 +180,12 @@ impl Study {
         let period_s = self.loaded.plant.drive.period_s;
         let ratio = self.loaded.plant.gas.heat_capacity_ratio;
         let lumped = |heat: HeatModel| {
-            let mut variant = self.loaded.clone();
-            variant.plant.plant.model = PlantModel::Lumped;
+            let mut variant = self.loaded.with_model(PlantModel::Lumped);
             variant.plant.heat.model = heat;
             variant
         };
         let paper = |alpha_in: f64, alpha_out: f64, alpha: f64| {
-            let mut variant = self.loaded.clone();
-            variant.plant.plant.model = PlantModel::Paper;
+            let mut variant = self.loaded.with_model(PlantModel::Paper);
             variant.plant.paper = Paper { alpha_in, alpha_out, alpha };
             // Eq. (6) compresses what flows in at the temperature inside: it goes far above what a
             // sensor for this muscle would show.

@@ -326,9 +326,9 @@ fn equations(findings: &Findings) -> Section {
         })
         .paragraph(
             "What the paper shows: eq. (9) bridges the adiabatic (6) and the isothermal form (8) with three \
-             coefficients. What this shows: eq. (8) cannot move the temperature at all, (6) moves it with the \
-             volume alone, because both assume that the inflow arrives with the gas's temperature (eq. 5); the \
-             heat of charging, cp T_in against cv T, is not in them. Where they differ: the blend (9) can be \
+             coefficients. What this shows: eq. (8) cannot move the temperature at all, and (6) moves it far too \
+             much, because no heat leaves and the inflow is taken to arrive as hot as the gas is (eq. 5): its \
+             temperature follows (m/V)^(k-1). The real heat of charging, cp T_in against cv T, is in neither. Where they differ: the blend (9) can be \
              made to fit a pressure trace, but not the temperature; with different coefficients for charging and \
              discharging a closed cycle drifts. The full balance (3) needs no such coefficients, and it is what the \
              core runs on.",

@@ -118,8 +118,14 @@ impl Walk<'_> {
             // A name with a dot of its own is no path.
             let name = if name.contains('.') { format!("{name:?}") } else { name.to_string() };
             let path = if path.is_empty() { name } else { format!("{path}.{name}") };
+            let after = |first: &Option<(usize, Problem)>| {
+                first.as_ref().is_some_and(|(first, _)| *first < offset)
+            };
+            if after(&self.first_problem) && !value.get_ref().is_table() {
+                continue;
+            }
             if let Err(problem) = self.item(&path, offset, value)
-                && self.first_problem.as_ref().is_none_or(|(first, _)| offset < *first)
+                && !after(&self.first_problem)
             {
                 self.first_problem = Some((offset, problem));
             }

@@ -23,16 +23,15 @@ pub fn resolve(muscle: &mut Muscle) -> Result<(), Violation> {
     match (muscle.thread_length_m, muscle.turns) {
         (None, None) => thread_from_rest(muscle),
         (Some(thread_m), Some(turns)) => rest_from_thread(muscle, thread_m, turns),
-        (Some(_), None) => Err(Violation::missing(
-            "muscle.turns",
-            "muscle.thread_length_m needs it; or give rest_length_m, diameter_m and \
-             braid_angle_deg instead",
-        )),
-        (None, Some(_)) => Err(Violation::missing(
-            "muscle.thread_length_m",
-            "muscle.turns needs it; or give rest_length_m, diameter_m and braid_angle_deg instead",
-        )),
+        (Some(_), None) => Err(lone("muscle.turns", "muscle.thread_length_m")),
+        (None, Some(_)) => Err(lone("muscle.thread_length_m", "muscle.turns")),
     }
+}
+
+fn lone(missing: &'static str, given: &'static str) -> Violation {
+    let why =
+        format!("{given} needs it; or give rest_length_m, diameter_m and braid_angle_deg instead");
+    Violation::missing(missing, given, &why)
 }
 
 fn thread_from_rest(muscle: &mut Muscle) -> Result<(), Violation> {

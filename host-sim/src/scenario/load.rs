@@ -2,7 +2,7 @@
 
 use super::document::{Document, Entries, Entry};
 use super::geometry;
-use super::model::{Muscle, PlantKind, Scenario};
+use super::model::{Muscle, PlantKind, PlantModel, Scenario};
 use super::rules::{self, Fault, Violation};
 use super::schema::{Allowed, Limits, limits};
 use crate::input::{InputError, Problem, read_text};
@@ -27,6 +27,16 @@ pub struct Loaded {
     pub volume_profile: Option<Profile>,
     /// The set point over time in the drive's unit, where `drive.profile_csv` gives it.
     pub drive_profile: Option<Profile>,
+}
+
+impl Loaded {
+    /// The same scenario on another plant. The core is told too: it drives ideal valves differently.
+    pub fn with_model(&self, model: PlantModel) -> Self {
+        let mut other = self.clone();
+        other.plant.plant.model = model;
+        other.believed.plant.model = model;
+        other
+    }
 }
 
 /// Loads a scenario file. CSV files that it names are looked for from its own folder.
@@ -131,7 +141,7 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
 /// A rule's violation, as the user has to hear it.
 fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
     let key = entries.full_path(violation.path);
-    let entry = entries.get(violation.path);
+    let mut entry = entries.get(violation.path);
     let problem = match violation.fault {
         Fault::NotAllowed { value, allowed } => {
             let value = match entry {
@@ -140,7 +150,10 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
             };
             Problem::NotAllowed { key, value, allowed }
         }
-        Fault::Missing { why } => Problem::Missing { key, why },
+        Fault::Missing { for_path, why } => {
+            entry = entries.get(for_path);
+            Problem::Missing { key, why }
+        }
     };
     match entry {
         Some(entry) => InputError::line(origin, entry.line, problem),
@@ -160,18 +173,28 @@ fn profile(
     (allowed, why): (Limits, &str),
     origin: &Path,
 ) -> Result<Option<Profile>, InputError> {
-    let Some((entry, Allowed::Csv { columns: [time, value] })) =
-        entry.map(|entry| (entry, entry.key.allowed))
+    let Some((entry, Allowed::Csv { columns })) = entry.map(|entry| (entry, entry.key.allowed))
     else {
         return Ok(None);
     };
-    let table = read_table(&csv_path(entry, origin)).map_err(|error| match error.line {
-        Some(_) => error,
-        None => {
-            let problem = Problem::Reference { key: entry.path(), file: error };
-            InputError::line(origin, entry.line, problem)
+    let separator = if why.is_empty() { "" } else { ", " };
+    let said = format!("{allowed}{separator}{why}");
+    read_profile(&csv_path(entry, origin), columns, &allowed, &said).map(Some).map_err(|error| {
+        if error.line.is_some() {
+            return error;
         }
-    })?;
+        // Where the file as a whole is wrong, the user may have named the wrong one.
+        InputError::line(origin, entry.line, Problem::Reference { key: entry.path(), file: error })
+    })
+}
+
+fn read_profile(
+    file: &Path,
+    [time, value]: [&str; 2],
+    allowed: &Limits,
+    said: &str,
+) -> Result<Profile, InputError> {
+    let table = read_table(file)?;
     let times = table.filled(time)?;
     let values = table.filled(value)?;
     if let Some(row) = (1..times.len()).find(|row| times[*row] <= times[row - 1]) {
@@ -179,9 +202,8 @@ fn profile(
         return Err(table.cell_error(row, time, &later));
     }
     if let Some(row) = values.iter().position(|number| !allowed.contains(*number)) {
-        let separator = if why.is_empty() { "" } else { ", " };
-        return Err(table.cell_error(row, value, &format!("{allowed}{separator}{why}")));
+        return Err(table.cell_error(row, value, said));
     }
-    let profile = Profile::new(times.into_iter().zip(values).collect());
-    profile.map(Some).map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
+    Profile::new(times.into_iter().zip(values).collect())
+        .map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
 }

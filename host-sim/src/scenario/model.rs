@@ -616,20 +616,147 @@ impl Default for LengthSensor {
     }
 }
 
-/// Estimator tuning.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+/// Estimator tuning: standard deviations; a drift is what a random walk gains in one second.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Estimator {}
+pub struct Estimator {
+    /// Gas and wall temperature at the start \[K\].
+    pub initial_sd_k: f64,
+    /// Drift of the gas temperature's error \[K\].
+    pub gas_drift_k: f64,
+    /// Drift of the wall temperature's error \[K\].
+    pub wall_drift_k: f64,
+    /// Scale of the heat transfer at the start \[-\].
+    pub heat_scale_sd: f64,
+    /// Drift of the scale of the heat transfer \[-\].
+    pub heat_scale_drift: f64,
+    /// Logarithm of the sensor's lag at the start \[-\].
+    pub lag_sd: f64,
+    /// Drift of the logarithm of the sensor's lag \[-\].
+    pub lag_drift: f64,
+    /// Error of the sensor's reading that averaging over a second does not remove \[K\].
+    pub sensor_bias_k: f64,
+}
+
+impl Default for Estimator {
+    fn default() -> Self {
+        Self {
+            initial_sd_k: 3.0,
+            gas_drift_k: 0.1,
+            wall_drift_k: 0.05,
+            heat_scale_sd: 0.1,
+            heat_scale_drift: 0.002,
+            lag_sd: 0.05,
+            lag_drift: 0.0005,
+            sensor_bias_k: 1.0,
+        }
+    }
+}
 
 /// Controller tuning.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Controller {}
+pub struct Controller {
+    /// Time in which the pressure loop closes an error \[s\].
+    pub pressure_loop_s: f64,
+    /// Reset time of the pressure loop's integral \[s\].
+    pub pressure_reset_s: f64,
+    /// Fastest change of the pressure's set point \[Pa/s\].
+    pub pressure_rate_pa_s: f64,
+    /// Pressure error that is left alone at rest \[Pa\].
+    pub pressure_dead_zone_pa: f64,
+    /// Time in which the contraction loop closes an error of the gas mass \[s\].
+    pub length_loop_s: f64,
+    /// Weight of an error of length against one of pressure \[-\].
+    pub length_gain: f64,
+    /// How far ahead the length error is looked for, by its speed \[s\].
+    pub length_lead_s: f64,
+    /// Friction compensated, share of the Coulomb force; above 1 for a Stribeck surplus \[-\].
+    pub friction_gain: f64,
+    /// Load that the contraction loop learns per length error and time \[N/(m s)\].
+    pub load_gain_n_m_s: f64,
+    /// Largest load that it learns, either way \[N\].
+    pub load_limit_n: f64,
+    /// Largest length error that it learns from, share of the rest length \[-\].
+    pub learning_band: f64,
+    /// Natural frequency of the contraction's reference \[rad/s\].
+    pub reference_rad_s: f64,
+    /// Fastest contraction of the reference, share of the rest length \[1/s\].
+    pub contraction_rate_per_s: f64,
+    /// Largest acceleration of the reference, share of the rest length \[1/s2\].
+    pub contraction_acceleration_per_s2: f64,
+    /// Length error that is left alone at rest, share of the rest length \[-\].
+    pub contraction_dead_zone: f64,
+    /// Shortest valve pulse worth giving; below valve.switch_time_s it opens partly \[s\].
+    pub minimum_pulse_s: f64,
+}
+
+impl Default for Controller {
+    fn default() -> Self {
+        Self {
+            pressure_loop_s: 0.014,
+            pressure_reset_s: 0.3,
+            pressure_rate_pa_s: 1.0e7,
+            pressure_dead_zone_pa: 1_000.0,
+            length_loop_s: 0.014,
+            length_gain: 1.0,
+            length_lead_s: 0.01,
+            friction_gain: 1.03,
+            load_gain_n_m_s: 4.0e4,
+            load_limit_n: 300.0,
+            learning_band: 0.005,
+            reference_rad_s: 90.0,
+            contraction_rate_per_s: 0.7,
+            contraction_acceleration_per_s2: 30.0,
+            contraction_dead_zone: 0.001,
+            minimum_pulse_s: 0.001,
+        }
+    }
+}
+
+/// A fault of one analog channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ChannelFault {
+    /// Healthy.
+    None,
+    /// The line is open: the code goes to the upper rail.
+    Open,
+    /// The line is shorted to ground: the code goes to the lower rail.
+    Shorted,
+    /// The code stays what it was when the fault began.
+    Frozen,
+    /// Strong noise on the line, 5 % of the range.
+    Noisy,
+}
 
 /// Faults that the run injects.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Faults {}
+pub struct Faults {
+    /// Pressure channel.
+    pub pressure: ChannelFault,
+    /// Gas sensor's channel.
+    pub gas: ChannelFault,
+    /// Length channel.
+    pub length: ChannelFault,
+    /// Start of the faults \[s\].
+    pub from_s: f64,
+    /// End of the faults \[s\].
+    pub until_s: f64,
+}
+
+impl Default for Faults {
+    fn default() -> Self {
+        Self {
+            pressure: ChannelFault::None,
+            gas: ChannelFault::None,
+            length: ChannelFault::None,
+            from_s: 0.0,
+            until_s: 1.0e6,
+        }
+    }
+}
 
 /// What `thermyo identify` fits, and from where it starts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

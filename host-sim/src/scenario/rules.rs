@@ -31,7 +31,9 @@ pub enum Fault {
     },
     /// It has to be there.
     Missing {
-        /// What needs it.
+        /// The key that needs it.
+        for_path: &'static str,
+        /// Why.
         why: String,
     },
 }
@@ -43,8 +45,8 @@ impl Violation {
     }
 
     /// A key that has to be there.
-    pub fn missing(path: &'static str, why: &str) -> Self {
-        Self { path, fault: Fault::Missing { why: why.to_owned() } }
+    pub fn missing(path: &'static str, for_path: &'static str, why: &str) -> Self {
+        Self { path, fault: Fault::Missing { for_path, why: why.to_owned() } }
     }
 
     fn value(path: &'static str, value: &str, allowed: String) -> Self {
@@ -171,7 +173,8 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
             Err(Violation::value("drive.profile_csv", &path_text, allowed))
         }
         (None, DriveKind::Duty) => {
-            Err(Violation::missing("drive.profile_csv", "drive.kind = \"duty\" needs it"))
+            let why = "drive.kind = \"duty\" needs it";
+            Err(Violation::missing("drive.profile_csv", "drive.kind", why))
         }
         (None, DriveKind::MassFlow) => {
             let longest = limits("drive.period_s").max;

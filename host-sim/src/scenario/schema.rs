@@ -1,7 +1,7 @@
 //! Every key of a scenario: unit, what it may be, and what it means.
 //!
 //! Validation, suggestions and the comments of `thermyo check` all read this table. The values'
-//! defaults are in [`super::model`]. No range is wider than what the core works with
+//! defaults are those of [`super::Scenario`]. No range is wider than what the core works with
 //! (`model_core::config::Config::check`): a scenario that passes here, runs.
 
 use std::fmt;
@@ -157,8 +157,9 @@ impl Rounded {
 
 impl fmt::Display for Rounded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let plain = self.0 == 0.0 || (1e-3..1e5).contains(&self.0.abs());
-        if plain { write!(f, "{}", self.0) } else { write!(f, "{:e}", self.0) }
+        let (plain, scientific) = (self.0.to_string(), format!("{:e}", self.0));
+        let familiar = self.0 == 0.0 || (1e-3..1e5).contains(&self.0.abs());
+        f.write_str(if familiar || plain.len() <= scientific.len() { &plain } else { &scientific })
     }
 }
 
@@ -195,12 +196,14 @@ const FORCE_N: (f64, f64) = (0.0, 1.0e5);
 const COEFFICIENT_W_M2_K: (f64, f64) = (0.0, 1.0e5);
 const CONDUCTANCE_M3_S_PA: (f64, f64) = (1.0e-13, 1.0e-3);
 const LAG_S: (f64, f64) = (0.0, 1000.0);
+const TUNING: (f64, f64) = (0.0, 100.0);
+const FAULTS: &[&str] = &["none", "open", "shorted", "frozen", "noisy"];
 
 /// Every table, in the order of [`super::Scenario`].
 pub static TABLES: &[Table] = &[
     Table {
         name: "run",
-        meaning: "the run",
+        meaning: "length, step, seed",
         believed: false,
         keys: &[
             real("duration_s", "s", (0.001, 1.0e6), "simulated time"),
@@ -393,13 +396,13 @@ pub static TABLES: &[Table] = &[
                 &["isotonic", "isometric", "mass"],
                 "a constant force, a fixed length, a hanging mass",
             ),
-            real("force_n", "N", (0.0, 1.0e6), "isotonic: the force"),
-            real("length_m", "m", (0.001, 10.0), "isometric: the length held"),
+            real("force_n", "N", (0.0, 1.0e6), "the force (isotonic)"),
+            real("length_m", "m", (0.001, 10.0), "the length held (isometric)"),
             real(
                 "mass_kg",
                 "kg",
                 (0.0, 1.0e5),
-                "mass: the mass; isotonic: what moves with the muscle's end (full)",
+                "the mass (mass); what moves with the muscle's end (isotonic, full)",
             ),
         ],
     },
@@ -448,10 +451,20 @@ pub static TABLES: &[Table] = &[
                 &["mass-flow", "duty", "pressure", "contraction", "discharge", "fill", "closed"],
                 "what is given",
             ),
-            real("period_s", "s", (1.0e-3, 1.0e6), "mass-flow: period of the cycle"),
-            real("flow_kg_s", "kg/s", (0.0, 1000.0), "mass-flow: in, then out"),
-            real("pressure_pa", "Pa", PRESSURE_PA, "pressure: absolute"),
-            real("contraction", "", (0.0, 0.45), "contraction: fraction of the rest length"),
+            real("period_s", "s", (1.0e-3, 1.0e6), "period of the cycle (mass-flow)"),
+            real(
+                "flow_kg_s",
+                "kg/s",
+                (0.0, 1000.0),
+                "flow, in for half of the period, then out (mass-flow)",
+            ),
+            real("pressure_pa", "Pa", PRESSURE_PA, "set point, absolute (pressure)"),
+            real(
+                "contraction",
+                "",
+                (0.0, 0.45),
+                "set point, fraction of the rest length (contraction)",
+            ),
             csv(
                 "profile_csv",
                 ["time_s", "value"],
@@ -509,9 +522,131 @@ pub static TABLES: &[Table] = &[
             real("range_m", "m", (0.001, 100.0), "full scale; the range starts at 0"),
         ],
     },
-    Table { name: "estimator", meaning: "estimator tuning", believed: true, keys: &[] },
-    Table { name: "controller", meaning: "controller tuning", believed: true, keys: &[] },
-    Table { name: "faults", meaning: "faults that the run injects", believed: false, keys: &[] },
+    Table {
+        name: "estimator",
+        meaning: "estimator tuning; a drift is what a random walk gains in one second",
+        believed: true,
+        keys: &[
+            real("initial_sd_k", "K", TUNING, "gas and wall temperature at the start"),
+            real("gas_drift_k", "K", TUNING, "drift of the gas temperature's error"),
+            real("wall_drift_k", "K", TUNING, "drift of the wall temperature's error"),
+            real("heat_scale_sd", "", TUNING, "scale of the heat transfer at the start"),
+            real("heat_scale_drift", "", TUNING, "drift of the scale of the heat transfer"),
+            real("lag_sd", "", TUNING, "logarithm of the sensor's lag at the start"),
+            real("lag_drift", "", TUNING, "drift of the logarithm of the sensor's lag"),
+            real("sensor_bias_k", "K", TUNING, "error that a second of readings keeps"),
+        ],
+    },
+    Table {
+        name: "controller",
+        meaning: "controller tuning",
+        believed: true,
+        keys: &[
+            real(
+                "pressure_loop_s",
+                "s",
+                (0.001, 10.0),
+                "time in which the pressure loop closes an error",
+            ),
+            real(
+                "pressure_reset_s",
+                "s",
+                (0.01, 10000.0),
+                "reset time of the pressure loop's integral",
+            ),
+            real(
+                "pressure_rate_pa_s",
+                "Pa/s",
+                (1.0, 1000000000.0),
+                "fastest change of the pressure's set point",
+            ),
+            real(
+                "pressure_dead_zone_pa",
+                "Pa",
+                (0.0, 1000000.0),
+                "pressure error that is left alone at rest",
+            ),
+            real(
+                "length_loop_s",
+                "s",
+                (0.001, 10.0),
+                "time in which the contraction loop closes an error of the gas mass",
+            ),
+            real(
+                "length_gain",
+                "",
+                (0.0, 10.0),
+                "weight of an error of length against one of pressure",
+            ),
+            real(
+                "length_lead_s",
+                "s",
+                (0.0, 10.0),
+                "how far ahead the length error is looked for, by its speed",
+            ),
+            real(
+                "friction_gain",
+                "",
+                (0.0, 2.0),
+                "friction compensated, share of friction.force_n; above 1 for a Stribeck surplus",
+            ),
+            real(
+                "load_gain_n_m_s",
+                "N/(m s)",
+                (0.0, 10000000.0),
+                "load that the contraction loop learns per length error and time",
+            ),
+            real("load_limit_n", "N", (0.0, 100000.0), "largest load that it learns, either way"),
+            real(
+                "learning_band",
+                "",
+                (0.0, 1.0),
+                "largest length error that it learns from, share of the rest length",
+            ),
+            real(
+                "reference_rad_s",
+                "rad/s",
+                (0.01, 10000.0),
+                "natural frequency of the contraction's reference",
+            ),
+            real(
+                "contraction_rate_per_s",
+                "1/s",
+                (0.0001, 100.0),
+                "fastest contraction of the reference, share of the rest length",
+            ),
+            real(
+                "contraction_acceleration_per_s2",
+                "1/s2",
+                (0.0001, 10000.0),
+                "largest acceleration of the reference, share of the rest length",
+            ),
+            real(
+                "contraction_dead_zone",
+                "",
+                (0.0, 0.1),
+                "length error that is left alone at rest, share of the rest length",
+            ),
+            real(
+                "minimum_pulse_s",
+                "s",
+                (0.0, 0.1),
+                "shortest valve pulse worth giving; below valve.switch_time_s it opens partly",
+            ),
+        ],
+    },
+    Table {
+        name: "faults",
+        meaning: "faults that the run injects",
+        believed: false,
+        keys: &[
+            choice("pressure", FAULTS, "fault of the pressure channel"),
+            choice("gas", FAULTS, "fault of the gas sensor's channel"),
+            choice("length", FAULTS, "fault of the length channel"),
+            real("from_s", "s", (0.0, 1.0e6), "start of the faults"),
+            real("until_s", "s", (0.0, 1.0e6), "end of the faults"),
+        ],
+    },
     Table {
         name: "identify",
         meaning: "what thermyo identify fits to measurements",
@@ -549,7 +684,7 @@ pub fn limits(path: &str) -> Limits {
 }
 
 /// Tables that describe the run, not the thing that is measured.
-const NOT_PHYSICAL: [&str; 3] = ["run", "drive", "identify"];
+const NOT_PHYSICAL: [&str; 6] = ["run", "drive", "estimator", "controller", "faults", "identify"];
 /// Beginnings of the names of keys that say how a quantity is recorded.
 const OF_RECORDING: [&str; 2] = ["noise_", "range_"];
 /// Dimensions of the braid, which follow from each other.

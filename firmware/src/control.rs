@@ -1,0 +1,84 @@
+//! The control task: sample, step, drive.
+
+use crate::board::{BlackBox, Valves};
+use crate::shared::{Order, Shared, Tally};
+use crate::source::Source;
+use core::sync::atomic::Ordering;
+use embassy_futures::select::{Either, select};
+use embassy_time::Instant;
+use model_core::wire::{Answer, Message, Phase};
+use model_core::{Command, Core};
+
+/// Waits of [`Source::due`] without a sample after which the valves are not left as they are.
+const PATIENCE: u32 = 4;
+
+/// Runs for ever.
+pub async fn run<S: Source, V: Valves, B: BlackBox>(
+    mut core: Core,
+    mut source: S,
+    mut valves: V,
+    mut black_box: B,
+    shared: &'static Shared,
+) -> ! {
+    let mut tally = Tally::NONE;
+    let mut next_step = 0;
+    let mut fresh = true;
+    let mut silence = 0;
+    black_box.note(Phase::Starting);
+    loop {
+        black_box.note(Phase::Waiting);
+        let turn = select(source.due(), shared.orders.receive()).await;
+        shared.heartbeat.store(shared.heartbeat.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
+        match turn {
+            Either::First(Some((due, missed))) => {
+                silence = 0;
+                let start = Instant::now();
+                black_box.note(Phase::Sampling);
+                let sample = source.sample();
+                black_box.note(Phase::Stepping);
+                let before = Instant::now();
+                let telemetry = core.step(&sample);
+                let after = Instant::now();
+                black_box.note(Phase::Driving);
+                if fresh {
+                    valves.restart(core.config().drive.period_steps, telemetry.command);
+                    fresh = false;
+                } else {
+                    valves.drive(telemetry.command);
+                }
+                next_step = telemetry.step.wrapping_add(1);
+                shared.faults.store(telemetry.faults.0, Ordering::Relaxed);
+                let divider = u32::from(shared.telemetry_divider.load(Ordering::Relaxed));
+                if cfg!(feature = "hil") || divider > 0 && telemetry.step.is_multiple_of(divider) {
+                    shared.post(Message::Telemetry(telemetry));
+                }
+                tally.missed_steps += missed;
+                tally.add(us(due, start), us(before, after), us(start, Instant::now()));
+                shared.set_tally(tally);
+            }
+            Either::First(None) => {
+                silence += 1;
+                if silence >= PATIENCE {
+                    valves.drive(Command::VENT);
+                }
+            }
+            Either::Second((sequence, order)) => {
+                match order {
+                    Order::Replace(other) => {
+                        core = other;
+                        next_step = 0;
+                        fresh = true;
+                    }
+                    Order::Set(set_point) => core.set(set_point),
+                    Order::ClearFaults => core.clear_faults(),
+                }
+                shared.answer(sequence, Answer::Done { step: next_step });
+            }
+        }
+    }
+}
+
+/// Time between two instants \[us\].
+fn us(from: Instant, to: Instant) -> u32 {
+    to.saturating_duration_since(from).as_micros() as u32
+}

@@ -1,0 +1,137 @@
+//! What the tasks have in common.
+
+use core::cell::Cell;
+use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
+use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
+use embassy_sync::channel::Channel;
+use model_core::wire::{Answer, Message, Reply, Timing};
+use model_core::{Core, Faults, Sample, SetPoint};
+
+/// From the link to control, carried out between two steps.
+#[allow(clippy::large_enum_variant)] // One lies in the channel at a time.
+pub enum Order {
+    /// Another core.
+    Replace(Core),
+    /// Another set point.
+    Set(SetPoint),
+    /// Forget latched faults.
+    ClearFaults,
+}
+
+/// The one instance is a static of the board.
+pub struct Shared {
+    /// To control, with the sequence number for the reply.
+    pub orders: Channel<CriticalSectionRawMutex, (u8, Order), 1>,
+    /// Samples from the host.
+    pub samples: Channel<CriticalSectionRawMutex, Sample, 1>,
+    /// To the host.
+    pub outbox: Channel<CriticalSectionRawMutex, Message, 4>,
+    /// Steps per telemetry frame; 0 for none.
+    pub telemetry_divider: AtomicU16,
+    /// Grows with every turn of the control task.
+    pub heartbeat: AtomicU32,
+    /// Faults of the last step.
+    pub faults: AtomicU16,
+    /// Messages for which the outbox had no room.
+    pub dropped: AtomicU32,
+    /// Frames that the link dropped.
+    pub malformed: AtomicU32,
+    tally: Mutex<CriticalSectionRawMutex, Cell<Tally>>,
+}
+
+impl Shared {
+    /// At the start: telemetry at a tenth of the step rate.
+    pub const fn new() -> Self {
+        Self {
+            orders: Channel::new(),
+            samples: Channel::new(),
+            outbox: Channel::new(),
+            telemetry_divider: AtomicU16::new(10),
+            heartbeat: AtomicU32::new(0),
+            faults: AtomicU16::new(0),
+            dropped: AtomicU32::new(0),
+            malformed: AtomicU32::new(0),
+            tally: Mutex::new(Cell::new(Tally::NONE)),
+        }
+    }
+
+    /// Sends without waiting; what finds no room is counted.
+    pub fn post(&self, message: Message) {
+        if self.outbox.try_send(message).is_err() {
+            // Only one context may lose an increment to the other; the count is a diagnosis.
+            self.dropped.store(self.dropped.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
+        }
+    }
+
+    /// Answers a request without waiting.
+    pub fn answer(&self, sequence: u8, answer: Answer) {
+        self.post(Message::Reply(Reply { sequence, answer }));
+    }
+
+    /// Faults of the last step.
+    pub fn faults(&self) -> Faults {
+        Faults(self.faults.load(Ordering::Relaxed))
+    }
+
+    /// Leaves the control task's measurements for others.
+    pub fn set_tally(&self, tally: Tally) {
+        self.tally.lock(|cell| cell.set(tally));
+    }
+
+    /// The control task's measurements.
+    pub fn tally(&self) -> Tally {
+        self.tally.lock(Cell::get)
+    }
+
+    /// How the steps were timed.
+    pub fn timing(&self) -> Timing {
+        let tally = self.tally();
+        let mean_ns = |sum_us: u64| (sum_us * 1000 / u64::from(tally.steps.max(1))) as u32;
+        Timing {
+            steps: tally.steps,
+            missed_steps: tally.missed_steps,
+            step_mean_ns: mean_ns(tally.step_sum_us),
+            step_worst_us: tally.step_worst_us,
+            busy_worst_us: tally.busy_worst_us,
+            jitter_mean_ns: mean_ns(tally.jitter_sum_us),
+            jitter_worst_us: tally.jitter_worst_us,
+            dropped_telemetry: self.dropped.load(Ordering::Relaxed),
+            malformed_frames: self.malformed.load(Ordering::Relaxed),
+        }
+    }
+}
+
+/// The control task's measurements of itself.
+#[derive(Clone, Copy)]
+pub struct Tally {
+    pub steps: u32,
+    pub missed_steps: u32,
+    pub step_sum_us: u64,
+    pub step_worst_us: u32,
+    pub busy_worst_us: u32,
+    pub jitter_sum_us: u64,
+    pub jitter_worst_us: u32,
+}
+
+impl Tally {
+    /// Nothing yet.
+    pub const NONE: Self = Self {
+        steps: 0,
+        missed_steps: 0,
+        step_sum_us: 0,
+        step_worst_us: 0,
+        busy_worst_us: 0,
+        jitter_sum_us: 0,
+        jitter_worst_us: 0,
+    };
+
+    /// One more step.
+    pub fn add(&mut self, jitter_us: u32, step_us: u32, busy_us: u32) {
+        self.steps = self.steps.wrapping_add(1);
+        self.step_sum_us += u64::from(step_us);
+        self.step_worst_us = self.step_worst_us.max(step_us);
+        self.busy_worst_us = self.busy_worst_us.max(busy_us);
+        self.jitter_sum_us += u64::from(jitter_us);
+        self.jitter_worst_us = self.jitter_worst_us.max(jitter_us);
+    }
+}

@@ -1,0 +1,31 @@
+//! Samples from the host, one step for each.
+
+use super::Source;
+use crate::shared::Shared;
+use embassy_time::{Duration, Instant, with_timeout};
+use model_core::Sample;
+
+/// The host's samples, one step for each.
+pub struct Host {
+    shared: &'static Shared,
+    sample: Sample,
+}
+
+impl Host {
+    /// Samples that the link leaves in `shared`.
+    pub fn new(shared: &'static Shared) -> Self {
+        Self { shared, sample: Sample::default() }
+    }
+}
+
+impl Source for Host {
+    async fn due(&mut self) -> Option<(Instant, u32)> {
+        let wait = Duration::from_millis(20);
+        self.sample = with_timeout(wait, self.shared.samples.receive()).await.ok()?;
+        Some((Instant::now(), 0))
+    }
+
+    fn sample(&mut self) -> Sample {
+        self.sample
+    }
+}

@@ -1,0 +1,60 @@
+//! Feeds the watchdog while control is alive and on time, and shows the board's state.
+//!
+//! | LED | state |
+//! |---|---|
+//! | on, off shortly every second | runs |
+//! | five flashes a second | a fault holds or is latched; the fault output is high |
+//! | three flashes, a pause | the last start was not asked for: watchdog, panic or fault of the processor |
+//! | dark or frozen | no firmware, or it hangs: the watchdog restarts the board within 50 ms |
+
+use crate::board::Watchdog;
+use crate::shared::Shared;
+use core::sync::atomic::Ordering;
+use embassy_time::{Duration, Ticker};
+use embedded_hal::digital::OutputPin;
+use model_core::Faults;
+use model_core::wire::LastReset;
+
+/// The watchdog restarts the board after this time without food.
+pub const WATCHDOG: Duration = Duration::from_millis(50);
+
+/// Time between two looks.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Length of an LED pattern, in looks: one second.
+const PATTERN: u32 = 50;
+
+/// Runs for ever.
+pub async fn run<W: Watchdog, L: OutputPin, F: OutputPin>(
+    mut watchdog: W,
+    mut led: L,
+    mut fault_output: F,
+    last_reset: LastReset,
+    shared: &'static Shared,
+) -> ! {
+    let mut looks = Ticker::every(LOOK);
+    let mut heartbeat = shared.heartbeat.load(Ordering::Relaxed);
+    let mut missed_steps = 0;
+    let mut look = 0_u32;
+    loop {
+        looks.next().await;
+        let beat = shared.heartbeat.load(Ordering::Relaxed);
+        let missed = shared.tally().missed_steps;
+        if beat != heartbeat && missed == missed_steps {
+            watchdog.feed(WATCHDOG);
+        }
+        heartbeat = beat;
+        missed_steps = missed;
+
+        let fault = shared.faults() != Faults::NONE;
+        let lit = match (fault, last_reset) {
+            (true, _) => look % 10 < 5,
+            (false, LastReset::Power) => look < PATTERN - 5,
+            (false, _) => look < 30 && look % 10 < 5,
+        };
+        // A pin of this chip cannot fail.
+        let _ = led.set_state(lit.into());
+        let _ = fault_output.set_state(fault.into());
+        look = (look + 1) % PATTERN;
+    }
+}

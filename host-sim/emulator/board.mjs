@@ -1,0 +1,213 @@
+// A Raspberry Pi Pico: the chip, its flash, and what is wired to its pins.
+
+import { GPIOPinState, RP2040 } from 'rp2040js';
+import { PacedUart } from './uart.mjs';
+
+const NANOS_PER_CYCLE = 8; // 125 MHz
+const VECTOR_TABLE = 0x10000100; // behind the second stage boot loader
+const UART0 = { slot: 0x40034, irq: 20 };
+const CONTROL_EXCEPTION = 16 + 27; // SWI_IRQ_1, the control task's executor
+const OVERSAMPLING = 8;
+const ADC_NANOS = 2000;
+const BRANCH_TO_ITSELF = 0xe7fe;
+const INLET_COIL = 16;
+const OUTLET_COIL = 17;
+/** GPIO function (datasheet 2.19.2) and enable bit of the PWM slices. */
+const FUNCTION_PWM = 4;
+const PWM_ENABLE = 1;
+const RUN_LINE = 14;
+const FAULT_OUTPUT = 15;
+const LED = 25;
+const RAM = 0x20000000;
+
+const quiet = { debug() {}, info() {}, warn() {}, error() {} };
+
+export class Board {
+  /** `flash`: the image's bytes, 16 MiB of them as rp2040js has it. */
+  constructor(flash) {
+    this.image = flash;
+    this.sums = [0, 0, 0, 0, 0];
+    this.conversions = [0, 0, 0, 0, 0];
+    this.runLine = false;
+    this.adcStalled = false;
+    this.hangArmed = false;
+    this.uartBytes = [];
+    this.resets = 0;
+    this.busyCycles = 0;
+    this.nanos = 0; // since power came
+    this.powerUp();
+  }
+
+  powerUp() {
+    const chip = new RP2040();
+    chip.logger = quiet;
+    chip.flash.set(this.image);
+    chip.core.VTOR = VECTOR_TABLE;
+    chip.core.reset();
+
+    this.uart = new PacedUart(chip, 'UART0', UART0.irq, (byte) => this.uartBytes.push(byte));
+    chip.uart[0] = this.uart;
+    chip.peripherals[UART0.slot] = this.uart;
+
+    this.restart = false;
+    const watchdog = chip.peripherals[0x40058];
+    watchdog.onWatchdogTrigger = () => {
+      this.restart = true;
+      watchdog.alarm.enable = false; // or it would fire again and again at this instant
+    };
+
+    chip.adc.onADCRead = (channel) => this.convert(channel);
+    this.conversion = chip.clock.createAlarm(() => chip.adc.completeADCRead(this.code, false));
+    // The firmware polls the converter. A poll that would go on until the conversion is done takes
+    // that time at once: the same time passes, in a few instructions instead of fifty.
+    const readAdc = chip.adc.readUint32.bind(chip.adc);
+    chip.adc.readUint32 = (offset) => {
+      if (offset === 0 && chip.adc.busy && !this.adcStalled) {
+        chip.clock.tick(Math.max(0, this.conversion.nanos - chip.clock.nanos));
+      }
+      return readAdc(offset);
+    };
+
+    this.coils = [INLET_COIL, OUTLET_COIL].map((pin) => {
+      const coil = { high: false, since: 0, total: 0 };
+      chip.gpio[pin].addListener((state) => this.coilChanged(coil, state === GPIOPinState.High));
+      return coil;
+    });
+    this.rtt = -1;
+    this.started = this.nanos;
+    this.chip = chip;
+    chip.gpio[RUN_LINE].setInputValue(this.runLine);
+  }
+
+  /** The watchdog restarts everything but itself and its scratch registers. */
+  watchdogRestart() {
+    const { reason, scratchData } = this.chip.peripherals[0x40058];
+    this.settleCoils();
+    const totals = this.coils.map((coil) => coil.total);
+    this.nanos = this.now();
+    this.powerUp();
+    this.coils.forEach((coil, i) => (coil.total = totals[i]));
+    const watchdog = this.chip.peripherals[0x40058];
+    watchdog.reason = reason;
+    watchdog.scratchData.set(scratchData);
+    this.resets++;
+  }
+
+  now() {
+    return this.started + this.chip.clock.nanosCounter;
+  }
+
+  convert(channel) {
+    if (this.adcStalled) {
+      return;
+    }
+    // Eight conversions add up to the sum that the host gave, whichever of them is first.
+    const n = this.conversions[channel]++ % OVERSAMPLING;
+    const sum = this.sums[channel];
+    this.code = Math.floor((sum * (n + 1)) / OVERSAMPLING) - Math.floor((sum * n) / OVERSAMPLING);
+    this.conversion.schedule(ADC_NANOS);
+  }
+
+  coilChanged(coil, high) {
+    const now = this.now();
+    if (coil.high) {
+      coil.total += now - coil.since;
+    }
+    coil.high = high;
+    coil.since = now;
+  }
+
+  settleCoils() {
+    for (const coil of this.coils) {
+      this.coilChanged(coil, coil.high);
+    }
+  }
+
+  setRunLine(high) {
+    this.runLine = high;
+    this.chip.gpio[RUN_LINE].setInputValue(high);
+  }
+
+  pin(number) {
+    return this.chip.gpio[number].value === GPIOPinState.High;
+  }
+
+  /** Share of the PWM period for which a coil is set to be powered: what the timer's registers say. */
+  duty(number) {
+    const channel = this.chip.pwm.channels[(number >> 1) & 7];
+    if (this.chip.gpio[number].functionSelect !== FUNCTION_PWM || !(channel.csr & PWM_ENABLE)) {
+      return this.pin(number) ? 1 : 0;
+    }
+    const compare = number & 1 ? channel.cc >>> 16 : channel.cc & 0xffff;
+    return Math.min(1, compare / (channel.top + 1));
+  }
+
+  get duties() {
+    return [INLET_COIL, OUTLET_COIL].map((number) => this.duty(number));
+  }
+
+  get pins() {
+    return (this.pin(FAULT_OUTPUT) ? 1 : 0) | (this.pin(LED) ? 2 : 0);
+  }
+
+  /** Runs until this time since power came [ns]. */
+  run(until) {
+    for (const coil of this.coils) {
+      coil.total = 0;
+    }
+    while (this.runChip(until)) {
+      this.watchdogRestart();
+    }
+    this.settleCoils();
+  }
+
+  /** Returns whether the watchdog wants a restart. */
+  runChip(until) {
+    const { clock, core } = this.chip;
+    const end = until - this.started;
+    while (clock.nanosCounter < end) {
+      if (core.waiting) {
+        const next = clock.nextAlarm === null ? end : Math.min(clock.nextAlarm.nanos, end);
+        clock.tick(next - clock.nanosCounter);
+      } else {
+        if (this.hangArmed && core.IPSR === CONTROL_EXCEPTION) {
+          this.hangArmed = false;
+          this.chip.flash16[(core.PC & 0xffffff) >> 1] = BRANCH_TO_ITSELF;
+        }
+        const cycles = core.executeInstruction();
+        this.busyCycles += cycles;
+        clock.nanosCounter += cycles * NANOS_PER_CYCLE;
+        if (clock.nextAlarm !== null && clock.nextAlarm.nanos <= clock.nanosCounter) {
+          clock.tick(0);
+        }
+      }
+      if (this.restart) {
+        return true;
+      }
+    }
+    return false;
+  }
+
+  /** What the firmware has logged: takes the bytes out of the ring buffer of its first RTT channel. */
+  takeLog() {
+    const { sram, sramView } = this.chip;
+    if (this.rtt < 0) {
+      this.rtt = Buffer.from(sram.buffer).indexOf('SEGGER RTT');
+      if (this.rtt < 0) {
+        return Buffer.alloc(0);
+      }
+    }
+    const word = (offset) => sramView.getUint32(this.rtt + offset, true);
+    const [start, size, write, read] = [word(28) - RAM, word(32), word(36), word(40)];
+    if (write === read || size === 0) {
+      return Buffer.alloc(0);
+    }
+    const ring = Buffer.from(sram.buffer, start, size);
+    const bytes =
+      write > read
+        ? Buffer.from(ring.subarray(read, write))
+        : Buffer.concat([ring.subarray(read), ring.subarray(0, write)]);
+    sramView.setUint32(this.rtt + 40, write, true);
+    return bytes;
+  }
+}

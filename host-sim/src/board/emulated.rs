@@ -1,0 +1,361 @@
+//! The firmware's image on an emulated RP2040: `rp2040js` in a process of Node.js, one exchange per
+//! millisecond of its time.
+//!
+//! Nothing of the firmware is known here but its pins and its wire: samples go to the ADC, the valves
+//! get the duties that the PWM's registers hold, and telemetry is what comes out of the UART. At 921600 baud a frame
+//! takes most of a millisecond, so that the telemetry of a step comes with the step after it.
+
+use super::link::Link;
+use super::log::LogDecoder;
+use super::{Board, BoardError, BoardStep, image};
+use crate::plant::Actuation;
+use model_core::wire::{Answer, BAUD, HostCommand, LastReset, PROTOCOL, Timing, Version};
+use model_core::{AdcCode, Config, Sample, SetPoint, Telemetry};
+use std::io::{BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+/// One exchange [ns].
+const STEP_NS: u32 = 1_000_000;
+/// The first exchange ends here, a tenth before the first step: inputs change between two steps.
+const LEAD_NS: u32 = 900_000;
+/// Exchanges after which a board that has not answered will not.
+const PATIENCE: u32 = 200;
+/// Bytes to the UART in one exchange: what the line carries in it.
+const CHUNK: usize = (BAUD / 10_000) as usize;
+
+/// Healthy inputs, while nobody gives any.
+const IDLE: Sample = Sample {
+    pressure: AdcCode(7770),
+    gas: AdcCode(15_950),
+    length: AdcCode(23_757),
+    emergency_stop: false,
+};
+
+/// What goes wrong on the board, for tests of what it does about it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Injection {
+    /// The converter never finishes again, or it does.
+    AdcStalled(bool),
+    /// The control task runs into an endless loop, once.
+    Hang,
+}
+
+/// What one exchange has shown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exchange {
+    /// Share of the time in which the inlet's coil was powered.
+    pub inlet_coil: f64,
+    /// Share of the time in which the outlet's coil was powered.
+    pub outlet_coil: f64,
+    /// Share of the PWM period that the inlet's coil is set to.
+    pub inlet_duty: f64,
+    /// Share of the PWM period that the outlet's coil is set to.
+    pub outlet_duty: f64,
+    /// Cycles in which the core did not sleep.
+    pub busy_cycles: u32,
+    /// Restarts by the watchdog since power came.
+    pub restarts: u32,
+    /// The fault output is high.
+    pub fault_output: bool,
+    /// The LED is on.
+    pub led: bool,
+}
+
+impl Exchange {
+    /// What the valves did: the inlet opens with power, the outlet closes with it.
+    pub fn actuation(&self) -> Actuation {
+        Actuation { inlet: self.inlet_coil, outlet: 1.0 - self.outlet_coil }
+    }
+
+    /// What the valves are set to do: the duties from which the plant makes its own pulses.
+    pub fn set_duty(&self) -> Actuation {
+        Actuation { inlet: self.inlet_duty, outlet: 1.0 - self.outlet_duty }
+    }
+}
+
+/// The emulated board.
+pub struct EmulatedBoard {
+    process: Child,
+    requests: ChildStdin,
+    responses: BufReader<ChildStdout>,
+    link: Link,
+    log: Option<LogDecoder>,
+    adc_stalled: bool,
+    hang: bool,
+    restarts: u32,
+    to_board: Vec<u8>,
+    from_board: Vec<u8>,
+    shown: Option<Exchange>,
+}
+
+impl EmulatedBoard {
+    /// A board with the firmware of this checkout, built when it is stale.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn new() -> Result<Self, BoardError> {
+        image::prepare_emulator()?;
+        Self::with_image(&image::firmware(image::Variant::Standard)?)
+    }
+
+    /// A board with an image, ELF or UF2, right after power came.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn with_image(path: &Path) -> Result<Self, BoardError> {
+        image::prepare_emulator()?;
+        if !path.is_file() {
+            return Err(BoardError::NoImage { path: path.to_path_buf() });
+        }
+        let mut process = Command::new("node")
+            .arg(image::emulator_folder().join("emulator.mjs"))
+            .arg(path)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|_| BoardError::NoNode)?;
+        let (Some(requests), Some(responses)) = (process.stdin.take(), process.stdout.take())
+        else {
+            return Err(BoardError::NoNode);
+        };
+        let mut board = Self {
+            process,
+            requests,
+            responses: BufReader::new(responses),
+            link: Link::default(),
+            log: LogDecoder::of_image(path),
+            adc_stalled: false,
+            hang: false,
+            restarts: 0,
+            to_board: Vec::new(),
+            from_board: Vec::new(),
+            shown: None,
+        };
+        board.response().map_err(|error| match error {
+            BoardError::Emulator { message } => BoardError::Image { message },
+            other => other,
+        })?;
+        board.run(&IDLE, LEAD_NS)?;
+        Ok(board)
+    }
+
+    /// One millisecond with these inputs.
+    ///
+    /// # Errors
+    /// [`BoardError::Emulator`]
+    pub fn exchange(&mut self, sample: &Sample) -> Result<Exchange, BoardError> {
+        self.run(sample, STEP_NS)
+    }
+
+    /// What the last step has shown, pins included; nothing before the first one.
+    pub fn shown(&self) -> Option<Exchange> {
+        self.shown
+    }
+
+    /// Bytes for the UART, as they are.
+    pub fn write(&mut self, bytes: &[u8]) {
+        self.to_board.extend_from_slice(bytes);
+    }
+
+    /// Bytes that the UART has sent since the last call, as they are.
+    pub fn read(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.from_board)
+    }
+
+    /// Telemetry that has come since the last call, or the last step.
+    pub fn take_telemetry(&mut self) -> Vec<Telemetry> {
+        std::iter::from_fn(|| self.link.take_telemetry()).collect()
+    }
+
+    /// Lets something go wrong.
+    pub fn inject(&mut self, injection: Injection) {
+        match injection {
+            Injection::AdcStalled(stalled) => self.adc_stalled = stalled,
+            Injection::Hang => self.hang = true,
+        }
+    }
+
+    /// What the firmware has logged since the last call.
+    pub fn take_log(&mut self) -> Vec<String> {
+        self.log.as_mut().map(LogDecoder::take).unwrap_or_default()
+    }
+
+    /// Asks, and lets time pass until the answer is there.
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`], [`BoardError::Silent`]
+    pub fn ask(&mut self, command: HostCommand) -> Result<Answer, BoardError> {
+        let (sequence, frame) = self.link.request(command);
+        self.write(&frame);
+        for _ in 0..PATIENCE {
+            self.exchange(&IDLE)?;
+            match self.link.take_answer(sequence) {
+                Some(Answer::Refused(refusal)) => return Err(BoardError::Refused(refusal)),
+                Some(answer) => return Ok(answer),
+                None => (),
+            }
+        }
+        Err(BoardError::Silent { asked: "a request" })
+    }
+
+    /// Who is there.
+    ///
+    /// # Errors
+    /// As [`EmulatedBoard::ask`].
+    pub fn version(&mut self) -> Result<Version, BoardError> {
+        match self.ask(HostCommand::Version)? {
+            Answer::Version(version) => Ok(version),
+            _ => Err(BoardError::Silent { asked: "version" }),
+        }
+    }
+
+    /// How the steps were timed.
+    ///
+    /// # Errors
+    /// As [`EmulatedBoard::ask`].
+    pub fn timing(&mut self) -> Result<Timing, BoardError> {
+        match self.ask(HostCommand::Timing)? {
+            Answer::Timing(timing) => Ok(timing),
+            _ => Err(BoardError::Silent { asked: "timing" }),
+        }
+    }
+
+    /// Why it started last.
+    ///
+    /// # Errors
+    /// As [`EmulatedBoard::ask`].
+    pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
+        match self.ask(HostCommand::LastReset)? {
+            Answer::LastReset(last_reset) => Ok(last_reset),
+            _ => Err(BoardError::Silent { asked: "reason of the last restart" }),
+        }
+    }
+
+    fn run(&mut self, sample: &Sample, nanoseconds: u32) -> Result<Exchange, BoardError> {
+        let count = self.to_board.len().min(CHUNK);
+        let mut request = Vec::with_capacity(13 + count);
+        request.extend_from_slice(&nanoseconds.to_le_bytes());
+        for code in [sample.pressure, sample.gas, sample.length] {
+            request.extend_from_slice(&code.0.to_le_bytes());
+        }
+        let inputs = [!sample.emergency_stop, self.adc_stalled, std::mem::take(&mut self.hang)];
+        request.push(inputs.iter().rev().fold(0, |bits, &input| bits << 1 | u8::from(input)));
+        request.extend_from_slice(&(count as u16).to_le_bytes());
+        request.extend(self.to_board.drain(..count));
+        if self.requests.write_all(&request).and_then(|()| self.requests.flush()).is_err() {
+            return Err(self.ended());
+        }
+        let mut exchange = self.response()?;
+        let share = |powered_ns: f64| (powered_ns / f64::from(nanoseconds)).min(1.0);
+        exchange.inlet_coil = share(exchange.inlet_coil);
+        exchange.outlet_coil = share(exchange.outlet_coil);
+        self.restarts = exchange.restarts;
+        Ok(exchange)
+    }
+
+    /// Reads a response; the coils' shares are still nanoseconds in it.
+    fn response(&mut self) -> Result<Exchange, BoardError> {
+        match self.read_response() {
+            Ok(exchange) => Ok(exchange),
+            Err(_) => Err(self.ended()),
+        }
+    }
+
+    fn read_response(&mut self) -> std::io::Result<Exchange> {
+        let mut word = || {
+            let mut bytes = [0; 4];
+            self.responses.read_exact(&mut bytes).map(|()| u32::from_le_bytes(bytes))
+        };
+        let [inlet_ns, outlet_ns, busy_cycles, restarts] = [word()?, word()?, word()?, word()?];
+        let mut half_word = || {
+            let mut bytes = [0; 2];
+            self.responses.read_exact(&mut bytes).map(|()| f64::from(u16::from_le_bytes(bytes)))
+        };
+        let [inlet_duty, outlet_duty] = [half_word()? / 65_535.0, half_word()? / 65_535.0];
+        let mut pins = [0];
+        self.responses.read_exact(&mut pins)?;
+        let uart = self.read_counted()?;
+        let log = self.read_counted()?;
+        self.link.feed(&uart);
+        self.from_board.extend_from_slice(&uart);
+        if let Some(decoder) = &mut self.log {
+            decoder.feed(&log);
+        }
+        let [pins] = pins;
+        Ok(Exchange {
+            inlet_coil: f64::from(inlet_ns),
+            outlet_coil: f64::from(outlet_ns),
+            inlet_duty,
+            outlet_duty,
+            busy_cycles,
+            restarts,
+            fault_output: pins & 1 != 0,
+            led: pins & 2 != 0,
+        })
+    }
+
+    fn read_counted(&mut self) -> std::io::Result<Vec<u8>> {
+        let mut count = [0; 2];
+        self.responses.read_exact(&mut count)?;
+        let mut bytes = vec![0; usize::from(u16::from_le_bytes(count))];
+        self.responses.read_exact(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Why the process ended.
+    fn ended(&mut self) -> BoardError {
+        let mut message = String::new();
+        if let Some(mut errors) = self.process.stderr.take() {
+            // It has ended: this does not block.
+            let _ = errors.read_to_string(&mut message);
+        }
+        BoardError::Emulator { message: message.trim().to_owned() }
+    }
+}
+
+impl Board for EmulatedBoard {
+    fn name(&self) -> &'static str {
+        "emulated"
+    }
+
+    fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError> {
+        let version = self.version()?;
+        if version.protocol != PROTOCOL {
+            return Err(BoardError::Protocol { board: version.protocol });
+        }
+        self.ask(HostCommand::TelemetryDivider(1))?;
+        self.ask(HostCommand::Configure(*config))?;
+        self.from_board.clear();
+        // It takes a fraction of the coming exchange to arrive: the next one has step 0.
+        let (_, frame) = self.link.request(HostCommand::Start(set_point));
+        self.write(&frame);
+        self.exchange(&IDLE)?;
+        Ok(())
+    }
+
+    fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
+        let (_, frame) = self.link.request(HostCommand::Set(set_point));
+        self.write(&frame);
+        Ok(())
+    }
+
+    fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
+        let before = self.restarts;
+        let exchange = self.exchange(sample)?;
+        self.shown = Some(exchange);
+        self.from_board.clear();
+        if exchange.restarts != before {
+            return Err(BoardError::Restarted);
+        }
+        Ok(BoardStep { telemetry: self.link.take_telemetry(), actuation: exchange.set_duty() })
+    }
+}
+
+impl Drop for EmulatedBoard {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

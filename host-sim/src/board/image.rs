@@ -1,0 +1,123 @@
+//! The firmware of this checkout, built when it is stale, and what the emulator needs.
+
+use super::BoardError;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::{env, fs, io};
+
+/// Target of the RP2040.
+const TARGET: &str = "thumbv6m-none-eabi";
+
+/// Oldest Node.js that the emulator runs on.
+const NODE_MAJOR: u32 = 18;
+
+/// Builds of the firmware, one at a time.
+static BUILD: Mutex<()> = Mutex::new(());
+
+/// A build of the firmware.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Variant {
+    /// What a user flashes.
+    Standard,
+    /// Samples come from the host.
+    Hil,
+}
+
+/// Folder of the workspace that this program was built from.
+fn workspace() -> PathBuf {
+    let host_sim = Path::new(env!("CARGO_MANIFEST_DIR"));
+    host_sim.parent().unwrap_or(host_sim).to_path_buf()
+}
+
+/// Folder of the emulator's script.
+pub fn emulator_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("emulator")
+}
+
+/// The image of this checkout's firmware, up to date. Cargo decides what is stale; it has a target
+/// folder of its own, since a test's cargo holds the lock of the usual one.
+///
+/// # Errors
+/// [`BoardError::NoTarget`], [`BoardError::Build`]
+pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
+    let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let root = workspace();
+    let target_folder = env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| root.join("target"), PathBuf::from)
+        .join("firmware");
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo
+        .args(["build", "--release", "--target", TARGET, "--target-dir"])
+        .arg(&target_folder)
+        .current_dir(root.join("firmware"))
+        .stdin(Stdio::null());
+    if variant == Variant::Hil {
+        cargo.args(["--features", "hil"]);
+    }
+    // What cargo tells a test about the test itself would make the firmware stale.
+    for (name, _) in env::vars_os() {
+        let text = name.to_string_lossy();
+        if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_PROFILE_") {
+            cargo.env_remove(&name);
+        }
+    }
+    cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
+    let output =
+        cargo.output().map_err(|error| BoardError::Build { message: error.to_string() })?;
+    if output.status.success() {
+        // The variants share the folder, and with it what they are built of; each image gets a place
+        // of its own, at once whole.
+        let build_error = |error: io::Error| BoardError::Build { message: error.to_string() };
+        let image = target_folder.join(match variant {
+            Variant::Standard => "firmware.elf",
+            Variant::Hil => "firmware-hil.elf",
+        });
+        let copy = image.with_extension(format!("{}.part", std::process::id()));
+        fs::copy(target_folder.join(TARGET).join("release").join("firmware"), &copy)
+            .and_then(|_| fs::rename(&copy, &image))
+            .map_err(build_error)?;
+        return Ok(image);
+    }
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    if message.contains("can't find crate for `core`")
+        || message.contains("target may not be installed")
+    {
+        return Err(BoardError::NoTarget { target: TARGET });
+    }
+    Err(BoardError::Build { message })
+}
+
+/// Sees to it that the emulator can start: Node.js is there, and the packages of the lock file.
+///
+/// # Errors
+/// [`BoardError::NoNode`], [`BoardError::OldNode`], [`BoardError::Npm`]
+pub fn prepare_emulator() -> Result<(), BoardError> {
+    let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let output = Command::new("node").arg("--version").output().map_err(|_| BoardError::NoNode)?;
+    let version = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    let major =
+        version.trim_start_matches('v').split('.').next().and_then(|text| text.parse().ok());
+    if major.is_none_or(|major: u32| major < NODE_MAJOR) {
+        return Err(BoardError::OldNode { version });
+    }
+    let folder = emulator_folder();
+    let npm_error = |message: String| BoardError::Npm { message };
+    let lock = fs::read(folder.join("package-lock.json")).map_err(|e| npm_error(e.to_string()))?;
+    // npm leaves no copy of the lock file that it worked by; this is one.
+    let installed = folder.join("node_modules").join(".installed-lock.json");
+    if fs::read(&installed).is_ok_and(|content| content == lock) {
+        return Ok(());
+    }
+    let npm = if cfg!(windows) { "npm.cmd" } else { "npm" };
+    let output = Command::new(npm)
+        .args(["ci", "--no-audit", "--no-fund"])
+        .current_dir(&folder)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|error| npm_error(error.to_string()))?;
+    if !output.status.success() {
+        return Err(npm_error(String::from_utf8_lossy(&output.stderr).into_owned()));
+    }
+    fs::write(&installed, lock).map_err(|error| npm_error(error.to_string()))
+}

@@ -1,0 +1,64 @@
+//! The host's end of the wire, over any transport: bytes in, bytes out.
+
+use model_core::Telemetry;
+use model_core::wire::{Answer, Decoder, HostCommand, Message, Reply, Request, encode};
+use std::collections::VecDeque;
+
+/// What has come and what has been asked.
+#[derive(Debug, Default)]
+pub struct Link {
+    decoder: Decoder,
+    sequence: u8,
+    replies: VecDeque<Reply>,
+    telemetry: VecDeque<Telemetry>,
+    /// Request after whose answer the steps count anew.
+    start: Option<u8>,
+}
+
+impl Link {
+    /// The bytes of a request and its sequence number.
+    pub fn request(&mut self, command: HostCommand) -> (u8, Vec<u8>) {
+        self.sequence = self.sequence.wrapping_add(1);
+        // An answer that nobody asked for, 256 requests ago, is not the answer to this one.
+        self.replies.retain(|reply| reply.sequence != self.sequence);
+        if matches!(command, HostCommand::Start(_) | HostCommand::Configure(_)) {
+            self.start = Some(self.sequence);
+        }
+        let request = Request { sequence: self.sequence, command };
+        let frame = encode(&request).map(|frame| frame.to_vec()).unwrap_or_default();
+        (self.sequence, frame)
+    }
+
+    /// Takes bytes from the board.
+    pub fn feed(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            match self.decoder.push(byte) {
+                Some(Message::Telemetry(telemetry)) => self.telemetry.push_back(telemetry),
+                Some(Message::Reply(reply)) => {
+                    if self.start == Some(reply.sequence) {
+                        // What came before is the old core's.
+                        self.telemetry.clear();
+                    }
+                    self.replies.push_back(reply);
+                }
+                None => (),
+            }
+        }
+    }
+
+    /// The next telemetry.
+    pub fn take_telemetry(&mut self) -> Option<Telemetry> {
+        self.telemetry.pop_front()
+    }
+
+    /// The answer to a request, if it has come. Older answers are dropped.
+    pub fn take_answer(&mut self, sequence: u8) -> Option<Answer> {
+        let position = self.replies.iter().position(|reply| reply.sequence == sequence)?;
+        self.replies.drain(..=position).next_back().map(|reply| reply.answer)
+    }
+
+    /// Frames that were damaged.
+    pub fn malformed(&self) -> u32 {
+        self.decoder.malformed()
+    }
+}

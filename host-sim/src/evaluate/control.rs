@@ -1,0 +1,415 @@
+//! Whether the muscle goes where it is told: at rest, in motion, warm and cold, told wrong, and against
+//! the usual practice.
+
+use super::pid::{Gains, PidBoard};
+use super::{Figure, Line};
+use crate::board::{Board, CoreBoard};
+use crate::profile::Profile;
+use crate::run::{self, RunError};
+use crate::scenario::{DriveKind, Loaded, PlantModel, Scenario};
+use crate::trace::Row;
+use std::f64::consts::TAU;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+/// The stroke that errors are a share of: 30 % of the rest length, as a contraction \[-\].
+const STROKE: f64 = 0.3;
+/// Contractions that are held, one after the other; up and down, far and near.
+const HELD: [f64; 7] = [0.05, 0.15, 0.25, 0.15, 0.05, 0.2, 0.1];
+/// How long each \[s\].
+const HOLD_S: f64 = 2.5;
+/// The last part of it counts as rest \[s\].
+const REST_S: f64 = 0.5;
+/// Where a sine swings around \[-\].
+const MIDDLE: f64 = 0.15;
+/// Rest before a sine \[s\].
+const BEFORE_S: f64 = 1.0;
+/// The least error on the slow sine of some 170 combinations, on the nominal muscle, that hunts by no
+/// more than 1 % of the stroke when it should rest.
+pub const USUAL_GAINS: Gains =
+    Gains { proportional_pa: 1.2e6, integral_pa_s: 6.0e7, derivative_pa_s: 2.0e4 };
+
+/// One row of what a control run is judged by.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    time_s: f64,
+    value: f64,
+    driven: bool,
+}
+
+/// Runs a scenario along a set-point profile.
+fn trace(
+    loaded: &Loaded,
+    kind: DriveKind,
+    profile: Vec<(f64, f64)>,
+    board: &mut dyn Board,
+) -> Result<Vec<Point>, RunError> {
+    let mut loaded = loaded.clone();
+    loaded.plant.run.log_every = 1;
+    loaded.plant.run.duration_s = profile.last().map_or(0.0, |point| point.0);
+    loaded.plant.drive.kind = kind;
+    loaded.drive_profile = Some(Profile::new(profile).expect("times increase"));
+    let rest_m = rest_length_m(&loaded.plant);
+    let mut points = Vec::new();
+    let mut observer = |row: &Row| {
+        let command = row.telemetry.command;
+        points.push(Point {
+            time_s: row.truth.time_s,
+            value: match kind {
+                DriveKind::Contraction => 1.0 - row.truth.length_m / rest_m,
+                _ => row.truth.pressure_pa,
+            },
+            driven: command.inlet.0 > 0 || command.outlet.0 > 0,
+        });
+        Ok(())
+    };
+    run::run(&loaded, board, None, &mut observer)?;
+    Ok(points)
+}
+
+fn rest_length_m(scenario: &Scenario) -> f64 {
+    scenario.muscle.rest_length_m.expect("the loader fills it in")
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
+}
+
+/// Contraction after contraction, held.
+pub mod rest {
+    use super::{
+        Board, DriveKind, HELD, HOLD_S, Loaded, Point, REST_S, RunError, STROKE, mean, trace,
+    };
+
+    /// What holding gave, the worst of all holds; in percent of the stroke.
+    #[derive(Debug, Clone, Copy, Default)]
+    pub struct Held {
+        /// Largest error at rest \[%\].
+        pub error_percent: f64,
+        /// Largest motion at rest, peak to peak \[%\].
+        pub ripple_percent: f64,
+        /// Share of the rest in which a valve is driven \[-\].
+        pub driven: f64,
+    }
+
+    /// Holds [`HELD`], after `strokes` full strokes of 2 s each.
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    pub fn hold(loaded: &Loaded, strokes: u32, board: &mut dyn Board) -> Result<Held, RunError> {
+        let mut profile = Vec::new();
+        let mut start_s = 0.0;
+        for _ in 0..strokes {
+            profile.extend([(start_s, 0.05), (start_s + 1.0, 0.25)]);
+            start_s += 2.0;
+        }
+        for (i, value) in HELD.into_iter().enumerate() {
+            let time_s = start_s + i as f64 * HOLD_S;
+            profile.extend([(time_s, value), (time_s + HOLD_S - 0.001, value)]);
+        }
+        let points = trace(loaded, DriveKind::Contraction, profile, board)?;
+        let mut held = Held::default();
+        for (i, value) in HELD.into_iter().enumerate() {
+            let end_s = start_s + (i + 1) as f64 * HOLD_S - 0.002;
+            let at_rest: Vec<&Point> = points
+                .iter()
+                .filter(|point| (end_s - REST_S..end_s).contains(&point.time_s))
+                .collect();
+            let error = mean(at_rest.iter().map(|point| point.value)) - value;
+            let low = at_rest.iter().map(|point| point.value).fold(f64::INFINITY, f64::min);
+            let high = at_rest.iter().map(|point| point.value).fold(f64::NEG_INFINITY, f64::max);
+            let driven = mean(at_rest.iter().map(|point| f64::from(u8::from(point.driven))));
+            held.error_percent = held.error_percent.max(error.abs() / STROKE * 100.0);
+            held.ripple_percent = held.ripple_percent.max((high - low) / STROKE * 100.0);
+            held.driven = held.driven.max(driven);
+        }
+        Ok(held)
+    }
+}
+
+/// What a sine gave.
+#[derive(Debug, Clone, Copy)]
+pub struct Sine {
+    /// Amplitude out over amplitude in \[-\].
+    pub gain: f64,
+    /// Phase \[deg\].
+    pub phase_deg: f64,
+    /// Error to the set point, RMS, of the stroke \[%\].
+    pub rms_percent: f64,
+}
+
+/// A sine of an amplitude \[share of the stroke\] around the middle of the stroke.
+///
+/// # Errors
+/// When the run could not be finished.
+pub fn sine(
+    loaded: &Loaded,
+    frequency_hz: f64,
+    amplitude: f64,
+    board: &mut dyn Board,
+) -> Result<Sine, RunError> {
+    let amplitude = amplitude * STROKE;
+    let set_point = |time_s: f64| {
+        MIDDLE + amplitude * (TAU * frequency_hz * (time_s - BEFORE_S).max(0.0)).sin()
+    };
+    // Whole periods, after the first have died away.
+    let counted_s = (2.0 * frequency_hz).ceil().max(2.0) / frequency_hz;
+    let from_s = BEFORE_S + 1.0_f64.max(1.0 / frequency_hz);
+    let end_s = from_s + counted_s;
+    let rows = (end_s * 100.0).ceil() as usize;
+    let profile = (0..=rows).map(|row| row as f64 * 0.01).map(|t| (t, set_point(t))).collect();
+    let points = trace(loaded, DriveKind::Contraction, profile, board)?;
+    let counted: Vec<&Point> =
+        points.iter().filter(|p| p.time_s >= from_s && p.time_s < end_s).collect();
+    let angle = |p: &Point| TAU * frequency_hz * (p.time_s - BEFORE_S);
+    let in_phase = 2.0 * mean(counted.iter().map(|p| p.value * angle(p).sin())) / amplitude;
+    let quadrature = 2.0 * mean(counted.iter().map(|p| p.value * angle(p).cos())) / amplitude;
+    let square = mean(counted.iter().map(|p| (p.value - set_point(p.time_s)).powi(2)));
+    Ok(Sine {
+        gain: in_phase.hypot(quadrature),
+        phase_deg: quadrature.atan2(in_phase).to_degrees(),
+        rms_percent: square.sqrt() / STROKE * 100.0,
+    })
+}
+
+/// What a step of the pressure gave.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// Until it stays within 2 % of the step, over what the open valve needs \[-\].
+    pub times_open_valve: f64,
+    /// Above the set point, share of the step \[%\].
+    pub overshoot_percent: f64,
+}
+
+/// A step of the pressure from 2 to 4 bar, compared with the open valve on the same plant.
+///
+/// # Errors
+/// When a run could not be finished.
+pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, RunError> {
+    const STEP_S: f64 = 1.5;
+    let (low, high) = (2.0e5, 4.0e5);
+    let profile = vec![(0.0, low), (STEP_S, low), (STEP_S + 0.001, high), (STEP_S + 2.0, high)];
+    let closed = trace(loaded, DriveKind::Pressure, profile, board)?;
+    let band = 0.02 * (high - low);
+    let late = closed.iter().filter(|p| p.time_s >= STEP_S);
+    let settled_s = late
+        .clone()
+        .filter(|p| (p.value - high).abs() > band)
+        .map(|p| p.time_s - STEP_S)
+        .fold(0.0, f64::max);
+    let peak = late.map(|p| p.value).fold(f64::NEG_INFINITY, f64::max);
+    // The open valve, from the same rest: the profile of duties starts where the loop has rested.
+    let mut open = loaded.clone();
+    open.plant.plant.initial_pressure_pa = low;
+    let duties = vec![(0.0, 0.0), (0.099, 0.0), (0.1, 1.0), (1.0, 1.0)];
+    let open = trace(&open, DriveKind::Duty, duties, &mut CoreBoard::default())?;
+    let reached_s = open
+        .iter()
+        .find(|p| p.value >= high - band)
+        .map_or(f64::INFINITY, |point| point.time_s - 0.1);
+    Ok(Step {
+        times_open_valve: settled_s / reached_s,
+        overshoot_percent: (peak - high).max(0.0) / (high - low) * 100.0,
+    })
+}
+
+/// Both plant and core know the ambient; supply and muscle have its temperature.
+fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
+    for scenario in [&mut loaded.plant, &mut loaded.believed] {
+        scenario.ambient.temperature_k = temperature_k;
+        scenario.supply.temperature_k = temperature_k;
+        scenario.plant.initial_temperature_k = temperature_k;
+    }
+    loaded
+}
+
+fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
+    loaded.plant.load.force_n = force_n;
+    loaded.believed.load.force_n = force_n;
+    loaded
+}
+
+fn told(mut loaded: Loaded, change: fn(&mut Scenario)) -> Loaded {
+    change(&mut loaded.believed);
+    loaded
+}
+
+fn hold_line(
+    case: String,
+    loaded: &Loaded,
+    strokes: u32,
+    bound_percent: f64,
+) -> Result<Line, RunError> {
+    let held = rest::hold(loaded, strokes, &mut CoreBoard::default())?;
+    Ok(Line {
+        case,
+        figures: vec![
+            Figure::at_most("error_percent", held.error_percent, bound_percent),
+            Figure::at_most("ripple_percent", held.ripple_percent, 0.2),
+            Figure::at_most("valves_driven", held.driven, 0.0),
+        ],
+    })
+}
+
+/// The nominal muscle with everything that the core leaves out.
+pub fn full(nominal: &Loaded) -> Loaded {
+    let mut loaded = nominal.clone();
+    loaded.plant.plant.model = PlantModel::Full;
+    loaded.believed.plant.model = PlantModel::Full;
+    loaded
+}
+
+type Job<'a> = Box<dyn Fn() -> Result<Line, RunError> + Send + Sync + 'a>;
+
+fn holding(full: &Loaded) -> Vec<Job<'_>> {
+    let mut jobs: Vec<Job> = Vec::new();
+    for temperature_k in [283.15, 298.15, 313.15] {
+        for force_n in [20.0, 100.0, 200.0] {
+            jobs.push(Box::new(move || {
+                let loaded = load(ambient(full.clone(), temperature_k), force_n);
+                let celsius = temperature_k - 273.15;
+                hold_line(format!("hold, {force_n} N, {celsius:.0} degC, cold"), &loaded, 0, 1.0)
+            }));
+        }
+        jobs.push(Box::new(move || {
+            let loaded = ambient(full.clone(), temperature_k);
+            let celsius = temperature_k - 273.15;
+            let case = format!("hold, 100 N, {celsius:.0} degC, after 200 strokes");
+            hold_line(case, &loaded, 200, 1.0)
+        }));
+    }
+    let wrong: [(&str, fn(&mut Scenario)); 8] = [
+        ("friction 20 % low", |s| s.friction.force_n *= 0.8),
+        ("friction 20 % high", |s| s.friction.force_n *= 1.2),
+        // Turns go into the volume squared, and into the force with it.
+        ("volume 20 % low", |s| turns(s, 0.8)),
+        ("volume 20 % high", |s| turns(s, 1.2)),
+        ("conductance 20 % low", |s| s.valve.conductance_m3_s_pa *= 0.8),
+        ("conductance 20 % high", |s| s.valve.conductance_m3_s_pa *= 1.2),
+        ("load 80 N too high", |s| s.load.force_n += 80.0),
+        ("load 80 N too low", |s| s.load.force_n -= 80.0),
+    ];
+    for (name, change) in wrong {
+        jobs.push(Box::new(move || {
+            hold_line(format!("hold, {name}"), &told(full.clone(), change), 0, 2.0)
+        }));
+    }
+    jobs
+}
+
+fn turns(scenario: &mut Scenario, volume: f64) {
+    if let Some(turns) = &mut scenario.muscle.turns {
+        *turns /= volume.sqrt();
+    }
+}
+
+fn moving(full: &Loaded) -> Vec<Job<'_>> {
+    let mut jobs: Vec<Job> = Vec::new();
+    // At 50 N the muscle works at 1.4 bar, where the open outlet passes 0.5 g/s: the turn of 30 N of
+    // friction alone takes it a third of half a period at 5 Hz.
+    for (force_n, bandwidth_target_hz) in [(50.0, 5.0), (100.0, 5.0), (200.0, 5.0)] {
+        jobs.push(Box::new(move || {
+            let loaded = load(full.clone(), force_n);
+            let step = pressure_step(&loaded, &mut CoreBoard::default())?;
+            Ok(Line {
+                case: format!("pressure 2 to 4 bar, {force_n} N"),
+                figures: vec![
+                    Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
+                    Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
+                ],
+            })
+        }));
+        jobs.push(Box::new(move || {
+            let loaded = load(full.clone(), force_n);
+            let at = |hz: f64| sine(&loaded, hz, 0.025, &mut CoreBoard::default());
+            let mut peak: f64 = 0.0;
+            let mut bandwidth_hz: f64 = 0.0;
+            // The last frequency up to which every gain is above -3 dB.
+            let mut within = true;
+            for step in 2..=16 {
+                let hz = 0.5 * f64::from(step);
+                let gain = at(hz)?.gain;
+                peak = peak.max(gain);
+                within &= gain >= 0.5_f64.sqrt();
+                if within {
+                    bandwidth_hz = hz;
+                }
+            }
+            Ok(Line {
+                case: format!("sine of 2.5 % of stroke, {force_n} N"),
+                figures: vec![
+                    Figure::at_least("bandwidth_hz", bandwidth_hz, bandwidth_target_hz),
+                    Figure::at_most("largest_gain", peak, 1.5),
+                ],
+            })
+        }));
+        jobs.push(Box::new(move || {
+            let loaded = load(full.clone(), force_n);
+            let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default())?;
+            Ok(Line {
+                case: format!("0.5 Hz over 30 % of stroke, {force_n} N"),
+                figures: vec![Figure::at_most("rms_percent", slow.rms_percent, 2.0)],
+            })
+        }));
+    }
+    jobs
+}
+
+fn compared(full: &Loaded) -> Vec<Job<'_>> {
+    [283.15, 313.15]
+        .into_iter()
+        .map(|temperature_k| -> Job {
+            Box::new(move || {
+                let loaded = ambient(full.clone(), temperature_k);
+                let fixed = told(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
+                let rms = |loaded: &Loaded, board: &mut dyn Board| {
+                    sine(loaded, 0.5, 0.15, board).map(|slow| slow.rms_percent)
+                };
+                let rest_m = rest_length_m(&full.plant);
+                let compensated = rms(&loaded, &mut CoreBoard::default())?;
+                let uncompensated = rms(&fixed, &mut CoreBoard::default())?;
+                let usual = rms(&loaded, &mut PidBoard::new(USUAL_GAINS, rest_m))?;
+                Ok(Line {
+                    case: format!("0.5 Hz sine, {:.0} degC", temperature_k - 273.15),
+                    figures: vec![
+                        Figure::at_most("rms_percent", compensated, 2.0),
+                        Figure::at_least("fixed_friction_times", uncompensated / compensated, 2.0),
+                        Figure::at_least("pid_times", usual / compensated, 3.0),
+                    ],
+                })
+            })
+        })
+        .collect()
+}
+
+/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario.
+///
+/// # Errors
+/// The first run that could not be finished.
+pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
+    let full = &full(nominal);
+    let jobs: Vec<Job> =
+        [holding(full), moving(full), compared(full)].into_iter().flatten().collect();
+    let next = AtomicUsize::new(0);
+    let results = Mutex::new(Vec::new());
+    let work = || {
+        while let Some(job) = {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            jobs.get(index).map(|job| (index, job))
+        } {
+            let result = job.1();
+            results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((job.0, result));
+        }
+    };
+    let threads = thread::available_parallelism().map_or(1, usize::from);
+    thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(work);
+        }
+    });
+    let mut results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}

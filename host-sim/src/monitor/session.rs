@@ -1,0 +1,214 @@
+//! What a monitor knows of its board, and how it stays connected.
+
+use super::Recorder;
+use crate::board::link::Link;
+use crate::board::{BoardError, serial};
+use model_core::wire::{Answer, HostCommand, LastReset, PROTOCOL, Timing, Version};
+use model_core::{Config, Telemetry};
+use serialport::SerialPort;
+use std::collections::VecDeque;
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+/// Time between two attempts to open a port that is gone, and between two questions.
+const RETRY: Duration = Duration::from_millis(500);
+/// A board that says nothing for so long is not there.
+const SILENCE: Duration = Duration::from_secs(2);
+/// Telemetry is asked for once per this many steps: 100 Hz.
+const DIVIDER: u16 = 10;
+/// Points that the plot keeps.
+const HISTORY: usize = 6000;
+
+/// State of the connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Telemetry comes.
+    Connected,
+    /// The port is open, and the board says nothing.
+    Silent,
+    /// The port is gone; it is tried again and again.
+    Unplugged,
+}
+
+/// A monitor's session with one port.
+pub struct Session {
+    name: String,
+    port: Option<Box<dyn SerialPort>>,
+    link: Link,
+    recorder: Recorder,
+    config: Config,
+    version: Option<Version>,
+    last_reset: Option<LastReset>,
+    timing: Option<Timing>,
+    questions: Vec<u8>,
+    asked: Option<Instant>,
+    tried: Instant,
+    heard: Instant,
+    connections: u32,
+    history: VecDeque<Telemetry>,
+}
+
+impl Session {
+    /// Opens a port.
+    ///
+    /// # Errors
+    /// [`BoardError::NoPort`]
+    pub fn open(name: &str, recorder: Recorder) -> Result<Self, BoardError> {
+        let now = Instant::now();
+        Ok(Self {
+            name: name.to_owned(),
+            port: Some(serial::open(name)?),
+            link: Link::default(),
+            recorder,
+            config: Config::default(),
+            version: None,
+            last_reset: None,
+            timing: None,
+            questions: Vec::new(),
+            asked: None,
+            tried: now,
+            heard: now,
+            connections: 1,
+            history: VecDeque::new(),
+        })
+    }
+
+    /// Takes what has come, asks what is not known, opens again what is gone.
+    ///
+    /// # Errors
+    /// [`BoardError::Protocol`], and those of the recording. A line that breaks is no error.
+    pub fn poll(&mut self) -> Result<(), BoardError> {
+        let Some(port) = &mut self.port else {
+            self.reopen();
+            return Ok(());
+        };
+        let mut buffer = [0; 4096];
+        let Ok(count) = serial::read(port, &mut buffer) else {
+            self.port = None;
+            return Ok(());
+        };
+        self.link.feed(&buffer[..count]);
+        self.take_answers()?;
+        while let Some(telemetry) = self.link.take_telemetry() {
+            self.heard = Instant::now();
+            self.recorder.write(&self.config, &telemetry)?;
+            self.history.push_back(telemetry);
+            if self.history.len() > HISTORY {
+                self.history.pop_front();
+            }
+        }
+        if self.asked.is_none_or(|at| at.elapsed() > RETRY) {
+            self.ask();
+        }
+        Ok(())
+    }
+
+    fn reopen(&mut self) {
+        if self.tried.elapsed() < RETRY {
+            std::thread::sleep(Duration::from_millis(20));
+            return;
+        }
+        self.tried = Instant::now();
+        if let Ok(port) = serial::open(&self.name) {
+            self.port = Some(port);
+            // Half a frame may have been lost, and the board may have started anew.
+            self.link = Link::default();
+            self.questions.clear();
+            self.asked = None;
+            self.connections += 1;
+        }
+    }
+
+    fn ask(&mut self) {
+        self.asked = Some(Instant::now());
+        self.questions.clear();
+        for command in [
+            HostCommand::Version,
+            HostCommand::ReadConfig,
+            HostCommand::LastReset,
+            HostCommand::TelemetryDivider(DIVIDER),
+            HostCommand::Timing,
+        ] {
+            let (sequence, frame) = self.link.request(command);
+            self.questions.push(sequence);
+            if let Some(port) = &mut self.port
+                && port.write_all(&frame).is_err()
+            {
+                self.port = None;
+            }
+        }
+    }
+
+    fn take_answers(&mut self) -> Result<(), BoardError> {
+        for sequence in self.questions.clone() {
+            match self.link.take_answer(sequence) {
+                Some(Answer::Version(version)) if version.protocol != PROTOCOL => {
+                    return Err(BoardError::Protocol { board: version.protocol });
+                }
+                Some(Answer::Version(version)) => self.version = Some(version),
+                Some(Answer::Config(config)) => self.config = config,
+                Some(Answer::LastReset(last_reset)) => self.last_reset = Some(last_reset),
+                Some(Answer::Timing(timing)) => self.timing = Some(timing),
+                _ => (),
+            }
+        }
+        Ok(())
+    }
+
+    /// State of the connection.
+    pub fn status(&self) -> Status {
+        match &self.port {
+            None => Status::Unplugged,
+            Some(_) if self.heard.elapsed() > SILENCE => Status::Silent,
+            Some(_) => Status::Connected,
+        }
+    }
+
+    /// Name of the port.
+    pub fn port(&self) -> &str {
+        &self.name
+    }
+
+    /// How often the port has been opened.
+    pub fn connections(&self) -> u32 {
+        self.connections
+    }
+
+    /// The board's configuration.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Who the board is.
+    pub fn version(&self) -> Option<Version> {
+        self.version
+    }
+
+    /// Why the board started last.
+    pub fn last_reset(&self) -> Option<LastReset> {
+        self.last_reset
+    }
+
+    /// How its steps are timed.
+    pub fn timing(&self) -> Option<Timing> {
+        self.timing
+    }
+
+    /// Telemetry of the last minute, the oldest first.
+    pub fn history(&self) -> &VecDeque<Telemetry> {
+        &self.history
+    }
+
+    /// Rows recorded.
+    pub fn rows(&self) -> u64 {
+        self.recorder.rows()
+    }
+
+    /// Ends the recording.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn finish(&mut self) -> Result<(), BoardError> {
+        Ok(self.recorder.flush()?)
+    }
+}

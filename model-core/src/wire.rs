@@ -1,0 +1,482 @@
+//! What board and host say to each other over the serial line.
+//!
+//! A frame is one message in postcard's encoding, its CRC-32 (ISO-HDLC, little end first), both
+//! together stuffed by COBS, and a zero byte. COBS leaves no zero inside a frame, so that a receiver
+//! that comes late or reads garbage is in step again after the next zero. Numbers cross without
+//! loss: f32 as its four bytes, ADC codes as they are, so that a recorded run can be compared to
+//! the bit.
+//!
+//! The host asks ([`Request`]), the board answers each request with one [`Reply`] of the same
+//! sequence number, and sends [`Message::Telemetry`] of its own accord.
+
+use crate::config::{Config, ConfigError};
+use crate::sample::{Sample, SetPoint, Telemetry};
+use cobs::{DecodeResult, DecoderState};
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+/// Version of these messages. Board and host understand each other when it is equal.
+pub const PROTOCOL: u16 = 2;
+/// Speed of the line \[baud\], 8 data bits, no parity, one stop bit.
+pub const BAUD: u32 = 921_600;
+/// Longest frame, its zero included \[bytes\].
+pub const MAX_FRAME: usize = 512;
+
+/// Longest message and CRC before COBS adds its byte per 254, begun or whole, and the zero.
+const MAX_PAYLOAD: usize = MAX_FRAME - 4;
+const CRC_BYTES: usize = 4;
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+/// From the host to the board.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Request {
+    /// Comes back with the reply.
+    pub sequence: u8,
+    /// What is asked.
+    pub command: HostCommand,
+}
+
+/// What the host can ask.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant)] // One at a time, in a static buffer.
+pub enum HostCommand {
+    /// Who is there: [`Answer::Version`]. Kept first, so that every protocol version can ask.
+    Version,
+    /// The configuration in use: [`Answer::Config`].
+    ReadConfig,
+    /// A whole new configuration: the core starts anew with it, and vents.
+    Configure(Config),
+    /// The core starts anew with its configuration; the next step is step 0.
+    Start(SetPoint),
+    /// Another set point, from the step on that the reply names.
+    Set(SetPoint),
+    /// Vent.
+    Stop,
+    /// Forget latched faults whose cause is gone; the board then vents.
+    ClearFaults,
+    /// One telemetry frame per this many steps; 0 for none.
+    TelemetryDivider(u16),
+    /// How the steps were timed: [`Answer::Timing`].
+    Timing,
+    /// Why the board started last: [`Answer::LastReset`].
+    LastReset,
+    /// One step on this sample instead of one from the ADC; firmware with the `hil` feature only.
+    /// The reply is the step's telemetry.
+    Step(Sample),
+}
+
+/// From the board to the host.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant)]
+pub enum Message {
+    /// One step.
+    Telemetry(Telemetry),
+    /// Answer to the request of the same sequence number.
+    Reply(Reply),
+}
+
+/// An answer and what it belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Reply {
+    /// That of the request.
+    pub sequence: u8,
+    /// The answer.
+    pub answer: Answer,
+}
+
+/// What the board can answer.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[allow(clippy::large_enum_variant)]
+pub enum Answer {
+    /// Who is there.
+    Version(Version),
+    /// Done; it holds from this step on.
+    Done {
+        /// Number of the first step that it holds for.
+        step: u32,
+    },
+    /// Not done.
+    Refused(Refusal),
+    /// The configuration in use.
+    Config(Config),
+    /// How the steps were timed.
+    Timing(Timing),
+    /// Why the board started last.
+    LastReset(LastReset),
+}
+
+/// Why a request was not carried out.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// A value of the configuration is out of its range: which one, in the order in which
+    /// [`Config::check`] looks, is what that function says on the host.
+    Config,
+    /// The board runs at a step of its own, this one \[us\].
+    Step {
+        /// \[us\]
+        board_us: u32,
+    },
+    /// The valves' PWM cannot be that slow: at most this many steps per period.
+    Period {
+        /// \[-\]
+        maximum_steps: u16,
+    },
+    /// Samples from the host need firmware with the `hil` feature.
+    NoHostSamples,
+}
+
+impl From<ConfigError> for Refusal {
+    fn from(_: ConfigError) -> Self {
+        Self::Config
+    }
+}
+
+impl core::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Config => write!(f, "a value of the configuration is out of its range"),
+            Self::Step { board_us } => write!(f, "the board's step is {board_us} us"),
+            Self::Period { maximum_steps } => {
+                write!(f, "a PWM period has at most {maximum_steps} steps on this board")
+            }
+            Self::NoHostSamples => {
+                write!(f, "this firmware samples its ADC: flash the one built with `hil`")
+            }
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}
+
+/// Who is at the other end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Version {
+    /// [`PROTOCOL`] of the board. Kept first.
+    pub protocol: u16,
+    /// Version of the firmware: major, minor, patch.
+    pub firmware: [u16; 3],
+    /// The chip.
+    pub chip: Chip,
+    /// Samples come from the host.
+    pub hil: bool,
+}
+
+/// Chips that the firmware is built for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Chip {
+    /// Raspberry Pi Pico.
+    Rp2040,
+    /// Raspberry Pi Pico 2.
+    Rp2350,
+}
+
+/// How the steps were timed since the board started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub struct Timing {
+    /// Steps.
+    pub steps: u32,
+    /// Steps that were left out, because the one before was not done.
+    pub missed_steps: u32,
+    /// Mean time of the core's step \[ns\].
+    pub step_mean_ns: u32,
+    /// Worst time of the core's step \[us\].
+    pub step_worst_us: u32,
+    /// Worst time from waking to sleeping: sampling, the core's step, valves, telemetry \[us\].
+    pub busy_worst_us: u32,
+    /// Mean delay of a start after its time \[ns\].
+    pub jitter_mean_ns: u32,
+    /// Worst delay of a start after its time \[us\].
+    pub jitter_worst_us: u32,
+    /// Telemetry that the line was too slow for.
+    pub dropped_telemetry: u32,
+    /// Frames from the host that were malformed, and dropped.
+    pub malformed_frames: u32,
+}
+
+/// Why the board started last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LastReset {
+    /// Power, the reset pin, or a probe.
+    Power,
+    /// The watchdog was not fed; what control was doing then.
+    Watchdog {
+        /// What control was doing.
+        phase: Phase,
+    },
+    /// The firmware panicked.
+    Panic {
+        /// Line of the source.
+        line: u32,
+        /// What control was doing.
+        phase: Phase,
+    },
+    /// The processor met a fault.
+    HardFault {
+        /// Address of the instruction.
+        address: u32,
+        /// What control was doing.
+        phase: Phase,
+    },
+}
+
+/// What the control task does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Phase {
+    /// Before its first step.
+    Starting,
+    /// Until the next step's time.
+    Waiting,
+    /// The ADC.
+    Sampling,
+    /// The core.
+    Stepping,
+    /// Valves and telemetry.
+    Driving,
+}
+
+/// The message does not fit a frame. None of this module's does not; the limit is in their tests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TooLong;
+
+/// Bytes of a frame.
+pub type Frame = heapless::Vec<u8, MAX_FRAME>;
+
+/// The frame of a message.
+///
+/// # Errors
+/// [`TooLong`] for a type whose encoding exceeds [`MAX_FRAME`].
+pub fn encode<T: Serialize>(message: &T) -> Result<Frame, TooLong> {
+    let mut payload = [0_u8; MAX_PAYLOAD];
+    let length = postcard::to_slice(message, &mut payload).map_err(|_| TooLong)?.len();
+    let (message, rest) = payload.split_at_mut_checked(length).ok_or(TooLong)?;
+    *rest.first_chunk_mut::<CRC_BYTES>().ok_or(TooLong)? = CRC.checksum(message).to_le_bytes();
+    let mut frame = Frame::new();
+    frame.resize(MAX_FRAME, 0).map_err(|_| TooLong)?;
+    let content = payload.get(..length + CRC_BYTES).ok_or(TooLong)?;
+    let stuffed = cobs::try_encode(content, &mut frame).map_err(|_| TooLong)?;
+    if let Some(end) = frame.get_mut(stuffed) {
+        *end = 0;
+    }
+    frame.truncate(stuffed + 1);
+    Ok(frame)
+}
+
+/// Puts a stream of bytes together into messages; what is no message it counts and drops.
+#[derive(Debug)]
+pub struct Decoder {
+    cobs: DecoderState,
+    /// Message and checksum so far.
+    content: heapless::Vec<u8, MAX_PAYLOAD>,
+    /// The frame at hand is longer than any can be.
+    overlong: bool,
+    malformed: u32,
+}
+
+impl Default for Decoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Decoder {
+    /// A decoder at the start of a frame.
+    pub const fn new() -> Self {
+        Self {
+            cobs: DecoderState::Idle,
+            content: heapless::Vec::new(),
+            overlong: false,
+            malformed: 0,
+        }
+    }
+
+    /// Frames that were dropped: too long, damaged, or of no known message; wraps.
+    pub fn malformed(&self) -> u32 {
+        self.malformed
+    }
+
+    /// Takes one byte; returns the message that it completes.
+    pub fn push<T: DeserializeOwned>(&mut self, byte: u8) -> Option<T> {
+        let message = match self.cobs.feed(byte) {
+            Ok(DecodeResult::NoData) => return None,
+            Ok(DecodeResult::DataContinue(byte)) => {
+                self.overlong |= self.content.push(byte).is_err();
+                return None;
+            }
+            Ok(DecodeResult::DataComplete) if !self.overlong => decode(&self.content),
+            Ok(DecodeResult::DataComplete) | Err(_) => None,
+        };
+        if message.is_none() {
+            self.malformed = self.malformed.wrapping_add(1);
+        }
+        self.content.clear();
+        self.overlong = false;
+        message
+    }
+}
+
+/// The message of a frame's content.
+fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
+    let (payload, checksum) = content.split_last_chunk::<CRC_BYTES>()?;
+    if CRC.checksum(payload) != u32::from_le_bytes(*checksum) {
+        return None;
+    }
+    let (message, rest) = postcard::take_from_bytes(payload).ok()?;
+    rest.is_empty().then_some(message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::{AdcCode, Command, Duty, Estimate, Faults};
+    use proptest::prelude::*;
+
+    /// Every field takes the most bytes that it can.
+    fn longest_telemetry() -> Telemetry {
+        let code = AdcCode(u16::MAX);
+        let value = f32::from_bits(0x7fc1_2345);
+        Telemetry {
+            step: u32::MAX,
+            sample: Sample { pressure: code, gas: code, length: code, emergency_stop: true },
+            pressure_pa: value,
+            length_m: value,
+            estimate: Estimate {
+                gas_k: value,
+                gas_sd_k: value,
+                wall_k: value,
+                sensor_k: value,
+                mass_kg: value,
+                heat_scale: value,
+                sensor_lag_s: value,
+            },
+            command: Command { inlet: Duty(u16::MAX), outlet: Duty(u16::MAX) },
+            faults: Faults(u16::MAX),
+        }
+    }
+
+    fn decode_all<T: DeserializeOwned>(decoder: &mut Decoder, bytes: &[u8]) -> Vec<T> {
+        bytes.iter().filter_map(|&byte| decoder.push(byte)).collect()
+    }
+
+    /// 92 bytes are what the line carries in one millisecond; a reply a step has room beside it.
+    #[test]
+    fn telemetry_fits_one_millisecond() {
+        let bytes_per_ms = (BAUD / 10 / 1000) as usize;
+        let telemetry = encode(&Message::Telemetry(longest_telemetry())).unwrap().len();
+        let done = Reply { sequence: 255, answer: Answer::Done { step: u32::MAX } };
+        let reply = encode(&Message::Reply(done)).unwrap().len();
+        assert!((60..=bytes_per_ms - reply).contains(&telemetry), "{telemetry} + {reply} bytes");
+    }
+
+    #[test]
+    fn the_longest_messages_fit_a_frame() {
+        let config = Config::default();
+        let request = Request { sequence: 255, command: HostCommand::Configure(config) };
+        let reply = Message::Reply(Reply { sequence: 255, answer: Answer::Config(config) });
+        for length in [encode(&request).unwrap().len(), encode(&reply).unwrap().len()] {
+            // Whole numbers of the configuration may need two bytes more than the default's.
+            assert!((150..=MAX_FRAME - 4).contains(&length), "{length} bytes");
+        }
+        let timing = Timing {
+            steps: u32::MAX,
+            missed_steps: u32::MAX,
+            step_mean_ns: u32::MAX,
+            step_worst_us: u32::MAX,
+            busy_worst_us: u32::MAX,
+            jitter_mean_ns: u32::MAX,
+            jitter_worst_us: u32::MAX,
+            dropped_telemetry: u32::MAX,
+            malformed_frames: u32::MAX,
+        };
+        assert!(
+            encode(&Message::Reply(Reply { sequence: 0, answer: Answer::Timing(timing) })).is_ok()
+        );
+        assert_eq!(encode(&[u64::MAX; 52].as_slice()), Err(TooLong));
+    }
+
+    #[test]
+    fn a_config_arrives_whole() {
+        let request = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
+        let mut decoder = Decoder::new();
+        let frame = encode(&request).unwrap();
+        assert_eq!(decode_all::<Request>(&mut decoder, &frame), [request]);
+        assert_eq!(decoder.malformed(), 0);
+    }
+
+    #[test]
+    fn not_a_number_keeps_its_bits() {
+        let telemetry = longest_telemetry();
+        let frame = encode(&Message::Telemetry(telemetry)).unwrap();
+        let messages = decode_all::<Message>(&mut Decoder::new(), &frame);
+        let [Message::Telemetry(back)] = messages[..] else { unreachable!("{messages:?}") };
+        assert_eq!(back.pressure_pa.to_bits(), telemetry.pressure_pa.to_bits());
+        assert_eq!(back.estimate.sensor_lag_s.to_bits(), 0x7fc1_2345);
+    }
+
+    #[test]
+    fn an_overlong_frame_is_one_malformed_frame() {
+        let mut decoder = Decoder::new();
+        assert!(decode_all::<Request>(&mut decoder, &[1; 3 * MAX_FRAME]).is_empty());
+        assert!(decode_all::<Request>(&mut decoder, &[0, 0, 0]).is_empty());
+        assert_eq!(decoder.malformed(), 1);
+    }
+
+    proptest! {
+        #[test]
+        fn telemetry_arrives_to_the_bit(
+            step in any::<u32>(),
+            codes in any::<[u16; 3]>(),
+            bits in any::<[u32; 9]>(),
+            duties in any::<[u16; 2]>(),
+            faults in any::<u16>(),
+            emergency_stop in any::<bool>(),
+        ) {
+            let f = bits.map(f32::from_bits);
+            let telemetry = Telemetry {
+                step,
+                sample: Sample {
+                    pressure: AdcCode(codes[0]),
+                    gas: AdcCode(codes[1]),
+                    length: AdcCode(codes[2]),
+                    emergency_stop,
+                },
+                pressure_pa: f[0],
+                length_m: f[1],
+                estimate: Estimate {
+                    gas_k: f[2], gas_sd_k: f[3], wall_k: f[4], sensor_k: f[5],
+                    mass_kg: f[6], heat_scale: f[7], sensor_lag_s: f[8],
+                },
+                command: Command { inlet: Duty(duties[0]), outlet: Duty(duties[1]) },
+                faults: Faults(faults),
+            };
+            let frame = encode(&Message::Telemetry(telemetry)).unwrap();
+            prop_assert_eq!(frame.iter().filter(|&&byte| byte == 0).count(), 1);
+            let back = decode_all::<Message>(&mut Decoder::new(), &frame);
+            // Through the encoding again: NaN is equal to itself there.
+            prop_assert_eq!(back.len(), 1);
+            prop_assert_eq!(encode(&back[0]).unwrap(), frame);
+        }
+
+        #[test]
+        fn garbage_is_dropped_and_the_next_frame_arrives(
+            garbage in proptest::collection::vec(any::<u8>(), 0..600),
+        ) {
+            let mut decoder = Decoder::new();
+            prop_assert!(decode_all::<Request>(&mut decoder, &garbage).is_empty());
+            decoder.push::<Request>(0);
+            let request = Request { sequence: 3, command: HostCommand::Stop };
+            let frame = encode(&request).unwrap();
+            prop_assert_eq!(decode_all::<Request>(&mut decoder, &frame), vec![request]);
+        }
+
+        #[test]
+        fn a_flipped_bit_is_noticed(position in 0_usize..60, bit in 0_u8..8) {
+            let mut frame = encode(&Message::Telemetry(longest_telemetry())).unwrap();
+            let position = position.min(frame.len() - 2);
+            frame[position] ^= 1 << bit;
+            let mut decoder = Decoder::new();
+            prop_assert!(decode_all::<Message>(&mut decoder, &frame).is_empty());
+            prop_assert!((1..=2).contains(&decoder.malformed()));
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Everything that the firmware asks of model-core, on inputs that the compiler knows nothing about.
+//!
+//! The panic handler calls a function that nobody has: if the optimiser leaves one way to a panic, this
+//! does not link.
+
+#![no_std]
+#![no_main]
+
+use core::ptr::{read_volatile, write_volatile};
+use model_core::wire::{Decoder, HostCommand, Message, Request, encode};
+use model_core::{Config, Core, Sample, SetPoint, Telemetry};
+
+unsafe extern "C" {
+    fn model_core_can_panic() -> !;
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    // SAFETY: never linked, never run.
+    unsafe { model_core_can_panic() }
+}
+
+/// Where inputs and outputs would lie.
+const MEMORY: usize = 0x2000_0000;
+
+#[unsafe(no_mangle)]
+extern "C" fn _start() -> ! {
+    // SAFETY: linked, never run.
+    let config = unsafe { read_volatile(MEMORY as *const Config) };
+    let mut decoder = Decoder::new();
+    if let Ok(mut core) = Core::new(&config) {
+        loop {
+            // SAFETY: as above.
+            let (byte, sample, set_point) = unsafe {
+                (
+                    read_volatile((MEMORY + 0x1000) as *const u8),
+                    read_volatile((MEMORY + 0x2000) as *const Sample),
+                    read_volatile((MEMORY + 0x3000) as *const SetPoint),
+                )
+            };
+            if let Some(Request { command: HostCommand::Configure(config), .. }) =
+                decoder.push(byte)
+                && let Ok(other) = Core::new(&config)
+            {
+                core = other;
+            }
+            core.set(set_point);
+            core.clear_faults();
+            let telemetry = core.step(&sample);
+            // SAFETY: as above.
+            unsafe { write_volatile((MEMORY + 0x4000) as *mut Telemetry, telemetry) };
+            for &byte in encode(&Message::Telemetry(telemetry)).unwrap_or_default().iter() {
+                // SAFETY: as above.
+                unsafe { write_volatile((MEMORY + 0x5000) as *mut u8, byte) };
+            }
+        }
+    }
+    loop {
+        core::hint::spin_loop();
+    }
+}

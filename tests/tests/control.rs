@@ -1,0 +1,107 @@
+//! Where the muscle goes: short cases of what `thermyo evaluate control` measures in full. Bounds on
+//! both sides: a figure far better than it can be is a broken measurement.
+
+use host_sim::board::CoreBoard;
+use host_sim::evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
+use host_sim::evaluate::pid::PidBoard;
+use host_sim::scenario::{LoadKind, Loaded, Scenario};
+
+fn nominal() -> Loaded {
+    full(&host_sim::evaluate::nominal().unwrap())
+}
+
+/// Changes what the plant is and what the core is told.
+fn both(mut loaded: Loaded, change: impl Fn(&mut Scenario)) -> Loaded {
+    change(&mut loaded.plant);
+    change(&mut loaded.believed);
+    loaded
+}
+
+fn ambient(loaded: Loaded, temperature_k: f64) -> Loaded {
+    both(loaded, |scenario| {
+        scenario.ambient.temperature_k = temperature_k;
+        scenario.supply.temperature_k = temperature_k;
+        scenario.plant.initial_temperature_k = temperature_k;
+    })
+}
+
+fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
+    assert!((low..=high).contains(&value), "{what} {value}, allowed {low} to {high}");
+}
+
+#[test]
+fn contraction_at_rest() {
+    let light = both(nominal(), |s| s.load.force_n = 20.0);
+    let heavy = both(ambient(nominal(), 283.15), |s| s.load.force_n = 200.0);
+    let warm = ambient(nominal(), 313.15);
+    let hanging = both(nominal(), |s| {
+        s.load.kind = LoadKind::Mass;
+        s.load.mass_kg = 10.0;
+    });
+    for (name, loaded) in
+        [("20 N", light), ("200 N at 10 degC", heavy), ("40 degC", warm), ("10 kg", hanging)]
+    {
+        let held = rest::hold(&loaded, 0, &mut CoreBoard::default()).unwrap();
+        // The dead zone is 0.33 % of the stroke: an error far below it would be luck seven times.
+        assert_within(&format!("{name}: error %"), held.error_percent, (0.1, 0.7));
+        assert_within(&format!("{name}: ripple %"), held.ripple_percent, (1e-9, 0.05));
+        assert_eq!(held.driven, 0.0, "{name}: the valves rest");
+    }
+}
+
+#[test]
+fn told_wrong_it_still_rests() {
+    let changes: [fn(&mut Scenario); 4] = [
+        |s| s.friction.force_n *= 1.2,
+        |s| s.friction.force_n *= 0.8,
+        |s| s.valve.conductance_m3_s_pa *= 0.8,
+        |s| s.load.force_n += 80.0,
+    ];
+    for change in changes {
+        let mut loaded = nominal();
+        change(&mut loaded.believed);
+        let held = rest::hold(&loaded, 0, &mut CoreBoard::default()).unwrap();
+        assert_within("error %", held.error_percent, (0.1, 1.0));
+        assert_within("ripple %", held.ripple_percent, (1e-9, 0.2));
+    }
+}
+
+#[test]
+fn pressure_as_fast_as_the_valve() {
+    let isometric = both(nominal(), |s| {
+        s.load.kind = LoadKind::Isometric;
+        s.load.length_m = 0.27;
+    });
+    for loaded in [nominal(), isometric] {
+        let step = pressure_step(&loaded, &mut CoreBoard::default()).unwrap();
+        assert_within("times the open valve", step.times_open_valve, (1.0, 1.3));
+        assert_within("overshoot %", step.overshoot_percent, (0.0, 2.0));
+    }
+}
+
+#[test]
+fn sines_are_followed() {
+    let loaded = nominal();
+    let fast = sine(&loaded, 5.0, 0.025, &mut CoreBoard::default()).unwrap();
+    assert_within("gain at 5 Hz", fast.gain, (0.71, 1.4));
+    assert_within("phase at 5 Hz, deg", fast.phase_deg, (-50.0, -15.0));
+    let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap();
+    assert_within("error at 0.5 Hz, % of stroke", slow.rms_percent, (0.03, 0.2));
+}
+
+#[test]
+fn temperature_compensation_earns_its_place() {
+    for temperature_k in [283.15, 313.15] {
+        let loaded = ambient(nominal(), temperature_k);
+        let mut fixed = loaded.clone();
+        fixed.believed.friction.softening_per_k = 0.0;
+        let rms = |loaded: &Loaded| {
+            sine(loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap().rms_percent
+        };
+        let compensated = rms(&loaded);
+        assert_within("fixed friction, times", rms(&fixed) / compensated, (2.0, 5.0));
+        let mut usual = PidBoard::new(USUAL_GAINS, 0.3);
+        let usual = sine(&loaded, 0.5, 0.15, &mut usual).unwrap().rms_percent;
+        assert_within("usual practice, times", usual / compensated, (3.0, 15.0));
+    }
+}

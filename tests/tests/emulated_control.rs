@@ -1,0 +1,43 @@
+//! The image that is flashed drives the muscle as the core in this process does: the same cases of
+//! pressure and contraction control. Mass flow and duty are in `emulated_parity`.
+
+use host_sim::board::emulated::EmulatedBoard;
+use host_sim::evaluate::control::{full, pressure_step, rest};
+use system_tests::skip_emulator;
+
+/// The budget of one core step, whatever the mode.
+fn assert_on_time(board: &mut EmulatedBoard) {
+    let timing = board.timing().unwrap();
+    println!("{timing:?}");
+    assert_eq!((timing.missed_steps, timing.malformed_frames), (0, 0));
+    assert!((20_000..=150_000).contains(&timing.step_mean_ns), "{timing:?}");
+    assert!((50..=300).contains(&timing.step_worst_us), "{timing:?}");
+}
+
+#[test]
+fn contraction_at_rest() {
+    if skip_emulator() {
+        return;
+    }
+    let loaded = full(&host_sim::evaluate::nominal().unwrap());
+    let mut board = EmulatedBoard::new().unwrap();
+    let held = rest::hold(&loaded, 0, &mut board).unwrap();
+    println!("{held:?}");
+    assert!((0.1..0.7).contains(&held.error_percent), "{held:?}");
+    assert!((1e-9..0.2).contains(&held.ripple_percent), "{held:?}");
+    assert_on_time(&mut board);
+}
+
+#[test]
+fn pressure_as_fast_as_the_valve() {
+    if skip_emulator() {
+        return;
+    }
+    let loaded = full(&host_sim::evaluate::nominal().unwrap());
+    let mut board = EmulatedBoard::new().unwrap();
+    let step = pressure_step(&loaded, &mut board).unwrap();
+    println!("{step:?}");
+    assert!((1.0..1.3).contains(&step.times_open_valve), "{step:?}");
+    assert!((0.0..2.0).contains(&step.overshoot_percent), "{step:?}");
+    assert_on_time(&mut board);
+}

@@ -1,0 +1,76 @@
+//! `thermyo monitor` on the emulated board, through a pseudo-terminal, and through its unplugging.
+#![cfg(unix)]
+
+use host_sim::board::emulated::EmulatedBoard;
+use host_sim::board::pty::PtyBoard;
+use host_sim::monitor::{Recorder, Session, Status, draw};
+use model_core::wire::LastReset;
+use model_core::{AdcCode, Sample};
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use std::time::{Duration, Instant};
+use system_tests::skip_emulator;
+
+const HEALTHY: Sample = Sample {
+    pressure: AdcCode(7770),
+    gas: AdcCode(15_950),
+    length: AdcCode(23_757),
+    emergency_stop: false,
+};
+
+fn poll_until(session: &mut Session, done: impl Fn(&Session) -> bool) {
+    let start = Instant::now();
+    while !done(session) {
+        session.poll().unwrap();
+        assert!(start.elapsed() < Duration::from_secs(20), "{:?}", session.status());
+    }
+}
+
+#[test]
+fn the_monitor_shows_records_and_survives_unplugging() {
+    if skip_emulator() {
+        return;
+    }
+    let folder = std::env::temp_dir().join(format!("thermyo-monitor-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let trace = folder.join("trace.csv");
+    // The port of a board that is unplugged and plugged in again keeps its name.
+    let port = folder.join("port");
+    let plug_in = || {
+        let board = PtyBoard::new(EmulatedBoard::new().unwrap(), HEALTHY).unwrap();
+        let _ = std::fs::remove_file(&port);
+        std::os::unix::fs::symlink(board.port(), &port).unwrap();
+        board
+    };
+
+    let board = plug_in();
+    let mut session =
+        Session::open(port.to_str().unwrap(), Recorder::create(&trace).unwrap()).unwrap();
+    poll_until(&mut session, |session| session.rows() > 50 && session.timing().is_some());
+    assert_eq!(session.status(), Status::Connected);
+    assert_eq!(session.last_reset(), Some(LastReset::Power));
+
+    let mut terminal = Terminal::new(TestBackend::new(120, 40)).unwrap();
+    terminal.draw(|frame| draw(frame, &session)).unwrap();
+    let screen = terminal.backend().to_string();
+    for text in ["connected", "Rp2040, firmware", "pressure", "kPa", "estimate", "no fault", "[K]"]
+    {
+        assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
+    }
+
+    drop(board);
+    poll_until(&mut session, |session| session.status() == Status::Unplugged);
+    let rows = session.rows();
+    terminal.draw(|frame| draw(frame, &session)).unwrap();
+    assert!(terminal.backend().to_string().contains("unplugged"));
+
+    let _board = plug_in();
+    poll_until(&mut session, |session| session.rows() > rows + 50);
+    assert_eq!((session.status(), session.connections()), (Status::Connected, 2));
+    session.finish().unwrap();
+    let recorded = std::fs::read_to_string(&trace).unwrap();
+    assert_eq!(recorded.lines().count() as u64, session.rows() + 1);
+    let columns = recorded.lines().next().unwrap().split(',').count();
+    assert!(recorded.lines().all(|line| line.split(',').count() == columns));
+    std::fs::remove_dir_all(&folder).unwrap();
+}

@@ -1,0 +1,71 @@
+//! A flashed board in the loop, through a pseudo-terminal and the emulated UART.
+#![cfg(unix)]
+
+use host_sim::board::emulated::EmulatedBoard;
+use host_sim::board::image::{Variant, firmware, prepare_emulator};
+use host_sim::board::pty::PtyBoard;
+use host_sim::board::serial::SerialBoard;
+use host_sim::board::{Board, BoardError, CoreBoard};
+use host_sim::replay::{Row, replay};
+use model_core::{AdcCode, Config, Sample, SetPoint};
+use system_tests::skip_emulator;
+
+const HEALTHY: Sample = Sample {
+    pressure: AdcCode(7770),
+    gas: AdcCode(15_950),
+    length: AdcCode(23_757),
+    emergency_stop: false,
+};
+
+#[test]
+fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
+    if skip_emulator() {
+        return;
+    }
+    prepare_emulator().unwrap();
+    let image = firmware(Variant::Hil).unwrap();
+    let pty = PtyBoard::new(EmulatedBoard::with_image(&image).unwrap(), HEALTHY).unwrap();
+    let mut board = SerialBoard::open(pty.port()).unwrap();
+    let config = Config::default();
+    let set_point = SetPoint::Pressure { pressure_pa: 2.0e5 };
+    board.start(&config, set_point).unwrap();
+    let other = SetPoint::MassFlow { flow_kg_s: -1.0e-4 };
+    let mut rows = Vec::new();
+    let mut opened = 0.0;
+    for step in 0..500_u16 {
+        let set_point = match step {
+            0 => Some(set_point),
+            300 => {
+                board.set(other).unwrap();
+                Some(other)
+            }
+            _ => None,
+        };
+        let sample = Sample { pressure: AdcCode(7770 + 5 * step), ..HEALTHY };
+        let outcome = board.step(&sample).unwrap();
+        let telemetry = outcome.telemetry.unwrap();
+        assert_eq!((telemetry.step, telemetry.sample), (u32::from(step), sample));
+        opened += outcome.actuation.inlet;
+        rows.push(Row { set_point, telemetry });
+    }
+    let outcome = replay(&mut CoreBoard::default(), &config, &rows).unwrap();
+    assert_eq!((outcome.steps, outcome.mismatches), (500, 0));
+    assert!((10.0..300.0).contains(&opened), "the inlet was open for {opened} steps");
+}
+
+#[test]
+fn firmware_that_samples_for_itself_is_named() {
+    if skip_emulator() {
+        return;
+    }
+    let pty = PtyBoard::new(EmulatedBoard::new().unwrap(), HEALTHY).unwrap();
+    let error = SerialBoard::open(pty.port()).err().unwrap();
+    assert!(matches!(error, BoardError::NotHil { .. }), "{error}");
+    assert!(error.to_string().contains("--features hil"), "{error}");
+}
+
+#[test]
+fn a_port_that_is_not_there_is_named() {
+    let error = SerialBoard::open("/dev/thermyo-nowhere").err().unwrap();
+    assert!(error.to_string().starts_with("/dev/thermyo-nowhere: "), "{error}");
+}
