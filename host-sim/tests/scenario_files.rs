@@ -632,7 +632,7 @@ fn the_core_takes_every_key_at_its_limits() {
             let limits = match key.allowed {
                 Allowed::Real(limits) => [format!("{:?}", limits.min), format!("{:?}", limits.max)],
                 Allowed::Whole { min, max } => [min.to_string(), max.to_string()],
-                Allowed::Choice(_) | Allowed::Csv { .. } => continue,
+                Allowed::Choice(_) | Allowed::List | Allowed::Csv { .. } => continue,
             };
             for (limit, kind) in
                 limits.iter().flat_map(|limit| ["muscle", "vessel"].map(|kind| (limit, kind)))
