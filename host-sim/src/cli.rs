@@ -6,6 +6,7 @@ use crate::board::emulated::EmulatedBoard;
 use crate::board::serial::SerialBoard;
 use crate::board::{Board, BoardError, CoreBoard};
 use crate::evaluate;
+use crate::identify::{self, IdentifyError};
 use crate::input::InputError;
 use crate::measured::Measured;
 use crate::monitor;
@@ -41,6 +42,8 @@ enum Task {
     Reproduce(ReproduceArgs),
     /// Runs a scenario
     Run(RunArgs),
+    /// Finds the parameters that make the plant follow recorded data
+    Identify(IdentifyArgs),
     /// Recorded samples through the core again, compared to the bit
     Replay {
         /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
@@ -104,6 +107,17 @@ struct RunArgs {
     measured: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+struct IdentifyArgs {
+    /// Recorded data: time_s and columns of trace.csv
+    data: PathBuf,
+    /// Scenario file (TOML) whose [identify] names the parameters
+    #[arg(long, value_name = "FILE.toml")]
+    config: PathBuf,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Subject {
     /// The estimate of the gas temperature
@@ -163,6 +177,8 @@ impl BoardArgs {
 enum Failure {
     /// Exit 2.
     Input(InputError),
+    /// Exit 2, or 1 where the plant diverges.
+    Identify(IdentifyError),
     /// Exit 2: arguments that do not go together.
     Usage(String),
     /// Exit 2: the board cannot be used.
@@ -177,6 +193,7 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(error) => error.fmt(f),
+            Self::Identify(error) => error.fmt(f),
             Self::Usage(what) => f.write_str(what),
             Self::Board(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
@@ -197,8 +214,9 @@ impl Failure {
             Self::Input(_)
             | Self::Usage(_)
             | Self::Board(_)
+            | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
             | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
-            Self::Run(_) | Self::Check(_) => 1,
+            Self::Identify(IdentifyError::Diverged(_)) | Self::Run(_) | Self::Check(_) => 1,
         }
     }
 }
@@ -227,6 +245,7 @@ pub fn run<A: Into<OsString> + Clone>(
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
         Task::Reproduce(args) => reproduce_command(&args, out),
         Task::Run(args) => run_command(&args, out),
+        Task::Identify(args) => identify_command(&args, out),
         Task::Replay { trace, board } => replay_command(&trace, &board, out),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
@@ -305,6 +324,28 @@ fn run_command(args: &RunArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
     finish(out, stdout, &loaded, &summary, &page, &args.output)
+}
+
+fn identify_command(args: &IdentifyArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+    let loaded = scenario::load(&args.config)?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
+    let mut out = OutputDir::create(&folder)?;
+    let identified =
+        identify::identify(&loaded, &args.config, &args.data).map_err(Failure::Identify)?;
+    let findings = &identified.findings;
+    let title = args.data.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    let json = serde_json::to_string_pretty(findings).expect("findings are plain data") + "\n";
+    out.keep_text("summary.json", &json)?;
+    out.keep_text("identified.toml", &scenario::render(&identified.scenario))?;
+    out.keep_text("report.html", &identify::page(&identified, &title))?;
+    out.publish()?;
+    if args.output.json {
+        print(stdout, &json)?;
+    } else {
+        print(stdout, &findings.text())?;
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
+    }
+    findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
 }
 
 fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(), Failure> {

@@ -55,7 +55,8 @@ pub fn core_config(believed: &Scenario) -> Config {
         HeatModel::Adiabatic => (0.0, 0.0),
         HeatModel::Isothermal => (ISOTHERMAL_W_M2_K, 0.0),
         HeatModel::Constant | HeatModel::Correlation => {
-            (s.heat.inner_w_m2_k as f32, s.heat.inner_per_flow as f32)
+            let scaled = |coefficient: f64| (s.heat.scale * coefficient) as f32;
+            (scaled(s.heat.inner_w_m2_k), scaled(s.heat.inner_per_flow))
         }
     };
     Config {

@@ -126,6 +126,20 @@ pub enum Problem {
         /// The name.
         column: String,
     },
+    /// A column that is needed and says nothing.
+    #[error("column {column} is missing, or empty in every row")]
+    NoValues {
+        /// The name.
+        column: String,
+    },
+    /// Less is measured than is asked for.
+    #[error("{points} measured values: must be more than the {parameters} parameters to fit")]
+    TooFewPoints {
+        /// Measured values in the columns that are compared.
+        points: usize,
+        /// Parameters to fit.
+        parameters: usize,
+    },
     /// A row that is longer or shorter than the first line.
     #[error("{found} cells in this row: must be {expected}, one per column")]
     CellCount {

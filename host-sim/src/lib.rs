@@ -10,6 +10,7 @@ pub mod cli;
 pub mod core_config;
 pub mod evaluate;
 pub mod faults;
+pub mod identify;
 pub mod input;
 pub mod measured;
 pub mod monitor;

@@ -64,6 +64,14 @@ impl Profile {
         Self { points: vec![(0.0, value)] }
     }
 
+    /// The profile with `offset` added to every value.
+    pub fn raised(mut self, offset: f64) -> Self {
+        for (_, value) in &mut self.points {
+            *value += offset;
+        }
+        self
+    }
+
     /// The points, in order of time.
     pub fn points(&self) -> &[(f64, f64)] {
         &self.points

@@ -89,7 +89,7 @@ fn unknown_names_get_a_suggestion() {
     assert!(
         message.starts_with("scenario.toml:1: unknown table [qqqq]; known here: [run], [gas], ")
     );
-    assert!(message.ends_with(", [faults]"), "{message}");
+    assert!(message.ends_with(", [identify]"), "{message}");
 }
 
 #[test]
@@ -537,6 +537,10 @@ fn any_value(allowed: Allowed) -> BoxedStrategy<Option<String>> {
         Allowed::Choice(words) => {
             proptest::sample::select(words).prop_map(|word| Some(format!("{word:?}"))).boxed()
         }
+        Allowed::List => {
+            let lists = vec!["[]", "[\"heat.scale\"]", "[\"pressure_pa\"]", "[\"a\\nb\"]"];
+            proptest::sample::select(lists).prop_map(|list| Some(list.to_owned())).boxed()
+        }
         Allowed::Csv { .. } => Just(None).boxed(),
     }
 }
@@ -628,7 +632,7 @@ fn the_core_takes_every_key_at_its_limits() {
             let limits = match key.allowed {
                 Allowed::Real(limits) => [format!("{:?}", limits.min), format!("{:?}", limits.max)],
                 Allowed::Whole { min, max } => [min.to_string(), max.to_string()],
-                Allowed::Choice(_) | Allowed::Csv { .. } => continue,
+                Allowed::Choice(_) | Allowed::List | Allowed::Csv { .. } => continue,
             };
             for (limit, kind) in
                 limits.iter().flat_map(|limit| ["muscle", "vessel"].map(|kind| (limit, kind)))

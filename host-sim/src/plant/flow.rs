@@ -149,6 +149,11 @@ impl Streams {
         }
     }
 
+    /// Flows that are given \[kg/s\], the inflow at `inflow_k` \[K\].
+    pub fn given(inflow: f64, inflow_k: f64, outflow: f64) -> Self {
+        Self { inflow, inflow_temperature: inflow * inflow_k, outflow }
+    }
+
     /// Net mass flow in \[kg/s\].
     pub fn net(&self) -> f64 {
         self.inflow - self.outflow

@@ -9,7 +9,15 @@ const GRAVITY: f64 = 9.81;
 
 /// Coefficient of heat transfer from gas to wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum InnerHeat {
+pub struct InnerHeat {
+    law: Law,
+    /// `heat.scale`.
+    scale: f64,
+}
+
+/// What the coefficient follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Law {
     /// No heat passes.
     None,
     /// A constant, and a part that grows with inflow.
@@ -35,21 +43,22 @@ pub enum InnerHeat {
 impl InnerHeat {
     /// From `[heat]`; the diameters of vessel and jet \[m\] matter for the correlation only.
     pub fn new(heat: &Heat, gas: &IdealGas, diameter_m: f64, jet_diameter_m: f64) -> Self {
-        match heat.model {
-            HeatModel::Adiabatic | HeatModel::Isothermal => Self::None,
+        let law = match heat.model {
+            HeatModel::Adiabatic | HeatModel::Isothermal => Law::None,
             HeatModel::Constant => {
-                Self::Constant { still: heat.inner_w_m2_k, per_flow: heat.inner_per_flow }
+                Law::Constant { still: heat.inner_w_m2_k, per_flow: heat.inner_per_flow }
             }
-            HeatModel::Correlation => Self::Correlation { diameter_m, jet_diameter_m, gas: *gas },
-        }
+            HeatModel::Correlation => Law::Correlation { diameter_m, jet_diameter_m, gas: *gas },
+        };
+        Self { law, scale: heat.scale }
     }
 
     /// Coefficient \[W/(m2 K)\] at that pressure \[Pa\], gas and wall temperature \[K\], inflow \[kg/s\].
     pub fn coefficient(&self, pressure: f64, gas_k: f64, wall_k: f64, inflow: f64) -> f64 {
-        match *self {
-            Self::None => 0.0,
-            Self::Constant { still, per_flow } => still + per_flow * inflow,
-            Self::Correlation { diameter_m, jet_diameter_m, gas } => {
+        let coefficient = match self.law {
+            Law::None => 0.0,
+            Law::Constant { still, per_flow } => still + per_flow * inflow,
+            Law::Correlation { diameter_m, jet_diameter_m, gas } => {
                 let film = 0.5 * (gas_k + wall_k);
                 let (viscosity, conductivity) = (air_viscosity(film), air_conductivity(film));
                 let density = pressure / (gas.r * film);
@@ -62,6 +71,7 @@ impl InnerHeat {
                 let nusselt = 0.56 * reynolds.powf(0.67) + 0.104 * (grashof * prandtl).powf(0.352);
                 nusselt * conductivity / diameter_m
             }
-        }
+        };
+        self.scale * coefficient
     }
 }

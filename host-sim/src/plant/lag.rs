@@ -23,6 +23,12 @@ impl Lag {
         Self { output: initial, input: initial, decay, ramp }
     }
 
+    /// Another time constant, for steps of `step_s` from now on.
+    pub fn set_time_constant(&mut self, time_constant_s: f64, step_s: f64) {
+        let Self { output, input, .. } = *self;
+        *self = Self { input, ..Self::new(time_constant_s, step_s, output) };
+    }
+
     /// Advances by one step, at the end of which the input is `input`; returns the output.
     pub fn advance(&mut self, input: f64) -> f64 {
         self.output = self.decay * self.output

@@ -50,6 +50,8 @@ struct Config {
     valve: Iso6358,
     supply: (f64, f64),
     ambient: (f64, f64),
+    /// The actuation is the mass flows themselves \[kg/s\], not the openings of the valves.
+    given_flows: bool,
     heat: InnerHeat,
     outer_w_m2_k: f64,
     outer_per_speed: f64,
@@ -122,6 +124,9 @@ impl Play {
 
 impl Config {
     fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
+        if self.given_flows {
+            return Streams::given(actuation.inlet, self.supply.1, actuation.outlet);
+        }
         let mut streams = Streams::default();
         if actuation.inlet > 0.0 {
             streams
@@ -247,6 +252,7 @@ impl Lumped {
             valve,
             supply,
             ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
+            given_flows: false,
             heat,
             outer_w_m2_k: scenario.heat.outer_w_m2_k,
             outer_per_speed: scenario.heat.outer_per_speed,
@@ -284,6 +290,12 @@ impl Lumped {
         };
         lumped.observe(0.0, Actuation::default());
         Ok(lumped)
+    }
+
+    /// The same muscle without valves: from now on the actuation is the mass flows \[kg/s\].
+    pub fn driven_by_flows(mut self) -> Self {
+        self.config.given_flows = true;
+        self
     }
 
     fn substep(&mut self, step: f64, actuation: Actuation) {

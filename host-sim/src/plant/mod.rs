@@ -233,6 +233,24 @@ pub fn build(
     }
 }
 
+/// The plant of a scenario without its valves or nozzle: its [`Actuation`] is mass flows \[kg/s\], the
+/// inflow at the supply's temperature. A muscle is always the lumped one, or the paper's.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_driven_by_flows(
+    scenario: &Scenario,
+    volume_profile: Option<Profile>,
+) -> Result<Box<dyn Plant>, BuildError> {
+    Ok(match scenario.plant.kind {
+        PlantKind::Vessel => Box::new(
+            vessel::Vessel::new(scenario, volume_profile)?
+                .driven_by_flows(scenario.supply.temperature_k),
+        ),
+        PlantKind::Muscle => Box::new(lumped::Lumped::new(scenario)?.driven_by_flows()),
+    })
+}
+
 /// Section that turns a vessel's volume into the length that its sensor shows \[m2\].
 pub fn vessel_section_m2(scenario: &Scenario) -> f64 {
     let diameter = scenario.vessel.characteristic_length_m;

@@ -40,6 +40,10 @@ enum Ports {
         supply: (f64, f64),
         ambient: (f64, f64),
     },
+    /// The actuation is the mass flows themselves \[kg/s\], the inflow at that temperature \[K\].
+    Given {
+        inflow_k: f64,
+    },
 }
 
 /// Everything that does not change during a run.
@@ -81,6 +85,9 @@ impl Config {
             Ports::Valves { valve, supply, ambient } => {
                 streams.add(gas, *supply, |p, t, q| actuation.inlet * valve.mass_flow(p, t, q));
                 streams.add(gas, *ambient, |p, t, q| actuation.outlet * valve.mass_flow(p, t, q));
+            }
+            Ports::Given { inflow_k } => {
+                streams = Streams::given(actuation.inlet, *inflow_k, actuation.outlet);
             }
         }
         Instant { volume, pressure, temperature, streams }
@@ -136,7 +143,7 @@ impl Vessel {
     /// [`BuildError::VolumeNotPositive`] for a profile that empties the vessel.
     pub fn new(scenario: &Scenario, volume: Option<Profile>) -> Result<Self, BuildError> {
         let volume = match volume {
-            Some(profile) => profile,
+            Some(profile) => profile.raised(scenario.vessel.dead_volume_m3),
             None => Profile::constant(scenario.vessel.volume_m3),
         };
         if let Some(&(time_s, volume_m3)) = volume.points().iter().find(|point| point.1 <= 0.0) {
@@ -207,6 +214,13 @@ impl Vessel {
         };
         vessel.observe(Actuation::default());
         Ok(vessel)
+    }
+
+    /// The same vessel without valves: from now on the actuation is the mass flows \[kg/s\], the
+    /// inflow at `inflow_k` \[K\].
+    pub fn driven_by_flows(mut self, inflow_k: f64) -> Self {
+        self.config.ports = Ports::Given { inflow_k };
+        self
     }
 
     fn observe(&mut self, actuation: Actuation) {

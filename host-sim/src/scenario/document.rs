@@ -194,6 +194,12 @@ fn checked(allowed: Allowed, value: &DeValue<'_>) -> Option<Value> {
             let word = value.as_str()?;
             words.contains(&word).then(|| Value::String(word.to_owned()))
         }
+        Allowed::List => {
+            let word = |item: &Spanned<DeValue<'_>>| {
+                item.get_ref().as_str().map(|word| Value::String(word.to_owned()))
+            };
+            value.as_array()?.iter().map(word).collect::<Option<_>>().map(Value::Array)
+        }
         Allowed::Csv { .. } => {
             let path = value.as_str()?;
             (!path.is_empty()).then(|| Value::String(path.to_owned()))

@@ -9,9 +9,12 @@ mod document;
 mod geometry;
 mod load;
 mod model;
+mod number;
 mod rules;
 pub mod schema;
 
 pub use check::render;
 pub use load::{Loaded, load, parse};
 pub use model::*;
+pub use number::{number, with_numbers};
+pub use rules::OBSERVABLE;

@@ -50,6 +50,8 @@ pub struct Scenario {
     pub controller: Controller,
     /// Faults that the run injects.
     pub faults: Faults,
+    /// What `thermyo identify` fits.
+    pub identify: Identify,
 }
 
 /// Length of the run, time step, seed.
@@ -225,6 +227,8 @@ pub struct Vessel {
     /// Volume over time: a CSV with the columns time_s,volume_m3.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_csv: Option<PathBuf>,
+    /// Added to what `volume_csv` gives: a stroke says nothing about what lies behind it \[m3\].
+    pub dead_volume_m3: f64,
     /// Characteristic length for the heat-transfer correlation \[m\].
     pub characteristic_length_m: f64,
 }
@@ -236,6 +240,7 @@ impl Default for Vessel {
             surface_m2: 0.06,
             wall_heat_capacity_j_k: 500.0,
             volume_csv: None,
+            dead_volume_m3: 0.0,
             characteristic_length_m: 0.1,
         }
     }
@@ -281,6 +286,8 @@ pub enum HeatModel {
 pub struct Heat {
     /// Gas to wall.
     pub model: HeatModel,
+    /// Gas to wall: factor on what `model` gives \[-\].
+    pub scale: f64,
     /// Gas to wall, still gas \[W/(m2 K)\].
     pub inner_w_m2_k: f64,
     /// Gas to wall, gained per inflow (forced convection) \[W/(m2 K) per kg/s\].
@@ -295,6 +302,7 @@ impl Default for Heat {
     fn default() -> Self {
         Self {
             model: HeatModel::Constant,
+            scale: 1.0,
             inner_w_m2_k: 90.0,
             inner_per_flow: 1.0e5,
             outer_w_m2_k: 8.0,
@@ -532,6 +540,9 @@ pub struct GasSensor {
     pub range_min_k: f64,
     /// Highest temperature that the front end resolves \[K\].
     pub range_max_k: f64,
+    /// n in tau ~ (density at the start / density)^n: the lag of a sensor that the gas film around
+    /// it slows. 0.5 for free convection and for laminar flow across it \[-\].
+    pub density_exponent: f64,
     /// Lag of the light housing around the foil, in series with it \[s\] (`full` only).
     pub housing_time_constant_s: f64,
 }
@@ -545,6 +556,7 @@ impl Default for GasSensor {
             span: 0.25,
             range_min_k: 270.0,
             range_max_k: 330.0,
+            density_exponent: 0.0,
             housing_time_constant_s: 0.2,
         }
     }
@@ -743,5 +755,25 @@ impl Default for Faults {
             from_s: 0.0,
             until_s: 1.0e6,
         }
+    }
+}
+
+/// What `thermyo identify` fits, and from where it starts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Identify {
+    /// Paths of the scenario's keys whose values are fitted, such as `heat.inner_w_m2_k`.
+    pub parameters: Vec<String>,
+    /// Measured columns that the plant is compared with; empty: all of them that the data has.
+    pub columns: Vec<String>,
+    /// Starts of the search: the scenario's own values, and others drawn around them.
+    pub starts: u64,
+    /// The others lie within this factor of the scenario's values, either way \[-\].
+    pub spread: f64,
+}
+
+impl Default for Identify {
+    fn default() -> Self {
+        Self { parameters: Vec::new(), columns: Vec::new(), starts: 6, spread: 2.0 }
     }
 }

@@ -1,7 +1,9 @@
 //! Rules that tie several keys together.
 
 use super::model::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
-use super::schema::{Limits, limits};
+use super::number::number;
+use super::schema::{Limits, fittable, fittable_paths, limits};
+use crate::input::nearest;
 
 /// Most steps of a run: more take days.
 const MOST_STEPS: f64 = 1.0e9;
@@ -77,6 +79,7 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     let why = "one step to 1e9 steps of run.step_s";
     within("run.duration_s", run.duration_s, (run.step_s, longest), why)?;
     check_drive(scenario)?;
+    check_identify(scenario)?;
     if scenario.plant.model == PlantModel::Paper {
         let ratio = scenario.gas.heat_capacity_ratio;
         let paper = &scenario.paper;
@@ -101,6 +104,13 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
     // A hair of room: 1/(1000 step) has been rounded.
     let why = "a period of at most 1000 times run.step_s";
     within("valve.pwm_hz", scenario.valve.pwm_hz, (slowest * (1.0 - 1e-12), fastest), why)?;
+    let heat = &scenario.heat;
+    let largest = limits("heat.scale")
+        .max
+        .min(limits("heat.inner_w_m2_k").max / heat.inner_w_m2_k)
+        .min(limits("heat.inner_per_flow").max / heat.inner_per_flow);
+    let why = "with which heat.inner_w_m2_k and heat.inner_per_flow stay within their limits";
+    within("heat.scale", heat.scale, (limits("heat.scale").min, largest), why)?;
     let sensor = &scenario.sensor.gas;
     let highest = limits("sensor.gas.range_max_k").max;
     let why = "at least 1 K above sensor.gas.range_min_k";
@@ -111,6 +121,38 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
         within("load.length_m", scenario.load.length_m, (shortest, rest), why)?;
     }
     Ok(())
+}
+
+/// Measured columns that the plant can be compared with.
+pub const OBSERVABLE: [&str; 4] = ["pressure_pa", "length_m", "sensor_gas_k", "sensor_wall_k"];
+
+fn check_identify(scenario: &Scenario) -> Result<(), Violation> {
+    let identify = &scenario.identify;
+    let wrong = |path, list: &[String], why| Violation::value(path, &format!("{list:?}"), why);
+    let all = &identify.parameters;
+    for (i, path) in all.iter().enumerate() {
+        let rule = "keys of this scenario's physical numbers";
+        let why = if fittable(path).is_none() {
+            let paths: Vec<String> = fittable_paths().collect();
+            let near = nearest(path, paths.iter().map(String::as_str));
+            let hint = near.map_or_else(String::new, |near| format!("; did you mean {near}?"));
+            format!("{rule}, and {path:?} is none{hint}")
+        } else if all[..i].contains(path) {
+            format!("{rule}, each once; {path} appears twice")
+        } else if number(scenario, path).is_none_or(|value| value <= 0.0) {
+            format!("{rule}, with values above 0 to start from; {path} is not above 0")
+        } else {
+            continue;
+        };
+        return Err(wrong("identify.parameters", all, why));
+    }
+    match identify.columns.iter().find(|name| !OBSERVABLE.contains(&name.as_str())) {
+        Some(name) => {
+            let why = format!("some of {}; {name:?} is none of them", OBSERVABLE.join(", "));
+            Err(wrong("identify.columns", &identify.columns, why))
+        }
+        None => Ok(()),
+    }
 }
 
 fn check_drive(scenario: &Scenario) -> Result<(), Violation> {

@@ -44,6 +44,8 @@ pub enum Allowed {
     },
     /// One of these words.
     Choice(&'static [&'static str]),
+    /// A list of words; which ones, [`super::rules`] says.
+    List,
     /// The path of a CSV file with these two columns, relative to the scenario's folder.
     Csv {
         /// Its column of times and its column of values.
@@ -93,6 +95,7 @@ impl fmt::Display for Allowed {
             Self::Real(limits) => limits.fmt(f),
             Self::Whole { min, max } => write!(f, "a whole number from {min} to {max}"),
             Self::Choice(words) => write!(f, "one of {}", Words(words, ", ")),
+            Self::List => f.write_str("a list of words, [\"...\", \"...\"]"),
             Self::Csv { columns: [time, value] } => {
                 write!(f, "the path of a CSV file with the columns {time},{value}")
             }
@@ -108,6 +111,7 @@ impl Key {
             Allowed::Real(limits) => format!("{}, {}", limits.unit, limits.range()),
             Allowed::Whole { min, max } => format!("{min} to {max}"),
             Allowed::Choice(words) => Words(words, " | ").to_string(),
+            Allowed::List => "list of words".to_owned(),
             Allowed::Csv { columns: [time, value] } => format!("CSV file, {time},{value}"),
         };
         format!("{allowed}: {}", self.meaning)
@@ -174,6 +178,10 @@ const fn whole(name: &'static str, (min, max): (i64, i64), meaning: &'static str
 
 const fn choice(name: &'static str, words: &'static [&'static str], meaning: &'static str) -> Key {
     Key { name, allowed: Allowed::Choice(words), meaning }
+}
+
+const fn list(name: &'static str, meaning: &'static str) -> Key {
+    Key { name, allowed: Allowed::List, meaning }
 }
 
 const fn csv(name: &'static str, columns: [&'static str; 2], meaning: &'static str) -> Key {
@@ -287,6 +295,7 @@ pub static TABLES: &[Table] = &[
             real("surface_m2", "m2", (0.0, 1.0e5), "inner surface"),
             real("wall_heat_capacity_j_k", "J/K", (0.01, 1.0e9), "heat capacity of the wall"),
             csv("volume_csv", ["time_s", "volume_m3"], "volume over time, of a moving piston"),
+            real("dead_volume_m3", "m3", (0.0, 1.0e6), "added to what volume_csv gives"),
             real(
                 "characteristic_length_m",
                 "m",
@@ -315,6 +324,7 @@ pub static TABLES: &[Table] = &[
                 &["adiabatic", "isothermal", "constant", "correlation"],
                 "from gas to wall",
             ),
+            real("scale", "", (1.0e-3, 1.0e3), "gas to wall: factor on what model gives"),
             real("inner_w_m2_k", "W/(m2 K)", COEFFICIENT_W_M2_K, "gas to wall, still gas"),
             real(
                 "inner_per_flow",
@@ -473,6 +483,12 @@ pub static TABLES: &[Table] = &[
             real("span", "", SHARE, "part of the length that it averages over (full)"),
             real("range_min_k", "K", (73.0, 800.0), "lowest temperature resolved"),
             real("range_max_k", "K", (74.0, 1100.0), "highest temperature resolved"),
+            real(
+                "density_exponent",
+                "",
+                (0.0, 1.0),
+                "n in lag ~ density^-n, time_constant_s at the start; 0.5 in free convection",
+            ),
             real("housing_time_constant_s", "s", LAG_S, "lag of its housing, in series (full)"),
         ],
     },
@@ -631,6 +647,17 @@ pub static TABLES: &[Table] = &[
             real("until_s", "s", (0.0, 1.0e6), "end of the faults"),
         ],
     },
+    Table {
+        name: "identify",
+        meaning: "what thermyo identify fits to measurements",
+        believed: false,
+        keys: &[
+            list("parameters", "keys whose values are fitted, such as heat.inner_w_m2_k"),
+            list("columns", "measured columns to compare with; empty: all that the data has"),
+            whole("starts", (1, 100), "starts of the search, the scenario's own values first"),
+            real("spread", "", (1.0, 100.0), "factor that the other starts lie within"),
+        ],
+    },
 ];
 
 /// The table of that path.
@@ -654,6 +681,34 @@ pub fn limits(path: &str) -> Limits {
         Some(Allowed::Real(limits)) => limits,
         _ => panic!("{path} is not a number of the schema"),
     }
+}
+
+/// Tables that describe the run, not the thing that is measured.
+const NOT_PHYSICAL: [&str; 6] = ["run", "drive", "estimator", "controller", "faults", "identify"];
+/// Beginnings of the names of keys that say how a quantity is recorded.
+const OF_RECORDING: [&str; 2] = ["noise_", "range_"];
+/// Dimensions of the braid, which follow from each other.
+const OF_BRAID: [&str; 5] =
+    ["thread_length_m", "turns", "rest_length_m", "diameter_m", "braid_angle_deg"];
+
+/// The limits of a number that measurements can be asked for, by its path.
+pub fn fittable(path: &str) -> Option<Limits> {
+    let (table, key) = key(path)?;
+    let excluded = NOT_PHYSICAL.contains(&table.name)
+        || OF_RECORDING.iter().any(|start| key.name.starts_with(start))
+        || (table.name == "muscle" && OF_BRAID.contains(&key.name));
+    match key.allowed {
+        Allowed::Real(limits) if !excluded => Some(limits),
+        _ => None,
+    }
+}
+
+/// Every path that is [`fittable`].
+pub fn fittable_paths() -> impl Iterator<Item = String> {
+    TABLES
+        .iter()
+        .flat_map(|table| table.keys.iter().map(|key| format!("{}.{}", table.name, key.name)))
+        .filter(|path| fittable(path).is_some())
 }
 
 /// Whether `path` is a table, or holds tables only, such as `sensor`.
@@ -747,6 +802,10 @@ mod tests {
                         let message = with(Value::String("?".to_owned())).unwrap_err();
                         let known: BTreeSet<&str> = message.split('`').skip(3).step_by(2).collect();
                         assert_eq!(known, words.iter().copied().collect(), "{path}: {message}");
+                    }
+                    Allowed::List => {
+                        with(Value::Array(vec![Value::String("word".to_owned())])).expect(&path);
+                        assert!(with(Value::Array(vec![Value::Integer(1)])).is_err(), "{path}");
                     }
                     Allowed::Csv { .. } => {
                         with(Value::String("c.csv".to_owned())).expect(&path);

@@ -1,0 +1,46 @@
+//! Numbers of a scenario by the path of their key.
+
+use super::model::Scenario;
+use toml::{Table, Value};
+
+fn tree(scenario: &Scenario) -> Table {
+    Table::try_from(scenario).expect("a scenario is plain TOML")
+}
+
+/// The number at a path such as `heat.inner_w_m2_k`.
+pub fn number(scenario: &Scenario, path: &str) -> Option<f64> {
+    let tree = Value::Table(tree(scenario));
+    path.split('.').try_fold(&tree, |place, name| place.get(name))?.as_float()
+}
+
+/// The scenario with other numbers at those paths; a path that is no number changes nothing.
+pub fn with_numbers<'a>(
+    scenario: &Scenario,
+    numbers: impl IntoIterator<Item = (&'a str, f64)>,
+) -> Scenario {
+    let mut tree = Value::Table(tree(scenario));
+    for (path, number) in numbers {
+        let place = path.split('.').try_fold(&mut tree, |place, name| place.get_mut(name));
+        if let Some(place @ Value::Float(_)) = place {
+            *place = Value::Float(number);
+        }
+    }
+    tree.try_into().expect("numbers were replaced by numbers")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_read_and_replaced_by_path() {
+        let scenario = Scenario::default();
+        assert_eq!(number(&scenario, "sensor.gas.time_constant_s"), Some(3.0));
+        assert_eq!(number(&scenario, "sensor.gas.none"), None);
+        assert_eq!(number(&scenario, "plant.kind"), None);
+        let changed = with_numbers(&scenario, [("sensor.gas.time_constant_s", 4.5), ("run", 1.0)]);
+        let mut expected = scenario;
+        expected.sensor.gas.time_constant_s = 4.5;
+        assert_eq!(changed, expected);
+    }
+}
