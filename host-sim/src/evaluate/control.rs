@@ -94,7 +94,7 @@ pub mod rest {
         pub driven: f64,
     }
 
-    /// Holds [`HELD`], after `strokes` full strokes of 2 s each.
+    /// Holds the evaluated contraction, after `strokes` full strokes of 2 s each.
     ///
     /// # Errors
     /// When the run could not be finished.

@@ -65,7 +65,7 @@ pub struct Findings {
     pub rmse: Rmse,
     /// Effective number of independent rows, by measured column.
     pub effective_rows: BTreeMap<&'static str, f64>,
-    /// Correlation of each pair of parameters, [a][b].
+    /// Correlation of each pair of parameters, `[a][b]`.
     pub correlations: BTreeMap<String, BTreeMap<String, f64>>,
     /// The searches.
     pub searches: Searches,

@@ -93,11 +93,11 @@ fn figure_5(findings: &Findings, summary: &Summary) -> Section {
     let detail_s = DETAIL_STROKES * findings.period_s;
     Section::new("Fig. 5: what the sensor shows")
         .figure(Chart::new(time_axis()).panel(panel).figure("Sensor, muscle and model", &caption))
-        .paragraph(&format!(
+        .paragraph(
             "What the paper shows: the sensor in the muscle starts at 298 K and rises to nearly 300 K in \
              100 s, with a ripple per stroke; the model does the same, only faster. “Rough shape match”, \
-             after a time shift for the sensor's inertia and the rapid filling and venting."
-        ))
+             after a time shift for the sensor's inertia and the rapid filling and venting.",
+        )
         .paragraph(&format!(
             "What this shows: the sensor starts at {:.2} K, stays between {:.2} and {:.2} K, and its mean \
              over the last stroke lies {:.2} K above the start. The model, the energy balance (3) of one \

@@ -44,7 +44,7 @@ pub enum Allowed {
     },
     /// One of these words.
     Choice(&'static [&'static str]),
-    /// A list of words; which ones, [`super::rules`] says.
+    /// A list of words; which ones, the rules say.
     List,
     /// The path of a CSV file with these two columns, relative to the scenario's folder.
     Csv {
