@@ -107,6 +107,75 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    /// Integrates a reduced equation with the midpoint rule, mass along with pressure; the flow and
+    /// dV/dt are functions of the state. Returns pressure and temperature after `steps` of 1 ms.
+    fn integrate(
+        rate: fn(&Gas, &Chamber) -> f32,
+        mut chamber: Chamber,
+        steps: u32,
+        outflow: impl Fn(&Chamber) -> f32,
+    ) -> Chamber {
+        let gas = Gas::AIR;
+        let step_s = 1.0e-3;
+        let advance = |from: &Chamber, at: &Chamber, step_s: f32| {
+            let mass = gas.mass_kg(from.pressure_pa, from.volume_m3, from.temperature_k);
+            let pressure_pa = from.pressure_pa + rate(&gas, at) * step_s;
+            let volume_m3 = from.volume_m3 + at.volume_rate_m3_s * step_s;
+            let mass = mass - at.outflow_kg_s * step_s;
+            let temperature_k = gas.temperature_k(pressure_pa, volume_m3, mass);
+            let next = Chamber { pressure_pa, temperature_k, volume_m3, ..*from };
+            Chamber { outflow_kg_s: outflow(&next), ..next }
+        };
+        chamber.outflow_kg_s = outflow(&chamber);
+        for _ in 0..steps {
+            let middle = advance(&chamber, &chamber, 0.5 * step_s);
+            chamber = advance(&chamber, &middle, step_s);
+        }
+        chamber
+    }
+
+    const START: Chamber = Chamber {
+        pressure_pa: 6.0e5,
+        temperature_k: 300.0,
+        volume_m3: 2.0e-4,
+        volume_rate_m3_s: 0.0,
+        inflow_kg_s: 0.0,
+        outflow_kg_s: 0.0,
+    };
+
+    /// Choked discharge by eq. (8) and (6): P0 exp(-t/tau), and P0 (1 + (k-1)/2 t/tau)^(-2k/(k-1)).
+    #[test]
+    fn discharge_by_the_reduced_equations() {
+        let tau = 2.0;
+        let choked = Gas::AIR.mass_kg(6.0e5, 2.0e-4, 300.0) / tau / (6.0e5 / 300_f32.sqrt());
+        let flow = |chamber: &Chamber| choked * chamber.pressure_pa / chamber.temperature_k.sqrt();
+        let isothermal = integrate(pressure_rate_isothermal, START, 2000, flow);
+        assert!(
+            (f64::from(isothermal.pressure_pa) / (6.0e5 * (-1.0_f64).exp()) - 1.0).abs() < 1e-4
+        );
+        assert!((isothermal.temperature_k / 300.0 - 1.0).abs() < 1e-4);
+        let adiabatic = integrate(pressure_rate_adiabatic, START, 2000, flow);
+        let base = 1.2_f64;
+        assert!((f64::from(adiabatic.pressure_pa) / (6.0e5 * base.powi(-7)) - 1.0).abs() < 1e-4);
+        assert!((f64::from(adiabatic.temperature_k) / (300.0 * base.powi(-2)) - 1.0).abs() < 1e-4);
+    }
+
+    /// Closed compression to half of the volume: P V is constant by eq. (8), P V^k by eq. (6).
+    #[test]
+    fn compression_by_the_reduced_equations() {
+        let start = Chamber { volume_rate_m3_s: -1.0e-4, ..START };
+        for (rate, exponent) in [
+            (pressure_rate_isothermal as fn(&Gas, &Chamber) -> f32, 1.0),
+            (pressure_rate_adiabatic as fn(&Gas, &Chamber) -> f32, 1.4),
+        ] {
+            let end = integrate(rate, start, 1000, |_| 0.0);
+            let ratio = f64::from(START.volume_m3) / f64::from(end.volume_m3);
+            assert!((ratio - 2.0).abs() < 1e-4);
+            let expected = 6.0e5 * ratio.powf(exponent);
+            assert!((f64::from(end.pressure_pa) / expected - 1.0).abs() < 1e-4);
+        }
+    }
+
     proptest! {
         #[test]
         fn state_equation_is_its_own_inverse(
