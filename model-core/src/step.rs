@@ -67,15 +67,16 @@ impl Core {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
         let faults = self.supervisor.step(sample, pressure_pa, self.config.pressure_limit_pa);
         let length_m = self.length_m(sample, pressure_pa, faults);
-        let command = if self.supervisor.must_vent() {
+        let venting = self.supervisor.must_vent();
+        if venting {
             self.controller.set(SetPoint::Vent);
-            Command::VENT
-        } else {
-            self.controller.step(
-                &self.config,
-                &Feedback { pressure_pa, length_m, estimate: self.estimator.estimate() },
-            )
-        };
+        }
+        // While venting too: it counts the periods of the PWM, and the hardware goes on with them.
+        let wanted = self.controller.step(
+            &self.config,
+            &Feedback { pressure_pa, length_m, estimate: self.estimator.estimate() },
+        );
+        let command = if venting { Command::VENT } else { wanted };
         // The gas that this sample has seen went through the openings of the step before.
         self.estimator.step(&Measurement {
             pressure_pa,
@@ -119,5 +120,39 @@ impl Core {
                 self.shape.limit_length_m(self.converter.length_m(sample.length))
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::AdcCode;
+
+    const HEALTHY: Sample = Sample {
+        pressure: AdcCode(7770),
+        gas: AdcCode(15_950),
+        length: AdcCode(23_757),
+        emergency_stop: false,
+    };
+
+    #[test]
+    fn a_fault_vents_at_once_and_leaves_the_period_in_phase() {
+        let mut core = Core::new(&Config::default()).unwrap();
+        let fill = SetPoint::Duty(Command { inlet: Duty(20_000), outlet: Duty::ZERO });
+        core.set(fill);
+        assert_ne!(core.step(&HEALTHY).command, Command::VENT);
+        for _ in 1..4 {
+            core.step(&HEALTHY);
+        }
+        let stopped = Sample { emergency_stop: true, ..HEALTHY };
+        assert_eq!(core.step(&stopped).command, Command::VENT, "in the middle of a period");
+        for _ in 5..17 {
+            assert_eq!(core.step(&HEALTHY).command, Command::VENT, "latched");
+        }
+        core.clear_faults();
+        core.set(fill);
+        let commands = [17, 18, 19, 20].map(|_| core.step(&HEALTHY).command);
+        assert_eq!(commands[..3], [Command::VENT; 3], "the period of step 10 goes on");
+        assert_ne!(commands[3], Command::VENT, "step 20 begins a period");
     }
 }
