@@ -173,14 +173,19 @@ mod tests {
     /// Scenario and core state the same nominal muscle, each in its own words.
     #[test]
     fn the_defaults_agree() {
-        let loaded = scenario::parse("", "test".as_ref()).unwrap();
-        let (told, default) = (core_config(&loaded.believed), Config::default());
-        assert_eq!(told.estimator, default.estimator);
-        let (Body::Muscle(a), Body::Muscle(b)) = (told.body, default.body) else {
+        let default = Config::default();
+        let told = |model| {
+            let loaded = scenario::parse("", "test".as_ref()).unwrap().with_model(model);
+            core_config(&loaded.believed)
+        };
+        let (lumped, full) = (told(PlantModel::Lumped), told(PlantModel::Full));
+        let (Body::Muscle(a), Body::Muscle(b)) = (lumped.body, default.body) else {
             panic!("both are muscles");
         };
         assert!((a.braid.thread_length_m / b.braid.thread_length_m - 1.0).abs() < 1e-6);
         assert!((a.braid.turns / b.braid.turns - 1.0).abs() < 1e-5);
-        assert_eq!(Config { body: told.body, ..default }, told);
+        // The board's valves switch as the full plant's do.
+        assert_eq!(full.drive, default.drive);
+        assert_eq!(Config { body: lumped.body, drive: lumped.drive, ..default }, lumped);
     }
 }
