@@ -271,7 +271,7 @@ impl Estimator {
         self.volume_m3 = volume_m3;
         self.length_m = measurement.length_m;
         self.started = true;
-        self.update_conductance(0.0);
+        self.update_conductance(self.shape.surface_m2(measurement.length_m), 0.0);
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
@@ -314,8 +314,7 @@ impl Estimator {
     }
 
     /// Heat transfer for the coming interval, from the length and the inflow of the last one.
-    fn update_conductance(&mut self, inflow_kg_s: f32) {
-        let surface_m2 = self.shape.surface_m2(self.length_m);
+    fn update_conductance(&mut self, surface_m2: f32, inflow_kg_s: f32) {
         self.wall_w_k = self.scale * self.config.heat.inner_w_k(surface_m2, inflow_kg_s);
     }
 
@@ -354,8 +353,7 @@ impl Estimator {
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
         let sensor_change_k = lag_share * (gas_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
-        let inflow_kg_s = interval.inflow_kg / duration_s;
-        self.wall_w_k = self.scale * heat.inner_w_k(surface_m2, inflow_kg_s);
+        self.update_conductance(surface_m2, interval.inflow_kg / duration_s);
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag.

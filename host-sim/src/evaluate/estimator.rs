@@ -182,7 +182,8 @@ pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
     let jobs: Vec<(usize, usize)> =
         (0..cases.len()).flat_map(|case| [(case, 0), (case, 1)]).collect();
     let next = AtomicUsize::new(0);
-    let results = Mutex::new(vec![None; jobs.len()]);
+    let results: Mutex<Vec<Option<Result<Errors, RunError>>>> =
+        Mutex::new(jobs.iter().map(|_| None).collect());
     let work = || {
         while let Some(&(case, plant)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
             let mut loaded = [&lumped, &full][plant].clone();
@@ -190,7 +191,7 @@ pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
             (cases[case].change)(&mut loaded);
             let result = measure(&loaded, cases[case].from_s);
             let mut results = results.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            results[2 * case + plant] = Some(result.map_err(|error| error.to_string()));
+            results[2 * case + plant] = Some(result);
         }
     };
     let threads = thread::available_parallelism().map_or(1, usize::from);
@@ -205,7 +206,7 @@ pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
         let case = &cases[case];
         let errors = match result {
             Some(Ok(errors)) => errors,
-            Some(Err(what)) => return Err(RunError::Output(std::io::Error::other(what))),
+            Some(Err(error)) => return Err(error),
             None => continue,
         };
         let mut figures = vec![
