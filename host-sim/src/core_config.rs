@@ -112,6 +112,11 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         gas_sensor: GasSensor {
             time_constant_s: (s.sensor.gas.time_constant_s as f32).max(SHORTEST_LAG_S),
+            housing_time_constant_s: if s.plant.model == PlantModel::Full {
+                s.sensor.gas.housing_time_constant_s as f32
+            } else {
+                0.0
+            },
             noise_k: s.sensor.gas.noise_k as f32,
         },
         estimator: estimator(&s.estimator),

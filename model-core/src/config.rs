@@ -96,8 +96,10 @@ pub struct ValveDrive {
 /// The gas sensor's element.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct GasSensor {
-    /// Lag \[s\].
+    /// Lag of the element \[s\].
     pub time_constant_s: f32,
+    /// Lag of the housing between gas and element, in series \[s\].
+    pub housing_time_constant_s: f32,
     /// Noise of one conversion, standard deviation \[K\].
     pub noise_k: f32,
 }
@@ -247,7 +249,11 @@ impl Default for Config {
                 gas_max_k: 330.0,
                 wide_code_lsb: 8.9,
             },
-            gas_sensor: GasSensor { time_constant_s: 3.0, noise_k: 0.05 },
+            gas_sensor: GasSensor {
+                time_constant_s: 3.0,
+                housing_time_constant_s: 0.2,
+                noise_k: 0.05,
+            },
             estimator: EstimatorConfig::default(),
             controller: ControllerConfig::default(),
             pressure_limit_pa: 0.985 * 700_000.0,

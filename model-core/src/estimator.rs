@@ -39,6 +39,11 @@ use crate::sample::{AdcCode, Estimate};
 /// Steps per update of the covariance and of the sensor's correction.
 pub const INTERVAL_STEPS: u16 = 20;
 
+const OPEN_GAIN: f32 = 1.0;
+const CLOSED_GAIN: f32 = 0.01;
+const INFLOW_GAIN: f32 = 0.2;
+const BOOKING_GAIN: f32 = 0.04;
+
 /// What the estimator needs to know of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
@@ -156,6 +161,7 @@ pub struct Estimator {
     mass_kg: CompensatedSum,
     gas_k: f32,
     wall_k: f32,
+    housing_k: f32,
     sensor_k: f32,
     scale: f32,
     lag_s: f32,
@@ -164,6 +170,10 @@ pub struct Estimator {
     // Since the last step.
     pressure_pa: f32,
     volume_m3: f32,
+    pressure_gain: f32,
+    surface_m2: f32,
+    inflow_kg_s: f32,
+    entering: bool,
     // Since the last interval.
     length_m: f32,
     wall_w_k: f32,
@@ -189,6 +199,7 @@ impl Estimator {
             mass_kg: CompensatedSum::new(1.0),
             gas_k: config.ambient.temperature_k,
             wall_k: config.ambient.temperature_k,
+            housing_k: config.ambient.temperature_k,
             sensor_k: config.ambient.temperature_k,
             scale: 1.0,
             lag_s: config.gas_sensor.time_constant_s,
@@ -203,6 +214,10 @@ impl Estimator {
             gas_sd_k: sd.initial_sd_k,
             pressure_pa: 0.0,
             volume_m3: 0.0,
+            pressure_gain: OPEN_GAIN,
+            surface_m2: 0.0,
+            inflow_kg_s: 0.0,
+            entering: false,
             length_m: 0.0,
             wall_w_k: 0.0,
             interval: Interval::default(),
@@ -263,6 +278,7 @@ impl Estimator {
             let reading_k = self.converter.gas_k(code);
             self.gas_k = reading_k;
             self.wall_k = reading_k;
+            self.housing_k = reading_k;
             self.sensor_k = reading_k;
         }
         self.mass_kg =
@@ -271,38 +287,48 @@ impl Estimator {
         self.volume_m3 = volume_m3;
         self.length_m = measurement.length_m;
         self.started = true;
-        self.update_conductance(self.shape.surface_m2(measurement.length_m), 0.0);
+        self.surface_m2 = self.shape.surface_m2(measurement.length_m);
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
     fn propagate(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
-        let step_s = self.config.step_s;
-        let mean_pressure_pa = 0.5 * (pressure_pa + self.pressure_pa);
-        let product_change = pressure_pa * volume_m3 - self.pressure_pa * self.volume_m3;
-        let work_j = mean_pressure_pa * (volume_m3 - self.volume_m3);
-        let heat_j = self.wall_w_k * (self.gas_k - self.wall_k) * step_s;
-        self.pressure_pa = pressure_pa;
-        self.volume_m3 = volume_m3;
+        let k = self.config.gas.heat_capacity_ratio;
+        self.wall_w_k = self.scale * self.config.heat.inner_w_k(self.surface_m2, self.inflow_kg_s);
+        let heat_j = self.wall_w_k * (self.gas_k - self.wall_k) * self.config.step_s;
         self.interval.steps += 1;
         self.interval.heat_j += heat_j;
-        if measurement.charging || measurement.discharging {
-            // (3), (4) solved for the enthalpy that crossed the port.
-            let enthalpy_j = product_change * self.per_k_minus_1 + work_j + heat_j;
-            // The direction comes from the duties where they are one-sided: the noise of a
-            // difference of pressures would be rectified.
-            let entering = if measurement.charging && measurement.discharging {
-                enthalpy_j > 0.0
+        // (3), (4) without flow.
+        let work_j = self.pressure_pa * (volume_m3 - self.volume_m3);
+        let closed_pa = self.pressure_pa
+            - (k * work_j + (k - 1.0) * heat_j) * 2.0 / (volume_m3 + self.volume_m3);
+        let flowing = measurement.charging || measurement.discharging;
+        self.pressure_gain = if flowing {
+            OPEN_GAIN
+        } else {
+            limit(self.pressure_gain / (1.0 + self.pressure_gain), CLOSED_GAIN, 1.0)
+        };
+        let correction_pa = self.pressure_gain * (pressure_pa - closed_pa);
+        self.pressure_pa = closed_pa + correction_pa;
+        self.volume_m3 = volume_m3;
+        if flowing { self.entering = if measurement.charging && measurement.discharging {
+                correction_pa > 0.0
             } else {
                 measurement.charging
             };
-            let port_k = if entering { self.config.supply.temperature_k } else { self.gas_k };
+        }
+        let mut inflow_kg_s = 0.0;
+        if flowing || self.pressure_gain > BOOKING_GAIN {
+            let port_k = if self.entering { self.config.supply.temperature_k } else { self.gas_k };
+            let enthalpy_j = correction_pa * volume_m3 * self.per_k_minus_1;
             let change_kg = enthalpy_j * self.per_cp / port_k;
             self.mass_kg.add(change_kg);
             self.interval.flowing_steps += 1;
-            if entering {
+            if self.entering {
                 self.interval.inflow_kg += change_kg;
+                inflow_kg_s = change_kg / self.config.step_s;
             }
         }
+        self.inflow_kg_s += INFLOW_GAIN * (inflow_kg_s - self.inflow_kg_s);
         self.gas_k = self.temperature_k();
         self.interval.gas_k += self.gas_k;
     }
@@ -311,11 +337,6 @@ impl Estimator {
     fn temperature_k(&self) -> f32 {
         let product = self.pressure_pa * self.volume_m3 * self.per_gas_constant;
         limit(product / self.mass_kg.value(), 100.0, 1000.0)
-    }
-
-    /// Heat transfer for the coming interval, from the length and the inflow of the last one.
-    fn update_conductance(&mut self, surface_m2: f32, inflow_kg_s: f32) {
-        self.wall_w_k = self.scale * self.config.heat.inner_w_k(surface_m2, inflow_kg_s);
     }
 
     fn end_interval(&mut self, length_m: f32) {
@@ -332,6 +353,9 @@ impl Estimator {
         let per_wall = 1.0 / heat.wall_heat_capacity_j_k;
         let outer_share = heat.outer_w_k(surface_m2, speed_m_s) * duration_s * per_wall;
         let friction_j = self.config.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s;
+        let housing_s = self.config.gas_sensor.housing_time_constant_s;
+        let housing_share = limit(duration_s / (housing_s + 0.5 * duration_s), 0.0, 1.0);
+        self.housing_k += housing_share * (gas_k - self.housing_k);
         let lag_share = duration_s / (self.lag_s + 0.5 * duration_s);
         let inner_j_k = self.wall_w_k * duration_s;
         let flowing = f32::from(interval.flowing_steps) / steps;
@@ -347,13 +371,13 @@ impl Estimator {
             wall_scale: interval.heat_j * per_wall / self.scale,
             sensor_gas: lag_share * gas_k,
             sensor_sensor: -lag_share,
-            sensor_lag: -lag_share * (gas_k - self.sensor_k),
+            sensor_lag: -lag_share * (self.housing_k - self.sensor_k),
         };
         self.wall_k += (interval.heat_j + friction_j) * per_wall
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
-        let sensor_change_k = lag_share * (gas_k - self.sensor_k);
+        let sensor_change_k = lag_share * (self.housing_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
-        self.update_conductance(surface_m2, interval.inflow_kg / duration_s);
+        self.surface_m2 = surface_m2;
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag.
