@@ -163,9 +163,8 @@ fn estimator(tuning: &Estimator) -> EstimatorConfig {
         gas_drift_k: tuning.gas_drift_k as f32,
         wall_drift_k: tuning.wall_drift_k as f32,
         heat_scale_sd: tuning.heat_scale_sd as f32,
-        heat_scale_drift: tuning.heat_scale_drift as f32,
         lag_sd: tuning.lag_sd as f32,
-        lag_drift: tuning.lag_drift as f32,
+        memory_s: tuning.memory_s as f32,
         sensor_bias_k: tuning.sensor_bias_k as f32,
     }
 }

@@ -113,14 +113,12 @@ pub struct EstimatorConfig {
     pub gas_drift_k: f32,
     /// Drift of the wall temperature's error \[K\].
     pub wall_drift_k: f32,
-    /// Heat-transfer scale at the start \[-\].
+    /// Logarithm of the heat-transfer scale, about the configured one \[-\].
     pub heat_scale_sd: f32,
-    /// Drift of the heat-transfer scale \[-\].
-    pub heat_scale_drift: f32,
-    /// Logarithm of the sensor's lag at the start \[-\].
+    /// Logarithm of the sensor's lag, about the configured one \[-\].
     pub lag_sd: f32,
-    /// Drift of the logarithm of the sensor's lag \[-\].
-    pub lag_drift: f32,
+    /// Time in which scale and lag, left alone, return to what is configured \[s\].
+    pub memory_s: f32,
     /// Error of the sensor's reading that averaging does not remove (non-linearity) \[K\].
     pub sensor_bias_k: f32,
 }
@@ -131,11 +129,10 @@ impl Default for EstimatorConfig {
             initial_sd_k: 3.0,
             gas_drift_k: 0.1,
             wall_drift_k: 0.05,
-            heat_scale_sd: 0.1,
-            heat_scale_drift: 0.002,
-            lag_sd: 0.05,
-            lag_drift: 0.0005,
-            sensor_bias_k: 1.0,
+            heat_scale_sd: 0.25,
+            lag_sd: 0.144,
+            memory_s: 100.0,
+            sensor_bias_k: 0.3,
         }
     }
 }
@@ -355,13 +352,12 @@ impl Config {
             ("estimator.gas_drift_k", estimator.gas_drift_k),
             ("estimator.wall_drift_k", estimator.wall_drift_k),
             ("estimator.heat_scale_sd", estimator.heat_scale_sd),
-            ("estimator.heat_scale_drift", estimator.heat_scale_drift),
             ("estimator.lag_sd", estimator.lag_sd),
-            ("estimator.lag_drift", estimator.lag_drift),
             ("estimator.sensor_bias_k", estimator.sensor_bias_k),
         ] {
             within(field, value, 0.0, 100.0)?;
         }
+        within("estimator.memory_s", estimator.memory_s, 1.0, 1.0e6)?;
         let controller = &self.controller;
         for (field, value, minimum, maximum) in [
             ("controller.pressure_loop_s", controller.pressure_loop_s, 0.001, 10.0),

@@ -365,14 +365,17 @@ impl Estimator {
         self.pending.transition = Transition {
             gas_gas: -limit(exchange + interval.inflow_kg * per_mass, -0.9, 0.9),
             gas_wall: exchange / gas_k,
-            gas_scale: -exchange * (gas_k - self.wall_k) / (self.scale * gas_k),
+            gas_scale: -exchange * (gas_k - self.wall_k) / gas_k,
             wall_gas: inner_j_k * per_wall * gas_k,
             wall_wall: -(inner_j_k * per_wall + outer_share),
-            wall_scale: interval.heat_j * per_wall / self.scale,
+            wall_scale: interval.heat_j * per_wall,
             sensor_gas: lag_share * gas_k,
             sensor_sensor: -lag_share,
             sensor_lag: -lag_share * (self.housing_k - self.sensor_k),
         };
+        let forget = duration_s / self.config.estimator.memory_s;
+        self.scale += forget * (1.0 - self.scale);
+        self.lag_s += forget * (self.config.gas_sensor.time_constant_s - self.lag_s);
         self.wall_k += (interval.heat_j + friction_j) * per_wall
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
         let sensor_change_k = lag_share * (self.housing_k - self.sensor_k);
@@ -395,8 +398,11 @@ impl Estimator {
         p.wall_wall += drift.wall_drift_k * drift.wall_drift_k * duration_s;
         // Rounding must not starve the sensor's own variance.
         p.sensor_sensor += 1.0e-6;
-        p.scale_scale += drift.heat_scale_drift * drift.heat_scale_drift * duration_s;
-        p.lag_lag += drift.lag_drift * drift.lag_drift * duration_s;
+        // First-order Gauss-Markov: what is not seen again returns to the configured value.
+        let forget = duration_s / drift.memory_s;
+        p.forget(1.0 - forget);
+        p.scale_scale += 2.0 * forget * drift.heat_scale_sd * drift.heat_scale_sd;
+        p.lag_lag += 2.0 * forget * drift.lag_sd * drift.lag_sd;
         p.limit();
     }
 
@@ -426,7 +432,7 @@ impl Estimator {
         self.gas_k = self.temperature_k();
         self.wall_k = limit(self.wall_k + wall * innovation, 100.0, 1000.0);
         self.sensor_k += sensor * innovation;
-        self.scale = limit(self.scale + scale * innovation, 0.2, 5.0);
+        self.scale = limit(self.scale * exp(limit(scale * innovation, -0.1, 0.1)), 0.2, 5.0);
         self.lag_s = limit(
             self.lag_s * exp(limit(lag * innovation, -0.1, 0.1)),
             0.2 * self.config.gas_sensor.time_constant_s,
@@ -495,6 +501,19 @@ impl Covariance {
         self.sensor_sensor *= rest;
         self.sensor_scale *= rest;
         self.sensor_lag *= rest;
+    }
+
+    /// Scale and lag keep that share of their errors.
+    fn forget(&mut self, keep: f32) {
+        self.gas_scale *= keep;
+        self.gas_lag *= keep;
+        self.wall_scale *= keep;
+        self.wall_lag *= keep;
+        self.sensor_scale *= keep;
+        self.sensor_lag *= keep;
+        self.scale_scale *= keep * keep;
+        self.scale_lag *= keep * keep;
+        self.lag_lag *= keep * keep;
     }
 
     /// Variances stay positive and bounded.

@@ -626,14 +626,12 @@ pub struct Estimator {
     pub gas_drift_k: f64,
     /// Drift of the wall temperature's error \[K\].
     pub wall_drift_k: f64,
-    /// Scale of the heat transfer at the start \[-\].
+    /// Logarithm of the heat-transfer scale, about the configured one \[-\].
     pub heat_scale_sd: f64,
-    /// Drift of the scale of the heat transfer \[-\].
-    pub heat_scale_drift: f64,
-    /// Logarithm of the sensor's lag at the start \[-\].
+    /// Logarithm of the sensor's lag, about the configured one \[-\].
     pub lag_sd: f64,
-    /// Drift of the logarithm of the sensor's lag \[-\].
-    pub lag_drift: f64,
+    /// Time in which scale and lag, left alone, return to what is configured \[s\].
+    pub memory_s: f64,
     /// Error of the sensor's reading that averaging over a second does not remove \[K\].
     pub sensor_bias_k: f64,
 }
@@ -644,11 +642,10 @@ impl Default for Estimator {
             initial_sd_k: 3.0,
             gas_drift_k: 0.1,
             wall_drift_k: 0.05,
-            heat_scale_sd: 0.1,
-            heat_scale_drift: 0.002,
-            lag_sd: 0.05,
-            lag_drift: 0.0005,
-            sensor_bias_k: 1.0,
+            heat_scale_sd: 0.25,
+            lag_sd: 0.144,
+            memory_s: 100.0,
+            sensor_bias_k: 0.3,
         }
     }
 }
