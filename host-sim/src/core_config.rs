@@ -20,6 +20,9 @@ const RP2040_WIDE_CODE_LSB: f32 = 8.9;
 const SHORTEST_LAG_S: f32 = 0.001;
 /// Stands for friction that is there from the first micrometre on \[N/m\].
 const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
+/// Share of the jet's stirring that counts for the mean of the gas where the plant has zones: the
+/// jet stirs those near the port, which hold the fresh gas. Identified on `full`.
+const LUMPED_STIRRING: f64 = 0.5;
 /// Standard gravity \[m/s2\].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -46,7 +49,9 @@ pub fn core_config(believed: &Scenario) -> Config {
             surface_m2: s.vessel.surface_m2 as f32,
         },
     };
+    let zoned = s.plant.kind == PlantKind::Muscle && s.plant.model == PlantModel::Full;
     let wall_j_k = match s.plant.kind {
+        PlantKind::Muscle if zoned => (1.0 - s.wall.outer_fraction) * s.wall.heat_capacity_j_k,
         PlantKind::Muscle => s.wall.heat_capacity_j_k,
         PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
     };
@@ -56,7 +61,8 @@ pub fn core_config(believed: &Scenario) -> Config {
         HeatModel::Isothermal => (ISOTHERMAL_W_M2_K, 0.0),
         HeatModel::Constant | HeatModel::Correlation => {
             let scaled = |coefficient: f64| (s.heat.scale * coefficient) as f32;
-            (scaled(s.heat.inner_w_m2_k), scaled(s.heat.inner_per_flow))
+            let stirred = if zoned { LUMPED_STIRRING } else { 1.0 };
+            (scaled(s.heat.inner_w_m2_k), scaled(stirred * s.heat.inner_per_flow))
         }
     };
     Config {

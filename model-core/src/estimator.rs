@@ -354,8 +354,8 @@ impl Estimator {
         let outer_share = heat.outer_w_k(surface_m2, speed_m_s) * duration_s * per_wall;
         let friction_j = self.config.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s;
         let housing_s = self.config.gas_sensor.housing_time_constant_s;
-        let housing_share = limit(duration_s / (housing_s + 0.5 * duration_s), 0.0, 1.0);
-        self.housing_k += housing_share * (gas_k - self.housing_k);
+        // Means over the interval on both sides: implicit Euler then delays by just the lag.
+        self.housing_k += duration_s / (housing_s + duration_s) * (gas_k - self.housing_k);
         let lag_share = duration_s / (self.lag_s + 0.5 * duration_s);
         let inner_j_k = self.wall_w_k * duration_s;
         let flowing = f32::from(interval.flowing_steps) / steps;
