@@ -130,9 +130,9 @@ impl Default for EstimatorConfig {
             gas_drift_k: 0.1,
             wall_drift_k: 0.05,
             heat_scale_sd: 0.25,
-            lag_sd: 0.144,
-            memory_s: 100.0,
-            sensor_bias_k: 0.3,
+            lag_sd: 0.12,
+            memory_s: 150.0,
+            sensor_bias_k: 0.25,
         }
     }
 }

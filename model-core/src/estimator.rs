@@ -167,6 +167,8 @@ pub struct Estimator {
     lag_s: f32,
     covariance: Covariance,
     gas_sd_k: f32,
+    smooth_k: [f32; 2],
+    disagreement: f32,
     // Since the last step.
     pressure_pa: f32,
     volume_m3: f32,
@@ -212,6 +214,8 @@ impl Estimator {
                 ..Covariance::default()
             },
             gas_sd_k: sd.initial_sd_k,
+            smooth_k: [0.0; 2],
+            disagreement: 0.04/config.gas_sensor.time_constant_s/config.gas_sensor.time_constant_s,
             pressure_pa: 0.0,
             volume_m3: 0.0,
             pressure_gain: OPEN_GAIN,
@@ -263,9 +267,11 @@ impl Estimator {
                 self.add_drift();
             }
             4 => {
-                if let Some(innovation_k) = self.pending.innovation_k.take() {
+                let innovation_k = self.pending.innovation_k.take();
+                if let Some(innovation_k) = innovation_k {
                     self.correct(innovation_k);
                 }
+                self.judge(innovation_k);
             }
             INTERVAL_STEPS => self.end_interval(length_m),
             _ => {}
@@ -406,6 +412,28 @@ impl Estimator {
         p.limit();
     }
 
+    fn judge(&mut self, innovation_k: Option<f32>) {
+        const SMOOTHING: f32 = 1.0 / 25.0;
+        const WINDOW: f32 = 1.0 / 250.0;
+        const FLOOR_K: f32 = 0.004;
+        const AGREEMENT_K_S: f32 = 0.09;
+        let unknown = AGREEMENT_K_S / self.lag_s;
+        let square = match innovation_k {
+            Some(innovation_k) => {
+                self.smooth_k[0] += SMOOTHING * (innovation_k - self.smooth_k[0]);
+                self.smooth_k[1] += SMOOTHING * (self.smooth_k[0] - self.smooth_k[1]);
+                self.smooth_k[1] * self.smooth_k[1]
+            }
+            None => unknown * unknown,
+        };
+        self.disagreement += WINDOW * (square - self.disagreement);
+        let share = limit((self.disagreement - FLOOR_K * FLOOR_K) / (unknown * unknown), 0.0, 1.0);
+        let k = self.config.gas.heat_capacity_ratio;
+        let code_pa = self.config.front_end.pressure_range_pa * (1.0 / (0.8 * 4096.0));
+        let noise = (k - 1.0) / k * 0.35 * code_pa / self.pressure_pa;
+        self.gas_sd_k = self.gas_k * sqrt(share * self.covariance.gas_gas + noise * noise);
+    }
+
     /// Kalman update with the innovation of one interval's readings of the gas sensor.
     fn correct(&mut self, innovation: f32) {
         let noise_k = self.config.gas_sensor.noise_k;
@@ -438,7 +466,6 @@ impl Estimator {
             0.2 * self.config.gas_sensor.time_constant_s,
             5.0 * self.config.gas_sensor.time_constant_s,
         );
-        self.gas_sd_k = self.gas_k * sqrt(self.covariance.gas_gas);
     }
 }
 
