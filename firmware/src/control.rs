@@ -48,7 +48,7 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
                 }
                 next_step = telemetry.step.wrapping_add(1);
                 shared.faults.store(telemetry.faults.0, Ordering::Relaxed);
-                let divider = u32::from(shared.telemetry_divider.load(Ordering::Relaxed));
+                let divider = u32::from(shared.telemetry_divider());
                 if cfg!(feature = "hil") || divider > 0 && telemetry.step.is_multiple_of(divider) {
                     shared.post(Message::Telemetry(telemetry));
                 }

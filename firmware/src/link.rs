@@ -95,7 +95,7 @@ async fn carry_out(
         HostCommand::Stop => Outcome::Order(Order::Set(SetPoint::Vent)),
         HostCommand::ClearFaults => Outcome::Order(Order::ClearFaults),
         HostCommand::TelemetryDivider(divider) => {
-            shared.telemetry_divider.store(divider, Ordering::Relaxed);
+            shared.set_telemetry_divider(divider);
             Outcome::Answer(Answer::Done { step: shared.tally().steps })
         }
         HostCommand::Timing => Outcome::Answer(Answer::Timing(shared.timing())),

@@ -7,6 +7,8 @@ use embassy_sync::channel::Channel;
 use model_core::wire::{Answer, Message, Reply, Timing};
 use model_core::{Core, Faults, Sample, SetPoint};
 
+const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
+
 /// From the link to control, carried out between two steps.
 #[allow(clippy::large_enum_variant)] // One lies in the channel at a time.
 pub enum Order {
@@ -26,8 +28,8 @@ pub struct Shared {
     pub samples: Channel<CriticalSectionRawMutex, Sample, 1>,
     /// To the host.
     pub outbox: Channel<CriticalSectionRawMutex, Message, 4>,
-    /// Steps per telemetry frame; 0 for none.
-    pub telemetry_divider: AtomicU16,
+    // A static of zeros takes no flash: it holds the difference to the default.
+    telemetry_divider: AtomicU16,
     /// Grows with every turn of the control task.
     pub heartbeat: AtomicU32,
     /// Faults of the last step.
@@ -40,19 +42,29 @@ pub struct Shared {
 }
 
 impl Shared {
-    /// At the start: telemetry at a tenth of the step rate.
+    /// At the start.
     pub const fn new() -> Self {
         Self {
             orders: Channel::new(),
             samples: Channel::new(),
             outbox: Channel::new(),
-            telemetry_divider: AtomicU16::new(10),
+            telemetry_divider: AtomicU16::new(0),
             heartbeat: AtomicU32::new(0),
             faults: AtomicU16::new(0),
             dropped: AtomicU32::new(0),
             malformed: AtomicU32::new(0),
             tally: Mutex::new(Cell::new(Tally::NONE)),
         }
+    }
+
+    /// Steps per telemetry frame; 0 for none. At the start a tenth of the step rate.
+    pub fn telemetry_divider(&self) -> u16 {
+        self.telemetry_divider.load(Ordering::Relaxed) ^ DEFAULT_TELEMETRY_DIVIDER
+    }
+
+    /// Sets the steps per telemetry frame; 0 for none.
+    pub fn set_telemetry_divider(&self, steps: u16) {
+        self.telemetry_divider.store(steps ^ DEFAULT_TELEMETRY_DIVIDER, Ordering::Relaxed);
     }
 
     /// Sends without waiting; what finds no room is counted.
