@@ -111,6 +111,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         front_end: FrontEnd {
             pressure_range_pa: s.sensor.pressure.range_pa as f32,
+            pressure_noise_pa: s.sensor.pressure.noise_pa as f32,
             length_range_m: s.sensor.length.range_m as f32,
             gas_min_k: s.sensor.gas.range_min_k as f32,
             gas_max_k: s.sensor.gas.range_max_k as f32,
@@ -172,6 +173,7 @@ fn estimator(tuning: &Estimator) -> EstimatorConfig {
         lag_sd: tuning.lag_sd as f32,
         memory_s: tuning.memory_s as f32,
         sensor_bias_k: tuning.sensor_bias_k as f32,
+        valid_sd_k: tuning.valid_sd_k as f32,
     }
 }
 

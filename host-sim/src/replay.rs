@@ -96,6 +96,7 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
         column("sensor_lag_s")?,
     ];
     let [inlet, outlet, faults] = [column("duty_in")?, column("duty_out")?, column("faults")?];
+    let valid = column("estimate_valid")?;
     let rows = (0..steps.len())
         .map(|i| {
             let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
@@ -117,6 +118,7 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
                 estimate: Estimate {
                     gas_k,
                     gas_sd_k,
+                    valid: valid[i] != 0.0,
                     wall_k,
                     sensor_k,
                     mass_kg,
@@ -139,11 +141,20 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
 pub fn identical(a: &Telemetry, b: &Telemetry) -> bool {
     let integers = |t: &Telemetry| {
         let Sample { pressure, gas, length, emergency_stop } = t.sample;
-        (t.step, pressure, gas, length, emergency_stop, t.command.inlet, t.command.outlet, t.faults)
+        let Command { inlet, outlet } = t.command;
+        (t.step, pressure, gas, length, emergency_stop, inlet, outlet, t.faults, t.estimate.valid)
     };
     let bits = |t: &Telemetry| {
-        let Estimate { gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s } =
-            t.estimate;
+        let Estimate {
+            gas_k,
+            gas_sd_k,
+            valid: _,
+            wall_k,
+            sensor_k,
+            mass_kg,
+            heat_scale,
+            sensor_lag_s,
+        } = t.estimate;
         [
             t.pressure_pa,
             t.length_m,

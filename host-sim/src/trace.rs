@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 /// The columns, in order. The first fifteen are the public surface that scripts rely on; the rest
 /// is what `thermyo replay` and the report need besides.
-pub const COLUMNS: [&str; 31] = [
+pub const COLUMNS: [&str; 32] = [
     "time_s",
     "pressure_pa",
     "volume_m3",
@@ -38,6 +38,7 @@ pub const COLUMNS: [&str; 31] = [
     "code_length",
     "emergency_stop",
     "faults",
+    "estimate_valid",
 ];
 
 /// One row.
@@ -97,6 +98,7 @@ impl Row {
             f64::from(length.0),
             f64::from(u8::from(emergency_stop)),
             f64::from(telemetry.faults.0),
+            f64::from(u8::from(estimate.valid)),
         ]
     }
 }

@@ -119,8 +119,11 @@ pub struct EstimatorConfig {
     pub lag_sd: f32,
     /// Time in which scale and lag, left alone, return to what is configured \[s\].
     pub memory_s: f32,
-    /// Error of the sensor's reading that averaging does not remove (non-linearity) \[K\].
+    /// Error of the sensor's reading that a second of averaging does not remove: non-linearity, gas
+    /// around the foil that is not as the mean \[K\].
     pub sensor_bias_k: f32,
+    /// Stated deviation up to which the estimate is marked as valid \[K\].
+    pub valid_sd_k: f32,
 }
 
 impl Default for EstimatorConfig {
@@ -133,6 +136,7 @@ impl Default for EstimatorConfig {
             lag_sd: 0.12,
             memory_s: 150.0,
             sensor_bias_k: 0.25,
+            valid_sd_k: 1.0,
         }
     }
 }
@@ -241,6 +245,7 @@ impl Default for Config {
             },
             front_end: FrontEnd {
                 pressure_range_pa: 700_000.0,
+                pressure_noise_pa: 150.0,
                 length_range_m: 0.4,
                 gas_min_k: 270.0,
                 gas_max_k: 330.0,
@@ -340,11 +345,14 @@ impl Config {
         within("valve.dead_time_s", self.drive.dead_time_s, 0.0, 0.1)?;
         let front_end = &self.front_end;
         within("sensor.pressure.range_pa", front_end.pressure_range_pa, 1.0e3, 1.0e9)?;
+        within("sensor.pressure.noise_pa", front_end.pressure_noise_pa, 0.0, 1.0e8)?;
         within("sensor.length.range_m", front_end.length_range_m, 0.001, 100.0)?;
         within("sensor.gas.range_min_k", front_end.gas_min_k, 73.0, 800.0)?;
         within("sensor.gas.range_max_k", front_end.gas_max_k, front_end.gas_min_k + 1.0, 1100.0)?;
         within("adc.wide_code_lsb", front_end.wide_code_lsb, 0.0, 100.0)?;
         within("sensor.gas.time_constant_s", self.gas_sensor.time_constant_s, 0.001, 1.0e3)?;
+        let housing_s = self.gas_sensor.housing_time_constant_s;
+        within("sensor.gas.housing_time_constant_s", housing_s, 0.0, 1.0e3)?;
         within("sensor.gas.noise_k", self.gas_sensor.noise_k, 0.0, 100.0)?;
         let estimator = &self.estimator;
         for (field, value) in [
@@ -354,6 +362,7 @@ impl Config {
             ("estimator.heat_scale_sd", estimator.heat_scale_sd),
             ("estimator.lag_sd", estimator.lag_sd),
             ("estimator.sensor_bias_k", estimator.sensor_bias_k),
+            ("estimator.valid_sd_k", estimator.valid_sd_k),
         ] {
             within(field, value, 0.0, 100.0)?;
         }

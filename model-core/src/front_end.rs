@@ -25,6 +25,8 @@ pub const RAIL_MARGIN: u16 = CODE_MAX / 50;
 pub struct FrontEnd {
     /// Pressure at full scale; the sensor gives 10 to 90 % of the reference over 0 to this \[Pa\].
     pub pressure_range_pa: f32,
+    /// Noise of one conversion of the pressure, standard deviation \[Pa\].
+    pub pressure_noise_pa: f32,
     /// Length at full scale; 5 to 95 % of the reference over 0 to this \[m\].
     pub length_range_m: f32,
     /// Temperature at 5 % of the reference \[K\].
@@ -34,6 +36,18 @@ pub struct FrontEnd {
     /// By how much the ADC's codes 512, 1536, 2560 and 3584 are too wide \[LSB of 12 bit\]: 8.9 on
     /// the RP2040 (erratum RP2040-E11), 0 on an ADC without it.
     pub wide_code_lsb: f32,
+}
+
+impl FrontEnd {
+    /// What one code of 12 bit is worth on the pressure's channel \[Pa\].
+    pub fn pressure_code_pa(&self) -> f32 {
+        self.pressure_range_pa / (0.8 * 4096.0)
+    }
+
+    /// What one code of 12 bit is worth on the gas sensor's channel, mean over its range \[K\].
+    pub fn gas_code_k(&self) -> f32 {
+        (self.gas_max_k - self.gas_min_k) / (0.9 * 4096.0)
+    }
 }
 
 /// A front end with its constants worked out once: value = offset + slope code, and for the
@@ -197,6 +211,7 @@ mod tests {
 
     const FRONT_END: FrontEnd = FrontEnd {
         pressure_range_pa: 700_000.0,
+        pressure_noise_pa: 150.0,
         length_range_m: 0.4,
         gas_min_k: 270.0,
         gas_max_k: 330.0,

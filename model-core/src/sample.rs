@@ -114,11 +114,12 @@ impl Faults {
     pub const NONE: Self = Self(0);
     /// The emergency stop line is open or low.
     pub const EMERGENCY_STOP: Self = Self(1 << 0);
-    /// The pressure code lies at a rail: sensor open, shorted or out of its range.
+    /// The pressure code lies at a rail or stands still: sensor open, shorted, frozen or out of its
+    /// range.
     pub const PRESSURE_SENSOR: Self = Self(1 << 1);
     /// Pressure above the configured limit.
     pub const OVERPRESSURE: Self = Self(1 << 2);
-    /// The gas sensor's code lies at a rail.
+    /// The gas sensor's code lies at a rail, or stands still.
     pub const GAS_SENSOR: Self = Self(1 << 3);
     /// The length code lies at a rail.
     pub const LENGTH_SENSOR: Self = Self(1 << 4);
@@ -150,6 +151,8 @@ pub struct Estimate {
     pub gas_k: f32,
     /// Its standard deviation \[K\].
     pub gas_sd_k: f32,
+    /// Whether it is to be relied on: its deviation is within `estimator.valid_sd_k`.
+    pub valid: bool,
     /// Wall temperature \[K\].
     pub wall_k: f32,
     /// What the sensor's element should have \[K\].

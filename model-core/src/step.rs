@@ -65,7 +65,9 @@ impl Core {
     /// One step.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
-        let faults = self.supervisor.step(sample, pressure_pa, self.config.pressure_limit_pa);
+        let driven = self.inlet_steps > 0 || self.outlet_steps > 0;
+        let limit_pa = self.config.pressure_limit_pa;
+        let faults = self.supervisor.step(sample, pressure_pa, limit_pa, driven);
         let length_m = self.length_m(sample, pressure_pa, faults);
         let venting = self.supervisor.must_vent();
         if venting {
@@ -85,6 +87,8 @@ impl Core {
             charging: self.inlet_steps > 0,
             discharging: self.outlet_steps > 0,
         });
+        let frozen = self.estimator.sensor_frozen();
+        let faults = if frozen { faults.with(Faults::GAS_SENSOR) } else { faults };
         // A pulse ends late, at most one PWM period after its duty.
         let period = self.config.drive.period_steps;
         let passing = |duty: Duty, steps: u16| {

@@ -17,7 +17,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 2;
+pub const PROTOCOL: u16 = 3;
 /// Speed of the line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
@@ -343,6 +343,7 @@ mod tests {
             estimate: Estimate {
                 gas_k: value,
                 gas_sd_k: value,
+                valid: value > 0.0,
                 wall_k: value,
                 sensor_k: value,
                 mass_kg: value,
@@ -443,7 +444,7 @@ mod tests {
                 pressure_pa: f[0],
                 length_m: f[1],
                 estimate: Estimate {
-                    gas_k: f[2], gas_sd_k: f[3], wall_k: f[4], sensor_k: f[5],
+                    gas_k: f[2], gas_sd_k: f[3], valid: emergency_stop, wall_k: f[4], sensor_k: f[5],
                     mass_kg: f[6], heat_scale: f[7], sensor_lag_s: f[8],
                 },
                 command: Command { inlet: Duty(duties[0]), outlet: Duty(duties[1]) },

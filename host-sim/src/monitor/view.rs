@@ -83,9 +83,10 @@ fn draw_gauges(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Tel
     if let (Some(&estimate_row), Some(&fault_row)) = (rows.get(4), rows.get(5)) {
         let estimate = &telemetry.estimate;
         let text = format!(
-            "gas {:.2} K +- {:.2}, wall {:.2} K, sensor {:.2} K, lag {:.2} s",
+            "gas {:.2} K +- {:.2}{}, wall {:.2} K, sensor {:.2} K, lag {:.2} s",
             estimate.gas_k,
             estimate.gas_sd_k,
+            if estimate.valid { "" } else { " (not to be relied on)" },
             estimate.wall_k,
             estimate.sensor_k,
             estimate.sensor_lag_s

@@ -634,6 +634,8 @@ pub struct Estimator {
     pub memory_s: f64,
     /// Error of the sensor's reading that averaging over a second does not remove \[K\].
     pub sensor_bias_k: f64,
+    /// Stated deviation up to which the estimate is marked as valid \[K\].
+    pub valid_sd_k: f64,
 }
 
 impl Default for Estimator {
@@ -646,6 +648,7 @@ impl Default for Estimator {
             lag_sd: 0.12,
             memory_s: 150.0,
             sensor_bias_k: 0.25,
+            valid_sd_k: 1.0,
         }
     }
 }

@@ -1,48 +1,72 @@
 //! The gas temperature in real time: an extended Kalman filter whose state moves at every step and
 //! whose covariance moves once per [`INTERVAL_STEPS`].
 //!
-//! Pressure P and length (hence volume V) are measured fast and well. With the energy balance (3)
-//! they give the enthalpy that came in or left, whatever valve it went through:
+//! Pressure P and length (hence volume V) are measured fast and well. With the energy balance they
+//! give the enthalpy that came in or left, whatever valve it went through. Without flow, (3) and (4)
+//! foretell the next pressure:
 //!
 //! ```text
-//! H = V dP/(k-1) + k/(k-1) P dV + h A (T - T_w) dt      (3), (4)
-//! dm = H/(cp T_in) while charging, H/(cp T) while discharging, 0 with both valves closed
-//! T = P V/(m R)                                          (1)
+//! P_closed = P - (k P dV + (k-1) h A (T - T_w) dt)/V      (3), (4) with dm = 0
+//! H        = V (P_measured - P_closed)/(k-1)              what crossed the port
+//! dm       = H/(cp T_in) while charging, H/(cp T) while discharging
+//! T        = P V/(m R)                                    (1)
 //! ```
 //!
-//! No valve needs to be calibrated; that a valve is open is known from the duty. What drifts, the
-//! slow Pt sensor corrects: T_s' = (T - T_s)/tau.
+//! No valve needs to be calibrated; that a valve is open is known from the duty. Once both are shut,
+//! P is the running mean of what is measured about P_closed, and for the first [`LATE_STEPS`] its
+//! corrections still count as flow: they tell better than the last open step did how much came in.
+//! Without that, the noise of the pressure would leave a step in the mass with every pulse.
+//!
+//! What drifts, the slow Pt sensor corrects: T_s' = (T_h - T_s)/tau, T_h' = (T - T_h)/tau_h.
 //!
 //! | state | error carried in the covariance |
 //! |---|---|
 //! | m | u = dT/T = -dm/m, relative error of the gas temperature |
 //! | T_w | wall temperature \[K\] |
 //! | T_s | temperature of the sensor's element \[K\] |
-//! | s | scale of the heat transfer h A |
+//! | s | logarithm of the scale of the heat transfer h A |
 //! | tau | logarithm of the sensor's lag |
+//!
+//! The housing's T_h follows T within a fraction of a second; it has no error of its own. s and tau
+//! are first-order Gauss-Markov processes about what is configured: a model's error stays the same
+//! cycle after cycle, and a filter that counted every cycle as new evidence would be sure of a
+//! wrong value in the end.
 //!
 //! The matrix of the linearised error over one interval D (x = s h A D/(m cp), M_in the mass that
 //! came in):
 //!
 //! ```text
-//! u'   = (1 - x - M_in/m) u + x/T T_w - x (T - T_w)/(s T) s     while gas flows, u otherwise
-//! T_w' = s h A D/C_w (T u - T_w) + ... - h_o A D/C_w T_w + Q/(s C_w) s
-//! T_s' = D/tau (T u - T_s) - D (T - T_s)/tau ln(tau)
+//! u'   = (1 - x - M_in/m) u + x/T T_w - x (T - T_w)/T ln(s)     while gas flows, u otherwise
+//! T_w' = s h A D/C_w (T u - T_w) + ... - h_o A D/C_w T_w + Q/C_w ln(s)
+//! T_s' = D/tau (T u - T_s) - D (T_h - T_s)/tau ln(tau)
 //! ```
 
+mod agreement;
+mod covariance;
+
+use self::agreement::Agreement;
+use self::covariance::{Covariance, Product, Transition};
 use crate::body::Shape;
 use crate::config::Config;
 use crate::front_end::{CodeSum, Converter};
 use crate::math::{CompensatedSum, exp, limit, sqrt};
-use crate::sample::{AdcCode, Estimate};
+use crate::sample::{AdcCode, Estimate, OVERSAMPLING};
 
 /// Steps per update of the covariance and of the sensor's correction.
 pub const INTERVAL_STEPS: u16 = 20;
 
-const OPEN_GAIN: f32 = 1.0;
-const CLOSED_GAIN: f32 = 0.01;
-const INFLOW_GAIN: f32 = 0.2;
-const BOOKING_GAIN: f32 = 0.04;
+/// Steps after the valves have shut in which corrections of the pressure still count as flow.
+pub const LATE_STEPS: u16 = 25;
+/// Steps over which the pressure is averaged while both valves are shut; longer, and the errors of
+/// the foretold pressure would show.
+const AVERAGED_STEPS: u16 = 100;
+/// Share of a step's inflow in the inflow that stirs the gas: five milliseconds of averaging.
+const INFLOW_SHARE: f32 = 0.2;
+/// How far the element must have moved, in codes of 12 bit, for a code that has stood still
+/// meanwhile to be a frozen one: more than a code of erratum RP2040-E11 is wide.
+const FROZEN_LSB: f32 = 20.0;
+/// Part of a code that the pressure is uncertain by beside its noise: what linearising leaves.
+const PRESSURE_LSB: f32 = 0.25;
 
 /// What the estimator needs to know of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,54 +81,6 @@ pub struct Measurement {
     pub charging: bool,
     /// The outlet has been driven lately.
     pub discharging: bool,
-}
-
-/// Covariance of the five errors: upper triangle, named by row and column.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Covariance {
-    gas_gas: f32,
-    gas_wall: f32,
-    gas_sensor: f32,
-    gas_scale: f32,
-    gas_lag: f32,
-    wall_wall: f32,
-    wall_sensor: f32,
-    wall_scale: f32,
-    wall_lag: f32,
-    sensor_sensor: f32,
-    sensor_scale: f32,
-    sensor_lag: f32,
-    scale_scale: f32,
-    scale_lag: f32,
-    lag_lag: f32,
-}
-
-/// Linearised error dynamics over one interval: the entries that differ from the identity.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Transition {
-    gas_gas: f32,
-    gas_wall: f32,
-    gas_scale: f32,
-    wall_gas: f32,
-    wall_wall: f32,
-    wall_scale: f32,
-    sensor_gas: f32,
-    sensor_sensor: f32,
-    sensor_lag: f32,
-}
-
-impl Transition {
-    fn gas_row(&self, gas: f32, wall: f32, scale: f32) -> f32 {
-        self.gas_gas * gas + self.gas_wall * wall + self.gas_scale * scale
-    }
-
-    fn wall_row(&self, gas: f32, wall: f32, scale: f32) -> f32 {
-        self.wall_gas * gas + self.wall_wall * wall + self.wall_scale * scale
-    }
-
-    fn sensor_row(&self, gas: f32, sensor: f32, lag: f32) -> f32 {
-        self.sensor_gas * gas + self.sensor_sensor * sensor + self.sensor_lag * lag
-    }
 }
 
 /// Sums over one interval.
@@ -128,25 +104,6 @@ struct Pending {
     innovation_k: Option<f32>,
 }
 
-/// M = F P: the rows that F changes, without the entries that P' = M F^T does not ask for.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Product {
-    gas_gas: f32,
-    gas_wall: f32,
-    gas_sensor: f32,
-    gas_scale: f32,
-    gas_lag: f32,
-    wall_gas: f32,
-    wall_wall: f32,
-    wall_sensor: f32,
-    wall_scale: f32,
-    wall_lag: f32,
-    sensor_gas: f32,
-    sensor_sensor: f32,
-    sensor_scale: f32,
-    sensor_lag: f32,
-}
-
 /// State of the estimator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimator {
@@ -154,9 +111,18 @@ pub struct Estimator {
     shape: Shape,
     converter: Converter,
     config: Config,
-    per_k_minus_1: f32,
+    per_k_minus_1_cp: f32,
     per_cp: f32,
     per_gas_constant: f32,
+    per_step_s: f32,
+    interval_s: f32,
+    /// Movement of the element at which a code that stands still is a frozen one \[K\].
+    frozen_k: f32,
+    /// Deviation of the temperature that the noise of one pressure leaves, times pressure over
+    /// temperature \[Pa\].
+    pressure_sd_pa: f32,
+    /// Variance of the mean of an interval's readings of the gas sensor \[K2\].
+    reading_k2: f32,
     // State.
     mass_kg: CompensatedSum,
     gas_k: f32,
@@ -166,19 +132,20 @@ pub struct Estimator {
     scale: f32,
     lag_s: f32,
     covariance: Covariance,
+    agreement: Agreement,
     gas_sd_k: f32,
-    smooth_k: [f32; 2],
-    disagreement: f32,
     // Since the last step.
     pressure_pa: f32,
     volume_m3: f32,
-    pressure_gain: f32,
-    surface_m2: f32,
+    closed_steps: u16,
     inflow_kg_s: f32,
     entering: bool,
+    gas_code: AdcCode,
+    /// The element when the code last changed \[K\].
+    code_changed_k: f32,
     // Since the last interval.
     length_m: f32,
-    wall_w_k: f32,
+    surface_m2: f32,
     interval: Interval,
     pending: Pending,
     started: bool,
@@ -191,13 +158,29 @@ impl Estimator {
         let sd = &config.estimator;
         let initial = sd.initial_sd_k * sd.initial_sd_k;
         let relative = initial / (config.ambient.temperature_k * config.ambient.temperature_k);
+        let conversions = f32::from(OVERSAMPLING);
+        let interval_s = f32::from(INTERVAL_STEPS) * config.step_s;
+        let front_end = &config.front_end;
+        let rounding_pa = PRESSURE_LSB * front_end.pressure_code_pa();
+        let pressure_noise_pa2 = front_end.pressure_noise_pa * front_end.pressure_noise_pa;
+        let gas_noise_k2 = config.gas_sensor.noise_k * config.gas_sensor.noise_k;
         Self {
             shape: Shape::new(&config.body),
             converter: Converter::new(&config.front_end),
             config: *config,
-            per_k_minus_1: 1.0 / (k - 1.0),
+            per_k_minus_1_cp: 1.0 / ((k - 1.0) * config.gas.cp_j_kg_k()),
             per_cp: 1.0 / config.gas.cp_j_kg_k(),
             per_gas_constant: 1.0 / config.gas.gas_constant_j_kg_k,
+            per_step_s: 1.0 / config.step_s,
+            interval_s,
+            frozen_k: FROZEN_LSB * front_end.gas_code_k(),
+            // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
+            pressure_sd_pa: (k - 1.0) / k
+                * sqrt(pressure_noise_pa2 / conversions + rounding_pa * rounding_pa),
+            // Averaging leaves little of the noise. The bias is the same in every reading of a second
+            // or so, and is counted as if it were.
+            reading_k2: gas_noise_k2 / (conversions * f32::from(INTERVAL_STEPS))
+                + sd.sensor_bias_k * sd.sensor_bias_k / interval_s,
             mass_kg: CompensatedSum::new(1.0),
             gas_k: config.ambient.temperature_k,
             wall_k: config.ambient.temperature_k,
@@ -213,17 +196,17 @@ impl Estimator {
                 lag_lag: sd.lag_sd * sd.lag_sd,
                 ..Covariance::default()
             },
+            agreement: Agreement::new(config.gas_sensor.time_constant_s),
             gas_sd_k: sd.initial_sd_k,
-            smooth_k: [0.0; 2],
-            disagreement: 0.04/config.gas_sensor.time_constant_s/config.gas_sensor.time_constant_s,
             pressure_pa: 0.0,
             volume_m3: 0.0,
-            pressure_gain: OPEN_GAIN,
-            surface_m2: 0.0,
+            closed_steps: AVERAGED_STEPS,
             inflow_kg_s: 0.0,
             entering: false,
+            gas_code: AdcCode(0),
+            code_changed_k: config.ambient.temperature_k,
             length_m: 0.0,
-            wall_w_k: 0.0,
+            surface_m2: 0.0,
             interval: Interval::default(),
             pending: Pending::default(),
             started: false,
@@ -235,6 +218,7 @@ impl Estimator {
         Estimate {
             gas_k: self.gas_k,
             gas_sd_k: self.gas_sd_k,
+            valid: self.gas_sd_k <= self.config.estimator.valid_sd_k,
             wall_k: self.wall_k,
             sensor_k: self.sensor_k,
             mass_kg: self.mass_kg.value(),
@@ -252,9 +236,22 @@ impl Estimator {
         }
         self.propagate(pressure_pa, volume_m3, measurement);
         if let Some(code) = measurement.gas {
-            self.interval.readings.add(code);
+            if code != self.gas_code {
+                self.gas_code = code;
+                self.code_changed_k = self.sensor_k;
+            }
+            if !self.sensor_frozen() {
+                self.interval.readings.add(code);
+            }
         }
         self.advance_covariance(measurement.length_m);
+    }
+
+    /// Whether the gas sensor's code stands still while its element must have moved: the readings are
+    /// left out until it changes.
+    pub fn sensor_frozen(&self) -> bool {
+        let moved_k = self.sensor_k - self.code_changed_k;
+        moved_k > self.frozen_k || moved_k < -self.frozen_k
     }
 
     /// The work of an interval, spread over four of its steps and kept clear of those in which the
@@ -271,7 +268,8 @@ impl Estimator {
                 if let Some(innovation_k) = innovation_k {
                     self.correct(innovation_k);
                 }
-                self.judge(innovation_k);
+                self.agreement.add(innovation_k, self.lag_s);
+                self.update_deviation();
             }
             INTERVAL_STEPS => self.end_interval(length_m),
             _ => {}
@@ -287,6 +285,7 @@ impl Estimator {
             self.housing_k = reading_k;
             self.sensor_k = reading_k;
         }
+        self.code_changed_k = self.sensor_k;
         self.mass_kg =
             CompensatedSum::new(pressure_pa * volume_m3 * self.per_gas_constant / self.gas_k);
         self.pressure_pa = pressure_pa;
@@ -297,44 +296,46 @@ impl Estimator {
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
-    fn propagate(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
-        let k = self.config.gas.heat_capacity_ratio;
-        self.wall_w_k = self.scale * self.config.heat.inner_w_k(self.surface_m2, self.inflow_kg_s);
-        let heat_j = self.wall_w_k * (self.gas_k - self.wall_k) * self.config.step_s;
+    fn propagate(&mut self, measured_pa: f32, volume_m3: f32, measurement: &Measurement) {
+        let conductance_w_k =
+            self.scale * self.config.heat.inner_w_k(self.surface_m2, self.inflow_kg_s);
+        let heat_j = conductance_w_k * (self.gas_k - self.wall_k) * self.config.step_s;
         self.interval.steps += 1;
         self.interval.heat_j += heat_j;
-        // (3), (4) without flow.
+        let k = self.config.gas.heat_capacity_ratio;
         let work_j = self.pressure_pa * (volume_m3 - self.volume_m3);
         let closed_pa = self.pressure_pa
             - (k * work_j + (k - 1.0) * heat_j) * 2.0 / (volume_m3 + self.volume_m3);
-        let flowing = measurement.charging || measurement.discharging;
-        self.pressure_gain = if flowing {
-            OPEN_GAIN
-        } else {
-            limit(self.pressure_gain / (1.0 + self.pressure_gain), CLOSED_GAIN, 1.0)
-        };
-        let correction_pa = self.pressure_gain * (pressure_pa - closed_pa);
-        self.pressure_pa = closed_pa + correction_pa;
         self.volume_m3 = volume_m3;
-        if flowing { self.entering = if measurement.charging && measurement.discharging {
+
+        let mut correction_pa = measured_pa - closed_pa;
+        if measurement.charging || measurement.discharging {
+            self.closed_steps = 0;
+            // The direction comes from the duties where they are one-sided: the noise of a
+            // difference of pressures would be rectified.
+            self.entering = if measurement.charging && measurement.discharging {
                 correction_pa > 0.0
             } else {
                 measurement.charging
             };
+        } else {
+            self.closed_steps = (self.closed_steps + 1).min(AVERAGED_STEPS);
+            correction_pa /= f32::from(self.closed_steps + 1);
         }
+        self.pressure_pa = limit(closed_pa + correction_pa, 1.0, 1.0e9);
+
         let mut inflow_kg_s = 0.0;
-        if flowing || self.pressure_gain > BOOKING_GAIN {
+        if self.closed_steps < LATE_STEPS {
             let port_k = if self.entering { self.config.supply.temperature_k } else { self.gas_k };
-            let enthalpy_j = correction_pa * volume_m3 * self.per_k_minus_1;
-            let change_kg = enthalpy_j * self.per_cp / port_k;
+            let change_kg = correction_pa * volume_m3 * self.per_k_minus_1_cp / port_k;
             self.mass_kg.add(change_kg);
             self.interval.flowing_steps += 1;
             if self.entering {
                 self.interval.inflow_kg += change_kg;
-                inflow_kg_s = change_kg / self.config.step_s;
+                inflow_kg_s = change_kg * self.per_step_s;
             }
         }
-        self.inflow_kg_s += INFLOW_GAIN * (inflow_kg_s - self.inflow_kg_s);
+        self.inflow_kg_s += INFLOW_SHARE * (inflow_kg_s - self.inflow_kg_s);
         self.gas_k = self.temperature_k();
         self.interval.gas_k += self.gas_k;
     }
@@ -349,7 +350,7 @@ impl Estimator {
         let interval = self.interval;
         self.interval = Interval::default();
         let steps = f32::from(INTERVAL_STEPS);
-        let duration_s = steps * self.config.step_s;
+        let duration_s = self.interval_s;
         let gas_k = interval.gas_k / steps;
         let speed_m_s = (length_m - self.length_m) / duration_s;
         self.length_m = length_m;
@@ -363,7 +364,8 @@ impl Estimator {
         // Means over the interval on both sides: implicit Euler then delays by just the lag.
         self.housing_k += duration_s / (housing_s + duration_s) * (gas_k - self.housing_k);
         let lag_share = duration_s / (self.lag_s + 0.5 * duration_s);
-        let inner_j_k = self.wall_w_k * duration_s;
+        let inner_w_k = heat.inner_w_k(surface_m2, interval.inflow_kg / duration_s);
+        let inner_j_k = self.scale * inner_w_k * duration_s;
         let flowing = f32::from(interval.flowing_steps) / steps;
         let per_mass = 1.0 / self.mass_kg.value();
         let exchange = inner_j_k * per_mass * self.per_cp * flowing;
@@ -397,7 +399,7 @@ impl Estimator {
 
     fn add_drift(&mut self) {
         let drift = &self.config.estimator;
-        let duration_s = f32::from(INTERVAL_STEPS) * self.config.step_s;
+        let duration_s = self.interval_s;
         let relative = drift.gas_drift_k / self.pending.gas_k;
         let p = &mut self.covariance;
         p.gas_gas += relative * relative * duration_s;
@@ -412,39 +414,10 @@ impl Estimator {
         p.limit();
     }
 
-    fn judge(&mut self, innovation_k: Option<f32>) {
-        const SMOOTHING: f32 = 1.0 / 25.0;
-        const WINDOW: f32 = 1.0 / 250.0;
-        const FLOOR_K: f32 = 0.004;
-        const AGREEMENT_K_S: f32 = 0.09;
-        let unknown = AGREEMENT_K_S / self.lag_s;
-        let square = match innovation_k {
-            Some(innovation_k) => {
-                self.smooth_k[0] += SMOOTHING * (innovation_k - self.smooth_k[0]);
-                self.smooth_k[1] += SMOOTHING * (self.smooth_k[0] - self.smooth_k[1]);
-                self.smooth_k[1] * self.smooth_k[1]
-            }
-            None => unknown * unknown,
-        };
-        self.disagreement += WINDOW * (square - self.disagreement);
-        let share = limit((self.disagreement - FLOOR_K * FLOOR_K) / (unknown * unknown), 0.0, 1.0);
-        let k = self.config.gas.heat_capacity_ratio;
-        let code_pa = self.config.front_end.pressure_range_pa * (1.0 / (0.8 * 4096.0));
-        let noise = (k - 1.0) / k * 0.35 * code_pa / self.pressure_pa;
-        self.gas_sd_k = self.gas_k * sqrt(share * self.covariance.gas_gas + noise * noise);
-    }
-
     /// Kalman update with the innovation of one interval's readings of the gas sensor.
     fn correct(&mut self, innovation: f32) {
-        let noise_k = self.config.gas_sensor.noise_k;
-        let bias_k = self.config.estimator.sensor_bias_k;
-        // What is left of the noise after averaging eight conversions over an interval; the bias
-        // is the same in every reading of a second or so, and is counted as if it were.
-        let readings_per_second = 1.0 / (f32::from(INTERVAL_STEPS) * self.config.step_s);
-        let variance = noise_k * noise_k / (8.0 * f32::from(INTERVAL_STEPS))
-            + bias_k * bias_k * readings_per_second;
         let p = self.covariance;
-        let per_s = 1.0 / (p.sensor_sensor + variance);
+        let per_s = 1.0 / (p.sensor_sensor + self.reading_k2);
         let [gas, wall, sensor, scale, lag] = [
             p.gas_sensor * per_s,
             p.wall_sensor * per_s,
@@ -452,7 +425,7 @@ impl Estimator {
             p.sensor_scale * per_s,
             p.sensor_lag * per_s,
         ];
-        self.covariance.reduce(gas, wall, scale, lag, variance * per_s);
+        self.covariance.reduce(gas, wall, scale, lag, self.reading_k2 * per_s);
 
         // u = dT/T = -dm/m
         let relative = limit(gas * innovation, -0.05, 0.05);
@@ -467,88 +440,12 @@ impl Estimator {
             5.0 * self.config.gas_sensor.time_constant_s,
         );
     }
-}
 
-impl Covariance {
-    /// M = F P with F = I + `f`, over the entries of F that are not zero.
-    fn rows(&self, f: &Transition) -> Product {
-        let p = self;
-        Product {
-            gas_gas: p.gas_gas + f.gas_row(p.gas_gas, p.gas_wall, p.gas_scale),
-            gas_wall: p.gas_wall + f.gas_row(p.gas_wall, p.wall_wall, p.wall_scale),
-            gas_sensor: p.gas_sensor + f.gas_row(p.gas_sensor, p.wall_sensor, p.sensor_scale),
-            gas_scale: p.gas_scale + f.gas_row(p.gas_scale, p.wall_scale, p.scale_scale),
-            gas_lag: p.gas_lag + f.gas_row(p.gas_lag, p.wall_lag, p.scale_lag),
-            wall_gas: p.gas_wall + f.wall_row(p.gas_gas, p.gas_wall, p.gas_scale),
-            wall_wall: p.wall_wall + f.wall_row(p.gas_wall, p.wall_wall, p.wall_scale),
-            wall_sensor: p.wall_sensor + f.wall_row(p.gas_sensor, p.wall_sensor, p.sensor_scale),
-            wall_scale: p.wall_scale + f.wall_row(p.gas_scale, p.wall_scale, p.scale_scale),
-            wall_lag: p.wall_lag + f.wall_row(p.gas_lag, p.wall_lag, p.scale_lag),
-            sensor_gas: p.gas_sensor + f.sensor_row(p.gas_gas, p.gas_sensor, p.gas_lag),
-            sensor_sensor: p.sensor_sensor
-                + f.sensor_row(p.gas_sensor, p.sensor_sensor, p.sensor_lag),
-            sensor_scale: p.sensor_scale + f.sensor_row(p.gas_scale, p.sensor_scale, p.scale_lag),
-            sensor_lag: p.sensor_lag + f.sensor_row(p.gas_lag, p.sensor_lag, p.lag_lag),
-        }
-    }
-
-    /// P' = M F^T, upper triangle.
-    fn columns(&mut self, m: &Product, f: &Transition) {
-        self.gas_gas = m.gas_gas + f.gas_row(m.gas_gas, m.gas_wall, m.gas_scale);
-        self.gas_wall = m.gas_wall + f.wall_row(m.gas_gas, m.gas_wall, m.gas_scale);
-        self.gas_sensor = m.gas_sensor + f.sensor_row(m.gas_gas, m.gas_sensor, m.gas_lag);
-        self.gas_scale = m.gas_scale;
-        self.gas_lag = m.gas_lag;
-        self.wall_wall = m.wall_wall + f.wall_row(m.wall_gas, m.wall_wall, m.wall_scale);
-        self.wall_sensor = m.wall_sensor + f.sensor_row(m.wall_gas, m.wall_sensor, m.wall_lag);
-        self.wall_scale = m.wall_scale;
-        self.wall_lag = m.wall_lag;
-        self.sensor_sensor =
-            m.sensor_sensor + f.sensor_row(m.sensor_gas, m.sensor_sensor, m.sensor_lag);
-        self.sensor_scale = m.sensor_scale;
-        self.sensor_lag = m.sensor_lag;
-    }
-
-    /// P' = (I - K H) P for a reading of the sensor; `rest` = R/(P_ss + R), so that the sensor's
-    /// own entries shrink by a product and never by a difference.
-    fn reduce(&mut self, gas: f32, wall: f32, scale: f32, lag: f32, rest: f32) {
-        let p = *self;
-        self.gas_gas -= gas * p.gas_sensor;
-        self.gas_wall -= gas * p.wall_sensor;
-        self.gas_scale -= gas * p.sensor_scale;
-        self.gas_lag -= gas * p.sensor_lag;
-        self.wall_wall -= wall * p.wall_sensor;
-        self.wall_scale -= wall * p.sensor_scale;
-        self.wall_lag -= wall * p.sensor_lag;
-        self.scale_scale -= scale * p.sensor_scale;
-        self.scale_lag -= scale * p.sensor_lag;
-        self.lag_lag -= lag * p.sensor_lag;
-        self.gas_sensor *= rest;
-        self.wall_sensor *= rest;
-        self.sensor_sensor *= rest;
-        self.sensor_scale *= rest;
-        self.sensor_lag *= rest;
-    }
-
-    /// Scale and lag keep that share of their errors.
-    fn forget(&mut self, keep: f32) {
-        self.gas_scale *= keep;
-        self.gas_lag *= keep;
-        self.wall_scale *= keep;
-        self.wall_lag *= keep;
-        self.sensor_scale *= keep;
-        self.sensor_lag *= keep;
-        self.scale_scale *= keep * keep;
-        self.scale_lag *= keep * keep;
-        self.lag_lag *= keep * keep;
-    }
-
-    /// Variances stay positive and bounded.
-    fn limit(&mut self) {
-        self.gas_gas = limit(self.gas_gas, 1.0e-9, 0.01);
-        self.wall_wall = limit(self.wall_wall, 1.0e-5, 1.0e3);
-        self.sensor_sensor = limit(self.sensor_sensor, 1.0e-7, 1.0e3);
-        self.scale_scale = limit(self.scale_scale, 1.0e-7, 0.25);
-        self.lag_lag = limit(self.lag_lag, 1.0e-8, 0.25);
+    /// What is stated: the covariance, as far as readings and model disagree, and the noise of one
+    /// pressure.
+    fn update_deviation(&mut self) {
+        let noise = self.pressure_sd_pa / self.pressure_pa;
+        let share = self.agreement.share(self.lag_s);
+        self.gas_sd_k = self.gas_k * sqrt(share * self.covariance.gas_gas + noise * noise);
     }
 }

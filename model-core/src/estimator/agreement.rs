@@ -1,0 +1,89 @@
+//! How far the gas sensor's readings and the model agree.
+//!
+//! The covariance counts every error that the tuning allows for, and so is too cautious on a muscle
+//! that follows the model well. The innovations tell: what is left of them after half a second of
+//! averaging, times the sensor's lag, is the time integral of what the gas temperature was wrong by
+//! (T_s' = (T - T_s)/tau). Where it is small, so is the deviation that the estimator states.
+
+use crate::math::limit;
+
+/// Integral of the error at which the covariance is taken at its word \[K s\]: two thirds of what
+/// the nominal cycle leaves on the plant `full`, where the covariance is about right.
+const AGREEMENT_K_S: f32 = 0.07;
+/// What innovations keep of the ADC's steps on a perfect model, a quarter of a code \[K\].
+const FLOOR_K: f32 = 0.004;
+/// Share of an innovation that enters each of the two averages in series: 25 intervals, half a
+/// second.
+const SMOOTHING: f32 = 1.0 / 25.0;
+/// Share that enters the mean square: 250 intervals, five seconds.
+const WINDOW: f32 = 1.0 / 250.0;
+
+/// Running measure of the innovations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agreement {
+    smooth_k: f32,
+    smoother_k: f32,
+    mean_square_k2: f32,
+}
+
+impl Agreement {
+    /// Before the first reading: none.
+    pub fn new(lag_s: f32) -> Self {
+        Self { smooth_k: 0.0, smoother_k: 0.0, mean_square_k2: unknown_k2(lag_s) }
+    }
+
+    /// Takes the innovation of one interval \[K\]; without a reading the agreement fades.
+    pub fn add(&mut self, innovation_k: Option<f32>, lag_s: f32) {
+        let square_k2 = match innovation_k {
+            Some(innovation_k) => {
+                self.smooth_k += SMOOTHING * (innovation_k - self.smooth_k);
+                self.smoother_k += SMOOTHING * (self.smooth_k - self.smoother_k);
+                self.smoother_k * self.smoother_k
+            }
+            None => unknown_k2(lag_s),
+        };
+        self.mean_square_k2 += WINDOW * (square_k2 - self.mean_square_k2);
+    }
+
+    /// Share of the covariance to be stated, from 0 (readings and model agree) to 1.
+    pub fn share(&self, lag_s: f32) -> f32 {
+        limit((self.mean_square_k2 - FLOOR_K * FLOOR_K) / unknown_k2(lag_s), 0.0, 1.0)
+    }
+}
+
+/// Mean square of the innovations at which the share is 1 \[K2\].
+fn unknown_k2(lag_s: f32) -> f32 {
+    let unknown_k = AGREEMENT_K_S / lag_s;
+    unknown_k * unknown_k
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn share_after(innovation_k: Option<f32>, intervals: usize) -> f32 {
+        let mut agreement = Agreement::new(3.0);
+        for _ in 0..intervals {
+            agreement.add(innovation_k, 3.0);
+        }
+        agreement.share(3.0)
+    }
+
+    #[test]
+    fn agreement_has_to_be_shown() {
+        assert!(share_after(Some(0.0), 0) > 0.95);
+        assert!((0.6..0.7).contains(&share_after(Some(0.0), 100)), "two seconds");
+        assert_eq!(share_after(Some(0.0), 3000), 0.0);
+        assert_eq!(share_after(Some(0.1), 3000), 1.0);
+        assert!((0.2..0.25).contains(&share_after(Some(0.0117), 3000)), "half of 0.07 K s / 3 s");
+    }
+
+    #[test]
+    fn it_fades_without_readings() {
+        let mut agreement = Agreement::new(3.0);
+        for step in 0..6000 {
+            agreement.add((step < 3000).then_some(0.0), 3.0);
+        }
+        assert!(agreement.share(3.0) > 0.95);
+    }
+}
