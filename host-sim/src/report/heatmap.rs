@@ -76,7 +76,8 @@ impl Heatmap {
         let corner = |row: usize, column: usize| {
             (left + cell_width * column as f64, bottom - CELL_HEIGHT * row as f64)
         };
-        let label_every = (46.0 / cell_width).ceil().max(1.0) as usize;
+        let longest_x = self.x.iter().map(|v| short(*v).chars().count()).max().unwrap_or(0) as f64;
+        let label_every = ((longest_x * CHARACTER + 4.0) / cell_width).ceil().max(1.0) as usize;
         let svg = html! {
             svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
                 width=(px(width)) height=(px(height)) viewBox={ "0 0 " (px(width)) " " (px(height)) } {

@@ -1,7 +1,8 @@
 //! What a sweep gave: the table, the figures, and what follows from them.
 
-use super::reach::{self, Reach};
+use super::reach::{Lines, Reach};
 use super::{Figures, Point, Range, Sweep, page};
+use crate::report::number::significant;
 use crate::summary::Errors;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -188,14 +189,27 @@ impl<'a> Outcome<'a> {
     }
 
     pub(super) fn conclusion(&self, within_k: f64) -> String {
+        let ranges = &self.sweep.ranges;
         let key = self.main_key();
-        let name = &self.sweep.ranges[key].key;
-        let where_within =
-            |way| reach::common(&self.reaches(way, within_k), name, self.sweep.unit(key));
+        let changing = (0..ranges.len()).filter(|i| *i != key && ranges[*i].values.len() > 1);
+        let others: Vec<usize> = changing.collect();
+        let who = |way: usize| {
+            let other = match others[..] {
+                [other] => Some((ranges[other].key.as_str(), ranges[other].values.clone())),
+                _ => None,
+            };
+            let key = (ranges[key].key.as_str(), self.sweep.unit(key));
+            let [least, _] = ends(self.errors_k(way).into_iter().filter(|error| error.is_finite()));
+            let text = Lines { key, reaches: self.reaches(way, within_k), other }.text();
+            match least {
+                Some(least) => format!("{text} ({} K at best)", significant(least, 2)),
+                None => text,
+            }
+        };
         format!(
             "Within {within_k} K RMS of the gas temperature: the bare sensor {}; the estimate {}.",
-            where_within(BARE),
-            where_within(ESTIMATE)
+            who(BARE),
+            who(ESTIMATE)
         )
     }
 

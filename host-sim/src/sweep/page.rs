@@ -166,20 +166,23 @@ fn limits(outcome: &Outcome, within_k: f64) -> Section {
 
 fn how(outcome: &Outcome) -> Section {
     let sweep = outcome.sweep;
-    let count = sweep.ranges.len();
-    let mut section = Section::new("What was run");
-    for (i, range) in sweep.ranges.iter().enumerate() {
+    let rows = sweep.ranges.iter().enumerate().map(|(i, range)| {
         let (first, last) = (range.values[0], range.values[range.values.len() - 1]);
-        let spaced = if range.logarithmic { ", a fixed ratio apart" } else { "" };
-        let ending = if i + 1 == count { "" } else { ";" };
-        section = section.paragraph(&format!(
-            "{}: {} values from {} to {}{spaced}{ending}",
-            range.key,
-            range.values.len(),
+        let spaced = if range.logarithmic { "ratio" } else { "difference" };
+        vec![
+            axis(sweep, i),
+            range.values.len().to_string(),
             short(first),
-            with_unit(last, sweep.unit(i)),
-        ));
-    }
+            short(last),
+            spaced.to_owned(),
+        ]
+    });
+    let columns = ["Key", "Values", "From", "To", "The same from value to value"];
+    let mut section = Section::new("What was run").table(Table {
+        caption: String::new(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    });
     let mut text = format!(
         "Shard {}: {} of {} points, each a run of its own; errors count from 10 s on, or over the second \
          half of a run shorter than 20 s.",

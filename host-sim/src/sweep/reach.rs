@@ -3,6 +3,9 @@
 use crate::report::number::short;
 use crate::report::scale::Spacing;
 
+/// Lines up to that many are named by their values.
+const MOST_NAMED: usize = 3;
+
 /// Where along one key's values an error is within its limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reach {
@@ -68,54 +71,82 @@ impl Reach {
     }
 }
 
-/// What lines along one key have in common, as the end of a sentence: "with a sensor.gas.position
-/// below 0.4 to 0.6".
-pub fn common(lines: &[Reach], key: &str, unit: &str) -> String {
-    let lines: Vec<Reach> = lines.iter().filter(|line| **line != Reach::Unknown).copied().collect();
-    let count = |kind: Reach| lines.iter().filter(|line| **line == kind).count();
-    let (everywhere, nowhere) = (count(Reach::Everywhere), count(Reach::Nowhere));
-    if lines.is_empty() {
-        return "not run".to_owned();
+/// Lines along one key, and what sets them apart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lines<'a> {
+    /// The key along which they run, and its unit.
+    pub key: (&'a str, &'a str),
+    /// Where along each of them an error is within its limit.
+    pub reaches: Vec<Reach>,
+    /// The other key, and its value on each line; none where several others change.
+    pub other: Option<(&'a str, Vec<f64>)>,
+}
+
+impl Lines<'_> {
+    /// What they have in common, as the end of a sentence: "with lag below 0.4 to 0.6 s".
+    pub fn text(&self) -> String {
+        let (key, unit) = self.key;
+        let known = self.chosen(|reach| *reach != Reach::Unknown);
+        let everywhere = self.chosen(|reach| *reach == Reach::Everywhere);
+        let nowhere = self.chosen(|reach| *reach == Reach::Nowhere);
+        if known.is_empty() {
+            return "not run".to_owned();
+        }
+        if everywhere.len() == known.len() {
+            return "at every point of the grid".to_owned();
+        }
+        if nowhere.len() == known.len() {
+            return "nowhere in the grid".to_owned();
+        }
+        let below = self.chosen(|reach| matches!(reach, Reach::Below(_)));
+        let above = self.chosen(|reach| matches!(reach, Reach::Above(_)));
+        let gaps = self.chosen(|reach| matches!(reach, Reach::Some { .. }));
+        let parts = [
+            (everywhere, format!("with every {key}")),
+            (below.clone(), format!("with {key} below {}", self.limits(&below, unit))),
+            (above.clone(), format!("with {key} above {}", self.limits(&above, unit))),
+            (gaps, format!("with some {key}")),
+            (nowhere, "nowhere".to_owned()),
+        ];
+        let parts = parts.iter().filter(|(lines, _)| !lines.is_empty()).map(|(lines, what)| {
+            let place = if lines.len() == known.len() { String::new() } else { self.place(lines) };
+            format!("{what}{place}")
+        });
+        parts.collect::<Vec<_>>().join(", ")
     }
-    if everywhere == lines.len() {
-        return "at every point of the grid".to_owned();
+
+    fn chosen(&self, chosen: impl Fn(&Reach) -> bool) -> Vec<usize> {
+        (0..self.reaches.len()).filter(|i| chosen(&self.reaches[*i])).collect()
     }
-    if nowhere == lines.len() {
-        return "nowhere in the grid".to_owned();
-    }
-    let below = |line: &Reach| if let Reach::Below(value) = line { Some(*value) } else { None };
-    let above = |line: &Reach| if let Reach::Above(value) = line { Some(*value) } else { None };
-    let rest = lines.len() - everywhere - nowhere;
-    let (side, limits): (&str, Vec<f64>) = if lines.iter().filter_map(below).count() == rest {
-        ("below", lines.iter().filter_map(below).collect())
-    } else {
-        ("above", lines.iter().filter_map(above).collect())
-    };
-    if limits.len() != rest {
-        return "at some points only, with gaps between".to_owned();
-    }
-    let of = |count: usize| {
-        if lines.len() > 1 { format!(" in {count} of {} rows", lines.len()) } else { String::new() }
-    };
-    let mut parts = Vec::new();
-    if rest > 0 {
-        let low = limits.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = limits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let range = if short(low) == short(high) {
+
+    /// "0.37 to 2.9 s".
+    fn limits(&self, lines: &[usize], unit: &str) -> String {
+        let limits = lines.iter().filter_map(|i| match self.reaches[*i] {
+            Reach::Below(value) | Reach::Above(value) => Some(value),
+            _ => None,
+        });
+        let low = limits.clone().fold(f64::INFINITY, f64::min);
+        let high = limits.fold(f64::NEG_INFINITY, f64::max);
+        if short(low) == short(high) {
             with_unit(low, unit)
         } else {
             format!("{} to {}", short(low), with_unit(high, unit))
-        };
-        let rows = if rest == lines.len() { String::new() } else { of(rest) };
-        parts.push(format!("with {key} {side} {range}{rows}"));
+        }
     }
-    if everywhere > 0 {
-        parts.push(format!("with every {key}{}", of(everywhere)));
+
+    /// " at position 0.1 and 0.9".
+    fn place(&self, lines: &[usize]) -> String {
+        match &self.other {
+            Some((name, values)) if lines.len() <= MOST_NAMED => {
+                let values: Vec<String> = lines.iter().map(|i| short(values[*i])).collect();
+                format!(" at {name} {}", values.join(" and "))
+            }
+            Some((name, values)) => {
+                format!(" at {} of {} values of {name}", lines.len(), values.len())
+            }
+            None => format!(" in {} of {} combinations", lines.len(), self.reaches.len()),
+        }
     }
-    if nowhere > 0 {
-        parts.push(format!("with none{}", of(nowhere)));
-    }
-    parts.join(", ")
 }
 
 /// "0.21 s".
@@ -150,18 +181,31 @@ mod tests {
 
     #[test]
     fn lines_are_summed_up_in_words() {
-        let sum_up = |lines: &[Reach]| common(lines, "lag", "s");
+        let sum_up = |reaches: &[Reach]| {
+            let places = (1..=reaches.len()).map(|i| i as f64).collect();
+            let other = Some(("place", places));
+            Lines { key: ("lag", "s"), reaches: reaches.to_vec(), other }.text()
+        };
         let (all, none) = (Reach::Everywhere, Reach::Nowhere);
         let (two, three) = (Reach::Below(2.0), Reach::Below(3.0));
         assert_eq!(sum_up(&[all, all]), "at every point of the grid");
         assert_eq!(sum_up(&[none, none]), "nowhere in the grid");
+        assert_eq!(sum_up(&[Reach::Unknown]), "not run");
         assert_eq!(sum_up(&[two]), "with lag below 2 s");
         assert_eq!(sum_up(&[two, three, Reach::Unknown]), "with lag below 2 to 3 s");
         assert_eq!(
             sum_up(&[two, three, all, none]),
-            "with lag below 2 to 3 s in 2 of 4 rows, with every lag in 1 of 4 rows, with none in 1 of 4 rows"
+            "with every lag at place 3, with lag below 2 to 3 s at place 1 and 2, nowhere at place 4"
         );
-        assert_eq!(sum_up(&[all, none]), "with every lag in 1 of 2 rows, with none in 1 of 2 rows");
-        assert_eq!(sum_up(&[two, Reach::Above(3.0)]), "at some points only, with gaps between");
+        assert_eq!(
+            sum_up(&[all, none, none, none, none]),
+            "with every lag at place 1, nowhere at 4 of 5 values of place"
+        );
+        let combined =
+            Lines { key: ("lag", "s"), reaches: vec![Reach::Above(3.0), none], other: None };
+        assert_eq!(
+            combined.text(),
+            "with lag above 3 s in 1 of 2 combinations, nowhere in 1 of 2 combinations"
+        );
     }
 }
