@@ -17,10 +17,12 @@ const MAP: colorous::Gradient = colorous::CIVIDIS;
 const LIMIT: Colour = Colour::Vermillion;
 const CELL_HEIGHT: f64 = 34.0;
 const TOP: f64 = 24.0;
-/// Colour bar, its tick labels included \[px\].
-const BAR: f64 = 90.0;
+/// Colour bar, its tick labels and the gap before it included, and that gap \[px\].
+const BAR: (f64, f64) = (90.0, 24.0);
+/// The same beside another map.
+const HALF_BAR: (f64, f64) = (66.0, 12.0);
 /// A cell at least that wide has room for three digits of its value, or for two \[px\].
-const READABLE: [(f64, usize); 2] = [(42.0, 3), (29.0, 2)];
+const READABLE: [(f64, usize); 2] = [(42.0, 3), (30.0, 2)];
 
 /// A map of cells. Axis texts hold their unit.
 #[derive(Debug, Clone)]
@@ -63,11 +65,12 @@ impl Heatmap {
             .range
             .unwrap_or_else(|| data_range(self.cells.iter().flatten().copied(), spacing));
         let along_scale = Scale::new(range, (0.0, 1.0), spacing);
-        let width = if self.style.half { HALF_WIDTH } else { FULL_WIDTH };
+        let (width, (bar, gap), least) =
+            if self.style.half { (HALF_WIDTH, HALF_BAR, 0.0) } else { (FULL_WIDTH, BAR, 48.0) };
         let y_labels: Vec<String> = self.y.iter().map(|v| short(*v)).collect();
         let longest = y_labels.iter().map(|l| l.chars().count()).max().unwrap_or(0) as f64;
-        let left = (longest * CHARACTER + 12.0).max(if self.style.half { 0.0 } else { 48.0 });
-        let right = width - BAR;
+        let left = (longest * CHARACTER + 12.0).max(least);
+        let right = width - bar;
         let cell_width = (right - left) / self.x.len().max(1) as f64;
         let bottom = TOP + CELL_HEIGHT * self.y.len() as f64;
         let height = bottom.max(TOP + 120.0) + FOOT;
@@ -113,7 +116,7 @@ impl Heatmap {
                     path.outline-ground d=(outline) {}
                     path class={ (LIMIT.class()) " outline" } d=(outline) {}
                 }
-                (colour_bar(MAP, range, spacing, &self.value_label, right + 24.0, (TOP, bottom.max(TOP + 120.0))))
+                (colour_bar(MAP, range, spacing, &self.value_label, right + gap, (TOP, bottom.max(TOP + 120.0))))
             }
         };
         let legend = html! {

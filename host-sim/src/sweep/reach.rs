@@ -93,10 +93,10 @@ impl Lines<'_> {
             return "not run".to_owned();
         }
         if everywhere.len() == known.len() {
-            return "at every point of the grid".to_owned();
+            return "at every point".to_owned();
         }
         if nowhere.len() == known.len() {
-            return "nowhere in the grid".to_owned();
+            return "nowhere".to_owned();
         }
         let below = self.chosen(|reach| matches!(reach, Reach::Below(_)));
         let above = self.chosen(|reach| matches!(reach, Reach::Above(_)));
@@ -109,7 +109,11 @@ impl Lines<'_> {
             (nowhere, "nowhere".to_owned()),
         ];
         let parts = parts.iter().filter(|(lines, _)| !lines.is_empty()).map(|(lines, what)| {
-            let place = if lines.len() == known.len() { String::new() } else { self.place(lines) };
+            let place = if lines.len() == known.len() {
+                String::new()
+            } else {
+                self.place(lines, known.len())
+            };
             format!("{what}{place}")
         });
         parts.collect::<Vec<_>>().join(", ")
@@ -134,17 +138,20 @@ impl Lines<'_> {
         }
     }
 
-    /// " at position 0.1 and 0.9".
-    fn place(&self, lines: &[usize]) -> String {
+    /// " at position 0.1 and 0.9", of so many lines that have been run.
+    fn place(&self, lines: &[usize], of: usize) -> String {
         match &self.other {
             Some((name, values)) if lines.len() <= MOST_NAMED => {
                 let values: Vec<String> = lines.iter().map(|i| short(values[*i])).collect();
-                format!(" at {name} {}", values.join(" and "))
+                match values.split_last() {
+                    Some((last, before)) if !before.is_empty() => {
+                        format!(" at {name} {} and {last}", before.join(", "))
+                    }
+                    _ => format!(" at {name} {}", values.concat()),
+                }
             }
-            Some((name, values)) => {
-                format!(" at {} of {} values of {name}", lines.len(), values.len())
-            }
-            None => format!(" in {} of {} combinations", lines.len(), self.reaches.len()),
+            Some((name, _)) => format!(" at {} of {of} values of {name}", lines.len()),
+            None => format!(" in {} of {of} combinations", lines.len()),
         }
     }
 }
@@ -188,8 +195,8 @@ mod tests {
         };
         let (all, none) = (Reach::Everywhere, Reach::Nowhere);
         let (two, three) = (Reach::Below(2.0), Reach::Below(3.0));
-        assert_eq!(sum_up(&[all, all]), "at every point of the grid");
-        assert_eq!(sum_up(&[none, none]), "nowhere in the grid");
+        assert_eq!(sum_up(&[all, all]), "at every point");
+        assert_eq!(sum_up(&[none, none]), "nowhere");
         assert_eq!(sum_up(&[Reach::Unknown]), "not run");
         assert_eq!(sum_up(&[two]), "with lag below 2 s");
         assert_eq!(sum_up(&[two, three, Reach::Unknown]), "with lag below 2 to 3 s");
@@ -198,8 +205,8 @@ mod tests {
             "with every lag at place 3, with lag below 2 to 3 s at place 1 and 2, nowhere at place 4"
         );
         assert_eq!(
-            sum_up(&[all, none, none, none, none]),
-            "with every lag at place 1, nowhere at 4 of 5 values of place"
+            sum_up(&[all, all, all, none, none, none, none]),
+            "with every lag at place 1, 2 and 3, nowhere at 4 of 7 values of place"
         );
         let combined =
             Lines { key: ("lag", "s"), reaches: vec![Reach::Above(3.0), none], other: None };
