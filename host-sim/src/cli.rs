@@ -2,6 +2,8 @@
 //!
 //! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
 
+mod sweep;
+
 use crate::board::emulated::EmulatedBoard;
 use crate::board::serial::SerialBoard;
 use crate::board::{Board, BoardError, CoreBoard};
@@ -17,6 +19,7 @@ use crate::reproduce;
 use crate::run::{self, RunError};
 use crate::scenario::{self, Loaded};
 use crate::summary::Summary;
+use crate::sweep::SweepError;
 use crate::trace::{COLUMNS, Row, TraceWriter};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -44,6 +47,8 @@ enum Task {
     Run(RunArgs),
     /// Finds the parameters that make the plant follow recorded data
     Identify(IdentifyArgs),
+    /// The same run over a grid of values: which sensor is fast enough
+    Sweep(sweep::SweepArgs),
     /// Recorded samples through the core again, compared to the bit
     Replay {
         /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
@@ -77,7 +82,7 @@ enum Task {
 
 #[derive(Debug, Args)]
 struct OutputArgs {
-    /// Folder for summary.json, trace.csv and report.html [default: out/<command>]
+    /// Folder for the results, report.html among them [default: out/<command>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the summary as JSON on standard output
@@ -179,6 +184,8 @@ enum Failure {
     Input(InputError),
     /// Exit 2, or 1 where the plant diverges.
     Identify(IdentifyError),
+    /// Exit 2.
+    Sweep(SweepError),
     /// Exit 2: arguments that do not go together.
     Usage(String),
     /// Exit 2: the board cannot be used.
@@ -194,6 +201,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Input(error) => error.fmt(f),
             Self::Identify(error) => error.fmt(f),
+            Self::Sweep(error) => error.fmt(f),
             Self::Usage(what) => f.write_str(what),
             Self::Board(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
@@ -212,6 +220,7 @@ impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Input(_)
+            | Self::Sweep(_)
             | Self::Usage(_)
             | Self::Board(_)
             | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
@@ -246,6 +255,7 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Reproduce(args) => reproduce_command(&args, out),
         Task::Run(args) => run_command(&args, out),
         Task::Identify(args) => identify_command(&args, out),
+        Task::Sweep(args) => sweep::run(args, out),
         Task::Replay { trace, board } => replay_command(&trace, &board, out),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
@@ -376,7 +386,7 @@ fn record(
     let trace_path = out.path().join("trace.csv");
     let unwritable = |error: &io::Error| InputError::output(&trace_path, error);
     let mut writer = TraceWriter::new(out.file()?).map_err(|error| unwritable(&error))?;
-    let bar = progress_bar(loaded.plant.run.duration_s, args.quiet);
+    let bar = progress_bar((loaded.plant.run.duration_s * 1000.0) as u64, args.quiet);
     let mut observer = |row: &Row| {
         writer.write(&row.cells())?;
         each(row);
@@ -451,14 +461,14 @@ fn brief(summary: &Summary, folder: &Path) -> String {
     text + &format!("report: {}\n", folder.join("report.html").display())
 }
 
-fn progress_bar(duration_s: f64, quiet: bool) -> ProgressBar {
+fn progress_bar(length: u64, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }
     let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {msg}eta {eta}")
         .expect("the template is a constant");
     // Drawn on standard error, and only where that is a terminal.
-    ProgressBar::new((duration_s * 1000.0) as u64).with_style(style)
+    ProgressBar::new(length).with_style(style)
 }
 
 fn print(out: &mut dyn Write, text: &str) -> Result<(), Failure> {

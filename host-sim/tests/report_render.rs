@@ -8,7 +8,7 @@ use std::path::Path;
 use host_sim::report::Colour;
 use host_sim::report::bars::Bars;
 use host_sim::report::chart::{Axis, Chart, Panel};
-use host_sim::report::heatmap::Heatmap;
+use host_sim::report::heatmap::{Heatmap, Style};
 use host_sim::report::muscle::Muscle;
 use host_sim::report::page::{Figure, Page, Section, Table, Tile};
 use host_sim::report::run_report::{self, Measured, RunReport, SummaryRow};
@@ -223,6 +223,7 @@ fn heatmap() -> Figure {
         x,
         y,
         cells,
+        style: Style { limit: Some((2.0, "up to 2 K".into())), ..Style::default() },
     }
     .figure("Where to put a sensor", "Error of the bare sensor.")
 }

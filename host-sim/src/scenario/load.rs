@@ -56,7 +56,11 @@ pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     assemble(&Document::parse(text, origin)?)
 }
 
-fn assemble(document: &Document) -> Result<Loaded, InputError> {
+/// Fills in defaults, and applies the rules that tie keys together.
+///
+/// # Errors
+/// As [`load`].
+pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let Document { origin, plant: given, believed: told } = document;
     let mut plant = overlaid(&Scenario::default(), given, origin)?;
     geometry::resolve(&mut plant.muscle).map_err(|found| blame(found, given, origin))?;
@@ -80,7 +84,7 @@ fn assemble(document: &Document) -> Result<Loaded, InputError> {
                     value: entry.written.clone(),
                     allowed: "in a folder whose path is UTF-8 text".to_owned(),
                 };
-                return Err(InputError::line(origin, entry.line, problem));
+                return Err(at(entry, origin, problem));
             }
             *path = Some(file);
         }
@@ -156,9 +160,14 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
         }
     };
     match entry {
-        Some(entry) => InputError::line(origin, entry.line, problem),
+        Some(entry) => at(entry, origin, problem),
         None => InputError::file(origin, problem),
     }
+}
+
+/// A problem of an entry of the file `origin`.
+fn at(entry: &Entry, origin: &Path, problem: Problem) -> InputError {
+    InputError { file: origin.to_path_buf(), line: entry.line, problem: Box::new(problem) }
 }
 
 /// Where the file lies that an entry names.
@@ -184,7 +193,7 @@ fn profile(
             return error;
         }
         // Where the file as a whole is wrong, the user may have named the wrong one.
-        InputError::line(origin, entry.line, Problem::Reference { key: entry.path(), file: error })
+        at(entry, origin, Problem::Reference { key: entry.path(), file: error })
     })
 }
 
