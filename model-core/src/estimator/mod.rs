@@ -45,12 +45,13 @@ mod agreement;
 mod covariance;
 
 use self::agreement::Agreement;
-use self::covariance::{Covariance, Product, Transition};
+use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
 use crate::body::Shape;
 use crate::config::Config;
 use crate::front_end::{CodeSum, Converter};
 use crate::math::{CompensatedSum, exp, limit, sqrt};
 use crate::sample::{AdcCode, Estimate, OVERSAMPLING};
+use crate::supervisor::PATIENCE_STEPS;
 
 /// Steps per update of the covariance and of the sensor's correction.
 pub const INTERVAL_STEPS: u16 = 20;
@@ -65,14 +66,17 @@ const INFLOW_SHARE: f32 = 0.2;
 /// How far the element must have moved, in codes of 12 bit, for a code that has stood still
 /// meanwhile to be a frozen one: more than a code of erratum RP2040-E11 is wide.
 const FROZEN_LSB: f32 = 20.0;
+/// Pressures beyond which no gas in a muscle or vessel lies \[Pa\].
+const LOWEST_PA: f32 = 10.0;
+const HIGHEST_PA: f32 = 1.0e9;
 /// Part of a code that the pressure is uncertain by beside its noise: what linearising leaves.
 const PRESSURE_LSB: f32 = 0.25;
 
 /// What the estimator needs to know of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
-    /// Measured absolute pressure \[Pa\].
-    pub pressure_pa: f32,
+    /// Measured absolute pressure \[Pa\]; `None` while the sensor is not to be trusted.
+    pub pressure_pa: Option<f32>,
     /// Measured length \[m\], limited to what the body can have.
     pub length_m: f32,
     /// Raw code of the gas sensor; `None` while the sensor is not to be trusted.
@@ -140,6 +144,7 @@ pub struct Estimator {
     closed_steps: u16,
     inflow_kg_s: f32,
     entering: bool,
+    missing_steps: u16,
     gas_code: AdcCode,
     /// The element when the code last changed \[K\].
     code_changed_k: f32,
@@ -151,13 +156,25 @@ pub struct Estimator {
     started: bool,
 }
 
+/// What is known before the first reading.
+fn initial_covariance(config: &Config) -> Covariance {
+    let sd = &config.estimator;
+    let variance_k2 = sd.initial_sd_k * sd.initial_sd_k;
+    Covariance {
+        gas_gas: variance_k2 / (config.ambient.temperature_k * config.ambient.temperature_k),
+        wall_wall: variance_k2,
+        sensor_sensor: variance_k2,
+        scale_scale: sd.heat_scale_sd * sd.heat_scale_sd,
+        lag_lag: sd.lag_sd * sd.lag_sd,
+        ..Covariance::default()
+    }
+}
+
 impl Estimator {
     /// An estimator that starts with the first measurement.
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
         let sd = &config.estimator;
-        let initial = sd.initial_sd_k * sd.initial_sd_k;
-        let relative = initial / (config.ambient.temperature_k * config.ambient.temperature_k);
         let conversions = f32::from(OVERSAMPLING);
         let interval_s = f32::from(INTERVAL_STEPS) * config.step_s;
         let front_end = &config.front_end;
@@ -188,14 +205,7 @@ impl Estimator {
             sensor_k: config.ambient.temperature_k,
             scale: 1.0,
             lag_s: config.gas_sensor.time_constant_s,
-            covariance: Covariance {
-                gas_gas: relative,
-                wall_wall: initial,
-                sensor_sensor: initial,
-                scale_scale: sd.heat_scale_sd * sd.heat_scale_sd,
-                lag_lag: sd.lag_sd * sd.lag_sd,
-                ..Covariance::default()
-            },
+            covariance: initial_covariance(config),
             agreement: Agreement::new(config.gas_sensor.time_constant_s),
             gas_sd_k: sd.initial_sd_k,
             pressure_pa: 0.0,
@@ -203,6 +213,7 @@ impl Estimator {
             closed_steps: AVERAGED_STEPS,
             inflow_kg_s: 0.0,
             entering: false,
+            missing_steps: 0,
             gas_code: AdcCode(0),
             code_changed_k: config.ambient.temperature_k,
             length_m: 0.0,
@@ -229,7 +240,12 @@ impl Estimator {
 
     /// One step.
     pub fn step(&mut self, measurement: &Measurement) {
-        let pressure_pa = limit(measurement.pressure_pa, 1.0, 1.0e9);
+        let Some(pressure_pa) = measurement.pressure_pa else {
+            self.wait();
+            return;
+        };
+        self.missing_steps = 0;
+        let pressure_pa = limit(pressure_pa, LOWEST_PA, HIGHEST_PA);
         let volume_m3 = self.shape.volume_m3(measurement.length_m);
         if !self.started {
             self.start(pressure_pa, volume_m3, measurement);
@@ -245,6 +261,22 @@ impl Estimator {
             }
         }
         self.advance_covariance(measurement.length_m);
+    }
+
+    /// Without pressure there is nothing to go by. A few disturbed steps are left out; after
+    /// [`PATIENCE_STEPS`] the estimate is unknown, and starts anew when the pressure is back.
+    fn wait(&mut self) {
+        self.missing_steps = self.missing_steps.saturating_add(1);
+        if self.missing_steps == PATIENCE_STEPS {
+            self.started = false;
+            self.covariance = initial_covariance(&self.config);
+            self.agreement = Agreement::new(self.config.gas_sensor.time_constant_s);
+            self.interval = Interval::default();
+            self.pending = Pending::default();
+            self.closed_steps = AVERAGED_STEPS;
+            self.inflow_kg_s = 0.0;
+            self.gas_sd_k = self.gas_k * sqrt(LARGEST_GAS);
+        }
     }
 
     /// Whether the gas sensor's code stands still while its element must have moved: the readings are
@@ -322,7 +354,7 @@ impl Estimator {
             self.closed_steps = (self.closed_steps + 1).min(AVERAGED_STEPS);
             correction_pa /= f32::from(self.closed_steps + 1);
         }
-        self.pressure_pa = limit(closed_pa + correction_pa, 1.0, 1.0e9);
+        self.pressure_pa = limit(closed_pa + correction_pa, LOWEST_PA, HIGHEST_PA);
 
         let mut inflow_kg_s = 0.0;
         if self.closed_steps < LATE_STEPS {
@@ -368,10 +400,11 @@ impl Estimator {
         let inner_j_k = self.scale * inner_w_k * duration_s;
         let flowing = f32::from(interval.flowing_steps) / steps;
         let per_mass = 1.0 / self.mass_kg.value();
-        let exchange = inner_j_k * per_mass * self.per_cp * flowing;
+        // Limited where there is next to no gas: its temperature is the wall's.
+        let exchange = limit(inner_j_k * per_mass * self.per_cp * flowing, 0.0, 0.5);
         self.pending.gas_k = gas_k;
         self.pending.transition = Transition {
-            gas_gas: -limit(exchange + interval.inflow_kg * per_mass, -0.9, 0.9),
+            gas_gas: -limit(exchange + interval.inflow_kg * per_mass, 0.0, 0.9),
             gas_wall: exchange / gas_k,
             gas_scale: -exchange * (gas_k - self.wall_k) / gas_k,
             wall_gas: inner_j_k * per_wall * gas_k,
