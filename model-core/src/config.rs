@@ -134,7 +134,7 @@ impl Default for EstimatorConfig {
             wall_drift_k: 0.05,
             heat_scale_sd: 0.25,
             lag_sd: 0.12,
-            memory_s: 150.0,
+            memory_s: 100.0,
             sensor_bias_k: 0.25,
             valid_sd_k: 1.0,
         }
