@@ -18,6 +18,7 @@ use crate::run::{self, RunError};
 use crate::scenario::{self, Loaded};
 use crate::summary::Summary;
 use crate::trace::{COLUMNS, Row, TraceWriter};
+use crate::tune::{self, TuneError};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
@@ -44,6 +45,8 @@ enum Task {
     Run(RunArgs),
     /// Finds the parameters that make the plant follow recorded data
     Identify(IdentifyArgs),
+    /// Finds friction, valves and gains by a short experiment on a board
+    Tune(TuneArgs),
     /// Recorded samples through the core again, compared to the bit
     Replay {
         /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
@@ -118,6 +121,19 @@ struct IdentifyArgs {
     output: OutputArgs,
 }
 
+#[derive(Debug, Args)]
+struct TuneArgs {
+    /// Scenario file (TOML): muscle, load, and what the core is told so far
+    scenario: PathBuf,
+    /// Highest absolute pressure of the experiment, in Pa
+    #[arg(long, value_name = "PA", default_value_t = tune::HIGHEST_PA)]
+    max_pressure: f64,
+    #[command(flatten)]
+    output: OutputArgs,
+    #[command(flatten)]
+    board: BoardArgs,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Subject {
     /// The estimate of the gas temperature
@@ -179,6 +195,8 @@ enum Failure {
     Input(InputError),
     /// Exit 2, or 1 where the plant diverges.
     Identify(IdentifyError),
+    /// Exit 1: the data of a tuning was not good enough.
+    Tune(tune::Refusal),
     /// Exit 2: arguments that do not go together.
     Usage(String),
     /// Exit 2: the board cannot be used.
@@ -194,6 +212,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Input(error) => error.fmt(f),
             Self::Identify(error) => error.fmt(f),
+            Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
             Self::Usage(what) => f.write_str(what),
             Self::Board(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
@@ -208,6 +227,16 @@ impl From<InputError> for Failure {
     }
 }
 
+impl From<TuneError> for Failure {
+    fn from(error: TuneError) -> Self {
+        match error {
+            TuneError::Input(error) => Self::Input(error),
+            TuneError::Run(error) => Self::Run(error),
+            TuneError::Refused(refusal) => Self::Tune(refusal),
+        }
+    }
+}
+
 impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
@@ -216,7 +245,10 @@ impl Failure {
             | Self::Board(_)
             | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
             | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
-            Self::Identify(IdentifyError::Diverged(_)) | Self::Run(_) | Self::Check(_) => 1,
+            Self::Identify(IdentifyError::Diverged(_))
+            | Self::Tune(_)
+            | Self::Run(_)
+            | Self::Check(_) => 1,
         }
     }
 }
@@ -246,6 +278,7 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Reproduce(args) => reproduce_command(&args, out),
         Task::Run(args) => run_command(&args, out),
         Task::Identify(args) => identify_command(&args, out),
+        Task::Tune(args) => tune_command(&args, out),
         Task::Replay { trace, board } => replay_command(&trace, &board, out),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
@@ -346,6 +379,26 @@ fn identify_command(args: &IdentifyArgs, stdout: &mut dyn Write) -> Result<(), F
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
     findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+}
+
+fn tune_command(args: &TuneArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+    let loaded = scenario::load(&args.scenario)?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
+    let mut board = args.board.open()?;
+    let mut out = OutputDir::create(&folder)?;
+    let tuned = tune::tune(&loaded, &args.scenario, args.max_pressure, board.as_mut())?;
+    let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
+    let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    out.keep_text("summary.json", &json)?;
+    out.keep_text("tuned.toml", &scenario::render(&tuned.scenario))?;
+    out.keep_text("report.html", &tune::page(&tuned, &title))?;
+    out.publish()?;
+    if args.output.json {
+        print(stdout, &json)
+    } else {
+        print(stdout, &tuned.findings.text())?;
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
+    }
 }
 
 fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(), Failure> {

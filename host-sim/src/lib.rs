@@ -25,3 +25,4 @@ pub mod scenario;
 pub mod summary;
 pub mod table;
 pub mod trace;
+pub mod tune;

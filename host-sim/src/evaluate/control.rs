@@ -4,7 +4,6 @@
 use super::pid::{Gains, PidBoard};
 use super::{Figure, Line};
 use crate::board::{Board, CoreBoard};
-use crate::profile::Profile;
 use crate::run::{self, RunError};
 use crate::scenario::{DriveKind, Loaded, PlantModel, Scenario};
 use crate::trace::Row;
@@ -45,11 +44,7 @@ fn trace(
     profile: Vec<(f64, f64)>,
     board: &mut dyn Board,
 ) -> Result<Vec<Point>, RunError> {
-    let mut loaded = loaded.clone();
-    loaded.plant.run.log_every = 1;
-    loaded.plant.run.duration_s = profile.last().map_or(0.0, |point| point.0);
-    loaded.plant.drive.kind = kind;
-    loaded.drive_profile = Some(Profile::new(profile).expect("times increase"));
+    let loaded = loaded.driven(kind, profile);
     let rest_m = rest_length_m(&loaded.plant);
     let mut points = Vec::new();
     let mut observer = |row: &Row| {
