@@ -140,6 +140,8 @@ enum Subject {
     Estimator,
     /// The muscle at rest, in motion, and against the usual practice
     Control,
+    /// What `thermyo tune` finds of a muscle told wrong, and what that is worth
+    Tune,
 }
 
 #[derive(Debug, Args)]
@@ -334,6 +336,7 @@ fn evaluate_command(
     let lines = match what {
         Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
         Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
+        Subject::Tune => evaluate::tune::evaluate(&nominal)?,
     };
     print(out, &evaluate::table(&lines))?;
     match evaluate::missed(&lines) {

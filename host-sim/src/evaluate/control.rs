@@ -5,7 +5,7 @@ use super::pid::{Gains, PidBoard};
 use super::{Figure, Line};
 use crate::board::{Board, CoreBoard};
 use crate::run::{self, RunError};
-use crate::scenario::{DriveKind, Loaded, PlantModel, Scenario};
+use crate::scenario::{DriveKind, Load, LoadKind, Loaded, PlantModel, Scenario};
 use crate::trace::Row;
 use std::f64::consts::TAU;
 use std::sync::Mutex;
@@ -72,13 +72,13 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-/// Contraction after contraction, held.
+/// Set point after set point, held.
 pub mod rest {
     use super::{
         Board, DriveKind, HELD, HOLD_S, Loaded, Point, REST_S, RunError, STROKE, mean, trace,
     };
 
-    /// What holding gave, the worst of all holds; in percent of the stroke.
+    /// What holding gave, the worst of all holds; in percent of full scale.
     #[derive(Debug, Clone, Copy, Default)]
     pub struct Held {
         /// Largest error at rest \[%\].
@@ -87,6 +87,51 @@ pub mod rest {
         pub ripple_percent: f64,
         /// Share of the rest in which a valve is driven \[-\].
         pub driven: f64,
+    }
+
+    /// Values held one after the other.
+    #[derive(Debug, Clone, Copy)]
+    pub(super) struct Holds<'a> {
+        pub values: &'a [f64],
+        /// When the first begins \[s\].
+        pub start_s: f64,
+        /// What errors are a share of.
+        pub full_scale: f64,
+    }
+
+    impl Holds<'_> {
+        /// Their set points.
+        pub fn profile(&self) -> Vec<(f64, f64)> {
+            let holds = self.values.iter().enumerate();
+            holds
+                .flat_map(|(i, value)| {
+                    let time_s = self.start_s + i as f64 * HOLD_S;
+                    [(time_s, *value), (time_s + HOLD_S - 0.001, *value)]
+                })
+                .collect()
+        }
+
+        /// The worst of them.
+        pub fn worst(&self, points: &[Point]) -> Held {
+            let mut held = Held::default();
+            for (i, value) in self.values.iter().enumerate() {
+                let end_s = self.start_s + (i + 1) as f64 * HOLD_S - 0.002;
+                let at_rest: Vec<&Point> = points
+                    .iter()
+                    .filter(|point| (end_s - REST_S..end_s).contains(&point.time_s))
+                    .collect();
+                let error = mean(at_rest.iter().map(|point| point.value)) - value;
+                let low = at_rest.iter().map(|point| point.value).fold(f64::INFINITY, f64::min);
+                let high =
+                    at_rest.iter().map(|point| point.value).fold(f64::NEG_INFINITY, f64::max);
+                let driven = mean(at_rest.iter().map(|point| f64::from(u8::from(point.driven))));
+                let percent = 100.0 / self.full_scale;
+                held.error_percent = held.error_percent.max(error.abs() * percent);
+                held.ripple_percent = held.ripple_percent.max((high - low) * percent);
+                held.driven = held.driven.max(driven);
+            }
+            held
+        }
     }
 
     /// Holds the evaluated contraction, after `strokes` full strokes of 2 s each.
@@ -100,27 +145,9 @@ pub mod rest {
             profile.extend([(start_s, 0.05), (start_s + 1.0, 0.25)]);
             start_s += 2.0;
         }
-        for (i, value) in HELD.into_iter().enumerate() {
-            let time_s = start_s + i as f64 * HOLD_S;
-            profile.extend([(time_s, value), (time_s + HOLD_S - 0.001, value)]);
-        }
-        let points = trace(loaded, DriveKind::Contraction, profile, board)?;
-        let mut held = Held::default();
-        for (i, value) in HELD.into_iter().enumerate() {
-            let end_s = start_s + (i + 1) as f64 * HOLD_S - 0.002;
-            let at_rest: Vec<&Point> = points
-                .iter()
-                .filter(|point| (end_s - REST_S..end_s).contains(&point.time_s))
-                .collect();
-            let error = mean(at_rest.iter().map(|point| point.value)) - value;
-            let low = at_rest.iter().map(|point| point.value).fold(f64::INFINITY, f64::min);
-            let high = at_rest.iter().map(|point| point.value).fold(f64::NEG_INFINITY, f64::max);
-            let driven = mean(at_rest.iter().map(|point| f64::from(u8::from(point.driven))));
-            held.error_percent = held.error_percent.max(error.abs() / STROKE * 100.0);
-            held.ripple_percent = held.ripple_percent.max((high - low) / STROKE * 100.0);
-            held.driven = held.driven.max(driven);
-        }
-        Ok(held)
+        let holds = Holds { values: &HELD, start_s, full_scale: STROKE };
+        profile.extend(holds.profile());
+        Ok(holds.worst(&trace(loaded, DriveKind::Contraction, profile, board)?))
     }
 }
 
@@ -281,9 +308,8 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
     let wrong: [(&str, Change); 8] = [
         ("friction 20 % low", |s| s.friction.force_n *= 0.8),
         ("friction 20 % high", |s| s.friction.force_n *= 1.2),
-        // Turns go into the volume squared, and into the force with it.
-        ("volume 20 % low", |s| turns(s, 0.8)),
-        ("volume 20 % high", |s| turns(s, 1.2)),
+        ("volume 20 % low", |s| volume(s, 0.8)),
+        ("volume 20 % high", |s| volume(s, 1.2)),
         ("conductance 20 % low", |s| s.valve.conductance_m3_s_pa *= 0.8),
         ("conductance 20 % high", |s| s.valve.conductance_m3_s_pa *= 1.2),
         ("load 80 N too high", |s| s.load.force_n += 80.0),
@@ -297,10 +323,63 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
     jobs
 }
 
-fn turns(scenario: &mut Scenario, volume: f64) {
-    if let Some(turns) = &mut scenario.muscle.turns {
-        *turns /= volume.sqrt();
+/// Another volume by another number of turns, which go into it, and into the force, squared.
+pub(super) fn volume(scenario: &mut Scenario, factor: f64) {
+    let muscle = &mut scenario.muscle;
+    muscle.turns = muscle.turns.map(|turns| turns / factor.sqrt());
+    muscle.diameter_m = muscle.diameter_m.map(|diameter| diameter * factor.sqrt());
+}
+
+/// Loads that are no constant force: a hanging mass, and a fixed length.
+fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
+    let with = |change: &dyn Fn(&mut Load)| {
+        let mut loaded = full.clone();
+        change(&mut loaded.plant.load);
+        change(&mut loaded.believed.load);
+        loaded
+    };
+    let mut jobs: Vec<Job> = Vec::new();
+    for mass_kg in [2.0, 10.0, 20.0] {
+        let loaded = with(&|load| {
+            load.kind = LoadKind::Mass;
+            load.mass_kg = mass_kg;
+        });
+        jobs.push(Box::new(move || {
+            hold_line(format!("hold, {mass_kg} kg hanging"), &loaded, 0, 1.0)
+        }));
     }
+    for length_m in [0.29, 0.27, 0.24] {
+        let loaded = with(&|load| {
+            load.kind = LoadKind::Isometric;
+            load.length_m = length_m;
+        });
+        jobs.push(Box::new(move || {
+            let step = pressure_step(&loaded, &mut CoreBoard::default())?;
+            let held = force_hold(&loaded, &mut CoreBoard::default())?;
+            Ok(Line {
+                case: format!("isometric, {:.0} mm", 1e3 * length_m),
+                figures: vec![
+                    Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
+                    Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
+                    Figure::at_most("force_error_percent", held.error_percent, 1.0),
+                    Figure::at_most("force_ripple_percent", held.ripple_percent, 0.2),
+                    Figure::at_most("valves_driven", held.driven, 0.0),
+                ],
+            })
+        }));
+    }
+    jobs
+}
+
+/// Pressures held one after the other at a fixed length: the force there, in percent of the largest.
+/// Force and gauge pressure go together, less what the bladder pulls, which does not change.
+fn force_hold(loaded: &Loaded, board: &mut dyn Board) -> Result<rest::Held, RunError> {
+    let ambient_pa = loaded.plant.ambient.pressure_pa;
+    let held_pa = [1.5e5, 3.0e5, 4.0e5, 3.0e5, 2.0e5];
+    let largest_pa = 4.0e5 - ambient_pa;
+    let holds = rest::Holds { values: &held_pa, start_s: 0.0, full_scale: largest_pa };
+    let points = trace(loaded, DriveKind::Pressure, holds.profile(), board)?;
+    Ok(holds.worst(&points))
 }
 
 fn moving(full: &Loaded) -> Vec<Job<'_>> {
@@ -388,8 +467,10 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
 /// The first run that could not be finished.
 pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
     let full = &full(nominal);
-    let jobs: Vec<Job> =
-        [holding(full), moving(full), compared(full)].into_iter().flatten().collect();
+    let jobs: Vec<Job> = [holding(full), other_loads(full), moving(full), compared(full)]
+        .into_iter()
+        .flatten()
+        .collect();
     let next = AtomicUsize::new(0);
     let results = Mutex::new(Vec::new());
     let work = || {

@@ -3,6 +3,7 @@
 pub mod control;
 pub mod estimator;
 pub mod pid;
+pub mod tune;
 
 use crate::input::InputError;
 use crate::scenario::{self, Loaded};

@@ -21,7 +21,7 @@ mod valve;
 pub use check::Figures;
 pub use experiment::HIGHEST_PA;
 pub use findings::{Findings, Parameter};
-pub use page::page;
+pub use page::{check_chart, page};
 
 use crate::board::Board;
 use crate::core_config::core_config;

@@ -170,15 +170,22 @@ fn followed(tuned: &Tuned) -> Section {
     })
 }
 
-/// The check before and after, as the report and `docs/control.md` show it.
-pub fn check_figure(tuned: &Tuned) -> Figure {
+fn check_figure(tuned: &Tuned) -> Figure {
+    check_chart(tuned).figure(
+        "Check, before and after",
+        "A sine of 0.5 Hz, then two steps; of steps the error below shows where they come to rest.",
+    )
+}
+
+/// The check before and after.
+pub fn check_chart(tuned: &Tuned) -> Chart {
     let (before, after) = (&tuned.before.points, &tuned.after.points);
     let time: Vec<f64> = after.iter().map(|point| point.0).collect();
     let percent = |points: &[(f64, f64, f64)], of: fn(&(f64, f64, f64)) -> f64| {
         points.iter().map(|point| 100.0 * of(point)).collect::<Vec<f64>>()
     };
     let error = |point: &(f64, f64, f64)| point.2 - point.1;
-    let chart = Chart::new(Axis::new("Time", "s"))
+    Chart::new(Axis::new("Time", "s"))
         .panel(
             Panel::new(Axis::new("Contraction", "%"))
                 .wide("set point", Colour::Grey, &time, &percent(after, |point| point.1))
@@ -190,9 +197,5 @@ pub fn check_figure(tuned: &Tuned) -> Figure {
                 .height(150.0)
                 .line("before", Colour::Vermillion, &time, &percent(before, error))
                 .line("after", Colour::Blue, &time, &percent(after, error)),
-        );
-    chart.figure(
-        "Check, before and after",
-        "A sine of 0.5 Hz, then two steps; of steps the error below shows where they come to rest.",
-    )
+        )
 }
