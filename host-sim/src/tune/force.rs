@@ -201,3 +201,64 @@ fn softening_per_k(
     let found = least_squares(&rows)?.measure(|c| told_per_k - c[4] / c[2]);
     (found.value > 0.0 && found.error < LARGEST_ERROR * found.value).then_some(found)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_core::Faults;
+
+    /// Records of a muscle that slides evenly up and down, faster every second time, while its wall
+    /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is told 1 %/K.
+    fn records(plan: &Plan, config: &Config, hottest_k: f64) -> Vec<Record> {
+        let (geometry, load_n) = told(config).unwrap();
+        let rest_m = f64::from(geometry.muscle().rest_length_m);
+        let duration_s = plan.ramps_s.end - plan.ramps_s.start;
+        let (mut length_m, mut speed_m_s) = (0.98 * rest_m, 0.02);
+        (0..(duration_s / 0.001) as u32)
+            .map(|step| {
+                let since_s = f64::from(step) * 0.001;
+                length_m -= speed_m_s * 0.001;
+                if length_m < 0.75 * rest_m {
+                    speed_m_s = -speed_m_s;
+                } else if length_m > 0.98 * rest_m {
+                    speed_m_s = if speed_m_s == -0.02 { 0.06 } else { 0.02 };
+                }
+                let wall_k = 290.0 + (hottest_k - 290.0) * since_s / duration_s;
+                let soft = (-0.015 * (wall_k - 298.0)).exp();
+                let friction_n = soft * (12.0 * f64::signum(speed_m_s) + 40.0 * speed_m_s);
+                let pull_n = load_n + 600.0 * (rest_m - length_m) + friction_n;
+                let area_m2 = -f64::from(geometry.volume_slope_m2(length_m as f32));
+                let ambient_pa = f64::from(config.ambient.pressure_pa);
+                Record {
+                    step,
+                    time_s: plan.ramps_s.start + since_s,
+                    set_point: 0.0,
+                    // A force area of 90 % of the told one needs more pressure.
+                    pressure_pa: ambient_pa + pull_n / (0.9 * area_m2),
+                    length_m,
+                    gas_k: 298.0,
+                    wall_k,
+                    inlet: 0.0,
+                    outlet: 0.0,
+                    faults: Faults::NONE,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn softening_is_found_where_the_wall_warms_and_else_kept() {
+        let config = Config::default();
+        let plan = Plan::new(&config, 4.0e5).unwrap();
+        let warm = fit(&records(&plan, &config, 315.0), &plan, &config).unwrap();
+        let softening = warm.softening_per_k.unwrap();
+        assert!((softening.value - 0.015).abs() < 5e-4, "{softening:?}");
+        assert!((warm.coulomb_n.value - 12.0).abs() < 0.1, "{:?}", warm.coulomb_n);
+        assert!((warm.area_scale.value - 0.9).abs() < 1e-3, "{:?}", warm.area_scale);
+        assert!((warm.bladder_n_m.value - 600.0).abs() < 5.0, "{:?}", warm.bladder_n_m);
+        assert!((warm.viscous_n_s_m.unwrap().value - 40.0).abs() < 2.0);
+        let cold = fit(&records(&plan, &config, 295.0), &plan, &config).unwrap();
+        assert_eq!(cold.softening_per_k, None);
+        assert!((cold.coulomb_n.value - 12.0).abs() < 1.0, "{:?}", cold.coulomb_n);
+    }
+}
