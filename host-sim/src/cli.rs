@@ -5,7 +5,7 @@
 use crate::board::emulated::EmulatedBoard;
 use crate::board::serial::SerialBoard;
 use crate::board::{Board, BoardError, CoreBoard};
-use crate::evaluate;
+use crate::evaluate::{self, control_page};
 use crate::identify::{self, IdentifyError};
 use crate::input::InputError;
 use crate::measured::Measured;
@@ -70,6 +70,9 @@ enum Task {
         /// Nominal scenario [default: scenarios/nominal.toml as built in]
         #[arg(long, value_name = "FILE.toml")]
         scenario: Option<PathBuf>,
+        /// Folder for report.html and the plots of docs/control.md; of `control`
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
     },
     /// Validates a scenario and prints it with every default filled in
     Check {
@@ -286,7 +289,9 @@ pub fn run<A: Into<OsString> + Clone>(
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
             monitor::run(&port, &folder.join("trace.csv")).map_err(Failure::Board)
         }
-        Task::Evaluate { what, scenario } => evaluate_command(what, scenario.as_deref(), out),
+        Task::Evaluate { what, scenario, out: folder } => {
+            evaluate_command(what, scenario.as_deref(), folder.as_deref(), out)
+        }
         Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
@@ -327,8 +332,13 @@ fn replay_command(trace: &Path, board: &BoardArgs, out: &mut dyn Write) -> Resul
 fn evaluate_command(
     what: Subject,
     path: Option<&Path>,
+    folder: Option<&Path>,
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
+    if folder.is_some() && !matches!(what, Subject::Control) {
+        return Err(Failure::Usage("--out goes with `evaluate control` only".to_owned()));
+    }
+    let drawn = folder.map(OutputDir::create).transpose()?;
     let nominal = match path {
         Some(path) => scenario::load(path)?,
         None => evaluate::nominal()?,
@@ -339,6 +349,14 @@ fn evaluate_command(
         Subject::Tune => evaluate::tune::evaluate(&nominal)?,
     };
     print(out, &evaluate::table(&lines))?;
+    if let Some(mut files) = drawn {
+        let plots = control_page::plots(&nominal)?;
+        for plot in &plots {
+            files.keep_text(plot.file, &plot.svg())?;
+        }
+        files.keep_text("report.html", &control_page::page(&nominal, &lines, &plots))?;
+        files.publish()?;
+    }
     match evaluate::missed(&lines) {
         (0, _) => Ok(()),
         (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),

@@ -7,13 +7,14 @@ use crate::board::{Board, CoreBoard};
 use crate::run::{self, RunError};
 use crate::scenario::{DriveKind, Load, LoadKind, Loaded, PlantModel, Scenario};
 use crate::trace::Row;
+use model_core::Duty;
 use std::f64::consts::TAU;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 /// The stroke that errors are a share of: 30 % of the rest length, as a contraction \[-\].
-const STROKE: f64 = 0.3;
+pub(super) const STROKE: f64 = 0.3;
 /// Contractions that are held, one after the other; up and down, far and near.
 const HELD: [f64; 7] = [0.05, 0.15, 0.25, 0.15, 0.05, 0.2, 0.1];
 /// How long each \[s\].
@@ -21,7 +22,7 @@ const HOLD_S: f64 = 2.5;
 /// The last part of it counts as rest \[s\].
 const REST_S: f64 = 0.5;
 /// Where a sine swings around \[-\].
-const MIDDLE: f64 = 0.15;
+pub(super) const MIDDLE: f64 = 0.15;
 /// Rest before a sine \[s\].
 const BEFORE_S: f64 = 1.0;
 /// The least error on the slow sine of some 170 combinations, on the nominal muscle, that hunts by no
@@ -35,6 +36,8 @@ struct Point {
     time_s: f64,
     value: f64,
     driven: bool,
+    /// A valve is open for a whole period.
+    open: bool,
 }
 
 /// Runs a scenario along a set-point profile.
@@ -56,6 +59,7 @@ fn trace(
                 _ => row.truth.pressure_pa,
             },
             driven: command.inlet.0 > 0 || command.outlet.0 > 0,
+            open: command.inlet.max(command.outlet) >= Duty::FULL,
         });
         Ok(())
     };
@@ -160,6 +164,51 @@ pub struct Sine {
     pub phase_deg: f64,
     /// Error to the set point, RMS, of the stroke \[%\].
     pub rms_percent: f64,
+    /// Share of the time in which a valve is fully open \[-\].
+    pub open: f64,
+}
+
+/// One row of a sine, counted from when the first periods have died away.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SinePoint {
+    /// Time since the sine began \[s\].
+    pub time_s: f64,
+    /// Contraction \[-\].
+    pub value: f64,
+    /// Contraction less set point \[-\].
+    pub error: f64,
+    /// A valve is open for a whole period.
+    pub open: bool,
+}
+
+/// Whole periods of a sine of an amplitude \[share of the stroke\] around the middle of the stroke.
+///
+/// # Errors
+/// When the run could not be finished.
+pub(super) fn sine_trace(
+    loaded: &Loaded,
+    frequency_hz: f64,
+    amplitude: f64,
+    board: &mut dyn Board,
+) -> Result<Vec<SinePoint>, RunError> {
+    let amplitude = amplitude * STROKE;
+    let set_point = |time_s: f64| {
+        MIDDLE + amplitude * (TAU * frequency_hz * (time_s - BEFORE_S).max(0.0)).sin()
+    };
+    let counted_s = (2.0 * frequency_hz).ceil().max(2.0) / frequency_hz;
+    let from_s = BEFORE_S + 1.0_f64.max(1.0 / frequency_hz);
+    let end_s = from_s + counted_s;
+    let rows = (end_s * 100.0).ceil() as usize;
+    let profile = (0..=rows).map(|row| row as f64 * 0.01).map(|t| (t, set_point(t))).collect();
+    let points = trace(loaded, DriveKind::Contraction, profile, board)?;
+    let counted = points.iter().filter(|p| p.time_s >= from_s && p.time_s < end_s);
+    let row = |p: &Point| SinePoint {
+        time_s: p.time_s - BEFORE_S,
+        value: p.value,
+        error: p.value - set_point(p.time_s),
+        open: p.open,
+    };
+    Ok(counted.map(row).collect())
 }
 
 /// A sine of an amplitude \[share of the stroke\] around the middle of the stroke.
@@ -172,27 +221,17 @@ pub fn sine(
     amplitude: f64,
     board: &mut dyn Board,
 ) -> Result<Sine, RunError> {
-    let amplitude = amplitude * STROKE;
-    let set_point = |time_s: f64| {
-        MIDDLE + amplitude * (TAU * frequency_hz * (time_s - BEFORE_S).max(0.0)).sin()
-    };
-    // Whole periods, after the first have died away.
-    let counted_s = (2.0 * frequency_hz).ceil().max(2.0) / frequency_hz;
-    let from_s = BEFORE_S + 1.0_f64.max(1.0 / frequency_hz);
-    let end_s = from_s + counted_s;
-    let rows = (end_s * 100.0).ceil() as usize;
-    let profile = (0..=rows).map(|row| row as f64 * 0.01).map(|t| (t, set_point(t))).collect();
-    let points = trace(loaded, DriveKind::Contraction, profile, board)?;
-    let counted: Vec<&Point> =
-        points.iter().filter(|p| p.time_s >= from_s && p.time_s < end_s).collect();
-    let angle = |p: &Point| TAU * frequency_hz * (p.time_s - BEFORE_S);
-    let in_phase = 2.0 * mean(counted.iter().map(|p| p.value * angle(p).sin())) / amplitude;
-    let quadrature = 2.0 * mean(counted.iter().map(|p| p.value * angle(p).cos())) / amplitude;
-    let square = mean(counted.iter().map(|p| (p.value - set_point(p.time_s)).powi(2)));
+    let points = sine_trace(loaded, frequency_hz, amplitude, board)?;
+    let scale = 2.0 / (amplitude * STROKE);
+    let angle = |p: &SinePoint| TAU * frequency_hz * p.time_s;
+    let in_phase = scale * mean(points.iter().map(|p| p.value * angle(p).sin()));
+    let quadrature = scale * mean(points.iter().map(|p| p.value * angle(p).cos()));
+    let square = mean(points.iter().map(|p| p.error * p.error));
     Ok(Sine {
         gain: in_phase.hypot(quadrature),
         phase_deg: quadrature.atan2(in_phase).to_degrees(),
         rms_percent: square.sqrt() / STROKE * 100.0,
+        open: mean(points.iter().map(|p| f64::from(u8::from(p.open)))),
     })
 }
 
@@ -205,32 +244,50 @@ pub struct Step {
     pub overshoot_percent: f64,
 }
 
+/// The pressures between which it is stepped \[Pa\].
+const STEP_PA: [f64; 2] = [2.0e5, 4.0e5];
+
+/// Pressure over the time since a step, with the loop closed and with the valve simply open.
+pub(super) type StepTraces = (Vec<(f64, f64)>, Vec<(f64, f64)>);
+
+/// A step of the pressure on a board, and the open valve on the same plant from the same rest.
+pub(super) fn pressure_step_traces(
+    loaded: &Loaded,
+    board: &mut dyn Board,
+) -> Result<StepTraces, RunError> {
+    const STEP_S: f64 = 1.5;
+    const OPEN_S: f64 = 0.1;
+    let [low, high] = STEP_PA;
+    let since = |points: Vec<Point>, start_s: f64| -> Vec<(f64, f64)> {
+        points.iter().map(|point| (point.time_s - start_s, point.value)).collect()
+    };
+    let profile = vec![(0.0, low), (STEP_S, low), (STEP_S + 0.001, high), (STEP_S + 2.0, high)];
+    let closed = trace(loaded, DriveKind::Pressure, profile, board)?;
+    // The profile of duties starts where the loop has rested.
+    let mut open = loaded.clone();
+    open.plant.plant.initial_pressure_pa = low;
+    let duties = vec![(0.0, 0.0), (OPEN_S - 0.001, 0.0), (OPEN_S, 1.0), (1.0, 1.0)];
+    let open = trace(&open, DriveKind::Duty, duties, &mut CoreBoard::default())?;
+    Ok((since(closed, STEP_S), since(open, OPEN_S)))
+}
+
 /// A step of the pressure from 2 to 4 bar, compared with the open valve on the same plant.
 ///
 /// # Errors
 /// When a run could not be finished.
 pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, RunError> {
-    const STEP_S: f64 = 1.5;
-    let (low, high) = (2.0e5, 4.0e5);
-    let profile = vec![(0.0, low), (STEP_S, low), (STEP_S + 0.001, high), (STEP_S + 2.0, high)];
-    let closed = trace(loaded, DriveKind::Pressure, profile, board)?;
+    let [low, high] = STEP_PA;
+    let (closed, open) = pressure_step_traces(loaded, board)?;
     let band = 0.02 * (high - low);
-    let late = closed.iter().filter(|p| p.time_s >= STEP_S);
+    let late = closed.iter().filter(|(since_s, _)| *since_s >= 0.0);
     let settled_s = late
         .clone()
-        .filter(|p| (p.value - high).abs() > band)
-        .map(|p| p.time_s - STEP_S)
+        .filter(|(_, pa)| (pa - high).abs() > band)
+        .map(|(since_s, _)| *since_s)
         .fold(0.0, f64::max);
-    let peak = late.map(|p| p.value).fold(f64::NEG_INFINITY, f64::max);
-    // The open valve, from the same rest: the profile of duties starts where the loop has rested.
-    let mut open = loaded.clone();
-    open.plant.plant.initial_pressure_pa = low;
-    let duties = vec![(0.0, 0.0), (0.099, 0.0), (0.1, 1.0), (1.0, 1.0)];
-    let open = trace(&open, DriveKind::Duty, duties, &mut CoreBoard::default())?;
-    let reached_s = open
-        .iter()
-        .find(|p| p.value >= high - band)
-        .map_or(f64::INFINITY, |point| point.time_s - 0.1);
+    let peak = late.map(|(_, pa)| *pa).fold(f64::NEG_INFINITY, f64::max);
+    let reached = open.iter().find(|(_, pa)| *pa >= high - band);
+    let reached_s = reached.map_or(f64::INFINITY, |(since_s, _)| *since_s);
     Ok(Step {
         times_open_valve: settled_s / reached_s,
         overshoot_percent: (peak - high).max(0.0) / (high - low) * 100.0,
@@ -238,7 +295,7 @@ pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, Run
 }
 
 /// Both plant and core know the ambient; supply and muscle have its temperature.
-fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
+pub(super) fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
     for scenario in [&mut loaded.plant, &mut loaded.believed] {
         scenario.ambient.temperature_k = temperature_k;
         scenario.supply.temperature_k = temperature_k;
@@ -247,16 +304,16 @@ fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
     loaded
 }
 
-fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
+pub(super) fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
     loaded.plant.load.force_n = force_n;
     loaded.believed.load.force_n = force_n;
     loaded
 }
 
 /// What the core is told differently.
-type Change = fn(&mut Scenario);
+pub type Change = fn(&mut Scenario);
 
-fn told(mut loaded: Loaded, change: Change) -> Loaded {
+pub(super) fn told(mut loaded: Loaded, change: Change) -> Loaded {
     change(&mut loaded.believed);
     loaded
 }

@@ -1,6 +1,7 @@
 //! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
 
 pub mod control;
+pub mod control_page;
 pub mod estimator;
 pub mod pid;
 pub mod tune;

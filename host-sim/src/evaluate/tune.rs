@@ -1,15 +1,12 @@
 //! Whether `thermyo tune` finds what the plant is when the core is told something else, and what
 //! that is worth.
 
-use super::control::{full, rest, sine, volume};
+use super::control::{Change, full, rest, sine, volume};
 use super::{Figure, Line};
 use crate::board::CoreBoard;
-use crate::scenario::{Loaded, Scenario};
+use crate::scenario::Loaded;
 use crate::tune::{self, HIGHEST_PA, TuneError, Tuned};
 use std::path::Path;
-
-/// What the core is told wrong.
-pub type Change = fn(&mut Scenario);
 
 /// Every case: name and change.
 pub const CASES: [(&str, Change); 8] = [
