@@ -129,7 +129,7 @@ struct TuneArgs {
     /// Scenario file (TOML): muscle, load, and what the core is told so far
     scenario: PathBuf,
     /// Highest absolute pressure of the experiment, in Pa
-    #[arg(long, value_name = "PA", default_value_t = tune::HIGHEST_PA)]
+    #[arg(long, value_name = "PA", default_value_t = tune::HIGHEST_PA, value_parser = pressure)]
     max_pressure: f64,
     #[command(flatten)]
     output: OutputArgs,
@@ -163,6 +163,11 @@ enum BoardKind {
     Core,
     Emulated,
     Serial(String),
+}
+
+fn pressure(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0);
+    value.ok_or_else(|| "must be an absolute pressure in Pa, above 0".to_owned())
 }
 
 fn board_kind(text: &str) -> Result<BoardKind, String> {

@@ -31,7 +31,7 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["run", &unknown, "--board", "toaster"], "must be core, emulated or serial:PORT"),
         (vec!["replay", &missing], "scenario.toml"),
         (vec!["tune", &missing], "missing.toml: no such file"),
-        (vec!["tune", &unknown, "--max-pressure", "high"], "--max-pressure"),
+        (vec!["tune", &unknown, "--max-pressure", "nan"], "must be an absolute pressure"),
         (vec!["evaluate", "tune"], "--out goes with `evaluate control` only"),
     ] {
         let mut all = arguments.clone();

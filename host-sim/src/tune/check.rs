@@ -9,9 +9,9 @@ use std::f64::consts::TAU;
 
 /// Rest before the sine \[s\].
 const BEFORE_S: f64 = 1.0;
-/// Frequency of the sine \[Hz\], and how many periods.
+/// Frequency of the sine \[Hz\], and how many periods; the first, in which it sets in, is not counted.
 const SINE_HZ: f64 = 0.5;
-const PERIODS: f64 = 2.0;
+const PERIODS: f64 = 3.0;
 /// Amplitude of sine and steps, share of the contractions that were tried \[-\].
 const AMPLITUDE: f64 = 0.3;
 /// How long each step is held, and the last part of it that counts as rest \[s\].
@@ -74,8 +74,10 @@ pub fn check(
         let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
         sum / count
     };
-    let square =
-        mean(&mut within(BEFORE_S, sine_end_s).map(|r| (contraction(r) - sine(r.time_s)).powi(2)));
+    let counted_from_s = BEFORE_S + 1.0 / SINE_HZ;
+    let square = mean(
+        &mut within(counted_from_s, sine_end_s).map(|r| (contraction(r) - sine(r.time_s)).powi(2)),
+    );
     let mut figures = Figures {
         sine_rms_percent: square.sqrt() / STROKE * 100.0,
         rest_error_percent: 0.0,

@@ -11,6 +11,9 @@ use crate::scenario::schema::limits;
 use crate::scenario::{Loaded, PlantModel, number};
 use serde::Serialize;
 
+/// Relative difference up to which two errors on the check's sine are as good as each other \[-\].
+const EQUAL: f64 = 0.1;
+
 /// One value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parameter {
@@ -183,7 +186,7 @@ pub struct Findings {
     pub highest_pa: f64,
     /// Every value.
     pub parameters: Vec<Parameter>,
-    /// From the pin to half of the opening, inlet and outlet \[s\].
+    /// From the pin to half of the opening, of the outlet \[s\].
     pub delay_s: f64,
     /// Noise of one reading of the pressure \[Pa\].
     pub pressure_noise_pa: f64,
@@ -195,7 +198,7 @@ pub struct Findings {
     pub signal_to_noise: f64,
     /// The same short motion with both.
     pub check: Check,
-    /// Whether the sine is followed closer than before.
+    /// Whether the sine is followed closer than before, by a tenth at least.
     pub improved: bool,
 }
 
@@ -218,7 +221,7 @@ impl Findings {
             force_rms_n: force.rms_n,
             signal_to_noise: force.coulomb_n.value / force.coulomb_n.error,
             check: Check { before, after },
-            improved: after.sine_rms_percent < before.sine_rms_percent,
+            improved: after.sine_rms_percent < (1.0 - EQUAL) * before.sine_rms_percent,
         }
     }
 
@@ -227,7 +230,19 @@ impl Findings {
         self.parameters.iter().find(|parameter| parameter.path == path)
     }
 
-    /// What the check says, in one sentence.
+    /// How the muscle follows the check's sine with the tuned values, in words.
+    pub fn word(&self) -> &'static str {
+        let Check { before, after } = self.check;
+        if self.improved {
+            "closer than before"
+        } else if after.sine_rms_percent <= (1.0 + EQUAL) * before.sine_rms_percent {
+            "as closely as before"
+        } else {
+            "less closely than before"
+        }
+    }
+
+    /// What the check says.
     pub fn verdict(&self) -> String {
         let Check { before, after } = self.check;
         let figures = |f: &Figures| {
@@ -236,8 +251,9 @@ impl Findings {
                 f.sine_rms_percent, f.rest_error_percent, f.settled_s, f.overshoot_percent
             )
         };
-        let word = if self.improved { "better" } else { "no better" };
-        format!("check: {word}. before: {}; after: {}", figures(&before), figures(&after))
+        let word = self.word();
+        let (before, after) = (figures(&before), figures(&after));
+        format!("check: the sine is followed {word}\n  before: {before}\n  after:  {after}")
     }
 
     /// For a terminal.

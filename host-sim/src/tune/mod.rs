@@ -247,7 +247,9 @@ fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, Tu
     let switching = loaded.believed.plant.model == PlantModel::Full;
     let switch_time_s =
         switching.then(|| gas.switch_time_s(&records, &plan, conductances)).flatten();
-    let delay_s = inlet.delay_s.between(outlet.delay_s);
+    // Of the outlet: while the inlet opens, the regulator behind it gives way, which looks like a
+    // shorter delay.
+    let delay_s = outlet.delay_s;
     let basis = Basis {
         delay_s,
         area_scale: force.area_scale,

@@ -18,14 +18,11 @@ const STEP_AFTER_S: f64 = 0.3;
 pub fn page(tuned: &Tuned, title: &str) -> String {
     let findings = &tuned.findings;
     let lead = format!(
-        "{:.0} s of ramps and steps of the pressure, up to {:.2} bar. {}.",
+        "{:.0} s of ramps and steps of the pressure, up to {:.2} bar. With the tuned values the muscle \
+         follows a slow sine {}.",
         findings.duration_s,
         findings.highest_pa / 1e5,
-        if findings.improved {
-            "With the tuned values the muscle follows closer than before"
-        } else {
-            "The muscle follows no closer than before: what was told was as good"
-        }
+        findings.word()
     );
     let check = &findings.check;
     Page::new(&format!("{title}, tuned"), &lead, &scenario::render(&tuned.scenario))
