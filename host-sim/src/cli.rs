@@ -7,7 +7,7 @@ mod sweep;
 use crate::board::emulated::EmulatedBoard;
 use crate::board::serial::SerialBoard;
 use crate::board::{Board, BoardError, CoreBoard};
-use crate::evaluate;
+use crate::evaluate::{self, control_page};
 use crate::identify::{self, IdentifyError};
 use crate::input::InputError;
 use crate::measured::Measured;
@@ -21,6 +21,7 @@ use crate::scenario::{self, Loaded};
 use crate::summary::Summary;
 use crate::sweep::SweepError;
 use crate::trace::{COLUMNS, Row, TraceWriter};
+use crate::tune::{self, TuneError};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
@@ -49,6 +50,8 @@ enum Task {
     Identify(IdentifyArgs),
     /// The same run over a grid of values: which sensor is fast enough
     Sweep(sweep::SweepArgs),
+    /// Finds friction, valves and gains by a short experiment on a board
+    Tune(TuneArgs),
     /// Recorded samples through the core again, compared to the bit
     Replay {
         /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
@@ -72,6 +75,9 @@ enum Task {
         /// Nominal scenario [default: scenarios/nominal.toml as built in]
         #[arg(long, value_name = "FILE.toml")]
         scenario: Option<PathBuf>,
+        /// Folder for report.html and the plots of docs/control.md; of `control`
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
     },
     /// Validates a scenario and prints it with every default filled in
     Check {
@@ -123,12 +129,27 @@ struct IdentifyArgs {
     output: OutputArgs,
 }
 
+#[derive(Debug, Args)]
+struct TuneArgs {
+    /// Scenario file (TOML): muscle, load, and what the core is told so far
+    scenario: PathBuf,
+    /// Highest absolute pressure of the experiment, in Pa
+    #[arg(long, value_name = "PA", default_value_t = tune::HIGHEST_PA, value_parser = pressure)]
+    max_pressure: f64,
+    #[command(flatten)]
+    output: OutputArgs,
+    #[command(flatten)]
+    board: BoardArgs,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Subject {
     /// The estimate of the gas temperature
     Estimator,
     /// The muscle at rest, in motion, and against the usual practice
     Control,
+    /// What `thermyo tune` finds of a muscle told wrong, and what that is worth
+    Tune,
 }
 
 #[derive(Debug, Args)]
@@ -147,6 +168,11 @@ enum BoardKind {
     Core,
     Emulated,
     Serial(String),
+}
+
+fn pressure(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0);
+    value.ok_or_else(|| "must be an absolute pressure in Pa, above 0".to_owned())
 }
 
 fn board_kind(text: &str) -> Result<BoardKind, String> {
@@ -186,6 +212,8 @@ enum Failure {
     Identify(IdentifyError),
     /// Exit 2.
     Sweep(SweepError),
+    /// Exit 1: the data of a tuning was not good enough.
+    Tune(tune::Refusal),
     /// Exit 2: arguments that do not go together.
     Usage(String),
     /// Exit 2: the board cannot be used.
@@ -202,6 +230,7 @@ impl fmt::Display for Failure {
             Self::Input(error) => error.fmt(f),
             Self::Identify(error) => error.fmt(f),
             Self::Sweep(error) => error.fmt(f),
+            Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
             Self::Usage(what) => f.write_str(what),
             Self::Board(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
@@ -216,6 +245,16 @@ impl From<InputError> for Failure {
     }
 }
 
+impl From<TuneError> for Failure {
+    fn from(error: TuneError) -> Self {
+        match error {
+            TuneError::Input(error) => Self::Input(error),
+            TuneError::Run(error) => Self::Run(error),
+            TuneError::Refused(refusal) => Self::Tune(refusal),
+        }
+    }
+}
+
 impl Failure {
     fn exit_code(&self) -> u8 {
         match self {
@@ -225,7 +264,10 @@ impl Failure {
             | Self::Board(_)
             | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
             | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
-            Self::Identify(IdentifyError::Diverged(_)) | Self::Run(_) | Self::Check(_) => 1,
+            Self::Identify(IdentifyError::Diverged(_))
+            | Self::Tune(_)
+            | Self::Run(_)
+            | Self::Check(_) => 1,
         }
     }
 }
@@ -256,12 +298,15 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Run(args) => run_command(&args, out),
         Task::Identify(args) => identify_command(&args, out),
         Task::Sweep(args) => sweep::run(args, out),
+        Task::Tune(args) => tune_command(&args, out),
         Task::Replay { trace, board } => replay_command(&trace, &board, out),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
             monitor::run(&port, &folder.join("trace.csv")).map_err(Failure::Board)
         }
-        Task::Evaluate { what, scenario } => evaluate_command(what, scenario.as_deref(), out),
+        Task::Evaluate { what, scenario, out: folder } => {
+            evaluate_command(what, scenario.as_deref(), folder.as_deref(), out)
+        }
         Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
@@ -302,8 +347,13 @@ fn replay_command(trace: &Path, board: &BoardArgs, out: &mut dyn Write) -> Resul
 fn evaluate_command(
     what: Subject,
     path: Option<&Path>,
+    folder: Option<&Path>,
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
+    if folder.is_some() && !matches!(what, Subject::Control) {
+        return Err(Failure::Usage("--out goes with `evaluate control` only".to_owned()));
+    }
+    let drawn = folder.map(OutputDir::create).transpose()?;
     let nominal = match path {
         Some(path) => scenario::load(path)?,
         None => evaluate::nominal()?,
@@ -311,8 +361,17 @@ fn evaluate_command(
     let lines = match what {
         Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
         Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
+        Subject::Tune => evaluate::tune::evaluate(&nominal)?,
     };
     print(out, &evaluate::table(&lines))?;
+    if let Some(mut files) = drawn {
+        let plots = control_page::plots(&nominal)?;
+        for plot in &plots {
+            files.keep_text(plot.file, &plot.svg())?;
+        }
+        files.keep_text("report.html", &control_page::page(&nominal, &lines, &plots))?;
+        files.publish()?;
+    }
     match evaluate::missed(&lines) {
         (0, _) => Ok(()),
         (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),
@@ -356,6 +415,26 @@ fn identify_command(args: &IdentifyArgs, stdout: &mut dyn Write) -> Result<(), F
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
     findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+}
+
+fn tune_command(args: &TuneArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+    let loaded = scenario::load(&args.scenario)?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
+    let mut board = args.board.open()?;
+    let mut out = OutputDir::create(&folder)?;
+    let tuned = tune::tune(&loaded, &args.scenario, args.max_pressure, board.as_mut())?;
+    let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
+    let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    out.keep_text("summary.json", &json)?;
+    out.keep_text("tuned.toml", &scenario::render(&tuned.scenario))?;
+    out.keep_text("report.html", &tune::page(&tuned, &title))?;
+    out.publish()?;
+    if args.output.json {
+        print(stdout, &json)
+    } else {
+        print(stdout, &tuned.findings.text())?;
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
+    }
 }
 
 fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(), Failure> {

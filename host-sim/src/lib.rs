@@ -27,3 +27,4 @@ pub mod summary;
 pub mod sweep;
 pub mod table;
 pub mod trace;
+pub mod tune;

@@ -358,6 +358,23 @@ fn every_drawing_is_well_formed_whatever_the_data() {
 }
 
 #[test]
+fn a_chart_alone_is_a_whole_document() {
+    let time: Vec<f64> = (0..50).map(f64::from).collect();
+    let chart = Chart::new(Axis::new("Time", "s")).panel(
+        Panel::new(Axis::new("Pressure", "bar"))
+            .line("measured", Colour::Blue, &time, &time)
+            .dashed("set point & limit", Colour::Grey, &time, &time),
+    );
+    let svg = chart.document("A step <up>");
+    assert!(svg.starts_with("<svg class=\"chart\" xmlns=\"http://www.w3.org/2000/svg\""), "{svg}");
+    assert!(elements(&svg).unwrap() > 20);
+    for text in ["A step &lt;up&gt;", "measured", "set point &amp; limit", "--blue:"] {
+        assert!(svg.contains(text), "{text}: {svg}");
+    }
+    assert!(svg.len() < 20_000, "{} bytes", svg.len());
+}
+
+#[test]
 fn text_is_escaped_everywhere() {
     let nasty = "<b>&\"'</b>";
     let table = Table {

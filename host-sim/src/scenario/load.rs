@@ -2,7 +2,7 @@
 
 use super::document::{Document, Entries, Entry};
 use super::geometry;
-use super::model::{Muscle, PlantKind, PlantModel, Scenario};
+use super::model::{DriveKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::rules::{self, Fault, Violation};
 use super::schema::{Allowed, Limits, limits};
 use crate::input::{InputError, Problem, read_text};
@@ -35,6 +35,20 @@ impl Loaded {
         let mut other = self.clone();
         other.plant.plant.model = model;
         other.believed.plant.model = model;
+        other
+    }
+
+    /// The same scenario driven along set points \[s, the kind's own unit\] to the last of them, with
+    /// every step logged.
+    ///
+    /// # Panics
+    /// When there is none, or times do not increase.
+    pub fn driven(&self, kind: DriveKind, set_points: Vec<(f64, f64)>) -> Self {
+        let mut other = self.clone();
+        other.plant.run.log_every = 1;
+        other.plant.run.duration_s = set_points.last().map_or(0.0, |point| point.0);
+        other.plant.drive.kind = kind;
+        other.drive_profile = Some(Profile::new(set_points).expect("times increase"));
         other
     }
 }
