@@ -73,7 +73,7 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<Line, TuneError>
             Figure::at_most(
                 "conductance_error_%",
                 error(plant.valve.conductance_m3_s_pa, "valve.conductance_m3_s_pa"),
-                6.0,
+                8.0,
             ),
             Figure::at_least("sine_before_%", rms(&loaded)?, 0.0),
             Figure::at_most("sine_after_%", rms(&tuned.scenario)?, 0.2),
