@@ -50,7 +50,7 @@ use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
 use crate::body::Shape;
 use crate::config::Config;
 use crate::front_end::{CodeSum, Converter};
-use crate::math::{CompensatedSum, exp, limit, sqrt};
+use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
 use crate::sample::{AdcCode, Estimate, OVERSAMPLING};
 use crate::supervisor::PATIENCE_STEPS;
 
@@ -155,6 +155,7 @@ pub struct Estimator {
     gas_code: AdcCode,
     /// The element when the code last changed \[K\].
     code_changed_k: f32,
+    frozen: bool,
     // Since the last interval.
     length_m: f32,
     still_j_k: f32,
@@ -225,6 +226,7 @@ impl Estimator {
             entering: false,
             missing_steps: 0,
             gas_code: AdcCode(0),
+            frozen: false,
             code_changed_k: config.ambient.temperature_k,
             length_m: 0.0,
             still_j_k: 0.0,
@@ -266,8 +268,9 @@ impl Estimator {
             if code != self.gas_code {
                 self.gas_code = code;
                 self.code_changed_k = self.sensor_k;
+                self.frozen = false;
             }
-            if !self.sensor_frozen() {
+            if !self.frozen {
                 self.interval.readings.add(code);
             }
         }
@@ -299,8 +302,7 @@ impl Estimator {
     /// Whether the gas sensor's code stands still while its element must have moved: the readings are
     /// left out until it changes.
     pub fn sensor_frozen(&self) -> bool {
-        let moved_k = self.sensor_k - self.code_changed_k;
-        moved_k > self.frozen_k || moved_k < -self.frozen_k
+        self.frozen
     }
 
     /// The work of an interval, spread over six of its steps and kept clear of those in which the
@@ -344,7 +346,12 @@ impl Estimator {
 
     /// Mass and temperature over one step, from what pressure and volume did.
     fn propagate(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
-        let conductance = self.still_j_k + self.stirred_j_k_kg * self.inflow_kg;
+        // Zeros are slow where there is no FPU.
+        let conductance = if self.closed_steps < LATE_STEPS {
+            self.still_j_k + self.stirred_j_k_kg * self.inflow_kg
+        } else {
+            self.still_j_k
+        };
         let heat_j = conductance * (self.gas_k - self.wall_k);
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
         let closed_j = self.energy_j - work_j - heat_j;
@@ -375,8 +382,8 @@ impl Estimator {
             self.energy_j = closed_j + enthalpy_j;
         }
 
-        let mut inflow_kg = 0.0;
         if self.closed_steps < LATE_STEPS {
+            let mut inflow_kg = 0.0;
             let change_kg = if self.entering {
                 inflow_kg = enthalpy_j * self.per_cp_supply;
                 self.interval.inflow_kg += inflow_kg;
@@ -385,9 +392,11 @@ impl Estimator {
                 enthalpy_j * self.per_cp / self.gas_k
             };
             self.mass_kg.add(change_kg);
+            self.inflow_kg += INFLOW_SHARE * (inflow_kg - self.inflow_kg);
             self.interval.flowing_steps += 1;
+        } else {
+            self.inflow_kg = 0.0;
         }
-        self.inflow_kg += INFLOW_SHARE * (inflow_kg - self.inflow_kg);
         self.gas_k = self.temperature_k();
         self.interval.gas_k += self.gas_k;
     }
@@ -453,6 +462,7 @@ impl Estimator {
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
         let sensor_change_k = lag_share * (self.housing_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
+        self.frozen |= absolute(self.sensor_k - self.code_changed_k) > self.frozen_k;
         self.set_conductance(surface_m2);
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
