@@ -2,13 +2,16 @@
 //!
 //! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
 
+mod board;
+mod evaluate;
+mod failure;
 mod sweep;
+mod tune;
 
-use crate::board::emulated::EmulatedBoard;
-use crate::board::serial::SerialBoard;
-use crate::board::{Board, BoardError, CoreBoard};
-use crate::evaluate::{self, control_page};
-use crate::identify::{self, IdentifyError};
+use self::board::BoardArgs;
+use self::failure::Failure;
+use crate::board::{Board, CoreBoard};
+use crate::identify;
 use crate::input::InputError;
 use crate::measured::Measured;
 use crate::monitor;
@@ -19,13 +22,10 @@ use crate::reproduce;
 use crate::run::{self, RunError};
 use crate::scenario::{self, Loaded};
 use crate::summary::Summary;
-use crate::sweep::SweepError;
 use crate::trace::{COLUMNS, Row, TraceWriter};
-use crate::tune::{self, TuneError};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
-use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -51,7 +51,7 @@ enum Task {
     /// The same run over a grid of values: which sensor is fast enough
     Sweep(sweep::SweepArgs),
     /// Finds friction, valves and gains by a short experiment on a board
-    Tune(TuneArgs),
+    Tune(tune::TuneArgs),
     /// Recorded samples through the core again, compared to the bit
     Replay {
         /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
@@ -68,17 +68,7 @@ enum Task {
         out: Option<PathBuf>,
     },
     /// Measures the project's own targets and prints a table of target and figure
-    Evaluate {
-        /// What to evaluate
-        #[arg(value_enum)]
-        what: Subject,
-        /// Nominal scenario [default: scenarios/nominal.toml as built in]
-        #[arg(long, value_name = "FILE.toml")]
-        scenario: Option<PathBuf>,
-        /// Folder for report.html and the plots of docs/control.md; of `control`
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
-    },
+    Evaluate(evaluate::EvaluateArgs),
     /// Validates a scenario and prints it with every default filled in
     Check {
         /// Scenario file (TOML)
@@ -129,149 +119,6 @@ struct IdentifyArgs {
     output: OutputArgs,
 }
 
-#[derive(Debug, Args)]
-struct TuneArgs {
-    /// Scenario file (TOML): muscle, load, and what the core is told so far
-    scenario: PathBuf,
-    /// Highest absolute pressure of the experiment, in Pa
-    #[arg(long, value_name = "PA", default_value_t = tune::HIGHEST_PA, value_parser = pressure)]
-    max_pressure: f64,
-    #[command(flatten)]
-    output: OutputArgs,
-    #[command(flatten)]
-    board: BoardArgs,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Subject {
-    /// The estimate of the gas temperature
-    Estimator,
-    /// The muscle at rest, in motion, and against the usual practice
-    Control,
-    /// What `thermyo tune` finds of a muscle told wrong, and what that is worth
-    Tune,
-}
-
-#[derive(Debug, Args)]
-struct BoardArgs {
-    /// Where the core runs: "core" (in this process), "emulated" (the firmware on an emulated
-    /// RP2040) or "serial:PORT" (a flashed board, firmware built with its feature `hil`)
-    #[arg(long, value_name = "BOARD", default_value = "core", value_parser = board_kind)]
-    board: BoardKind,
-    /// Image for the emulated board, ELF or UF2 [default: the firmware of this checkout]
-    #[arg(long, value_name = "FILE")]
-    image: Option<PathBuf>,
-}
-
-#[derive(Debug, Clone)]
-enum BoardKind {
-    Core,
-    Emulated,
-    Serial(String),
-}
-
-fn pressure(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0);
-    value.ok_or_else(|| "must be an absolute pressure in Pa, above 0".to_owned())
-}
-
-fn board_kind(text: &str) -> Result<BoardKind, String> {
-    match (text, text.strip_prefix("serial:")) {
-        ("core", _) => Ok(BoardKind::Core),
-        ("emulated", _) => Ok(BoardKind::Emulated),
-        (_, Some(port)) if !port.is_empty() => Ok(BoardKind::Serial(port.to_owned())),
-        _ => Err("must be core, emulated or serial:PORT".to_owned()),
-    }
-}
-
-impl BoardArgs {
-    fn open(&self) -> Result<Box<dyn Board>, Failure> {
-        let board: Result<Box<dyn Board>, BoardError> = match (&self.board, &self.image) {
-            (BoardKind::Core, None) => return Ok(Box::new(CoreBoard::default())),
-            (BoardKind::Emulated, None) => EmulatedBoard::new().map(|board| Box::new(board) as _),
-            (BoardKind::Emulated, Some(image)) => {
-                EmulatedBoard::with_image(image).map(|board| Box::new(board) as _)
-            }
-            (BoardKind::Serial(port), None) => {
-                SerialBoard::open(port).map(|board| Box::new(board) as _)
-            }
-            (BoardKind::Core | BoardKind::Serial(_), Some(_)) => {
-                return Err(Failure::Usage("--image goes with --board emulated only".to_owned()));
-            }
-        };
-        board.map_err(Failure::Board)
-    }
-}
-
-/// Why the command does not end with 0.
-#[derive(Debug)]
-enum Failure {
-    /// Exit 2.
-    Input(InputError),
-    /// Exit 2, or 1 where the plant diverges.
-    Identify(IdentifyError),
-    /// Exit 2.
-    Sweep(SweepError),
-    /// Exit 1: the data of a tuning was not good enough.
-    Tune(tune::Refusal),
-    /// Exit 2: arguments that do not go together.
-    Usage(String),
-    /// Exit 2: the board cannot be used.
-    Board(BoardError),
-    /// Exit 1.
-    Run(RunError),
-    /// Exit 1: it ran, and a stated check did not hold.
-    Check(String),
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Input(error) => error.fmt(f),
-            Self::Identify(error) => error.fmt(f),
-            Self::Sweep(error) => error.fmt(f),
-            Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
-            Self::Usage(what) => f.write_str(what),
-            Self::Board(error) => error.fmt(f),
-            Self::Run(error) => error.fmt(f),
-            Self::Check(what) => f.write_str(what),
-        }
-    }
-}
-
-impl From<InputError> for Failure {
-    fn from(error: InputError) -> Self {
-        Self::Input(error)
-    }
-}
-
-impl From<TuneError> for Failure {
-    fn from(error: TuneError) -> Self {
-        match error {
-            TuneError::Input(error) => Self::Input(error),
-            TuneError::Run(error) => Self::Run(error),
-            TuneError::Refused(refusal) => Self::Tune(refusal),
-        }
-    }
-}
-
-impl Failure {
-    fn exit_code(&self) -> u8 {
-        match self {
-            Self::Input(_)
-            | Self::Sweep(_)
-            | Self::Usage(_)
-            | Self::Board(_)
-            | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
-            | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
-            Self::Identify(IdentifyError::Diverged(_))
-            | Self::Tune(_)
-            | Self::Run(_)
-            | Self::Check(_) => 1,
-        }
-    }
-}
-
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
     ExitCode::from(run(std::env::args_os(), &mut io::stdout(), &mut io::stderr()))
@@ -298,15 +145,13 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Run(args) => run_command(&args, out),
         Task::Identify(args) => identify_command(&args, out),
         Task::Sweep(args) => sweep::run(args, out),
-        Task::Tune(args) => tune_command(&args, out),
+        Task::Tune(args) => tune::run(&args, out),
         Task::Replay { trace, board } => replay_command(&trace, &board, out),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
             monitor::run(&port, &folder.join("trace.csv")).map_err(Failure::Board)
         }
-        Task::Evaluate { what, scenario, out: folder } => {
-            evaluate_command(what, scenario.as_deref(), folder.as_deref(), out)
-        }
+        Task::Evaluate(args) => evaluate::run(&args, out),
         Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
@@ -341,40 +186,6 @@ fn replay_command(trace: &Path, board: &BoardArgs, out: &mut dyn Write) -> Resul
             first.recorded.estimate,
             first.replayed.estimate
         ))),
-    }
-}
-
-fn evaluate_command(
-    what: Subject,
-    path: Option<&Path>,
-    folder: Option<&Path>,
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
-    if folder.is_some() && !matches!(what, Subject::Control) {
-        return Err(Failure::Usage("--out goes with `evaluate control` only".to_owned()));
-    }
-    let drawn = folder.map(OutputDir::create).transpose()?;
-    let nominal = match path {
-        Some(path) => scenario::load(path)?,
-        None => evaluate::nominal()?,
-    };
-    let lines = match what {
-        Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
-        Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
-        Subject::Tune => evaluate::tune::evaluate(&nominal)?,
-    };
-    print(out, &evaluate::table(&lines))?;
-    if let Some(mut files) = drawn {
-        let plots = control_page::plots(&nominal)?;
-        for plot in &plots {
-            files.keep_text(plot.file, &plot.svg())?;
-        }
-        files.keep_text("report.html", &control_page::page(&nominal, &lines, &plots))?;
-        files.publish()?;
-    }
-    match evaluate::missed(&lines) {
-        (0, _) => Ok(()),
-        (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),
     }
 }
 
@@ -415,26 +226,6 @@ fn identify_command(args: &IdentifyArgs, stdout: &mut dyn Write) -> Result<(), F
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
     findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
-}
-
-fn tune_command(args: &TuneArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
-    let loaded = scenario::load(&args.scenario)?;
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
-    let mut board = args.board.open()?;
-    let mut out = OutputDir::create(&folder)?;
-    let tuned = tune::tune(&loaded, &args.scenario, args.max_pressure, board.as_mut())?;
-    let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
-    let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
-    out.keep_text("summary.json", &json)?;
-    out.keep_text("tuned.toml", &scenario::render(&tuned.scenario))?;
-    out.keep_text("report.html", &tune::page(&tuned, &title))?;
-    out.publish()?;
-    if args.output.json {
-        print(stdout, &json)
-    } else {
-        print(stdout, &tuned.findings.text())?;
-        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
-    }
 }
 
 fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
