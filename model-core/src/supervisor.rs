@@ -94,7 +94,9 @@ impl Supervisor {
         self.pressure_sensor_steps = count(at_rail(sample.pressure), self.pressure_sensor_steps);
         self.overpressure_steps = count(pressure_pa > limit_pa, self.overpressure_steps);
         let standing = self.pressure.add(sample.pressure);
-        self.frozen_steps = count(standing && filling, self.frozen_steps);
+        // Once frozen, it is until it moves.
+        let frozen = self.frozen_steps >= FROZEN_STEPS;
+        self.frozen_steps = count(standing && (filling || frozen), self.frozen_steps);
         self.length.add(sample.length);
         let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
             || self.frozen_steps >= FROZEN_STEPS
@@ -205,6 +207,10 @@ mod tests {
         }
         assert_eq!(supervisor.faults(), Faults::PRESSURE_SENSOR);
         assert!(supervisor.must_vent());
+        supervisor.step(&moved, 2.0e5, 6.9e5, false);
+        assert!(!supervisor.pressure_trusted(), "while it stands still");
+        supervisor.step(&HEALTHY, 2.0e5, 6.9e5, false);
+        assert!(supervisor.pressure_trusted() && supervisor.must_vent(), "it moves");
     }
 
     #[test]

@@ -1,0 +1,125 @@
+//! The gas temperature: short cases of what `thermyo evaluate estimator` measures in full, and what a
+//! broken line does to it. Bounds on both sides: a figure far better than it can be is a broken
+//! measurement.
+
+use model_core::Faults;
+use system_tests::{Finished, run_text};
+
+/// The nominal cycle, which the scenario's defaults are, in the plant of that name.
+fn cycle(model: &str, more: &str) -> Finished {
+    let text =
+        format!("[run]\nduration_s = 40.0\nlog_every = 5\n[plant]\nmodel = \"{model}\"\n{more}");
+    run_text(&text, &[])
+}
+
+/// The nominal cycle with a line that is broken from 15 s to 25 s.
+fn broken(line: &str, fault: &str) -> Finished {
+    cycle("lumped", &format!("[faults]\n{line} = \"{fault}\"\nfrom_s = 15.0\nuntil_s = 25.0\n"))
+}
+
+/// What the estimate was worth from one time to another.
+struct Worth {
+    /// RMS error [K].
+    error_k: f64,
+    /// Share of the time within two stated deviations.
+    within: f64,
+    /// Share of the time in which it was marked as valid.
+    valid: f64,
+    faults: u16,
+}
+
+fn worth(run: &Finished, from_s: f64, until_s: f64) -> Worth {
+    let [time, truth, estimate, deviation, valid, faults] =
+        ["time_s", "gas_temperature_k", "estimate_k", "estimate_sd_k", "estimate_valid", "faults"]
+            .map(|name| run.column(name));
+    let rows: Vec<usize> =
+        (0..time.len()).filter(|&i| (from_s..until_s).contains(&time[i])).collect();
+    let mean = |value: &dyn Fn(usize) -> f64| {
+        rows.iter().map(|&i| value(i)).sum::<f64>() / rows.len() as f64
+    };
+    let error = |i: usize| estimate[i] - truth[i];
+    Worth {
+        error_k: mean(&|i| error(i).powi(2)).sqrt(),
+        within: mean(&|i| f64::from(u8::from(error(i).abs() <= 2.0 * deviation[i]))),
+        valid: mean(&|i| valid[i]),
+        faults: rows.iter().fold(0, |all, &i| all | faults[i] as u16),
+    }
+}
+
+fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
+    assert!((low..=high).contains(&value), "{what}: {value}, allowed {low} to {high}");
+}
+
+#[test]
+fn told_right_told_wrong_and_started_wrong() {
+    let cold = "[believed.heat]\nscale = 0.7\n";
+    let quick = "[believed.sensor.gas]\ntime_constant_s = 2.4\n";
+    let warm = "initial_temperature_k = 308.0\n";
+    for (what, lumped, full) in [
+        ("", (0.03, 0.06), (0.25, 0.4)),
+        (cold, (0.1, 0.3), (0.35, 0.6)),
+        (quick, (0.1, 0.5), (0.1, 0.8)),
+        (warm, (0.03, 0.1), (0.2, 0.6)),
+    ] {
+        for (model, bounds_k) in [("lumped", lumped), ("full", full)] {
+            let worth = worth(&cycle(model, what), 15.0, 40.0);
+            assert_within(&format!("{model} {what}"), worth.error_k, bounds_k);
+            // The deviation is still being learned; over 100 s it is 0.85 and more.
+            assert!(worth.within > 0.75, "{model} {what}: {} within two deviations", worth.within);
+            assert!(worth.valid > 0.85, "{model} {what}: valid {}", worth.valid);
+            assert_eq!(worth.faults, 0, "{model} {what}");
+        }
+    }
+}
+
+#[test]
+fn a_lost_gas_sensor_costs_little() {
+    for (fault, shown, bounds_k) in [
+        ("open", Faults::GAS_SENSOR, (0.03, 0.1)),
+        ("shorted", Faults::GAS_SENSOR, (0.03, 0.1)),
+        ("frozen", Faults::GAS_SENSOR, (0.03, 0.5)),
+        // It averages out.
+        ("noisy", Faults::NONE, (0.03, 0.3)),
+    ] {
+        let run = broken("gas", fault);
+        let lost = worth(&run, 15.0, 25.0);
+        assert_within(fault, lost.error_k, bounds_k);
+        assert_eq!(lost.faults, shown.0, "{fault}");
+        assert!(lost.within > 0.85, "{fault}: {}", lost.within);
+        let again = worth(&run, 35.0, 40.0);
+        assert_within(fault, again.error_k, (0.03, 0.15));
+        assert_eq!((again.valid, again.faults), (1.0, 0), "{fault}");
+    }
+}
+
+#[test]
+fn without_pressure_there_is_no_estimate_and_then_there_is_again() {
+    for fault in ["open", "shorted", "frozen", "noisy"] {
+        let run = broken("pressure", fault);
+        let lost = worth(&run, 15.5, 25.0);
+        assert_eq!(lost.valid, 0.0, "{fault}");
+        assert!(lost.within > 0.99, "{fault}: the stated deviation is as large as can be");
+        assert_ne!(lost.faults & Faults::PRESSURE_SENSOR.0, 0, "{fault}");
+        // Latched: the muscle stays vented, and the estimate is right again.
+        let again = worth(&run, 35.0, 40.0);
+        assert_within(fault, again.error_k, (1e-6, 0.3));
+        assert_eq!(again.valid, 1.0, "{fault}");
+        assert_ne!(again.faults & Faults::PRESSURE_SENSOR.0, 0, "{fault}");
+        assert!(run.column("estimate_sd_k").iter().all(|sd| sd.is_finite()), "{fault}");
+    }
+}
+
+#[test]
+fn the_load_tells_the_length_where_its_sensor_is_absent() {
+    for (fault, bounds_k) in [("open", (0.1, 0.5)), ("shorted", (0.1, 0.5)), ("noisy", (0.1, 2.0))]
+    {
+        let run = broken("length", fault);
+        let lost = worth(&run, 16.0, 25.0);
+        assert_within(fault, lost.error_k, bounds_k);
+        assert_ne!(lost.faults & Faults::LENGTH_SENSOR.0, 0, "{fault}");
+        assert_within(fault, worth(&run, 35.0, 40.0).error_k, (0.03, 0.3));
+    }
+    // From the start on, against a constant load.
+    let never = cycle("lumped", "[faults]\nlength = \"open\"\nfrom_s = 0.0\nuntil_s = 40.0\n");
+    assert_within("never there", worth(&never, 10.0, 40.0).error_k, (0.1, 0.5));
+}
