@@ -21,13 +21,17 @@ const SETTLED_S: f64 = 10.0;
 const RECOVERED_S: f64 = 15.0;
 
 /// A case: a name, what it changes, and its bounds on the RMS error for `lumped` and `full` \[K\].
-struct Case {
-    name: &'static str,
-    change: fn(&mut Loaded),
+#[derive(Debug, Clone, Copy)]
+pub struct Case {
+    /// What it is called in the table.
+    pub name: &'static str,
+    /// What it changes in the nominal scenario.
+    pub change: fn(&mut Loaded),
     bounds_k: [f64; 2],
     /// Bounds on the share of time within two stated standard deviations.
     within: (f64, f64),
-    from_s: f64,
+    /// The errors count from here on \[s\].
+    pub from_s: f64,
 }
 
 /// Largest error of the estimate, in errors of the smoother that knows the whole run.
@@ -37,7 +41,7 @@ const NOMINAL: (f64, f64) = (0.93, 0.97);
 const MISMATCHED: (f64, f64) = (0.85, 1.0);
 
 /// Every case of the table.
-fn cases() -> Vec<Case> {
+pub fn cases() -> Vec<Case> {
     let case = |name, bounds_k, change| Case {
         name,
         change,
