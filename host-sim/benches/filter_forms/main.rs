@@ -2,11 +2,13 @@
 //! each makes of them, what 10^8 steps of f32 do to it, what it costs. `docs/estimator.md` discusses the
 //! table.
 //!
-//!     cargo bench --bench filter_forms
+//!     cargo bench --bench filter_forms                  # the tables
+//!     cargo bench --bench filter_forms -- --plots       # and the plots of docs/estimator.md
 
 #[path = "../../../model-core/src/estimator/covariance.rs"]
 mod covariance;
 mod forms;
+mod plots;
 mod record;
 
 use forms::{Counted, Dense, Form, Interval, Joseph, N, Named, Steady, Ud};
@@ -35,6 +37,14 @@ fn main() {
     forms_table(&recordings, steady);
     println!();
     steady_table([&lumped, &full], steady);
+    if std::env::args().any(|argument| argument == "--plots") {
+        let mut believed_low = lumped.clone();
+        believed_low.believed.heat.inner_w_m2_k *= 0.7;
+        believed_low.believed.heat.inner_per_flow *= 0.7;
+        let low = Recording::new(&believed_low);
+        let errors = [errors_k(&low, &mut Named(low.first)), errors_k(&low, &mut steady.clone())];
+        plots::write(&full, &recordings[1], &errors).expect("docs/ can be written to");
+    }
 }
 
 /// Every form on the nominal cycle, and after 10^8 steps of it.
@@ -125,10 +135,18 @@ fn at_the_edge(interval: &Interval) -> Interval {
     Interval { matrix, drift, keep: 1.0 - forget, reading_k2: READING_K2, ..*interval }
 }
 
-/// RMS error \[K\] of the estimator with the gains of another form.
-fn rms_k(recording: &Recording, times: (f64, f64), form: &mut dyn Form) -> f64 {
+/// Errors of the estimator with the gains of another form, step by step \[K\].
+fn errors_k(recording: &Recording, form: &mut dyn Form) -> Vec<f64> {
     let mut core = Named(recording.first);
-    recording.rms_k(times, |interval| step(&mut core, interval), |interval| step(form, interval))
+    recording.errors_k(|interval| step(&mut core, interval), |interval| step(form, interval))
+}
+
+/// Their RMS over a part of the run \[s\].
+fn rms_k(recording: &Recording, (from_s, to_s): (f64, f64), form: &mut dyn Form) -> f64 {
+    let errors_k = errors_k(recording, form);
+    let [from, to] = [from_s, to_s].map(|s| ((s * 1000.0) as usize).min(errors_k.len()));
+    let part = &errors_k[from..to];
+    (part.iter().map(|error_k| error_k * error_k).sum::<f64>() / part.len() as f64).sqrt()
 }
 
 /// One interval of a form; the gain.

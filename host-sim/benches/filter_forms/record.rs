@@ -3,7 +3,7 @@
 //! It keeps its matrices to itself; what it prints of itself (`{:?}`) tells them to the last bit.
 
 use crate::covariance::{Covariance, Transition};
-use crate::forms::{Interval, N};
+use crate::forms::{Interval, N, SENSOR};
 use host_sim::board::{Board, BoardError, BoardStep};
 use host_sim::run;
 use host_sim::scenario::Loaded;
@@ -180,37 +180,34 @@ impl Recording {
         Self { intervals, first, last, telemetry, truth_k }
     }
 
-    /// RMS error of the estimator with other gains, to first order \[K\]:
+    /// Error at every step of the estimator with other gains, to first order \[K\]:
     /// e' = A e, e = e' + K (v - e'_s) - K_core v. T moves by u = dT/T.
-    pub fn rms_k(
+    pub fn errors_k(
         &self,
-        (from_s, to_s): (f64, f64),
         mut core: impl FnMut(&Interval) -> [f64; N],
         mut other: impl FnMut(&Interval) -> [f64; N],
-    ) -> f64 {
-        let interval_steps = usize::from(INTERVAL_STEPS);
-        let [from, to] = [from_s, to_s].map(|s| ((s * 1000.0) as usize).min(self.truth_k.len()));
-        let (mut error, mut squares) = ([0.0; N], 0.0);
-        let mut at = interval_steps;
-        for interval in &self.intervals {
-            let before = error;
-            error = interval.matrix.map(|row| {
-                row.iter().zip(before).map(|(entry, error)| f64::from(*entry) * error).sum()
-            });
-            let (core_gain, gain) = (core(interval), other(interval));
-            if let Some(innovation_k) = interval.innovation_k.map(f64::from) {
-                let seen = innovation_k - error[crate::forms::SENSOR];
-                for i in 0..N {
-                    error[i] += gain[i] * seen - core_gain[i] * innovation_k;
+    ) -> Vec<f64> {
+        let steps = self.telemetry.iter().zip(&self.truth_k);
+        let mut errors_k: Vec<f64> = Vec::with_capacity(self.truth_k.len());
+        let (mut error, mut correcting) = ([0.0; N], self.intervals.iter());
+        for (step, (telemetry, truth_k)) in steps.enumerate() {
+            if step > 0 && step.is_multiple_of(usize::from(INTERVAL_STEPS)) {
+                if let Some(interval) = correcting.next() {
+                    let before = error;
+                    error = interval.matrix.map(|row| {
+                        row.iter().zip(before).map(|(entry, e)| f64::from(*entry) * e).sum()
+                    });
+                    let (core_gain, gain) = (core(interval), other(interval));
+                    if let Some(innovation_k) = interval.innovation_k.map(f64::from) {
+                        let seen = innovation_k - error[SENSOR];
+                        for i in 0..N {
+                            error[i] += gain[i] * seen - core_gain[i] * innovation_k;
+                        }
+                    }
                 }
             }
-            let end = (at + interval_steps).min(self.truth_k.len());
-            for step in at.max(from)..end.min(to) {
-                let core_k = f64::from(self.telemetry[step].estimate.gas_k);
-                squares += (core_k * (1.0 + error[0]) - self.truth_k[step]).powi(2);
-            }
-            at = end;
+            errors_k.push(f64::from(telemetry.estimate.gas_k) * (1.0 + error[0]) - truth_k);
         }
-        (squares / (to - from) as f64).sqrt()
+        errors_k
     }
 }
