@@ -191,18 +191,17 @@ impl Recording {
         let mut errors_k: Vec<f64> = Vec::with_capacity(self.truth_k.len());
         let (mut error, mut correcting) = ([0.0; N], self.intervals.iter());
         for (step, (telemetry, truth_k)) in steps.enumerate() {
-            if step > 0 && step.is_multiple_of(usize::from(INTERVAL_STEPS)) {
-                if let Some(interval) = correcting.next() {
-                    let before = error;
-                    error = interval.matrix.map(|row| {
-                        row.iter().zip(before).map(|(entry, e)| f64::from(*entry) * e).sum()
-                    });
-                    let (core_gain, gain) = (core(interval), other(interval));
-                    if let Some(innovation_k) = interval.innovation_k.map(f64::from) {
-                        let seen = innovation_k - error[SENSOR];
-                        for i in 0..N {
-                            error[i] += gain[i] * seen - core_gain[i] * innovation_k;
-                        }
+            let ended = step > 0 && step.is_multiple_of(usize::from(INTERVAL_STEPS));
+            if ended && let Some(interval) = correcting.next() {
+                let before = error;
+                error = interval.matrix.map(|row| {
+                    row.iter().zip(before).map(|(entry, e)| f64::from(*entry) * e).sum()
+                });
+                let (core_gain, gain) = (core(interval), other(interval));
+                if let Some(innovation_k) = interval.innovation_k.map(f64::from) {
+                    let seen = innovation_k - error[SENSOR];
+                    for i in 0..N {
+                        error[i] += gain[i] * seen - core_gain[i] * innovation_k;
                     }
                 }
             }
