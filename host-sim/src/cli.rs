@@ -2,11 +2,16 @@
 //!
 //! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
 
-use crate::board::emulated::EmulatedBoard;
-use crate::board::serial::SerialBoard;
-use crate::board::{Board, BoardError, CoreBoard};
-use crate::evaluate;
-use crate::identify::{self, IdentifyError};
+mod board;
+mod evaluate;
+mod failure;
+mod sweep;
+mod tune;
+
+use self::board::BoardArgs;
+use self::failure::Failure;
+use crate::board::{Board, CoreBoard};
+use crate::identify;
 use crate::input::InputError;
 use crate::measured::Measured;
 use crate::monitor;
@@ -18,10 +23,9 @@ use crate::run::{self, RunError};
 use crate::scenario::{self, Loaded};
 use crate::summary::Summary;
 use crate::trace::{COLUMNS, Row, TraceWriter};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
-use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -44,6 +48,10 @@ enum Task {
     Run(RunArgs),
     /// Finds the parameters that make the plant follow recorded data
     Identify(IdentifyArgs),
+    /// The same run over a grid of values: which sensor is fast enough
+    Sweep(sweep::SweepArgs),
+    /// Finds friction, valves and gains by a short experiment on a board
+    Tune(tune::TuneArgs),
     /// Recorded samples through the core again, compared to the bit
     Replay {
         /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
@@ -60,14 +68,7 @@ enum Task {
         out: Option<PathBuf>,
     },
     /// Measures the project's own targets and prints a table of target and figure
-    Evaluate {
-        /// What to evaluate
-        #[arg(value_enum)]
-        what: Subject,
-        /// Nominal scenario [default: scenarios/nominal.toml as built in]
-        #[arg(long, value_name = "FILE.toml")]
-        scenario: Option<PathBuf>,
-    },
+    Evaluate(evaluate::EvaluateArgs),
     /// Validates a scenario and prints it with every default filled in
     Check {
         /// Scenario file (TOML)
@@ -77,7 +78,7 @@ enum Task {
 
 #[derive(Debug, Args)]
 struct OutputArgs {
-    /// Folder for summary.json, trace.csv and report.html [default: out/<command>]
+    /// Folder for the results, report.html among them [default: out/<command>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the summary as JSON on standard output
@@ -118,109 +119,6 @@ struct IdentifyArgs {
     output: OutputArgs,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Subject {
-    /// The estimate of the gas temperature
-    Estimator,
-    /// The muscle at rest, in motion, and against the usual practice
-    Control,
-}
-
-#[derive(Debug, Args)]
-struct BoardArgs {
-    /// Where the core runs: "core" (in this process), "emulated" (the firmware on an emulated
-    /// RP2040) or "serial:PORT" (a flashed board, firmware built with its feature `hil`)
-    #[arg(long, value_name = "BOARD", default_value = "core", value_parser = board_kind)]
-    board: BoardKind,
-    /// Image for the emulated board, ELF or UF2 [default: the firmware of this checkout]
-    #[arg(long, value_name = "FILE")]
-    image: Option<PathBuf>,
-}
-
-#[derive(Debug, Clone)]
-enum BoardKind {
-    Core,
-    Emulated,
-    Serial(String),
-}
-
-fn board_kind(text: &str) -> Result<BoardKind, String> {
-    match (text, text.strip_prefix("serial:")) {
-        ("core", _) => Ok(BoardKind::Core),
-        ("emulated", _) => Ok(BoardKind::Emulated),
-        (_, Some(port)) if !port.is_empty() => Ok(BoardKind::Serial(port.to_owned())),
-        _ => Err("must be core, emulated or serial:PORT".to_owned()),
-    }
-}
-
-impl BoardArgs {
-    fn open(&self) -> Result<Box<dyn Board>, Failure> {
-        let board: Result<Box<dyn Board>, BoardError> = match (&self.board, &self.image) {
-            (BoardKind::Core, None) => return Ok(Box::new(CoreBoard::default())),
-            (BoardKind::Emulated, None) => EmulatedBoard::new().map(|board| Box::new(board) as _),
-            (BoardKind::Emulated, Some(image)) => {
-                EmulatedBoard::with_image(image).map(|board| Box::new(board) as _)
-            }
-            (BoardKind::Serial(port), None) => {
-                SerialBoard::open(port).map(|board| Box::new(board) as _)
-            }
-            (BoardKind::Core | BoardKind::Serial(_), Some(_)) => {
-                return Err(Failure::Usage("--image goes with --board emulated only".to_owned()));
-            }
-        };
-        board.map_err(Failure::Board)
-    }
-}
-
-/// Why the command does not end with 0.
-#[derive(Debug)]
-enum Failure {
-    /// Exit 2.
-    Input(InputError),
-    /// Exit 2, or 1 where the plant diverges.
-    Identify(IdentifyError),
-    /// Exit 2: arguments that do not go together.
-    Usage(String),
-    /// Exit 2: the board cannot be used.
-    Board(BoardError),
-    /// Exit 1.
-    Run(RunError),
-    /// Exit 1: it ran, and a stated check did not hold.
-    Check(String),
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Input(error) => error.fmt(f),
-            Self::Identify(error) => error.fmt(f),
-            Self::Usage(what) => f.write_str(what),
-            Self::Board(error) => error.fmt(f),
-            Self::Run(error) => error.fmt(f),
-            Self::Check(what) => f.write_str(what),
-        }
-    }
-}
-
-impl From<InputError> for Failure {
-    fn from(error: InputError) -> Self {
-        Self::Input(error)
-    }
-}
-
-impl Failure {
-    fn exit_code(&self) -> u8 {
-        match self {
-            Self::Input(_)
-            | Self::Usage(_)
-            | Self::Board(_)
-            | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
-            | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
-            Self::Identify(IdentifyError::Diverged(_)) | Self::Run(_) | Self::Check(_) => 1,
-        }
-    }
-}
-
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
     ExitCode::from(run(std::env::args_os(), &mut io::stdout(), &mut io::stderr()))
@@ -246,12 +144,14 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Reproduce(args) => reproduce_command(&args, out),
         Task::Run(args) => run_command(&args, out),
         Task::Identify(args) => identify_command(&args, out),
+        Task::Sweep(args) => sweep::run(args, out),
+        Task::Tune(args) => tune::run(&args, out),
         Task::Replay { trace, board } => replay_command(&trace, &board, out),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
             monitor::run(&port, &folder.join("trace.csv")).map_err(Failure::Board)
         }
-        Task::Evaluate { what, scenario } => evaluate_command(what, scenario.as_deref(), out),
+        Task::Evaluate(args) => evaluate::run(&args, out),
         Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
@@ -286,26 +186,6 @@ fn replay_command(trace: &Path, board: &BoardArgs, out: &mut dyn Write) -> Resul
             first.recorded.estimate,
             first.replayed.estimate
         ))),
-    }
-}
-
-fn evaluate_command(
-    what: Subject,
-    path: Option<&Path>,
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
-    let nominal = match path {
-        Some(path) => scenario::load(path)?,
-        None => evaluate::nominal()?,
-    };
-    let lines = match what {
-        Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
-        Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
-    };
-    print(out, &evaluate::table(&lines))?;
-    match evaluate::missed(&lines) {
-        (0, _) => Ok(()),
-        (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),
     }
 }
 
@@ -376,7 +256,7 @@ fn record(
     let trace_path = out.path().join("trace.csv");
     let unwritable = |error: &io::Error| InputError::output(&trace_path, error);
     let mut writer = TraceWriter::new(out.file()?).map_err(|error| unwritable(&error))?;
-    let bar = progress_bar(loaded.plant.run.duration_s, args.quiet);
+    let bar = progress_bar((loaded.plant.run.duration_s * 1000.0) as u64, args.quiet);
     let mut observer = |row: &Row| {
         writer.write(&row.cells())?;
         each(row);
@@ -451,14 +331,14 @@ fn brief(summary: &Summary, folder: &Path) -> String {
     text + &format!("report: {}\n", folder.join("report.html").display())
 }
 
-fn progress_bar(duration_s: f64, quiet: bool) -> ProgressBar {
+fn progress_bar(length: u64, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }
     let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {msg}eta {eta}")
         .expect("the template is a constant");
     // Drawn on standard error, and only where that is a terminal.
-    ProgressBar::new((duration_s * 1000.0) as u64).with_style(style)
+    ProgressBar::new(length).with_style(style)
 }
 
 fn print(out: &mut dyn Write, text: &str) -> Result<(), Failure> {

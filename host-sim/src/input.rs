@@ -72,6 +72,14 @@ pub enum Problem {
         /// What it may be.
         allowed: String,
     },
+    /// A key that takes no number, where one is given.
+    #[error("{key} takes no number: it is {allowed}")]
+    NotANumber {
+        /// Its whole path.
+        key: String,
+        /// What it may be.
+        allowed: String,
+    },
     /// A value that others make necessary.
     #[error("{key} is missing: {why}")]
     Missing {

@@ -30,10 +30,13 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["check", &unknown], "did you mean heat.inner_w_m2_k"),
         (vec!["run", &unknown, "--board", "toaster"], "must be core, emulated or serial:PORT"),
         (vec!["replay", &missing], "scenario.toml"),
+        (vec!["tune", &missing], "missing.toml: no such file"),
+        (vec!["tune", &unknown, "--max-pressure", "nan"], "must be an absolute pressure"),
+        (vec!["evaluate", "tune"], "--out goes with `evaluate control` only"),
     ] {
         let mut all = arguments.clone();
         let place = out.display().to_string();
-        if arguments[0] == "run" {
+        if ["run", "tune", "evaluate"].contains(&arguments[0]) {
             all.extend(["--out", &place]);
         }
         let output = thermyo(&all);

@@ -8,7 +8,7 @@ use std::path::Path;
 use host_sim::report::Colour;
 use host_sim::report::bars::Bars;
 use host_sim::report::chart::{Axis, Chart, Panel};
-use host_sim::report::heatmap::Heatmap;
+use host_sim::report::heatmap::{Heatmap, Style};
 use host_sim::report::muscle::Muscle;
 use host_sim::report::page::{Figure, Page, Section, Table, Tile};
 use host_sim::report::run_report::{self, Measured, RunReport, SummaryRow};
@@ -223,6 +223,7 @@ fn heatmap() -> Figure {
         x,
         y,
         cells,
+        style: Style { limit: Some((2.0, "up to 2 K".into())), ..Style::default() },
     }
     .figure("Where to put a sensor", "Error of the bare sensor.")
 }
@@ -354,6 +355,23 @@ fn every_drawing_is_well_formed_whatever_the_data() {
         "gallery.html",
         &Page::new("Gallery", "Every kind of drawing.", "").section(section).render(),
     );
+}
+
+#[test]
+fn a_chart_alone_is_a_whole_document() {
+    let time: Vec<f64> = (0..50).map(f64::from).collect();
+    let chart = Chart::new(Axis::new("Time", "s")).panel(
+        Panel::new(Axis::new("Pressure", "bar"))
+            .line("measured", Colour::Blue, &time, &time)
+            .dashed("set point & limit", Colour::Grey, &time, &time),
+    );
+    let svg = chart.document("A step <up>");
+    assert!(svg.starts_with("<svg class=\"chart\" xmlns=\"http://www.w3.org/2000/svg\""), "{svg}");
+    assert!(elements(&svg).unwrap() > 20);
+    for text in ["A step &lt;up&gt;", "measured", "set point &amp; limit", "--blue:"] {
+        assert!(svg.contains(text), "{text}: {svg}");
+    }
+    assert!(svg.len() < 20_000, "{} bytes", svg.len());
 }
 
 #[test]

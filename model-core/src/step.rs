@@ -81,7 +81,7 @@ impl Core {
         let command = if venting { Command::VENT } else { wanted };
         // The gas that this sample has seen went through the openings of the step before.
         self.estimator.step(&Measurement {
-            pressure_pa,
+            pressure_pa: self.supervisor.pressure_trusted().then_some(pressure_pa),
             length_m,
             gas: (!faults.intersects(Faults::GAS_SENSOR)).then_some(sample.gas),
             charging: self.inlet_steps > 0,

@@ -4,15 +4,20 @@
 //! |---|---|---|
 //! | emergency stop | at once | vent, latched |
 //! | pressure sensor at a rail | for [`PATIENCE_STEPS`] steps | vent, latched |
+//! | pressure sensor noisier than gas can be | ten jerks within forty steps | vent, latched |
 //! | pressure code stands still while a valve is driven | for [`FROZEN_STEPS`] steps | vent, latched |
 //! | overpressure | for [`PATIENCE_STEPS`] steps | vent, latched |
-//! | gas sensor at a rail, or frozen | at once; when it should have moved | shown while it lasts; the estimator goes on without it |
+//! | gas sensor at a rail | at once | shown while it lasts; the estimator goes on without it |
+//! | gas sensor's code stands still | when its element must have moved | the same |
 //! | length sensor at a rail | at once | shown while it lasts; length from pressure and load |
+//! | length sensor noisier than a muscle can move | ten jerks within forty steps | the same |
+//!
+//! While the pressure is not to be trusted there is no estimate.
 //!
 //! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone.
 
 use crate::front_end::at_rail;
-use crate::sample::{AdcCode, Faults, Sample};
+use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
 
 /// Steps for which a fault of the pressure channel must last before the muscle is vented: one
 /// disturbed conversion is no fault, ten milliseconds of them are.
@@ -22,9 +27,45 @@ pub const PATIENCE_STEPS: u16 = 10;
 /// summed conversions moves it at almost every step, and gas that flows does.
 pub const FROZEN_STEPS: u16 = 100;
 
+/// A change of the change from step to step beyond this is a jerk: 2 % of the range. The gas of a
+/// muscle behind a fast valve makes a fifth of it.
+const JERK: i32 = (CODE_MAX / 50) as i32;
+/// What a jerk adds to the count of a noisy line; a step without one takes 1 away.
+const JERK_WEIGHT: u16 = 4;
+/// Count from which a line is noisy, ten jerks, and the most that is counted.
+const NOISY: u16 = 40;
+const MOST_NOISY: u16 = 60;
+
 /// Faults that vent.
 const VENTING: Faults =
     Faults::EMERGENCY_STOP.with(Faults::PRESSURE_SENSOR).with(Faults::OVERPRESSURE);
+
+/// The last codes of a channel, and how much they jerked.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Line {
+    last: u16,
+    before: u16,
+    jerks: u16,
+}
+
+impl Line {
+    /// Takes the next code; returns whether it stands still.
+    fn add(&mut self, code: AdcCode) -> bool {
+        let [code, last, before] = [code.0, self.last, self.before].map(i32::from);
+        self.jerks = if (code - 2 * last + before).abs() > JERK {
+            (self.jerks + JERK_WEIGHT).min(MOST_NOISY)
+        } else {
+            self.jerks.saturating_sub(1)
+        };
+        self.before = self.last;
+        self.last = code as u16;
+        code == last
+    }
+
+    fn noisy(&self) -> bool {
+        self.jerks >= NOISY
+    }
+}
 
 /// Watches the inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -33,7 +74,8 @@ pub struct Supervisor {
     present: Faults,
     pressure_sensor_steps: u16,
     overpressure_steps: u16,
-    pressure_code: AdcCode,
+    pressure: Line,
+    length: Line,
     frozen_steps: u16,
 }
 
@@ -51,18 +93,19 @@ impl Supervisor {
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
         self.pressure_sensor_steps = count(at_rail(sample.pressure), self.pressure_sensor_steps);
         self.overpressure_steps = count(pressure_pa > limit_pa, self.overpressure_steps);
-        let standing = driven && sample.pressure == self.pressure_code;
-        self.pressure_code = sample.pressure;
-        self.frozen_steps = count(standing, self.frozen_steps);
-        let pressure_lost =
-            self.pressure_sensor_steps >= PATIENCE_STEPS || self.frozen_steps >= FROZEN_STEPS;
+        let standing = self.pressure.add(sample.pressure);
+        self.frozen_steps = count(standing && driven, self.frozen_steps);
+        self.length.add(sample.length);
+        let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
+            || self.frozen_steps >= FROZEN_STEPS
+            || self.pressure.noisy();
         let mut present = Faults::NONE;
         for (condition, fault) in [
             (sample.emergency_stop, Faults::EMERGENCY_STOP),
             (pressure_lost, Faults::PRESSURE_SENSOR),
             (self.overpressure_steps >= PATIENCE_STEPS, Faults::OVERPRESSURE),
             (at_rail(sample.gas), Faults::GAS_SENSOR),
-            (at_rail(sample.length), Faults::LENGTH_SENSOR),
+            (at_rail(sample.length) || self.length.noisy(), Faults::LENGTH_SENSOR),
         ] {
             if condition {
                 present = present.with(fault);
@@ -76,6 +119,11 @@ impl Supervisor {
     /// Faults that hold now or are latched.
     pub fn faults(&self) -> Faults {
         self.latched.with(self.present)
+    }
+
+    /// Whether the pressure of the last step is to be trusted.
+    pub fn pressure_trusted(&self) -> bool {
+        self.pressure_sensor_steps == 0 && !self.present.intersects(Faults::PRESSURE_SENSOR)
     }
 
     /// Whether the muscle must vent.
@@ -157,5 +205,38 @@ mod tests {
         }
         assert_eq!(supervisor.faults(), Faults::PRESSURE_SENSOR);
         assert!(supervisor.must_vent());
+    }
+
+    #[test]
+    fn noise_is_told_from_motion() {
+        let mut supervisor = Supervisor::default();
+        let mut code = 5000_u16;
+        for step in 0..500_u16 {
+            // A fast fill and a fast vent, with the noise of a healthy line.
+            code = if step % 100 < 50 { code + 180 } else { code - 180 };
+            let sample = Sample {
+                pressure: AdcCode(code + step % 7),
+                length: AdcCode(30_000 - code),
+                ..HEALTHY
+            };
+            assert_eq!(supervisor.step(&sample, 2.0e5, 6.9e5, true), Faults::NONE);
+        }
+        for step in 0..40_u16 {
+            let noise = step * 7919 % 3000;
+            let sample = Sample { length: AdcCode(20_000 + noise), ..HEALTHY };
+            supervisor.step(&sample, 2.0e5, 6.9e5, false);
+        }
+        assert_eq!(supervisor.faults(), Faults::LENGTH_SENSOR);
+        for step in 0..40_u16 {
+            let noise = step * 7919 % 3000;
+            let sample = Sample { pressure: AdcCode(20_000 + noise), ..HEALTHY };
+            supervisor.step(&sample, 2.0e5, 6.9e5, false);
+        }
+        assert_eq!(supervisor.faults(), Faults::PRESSURE_SENSOR);
+        assert!(!supervisor.pressure_trusted());
+        for _ in 0..MOST_NOISY {
+            supervisor.step(&HEALTHY, 2.0e5, 6.9e5, false);
+        }
+        assert!(supervisor.pressure_trusted() && supervisor.must_vent());
     }
 }

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// Steps of one working cycle of 5 s.
 const CYCLE: usize = 5_000;
-/// By then the estimator has forgotten how it started: 500 s, over three times its memory.
+/// By then the estimator has forgotten how it started: 500 s, five times its memory.
 const SETTLED_CYCLE: u32 = 100;
 
 /// Config, set point, and the samples of the last cycle of the nominal run.

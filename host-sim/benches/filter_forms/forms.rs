@@ -149,8 +149,8 @@ pub struct Named(pub Covariance);
 
 impl Named {
     /// Operations per interval, counted in the source: 84 in `rows`, 36 in `columns`, 10 in
-    /// forgetting, 5 of drift, 33 in the update.
-    pub const OPERATIONS: u32 = 168;
+    /// forgetting, 5 of drift, 20 in checking the correlations, 33 in the update.
+    pub const OPERATIONS: u32 = 188;
 }
 
 impl Form for Named {

@@ -32,6 +32,7 @@ fn main() {
     let [lumped, full] =
         [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
     let recordings = [&lumped, &full].map(Recording::new);
+    recordings.iter().for_each(check);
     let first = &recordings[0];
     let steady = steady(first);
     forms_table(&recordings, steady);
@@ -103,7 +104,6 @@ fn steady_table(plants: [&Loaded; 2], steady: Steady) {
             let mut loaded = plant.clone();
             change(&mut loaded);
             let recording = Recording::new(&loaded);
-            check(&recording);
             for form in [&mut Named(recording.first) as &mut dyn Form, &mut steady.clone()] {
                 print!(" {:.3} |", rms_k(&recording, times, form));
             }

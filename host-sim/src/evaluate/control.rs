@@ -4,17 +4,17 @@
 use super::pid::{Gains, PidBoard};
 use super::{Figure, Line};
 use crate::board::{Board, CoreBoard};
-use crate::profile::Profile;
 use crate::run::{self, RunError};
-use crate::scenario::{DriveKind, Loaded, PlantModel, Scenario};
+use crate::scenario::{DriveKind, Load, LoadKind, Loaded, PlantModel, Scenario};
 use crate::trace::Row;
+use model_core::Duty;
 use std::f64::consts::TAU;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 /// The stroke that errors are a share of: 30 % of the rest length, as a contraction \[-\].
-const STROKE: f64 = 0.3;
+pub(super) const STROKE: f64 = 0.3;
 /// Contractions that are held, one after the other; up and down, far and near.
 const HELD: [f64; 7] = [0.05, 0.15, 0.25, 0.15, 0.05, 0.2, 0.1];
 /// How long each \[s\].
@@ -22,7 +22,7 @@ const HOLD_S: f64 = 2.5;
 /// The last part of it counts as rest \[s\].
 const REST_S: f64 = 0.5;
 /// Where a sine swings around \[-\].
-const MIDDLE: f64 = 0.15;
+pub(super) const MIDDLE: f64 = 0.15;
 /// Rest before a sine \[s\].
 const BEFORE_S: f64 = 1.0;
 /// The least error on the slow sine of some 170 combinations, on the nominal muscle, that hunts by no
@@ -36,6 +36,8 @@ struct Point {
     time_s: f64,
     value: f64,
     driven: bool,
+    /// A valve is open for a whole period.
+    open: bool,
 }
 
 /// Runs a scenario along a set-point profile.
@@ -45,11 +47,7 @@ fn trace(
     profile: Vec<(f64, f64)>,
     board: &mut dyn Board,
 ) -> Result<Vec<Point>, RunError> {
-    let mut loaded = loaded.clone();
-    loaded.plant.run.log_every = 1;
-    loaded.plant.run.duration_s = profile.last().map_or(0.0, |point| point.0);
-    loaded.plant.drive.kind = kind;
-    loaded.drive_profile = Some(Profile::new(profile).expect("times increase"));
+    let loaded = loaded.driven(kind, profile);
     let rest_m = rest_length_m(&loaded.plant);
     let mut points = Vec::new();
     let mut observer = |row: &Row| {
@@ -61,6 +59,7 @@ fn trace(
                 _ => row.truth.pressure_pa,
             },
             driven: command.inlet.0 > 0 || command.outlet.0 > 0,
+            open: command.inlet.max(command.outlet) >= Duty::FULL,
         });
         Ok(())
     };
@@ -77,13 +76,13 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-/// Contraction after contraction, held.
+/// Set point after set point, held.
 pub mod rest {
     use super::{
         Board, DriveKind, HELD, HOLD_S, Loaded, Point, REST_S, RunError, STROKE, mean, trace,
     };
 
-    /// What holding gave, the worst of all holds; in percent of the stroke.
+    /// What holding gave, the worst of all holds; in percent of full scale.
     #[derive(Debug, Clone, Copy, Default)]
     pub struct Held {
         /// Largest error at rest \[%\].
@@ -92,6 +91,51 @@ pub mod rest {
         pub ripple_percent: f64,
         /// Share of the rest in which a valve is driven \[-\].
         pub driven: f64,
+    }
+
+    /// Values held one after the other.
+    #[derive(Debug, Clone, Copy)]
+    pub(super) struct Holds<'a> {
+        pub values: &'a [f64],
+        /// When the first begins \[s\].
+        pub start_s: f64,
+        /// What errors are a share of.
+        pub full_scale: f64,
+    }
+
+    impl Holds<'_> {
+        /// Their set points.
+        pub fn profile(&self) -> Vec<(f64, f64)> {
+            let holds = self.values.iter().enumerate();
+            holds
+                .flat_map(|(i, value)| {
+                    let time_s = self.start_s + i as f64 * HOLD_S;
+                    [(time_s, *value), (time_s + HOLD_S - 0.001, *value)]
+                })
+                .collect()
+        }
+
+        /// The worst of them.
+        pub fn worst(&self, points: &[Point]) -> Held {
+            let mut held = Held::default();
+            for (i, value) in self.values.iter().enumerate() {
+                let end_s = self.start_s + (i + 1) as f64 * HOLD_S - 0.002;
+                let at_rest: Vec<&Point> = points
+                    .iter()
+                    .filter(|point| (end_s - REST_S..end_s).contains(&point.time_s))
+                    .collect();
+                let error = mean(at_rest.iter().map(|point| point.value)) - value;
+                let low = at_rest.iter().map(|point| point.value).fold(f64::INFINITY, f64::min);
+                let high =
+                    at_rest.iter().map(|point| point.value).fold(f64::NEG_INFINITY, f64::max);
+                let driven = mean(at_rest.iter().map(|point| f64::from(u8::from(point.driven))));
+                let percent = 100.0 / self.full_scale;
+                held.error_percent = held.error_percent.max(error.abs() * percent);
+                held.ripple_percent = held.ripple_percent.max((high - low) * percent);
+                held.driven = held.driven.max(driven);
+            }
+            held
+        }
     }
 
     /// Holds the evaluated contraction, after `strokes` full strokes of 2 s each.
@@ -105,27 +149,9 @@ pub mod rest {
             profile.extend([(start_s, 0.05), (start_s + 1.0, 0.25)]);
             start_s += 2.0;
         }
-        for (i, value) in HELD.into_iter().enumerate() {
-            let time_s = start_s + i as f64 * HOLD_S;
-            profile.extend([(time_s, value), (time_s + HOLD_S - 0.001, value)]);
-        }
-        let points = trace(loaded, DriveKind::Contraction, profile, board)?;
-        let mut held = Held::default();
-        for (i, value) in HELD.into_iter().enumerate() {
-            let end_s = start_s + (i + 1) as f64 * HOLD_S - 0.002;
-            let at_rest: Vec<&Point> = points
-                .iter()
-                .filter(|point| (end_s - REST_S..end_s).contains(&point.time_s))
-                .collect();
-            let error = mean(at_rest.iter().map(|point| point.value)) - value;
-            let low = at_rest.iter().map(|point| point.value).fold(f64::INFINITY, f64::min);
-            let high = at_rest.iter().map(|point| point.value).fold(f64::NEG_INFINITY, f64::max);
-            let driven = mean(at_rest.iter().map(|point| f64::from(u8::from(point.driven))));
-            held.error_percent = held.error_percent.max(error.abs() / STROKE * 100.0);
-            held.ripple_percent = held.ripple_percent.max((high - low) / STROKE * 100.0);
-            held.driven = held.driven.max(driven);
-        }
-        Ok(held)
+        let holds = Holds { values: &HELD, start_s, full_scale: STROKE };
+        profile.extend(holds.profile());
+        Ok(holds.worst(&trace(loaded, DriveKind::Contraction, profile, board)?))
     }
 }
 
@@ -138,6 +164,51 @@ pub struct Sine {
     pub phase_deg: f64,
     /// Error to the set point, RMS, of the stroke \[%\].
     pub rms_percent: f64,
+    /// Share of the time in which a valve is fully open \[-\].
+    pub open: f64,
+}
+
+/// One row of a sine, counted from when the first periods have died away.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SinePoint {
+    /// Time since the sine began \[s\].
+    pub time_s: f64,
+    /// Contraction \[-\].
+    pub value: f64,
+    /// Contraction less set point \[-\].
+    pub error: f64,
+    /// A valve is open for a whole period.
+    pub open: bool,
+}
+
+/// Whole periods of a sine of an amplitude \[share of the stroke\] around the middle of the stroke.
+///
+/// # Errors
+/// When the run could not be finished.
+pub(super) fn sine_trace(
+    loaded: &Loaded,
+    frequency_hz: f64,
+    amplitude: f64,
+    board: &mut dyn Board,
+) -> Result<Vec<SinePoint>, RunError> {
+    let amplitude = amplitude * STROKE;
+    let set_point = |time_s: f64| {
+        MIDDLE + amplitude * (TAU * frequency_hz * (time_s - BEFORE_S).max(0.0)).sin()
+    };
+    let counted_s = (2.0 * frequency_hz).ceil().max(2.0) / frequency_hz;
+    let from_s = BEFORE_S + 1.0_f64.max(1.0 / frequency_hz);
+    let end_s = from_s + counted_s;
+    let rows = (end_s * 100.0).ceil() as usize;
+    let profile = (0..=rows).map(|row| row as f64 * 0.01).map(|t| (t, set_point(t))).collect();
+    let points = trace(loaded, DriveKind::Contraction, profile, board)?;
+    let counted = points.iter().filter(|p| p.time_s >= from_s && p.time_s < end_s);
+    let row = |p: &Point| SinePoint {
+        time_s: p.time_s - BEFORE_S,
+        value: p.value,
+        error: p.value - set_point(p.time_s),
+        open: p.open,
+    };
+    Ok(counted.map(row).collect())
 }
 
 /// A sine of an amplitude \[share of the stroke\] around the middle of the stroke.
@@ -150,27 +221,17 @@ pub fn sine(
     amplitude: f64,
     board: &mut dyn Board,
 ) -> Result<Sine, RunError> {
-    let amplitude = amplitude * STROKE;
-    let set_point = |time_s: f64| {
-        MIDDLE + amplitude * (TAU * frequency_hz * (time_s - BEFORE_S).max(0.0)).sin()
-    };
-    // Whole periods, after the first have died away.
-    let counted_s = (2.0 * frequency_hz).ceil().max(2.0) / frequency_hz;
-    let from_s = BEFORE_S + 1.0_f64.max(1.0 / frequency_hz);
-    let end_s = from_s + counted_s;
-    let rows = (end_s * 100.0).ceil() as usize;
-    let profile = (0..=rows).map(|row| row as f64 * 0.01).map(|t| (t, set_point(t))).collect();
-    let points = trace(loaded, DriveKind::Contraction, profile, board)?;
-    let counted: Vec<&Point> =
-        points.iter().filter(|p| p.time_s >= from_s && p.time_s < end_s).collect();
-    let angle = |p: &Point| TAU * frequency_hz * (p.time_s - BEFORE_S);
-    let in_phase = 2.0 * mean(counted.iter().map(|p| p.value * angle(p).sin())) / amplitude;
-    let quadrature = 2.0 * mean(counted.iter().map(|p| p.value * angle(p).cos())) / amplitude;
-    let square = mean(counted.iter().map(|p| (p.value - set_point(p.time_s)).powi(2)));
+    let points = sine_trace(loaded, frequency_hz, amplitude, board)?;
+    let scale = 2.0 / (amplitude * STROKE);
+    let angle = |p: &SinePoint| TAU * frequency_hz * p.time_s;
+    let in_phase = scale * mean(points.iter().map(|p| p.value * angle(p).sin()));
+    let quadrature = scale * mean(points.iter().map(|p| p.value * angle(p).cos()));
+    let square = mean(points.iter().map(|p| p.error * p.error));
     Ok(Sine {
         gain: in_phase.hypot(quadrature),
         phase_deg: quadrature.atan2(in_phase).to_degrees(),
         rms_percent: square.sqrt() / STROKE * 100.0,
+        open: mean(points.iter().map(|p| f64::from(u8::from(p.open)))),
     })
 }
 
@@ -183,32 +244,50 @@ pub struct Step {
     pub overshoot_percent: f64,
 }
 
+/// The pressures between which it is stepped \[Pa\].
+const STEP_PA: [f64; 2] = [2.0e5, 4.0e5];
+
+/// Pressure over the time since a step, with the loop closed and with the valve simply open.
+pub(super) type StepTraces = (Vec<(f64, f64)>, Vec<(f64, f64)>);
+
+/// A step of the pressure on a board, and the open valve on the same plant from the same rest.
+pub(super) fn pressure_step_traces(
+    loaded: &Loaded,
+    board: &mut dyn Board,
+) -> Result<StepTraces, RunError> {
+    const STEP_S: f64 = 1.5;
+    const OPEN_S: f64 = 0.1;
+    let [low, high] = STEP_PA;
+    let since = |points: Vec<Point>, start_s: f64| -> Vec<(f64, f64)> {
+        points.iter().map(|point| (point.time_s - start_s, point.value)).collect()
+    };
+    let profile = vec![(0.0, low), (STEP_S, low), (STEP_S + 0.001, high), (STEP_S + 2.0, high)];
+    let closed = trace(loaded, DriveKind::Pressure, profile, board)?;
+    // The profile of duties starts where the loop has rested.
+    let mut open = loaded.clone();
+    open.plant.plant.initial_pressure_pa = low;
+    let duties = vec![(0.0, 0.0), (OPEN_S - 0.001, 0.0), (OPEN_S, 1.0), (1.0, 1.0)];
+    let open = trace(&open, DriveKind::Duty, duties, &mut CoreBoard::default())?;
+    Ok((since(closed, STEP_S), since(open, OPEN_S)))
+}
+
 /// A step of the pressure from 2 to 4 bar, compared with the open valve on the same plant.
 ///
 /// # Errors
 /// When a run could not be finished.
 pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, RunError> {
-    const STEP_S: f64 = 1.5;
-    let (low, high) = (2.0e5, 4.0e5);
-    let profile = vec![(0.0, low), (STEP_S, low), (STEP_S + 0.001, high), (STEP_S + 2.0, high)];
-    let closed = trace(loaded, DriveKind::Pressure, profile, board)?;
+    let [low, high] = STEP_PA;
+    let (closed, open) = pressure_step_traces(loaded, board)?;
     let band = 0.02 * (high - low);
-    let late = closed.iter().filter(|p| p.time_s >= STEP_S);
+    let late = closed.iter().filter(|(since_s, _)| *since_s >= 0.0);
     let settled_s = late
         .clone()
-        .filter(|p| (p.value - high).abs() > band)
-        .map(|p| p.time_s - STEP_S)
+        .filter(|(_, pa)| (pa - high).abs() > band)
+        .map(|(since_s, _)| *since_s)
         .fold(0.0, f64::max);
-    let peak = late.map(|p| p.value).fold(f64::NEG_INFINITY, f64::max);
-    // The open valve, from the same rest: the profile of duties starts where the loop has rested.
-    let mut open = loaded.clone();
-    open.plant.plant.initial_pressure_pa = low;
-    let duties = vec![(0.0, 0.0), (0.099, 0.0), (0.1, 1.0), (1.0, 1.0)];
-    let open = trace(&open, DriveKind::Duty, duties, &mut CoreBoard::default())?;
-    let reached_s = open
-        .iter()
-        .find(|p| p.value >= high - band)
-        .map_or(f64::INFINITY, |point| point.time_s - 0.1);
+    let peak = late.map(|(_, pa)| *pa).fold(f64::NEG_INFINITY, f64::max);
+    let reached = open.iter().find(|(_, pa)| *pa >= high - band);
+    let reached_s = reached.map_or(f64::INFINITY, |(since_s, _)| *since_s);
     Ok(Step {
         times_open_valve: settled_s / reached_s,
         overshoot_percent: (peak - high).max(0.0) / (high - low) * 100.0,
@@ -216,7 +295,7 @@ pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, Run
 }
 
 /// Both plant and core know the ambient; supply and muscle have its temperature.
-fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
+pub(super) fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
     for scenario in [&mut loaded.plant, &mut loaded.believed] {
         scenario.ambient.temperature_k = temperature_k;
         scenario.supply.temperature_k = temperature_k;
@@ -225,16 +304,16 @@ fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
     loaded
 }
 
-fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
+pub(super) fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
     loaded.plant.load.force_n = force_n;
     loaded.believed.load.force_n = force_n;
     loaded
 }
 
 /// What the core is told differently.
-type Change = fn(&mut Scenario);
+pub type Change = fn(&mut Scenario);
 
-fn told(mut loaded: Loaded, change: Change) -> Loaded {
+pub(super) fn told(mut loaded: Loaded, change: Change) -> Loaded {
     change(&mut loaded.believed);
     loaded
 }
@@ -286,9 +365,8 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
     let wrong: [(&str, Change); 8] = [
         ("friction 20 % low", |s| s.friction.force_n *= 0.8),
         ("friction 20 % high", |s| s.friction.force_n *= 1.2),
-        // Turns go into the volume squared, and into the force with it.
-        ("volume 20 % low", |s| turns(s, 0.8)),
-        ("volume 20 % high", |s| turns(s, 1.2)),
+        ("volume 20 % low", |s| volume(s, 0.8)),
+        ("volume 20 % high", |s| volume(s, 1.2)),
         ("conductance 20 % low", |s| s.valve.conductance_m3_s_pa *= 0.8),
         ("conductance 20 % high", |s| s.valve.conductance_m3_s_pa *= 1.2),
         ("load 80 N too high", |s| s.load.force_n += 80.0),
@@ -302,10 +380,63 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
     jobs
 }
 
-fn turns(scenario: &mut Scenario, volume: f64) {
-    if let Some(turns) = &mut scenario.muscle.turns {
-        *turns /= volume.sqrt();
+/// Another volume by another number of turns, which go into it, and into the force, squared.
+pub(super) fn volume(scenario: &mut Scenario, factor: f64) {
+    let muscle = &mut scenario.muscle;
+    muscle.turns = muscle.turns.map(|turns| turns / factor.sqrt());
+    muscle.diameter_m = muscle.diameter_m.map(|diameter| diameter * factor.sqrt());
+}
+
+/// Loads that are no constant force: a hanging mass, and a fixed length.
+fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
+    let with = |change: &dyn Fn(&mut Load)| {
+        let mut loaded = full.clone();
+        change(&mut loaded.plant.load);
+        change(&mut loaded.believed.load);
+        loaded
+    };
+    let mut jobs: Vec<Job> = Vec::new();
+    for mass_kg in [2.0, 10.0, 20.0] {
+        let loaded = with(&|load| {
+            load.kind = LoadKind::Mass;
+            load.mass_kg = mass_kg;
+        });
+        jobs.push(Box::new(move || {
+            hold_line(format!("hold, {mass_kg} kg hanging"), &loaded, 0, 1.0)
+        }));
     }
+    for length_m in [0.29, 0.27, 0.24] {
+        let loaded = with(&|load| {
+            load.kind = LoadKind::Isometric;
+            load.length_m = length_m;
+        });
+        jobs.push(Box::new(move || {
+            let step = pressure_step(&loaded, &mut CoreBoard::default())?;
+            let held = force_hold(&loaded, &mut CoreBoard::default())?;
+            Ok(Line {
+                case: format!("isometric, {:.0} mm", 1e3 * length_m),
+                figures: vec![
+                    Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
+                    Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
+                    Figure::at_most("force_error_percent", held.error_percent, 1.0),
+                    Figure::at_most("force_ripple_percent", held.ripple_percent, 0.2),
+                    Figure::at_most("valves_driven", held.driven, 0.0),
+                ],
+            })
+        }));
+    }
+    jobs
+}
+
+/// Pressures held one after the other at a fixed length: the force there, in percent of the largest.
+/// Force and gauge pressure go together, less what the bladder pulls, which does not change.
+fn force_hold(loaded: &Loaded, board: &mut dyn Board) -> Result<rest::Held, RunError> {
+    let ambient_pa = loaded.plant.ambient.pressure_pa;
+    let held_pa = [1.5e5, 3.0e5, 4.0e5, 3.0e5, 2.0e5];
+    let largest_pa = 4.0e5 - ambient_pa;
+    let holds = rest::Holds { values: &held_pa, start_s: 0.0, full_scale: largest_pa };
+    let points = trace(loaded, DriveKind::Pressure, holds.profile(), board)?;
+    Ok(holds.worst(&points))
 }
 
 fn moving(full: &Loaded) -> Vec<Job<'_>> {
@@ -393,8 +524,10 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
 /// The first run that could not be finished.
 pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
     let full = &full(nominal);
-    let jobs: Vec<Job> =
-        [holding(full), moving(full), compared(full)].into_iter().flatten().collect();
+    let jobs: Vec<Job> = [holding(full), other_loads(full), moving(full), compared(full)]
+        .into_iter()
+        .flatten()
+        .collect();
     let next = AtomicUsize::new(0);
     let results = Mutex::new(Vec::new());
     let work = || {

@@ -1,8 +1,10 @@
 //! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
 
 pub mod control;
+pub mod control_page;
 pub mod estimator;
 pub mod pid;
+pub mod tune;
 
 use crate::input::InputError;
 use crate::scenario::{self, Loaded};

@@ -30,6 +30,7 @@ use nalgebra::{DMatrix, DVector};
 use parameter::Parameter;
 use simulate::{Experiment, Failed};
 use std::path::Path;
+pub(crate) use uncertainty::correlation_rows;
 use uncertainty::{Misfit, covariance};
 
 /// Relative difference of the sums of squares up to which two searches ended in the same place.

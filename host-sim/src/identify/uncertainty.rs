@@ -44,7 +44,7 @@ impl Misfit {
 
 /// 1 + 2 (rho_1 + rho_2 + ...), up to the first correlation that is not positive: what follows is
 /// noise (Geyer, Statist. Sci. 7, 1992). About zero, not about the mean: a bias is an error too.
-fn correlation_rows(residuals: &[f64]) -> f64 {
+pub fn correlation_rows(residuals: &[f64]) -> f64 {
     let square: f64 = residuals.iter().map(|r| r * r).sum();
     if square == 0.0 {
         return 1.0;

@@ -6,13 +6,13 @@
 //! The y label stands level above its panel, the legend above the chart, the labels of reference
 //! lines to the right and those of markers on top: nothing covers the data.
 
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 
 use super::Colour;
 use super::axes::{Area, FOOT, Tick, axis_title, ticks};
 use super::layer::{Layer, Mark};
 use super::number::px;
-use super::page::{Drawing, Figure};
+use super::page::{DRAWING_STYLE, Drawing, Figure};
 use super::path::Path;
 use super::scale::{Scale, Spacing, data_range, to_round_ends, with_room};
 
@@ -24,6 +24,10 @@ pub const HALF_WIDTH: f64 = 420.0;
 /// Width of a character of a label, on average, rather more than less \[px\].
 pub(super) const CHARACTER: f64 = 6.7;
 const LINE_HEIGHT: f64 = 15.0;
+/// Around a chart that stands alone, and between entries of its legend \[px\].
+const BORDER: f64 = 16.0;
+/// Width that a sample line takes in that legend \[px\].
+const SAMPLE: f64 = 32.0;
 /// Height of a panel's head, which holds the y label \[px\].
 const HEAD: f64 = 28.0;
 /// Distances of ticks to aim for \[px\].
@@ -182,11 +186,12 @@ impl Chart {
 
     /// Draws it.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
-        let drawing = Drawing { legend: self.legend(), svg: self.svg(title) };
+        let drawing = Drawing { legend: self.legend(), svg: self.svg(title).0 };
         Figure::new(title, caption, drawing)
     }
 
-    fn legend(&self) -> Markup {
+    /// One layer for each entry of the legend.
+    fn named(&self) -> Vec<&Layer> {
         let named =
             self.panels.iter().flat_map(|panel| &panel.layers).filter(|l| !l.name.is_empty());
         let mut shown: Vec<&Layer> = Vec::new();
@@ -195,6 +200,42 @@ impl Chart {
                 shown.push(layer);
             }
         }
+        shown
+    }
+
+    /// The drawing with title and legend as an SVG file of its own, for documents that are no page of
+    /// ours.
+    pub fn document(&self, title: &str) -> String {
+        let (chart, height) = self.svg(title);
+        let mut right = BORDER;
+        let entries: Vec<(f64, &Layer)> = self
+            .named()
+            .into_iter()
+            .map(|layer| {
+                let left = right;
+                right += SAMPLE + text_width(&layer.name) + BORDER;
+                (left, layer)
+            })
+            .collect();
+        let (width, height) = (self.width + 2.0 * BORDER, height + 62.0 + BORDER);
+        let document = html! {
+            svg.chart xmlns="http://www.w3.org/2000/svg" width=(px(width)) height=(px(height))
+                viewBox={ "0 0 " (px(width)) " " (px(height)) } {
+                style { (PreEscaped(DRAWING_STYLE)) }
+                rect width="100%" height="100%" fill="var(--paper)" {}
+                text.label.value x=(px(BORDER)) y="26" { (title) }
+                @for (left, layer) in &entries {
+                    g transform={ "translate(" (px(*left)) " 40)" } { (layer.sample()) }
+                    text x=(px(left + SAMPLE)) y="49" { (layer.name) }
+                }
+                g transform={ "translate(" (px(BORDER)) " 62)" } { (chart) }
+            }
+        };
+        document.into_string()
+    }
+
+    fn legend(&self) -> Markup {
+        let shown = self.named();
         html! {
             @if !shown.is_empty() {
                 ul.legend { @for layer in shown { (layer.legend()) } }
@@ -211,7 +252,8 @@ impl Chart {
         })
     }
 
-    fn svg(&self, title: &str) -> Markup {
+    /// The drawing and its height \[px\].
+    fn svg(&self, title: &str) -> (Markup, f64) {
         let window = self.window();
         let (left, right) = self.sides(window);
         let x = Scale::new(window, (left, right), self.x.spacing);
@@ -235,7 +277,7 @@ impl Chart {
             bottom: first_top,
         });
         let height = last.bottom + FOOT;
-        html! {
+        let drawing = html! {
             svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
                 width=(px(self.width)) height=(px(height)) viewBox={ "0 0 " (px(self.width)) " " (px(height)) } {
                 @for (panel, area) in self.panels.iter().zip(&areas) {
@@ -248,7 +290,8 @@ impl Chart {
                 }
                 (last.x_axis(&x_ticks, &self.x.title()))
             }
-        }
+        };
+        (drawing, height)
     }
 
     /// Left and right end of the panels: beside them stand y ticks and labels of reference lines.

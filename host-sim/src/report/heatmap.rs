@@ -2,21 +2,27 @@
 
 use maud::html;
 
+use super::Colour;
 use super::axes::FOOT;
-use super::chart::{CHARACTER, FULL_WIDTH};
-use super::colour::{fraction, hex, text_on};
+use super::chart::{CHARACTER, FULL_WIDTH, HALF_WIDTH};
+use super::colour::{hex, text_on};
 use super::number::{MISSING, px, short, significant};
 use super::page::{Drawing, Figure};
+use super::path::Path;
 use super::scale::{Scale, Spacing, data_range};
 
 /// Perceptually uniform and made for colour-blind readers.
 const MAP: colorous::Gradient = colorous::CIVIDIS;
+/// Colour of the outline; the map has nothing like it.
+const LIMIT: Colour = Colour::Vermillion;
 const CELL_HEIGHT: f64 = 34.0;
 const TOP: f64 = 24.0;
-/// Colour bar, its tick labels included \[px\].
-const BAR: f64 = 90.0;
-/// A cell at least that wide has room for its value \[px\].
-const READABLE: f64 = 42.0;
+/// Colour bar, its tick labels and the gap before it included, and that gap \[px\].
+const BAR: (f64, f64) = (90.0, 24.0);
+/// The same beside another map.
+const HALF_BAR: (f64, f64) = (66.0, 12.0);
+/// A cell at least that wide has room for three digits of its value, or for two \[px\].
+const READABLE: [(f64, usize); 2] = [(42.0, 3), (30.0, 2)];
 
 /// A map of cells. Axis texts hold their unit.
 #[derive(Debug, Clone)]
@@ -33,33 +39,58 @@ pub struct Heatmap {
     pub y: Vec<f64>,
     /// `cells[row][column]`, rows as in `y`. Missing and non-finite cells stay empty.
     pub cells: Vec<Vec<f64>>,
+    /// How it is coloured, and how wide it is.
+    pub style: Style,
+}
+
+/// How a map is coloured, and how wide it is.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Style {
+    /// Values of the colour scale's ends, so that maps can share it; those of the cells otherwise.
+    pub range: Option<(f64, f64)>,
+    /// How values are spread over the colour scale.
+    pub spacing: Spacing,
+    /// The cells up to this value are outlined.
+    pub limit: Option<(f64, String)>,
+    /// Half as wide, to stand beside another one.
+    pub half: bool,
 }
 
 impl Heatmap {
     /// Draws it.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
-        let range = data_range(self.cells.iter().flatten().copied(), Spacing::Linear);
+        let spacing = self.style.spacing;
+        let range = self
+            .style
+            .range
+            .unwrap_or_else(|| data_range(self.cells.iter().flatten().copied(), spacing));
+        let along_scale = Scale::new(range, (0.0, 1.0), spacing);
+        let (width, (bar, gap), least) =
+            if self.style.half { (HALF_WIDTH, HALF_BAR, 0.0) } else { (FULL_WIDTH, BAR, 48.0) };
         let y_labels: Vec<String> = self.y.iter().map(|v| short(*v)).collect();
         let longest = y_labels.iter().map(|l| l.chars().count()).max().unwrap_or(0) as f64;
-        let left = (longest * CHARACTER + 12.0).max(48.0);
-        let right = FULL_WIDTH - BAR;
+        let left = (longest * CHARACTER + 12.0).max(least);
+        let right = width - bar;
         let cell_width = (right - left) / self.x.len().max(1) as f64;
         let bottom = TOP + CELL_HEIGHT * self.y.len() as f64;
         let height = bottom.max(TOP + 120.0) + FOOT;
-        let cell = |row: usize, column: usize| {
-            self.cells.get(row).and_then(|r| r.get(column)).copied().unwrap_or(f64::NAN)
+        let digits =
+            READABLE.iter().find(|(room, _)| cell_width >= *room).map(|(_, digits)| *digits);
+        let corner = |row: usize, column: usize| {
+            (left + cell_width * column as f64, bottom - CELL_HEIGHT * row as f64)
         };
-        let label_every = (46.0 / cell_width).ceil().max(1.0) as usize;
+        let longest_x = self.x.iter().map(|v| short(*v).chars().count()).max().unwrap_or(0) as f64;
+        let label_every = ((longest_x * CHARACTER + 4.0) / cell_width).ceil().max(1.0) as usize;
         let svg = html! {
             svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
-                width=(px(FULL_WIDTH)) height=(px(height)) viewBox={ "0 0 " (px(FULL_WIDTH)) " " (px(height)) } {
+                width=(px(width)) height=(px(height)) viewBox={ "0 0 " (px(width)) " " (px(height)) } {
                 text.axis x="0" y="14" { (self.y_label) }
                 @for (row, y_label) in y_labels.iter().enumerate() {
                     @let top = bottom - CELL_HEIGHT * (row as f64 + 1.0);
                     text.tick x=(px(left - 7.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0)) text-anchor="end" { (y_label) }
                     @for column in 0..self.x.len() {
-                        @let value = cell(row, column);
-                        @let along = fraction(value, range);
+                        @let value = self.cell(row, column);
+                        @let along = if along_scale.shows(value) { along_scale.position(value).clamp(0.0, 1.0) } else { 0.0 };
                         @let x = left + cell_width * column as f64;
                         @let (fill, ink) = if value.is_finite() {
                             (hex(MAP, along), text_on(MAP, along))
@@ -67,10 +98,10 @@ impl Heatmap {
                             ("none".to_owned(), "currentColor")
                         };
                         rect.cell x=(px(x)) y=(px(top)) width=(px(cell_width)) height=(px(CELL_HEIGHT)) fill=(fill) {}
-                        @if cell_width >= READABLE {
+                        @if let Some(digits) = digits {
                             text.cell-value x=(px(x + cell_width / 2.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0))
                                 text-anchor="middle" style={ "fill:" (ink) } {
-                                @if value.is_finite() { (significant(value, 3)) } @else { (MISSING) }
+                                @if value.is_finite() { (significant(value, digits)) } @else { (MISSING) }
                             }
                         }
                     }
@@ -80,10 +111,50 @@ impl Heatmap {
                         text-anchor="middle" { (short(*value)) }
                 }
                 text.axis x=(px((left + right) / 2.0)) y=(px(bottom + 36.0)) text-anchor="middle" { (self.x_label) }
-                (colour_bar(MAP, range, &self.value_label, right + 24.0, (TOP, bottom.max(TOP + 120.0))))
+                @if let Some((limit, _)) = &self.style.limit {
+                    @let outline = self.outline(*limit, corner);
+                    path.outline-ground d=(outline) {}
+                    path class={ (LIMIT.class()) " outline" } d=(outline) {}
+                }
+                (colour_bar(MAP, range, spacing, &self.value_label, right + gap, (TOP, bottom.max(TOP + 120.0))))
             }
         };
-        Figure::new(title, caption, Drawing { legend: html! {}, svg })
+        let legend = html! {
+            @if let Some((_, label)) = &self.style.limit {
+                ul.legend { li {
+                    svg class=(LIMIT.class()) width="16" height="14" aria-hidden="true" {
+                        path.outline d="M2 2H14V12H2Z" {}
+                    }
+                    (label)
+                } }
+            }
+        };
+        Figure::new(title, caption, Drawing { legend, svg })
+    }
+
+    fn cell(&self, row: usize, column: usize) -> f64 {
+        self.cells.get(row).and_then(|cells| cells.get(column)).copied().unwrap_or(f64::NAN)
+    }
+
+    /// The edges around the cells up to `limit`; `corner` is the lower left one of a cell \[px\].
+    fn outline(&self, limit: f64, corner: impl Fn(usize, usize) -> (f64, f64)) -> String {
+        let inside = |row: usize, column: usize| self.cell(row, column) <= limit;
+        let (rows, columns) = (self.y.len(), self.x.len());
+        let mut path = Path::default();
+        for row in 0..rows {
+            for column in (0..columns).filter(|column| inside(row, *column)) {
+                let sides = [
+                    (row > 0 && inside(row - 1, column), [(0, 0), (0, 1)]),
+                    (row + 1 < rows && inside(row + 1, column), [(1, 0), (1, 1)]),
+                    (column > 0 && inside(row, column - 1), [(0, 0), (1, 0)]),
+                    (column + 1 < columns && inside(row, column + 1), [(0, 1), (1, 1)]),
+                ];
+                for (_, ends) in sides.iter().filter(|(goes_on, _)| !goes_on) {
+                    path.polyline(ends.map(|(up, along)| corner(row + up, column + along)));
+                }
+            }
+        }
+        path.data().to_owned()
     }
 }
 
@@ -91,13 +162,14 @@ impl Heatmap {
 pub(super) fn colour_bar(
     map: colorous::Gradient,
     range: (f64, f64),
+    spacing: Spacing,
     label: &str,
     x: f64,
     (top, bottom): (f64, f64),
 ) -> maud::Markup {
     const STEPS: usize = 48;
     let step = (bottom - top) / STEPS as f64;
-    let y = Scale::new(range, (bottom, top), Spacing::Linear);
+    let y = Scale::new(range, (bottom, top), spacing);
     html! {
         @for i in 0..STEPS {
             // Each step reaches below the next, so that no seam shows between them.

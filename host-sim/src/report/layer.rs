@@ -133,20 +133,22 @@ impl Layer {
         (&self.name, self.colour, self.mark) == (&other.name, other.colour, other.mark)
     }
 
-    pub(super) fn legend(&self) -> Markup {
+    /// What it looks like, for a legend: 26 by 10 px.
+    pub(super) fn sample(&self) -> Markup {
         let class = self.mark.class();
         html! {
-            li {
-                svg class=(self.colour.class()) width="26" height="10" aria-hidden="true" {
-                    @match self.mark {
-                        Mark::Band => rect class=(class) x="1" width="24" height="10" {},
-                        Mark::Dots => path class=(class) d="M4 5h0M13 5h0M22 5h0" {},
-                        _ => path class=(class) d="M1 5h24" {},
-                    }
+            svg class=(self.colour.class()) width="26" height="10" aria-hidden="true" {
+                @match self.mark {
+                    Mark::Band => rect class=(class) x="1" width="24" height="10" {},
+                    Mark::Dots => path class=(class) d="M4 5h0M13 5h0M22 5h0" {},
+                    _ => path class=(class) d="M1 5h24" {},
                 }
-                (self.name)
             }
         }
+    }
+
+    pub(super) fn legend(&self) -> Markup {
+        html! { li { (self.sample()) (self.name) } }
     }
 }
 

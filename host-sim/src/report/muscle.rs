@@ -67,7 +67,7 @@ impl Muscle {
                 (fittings(&id))
                 (extremes(&zones))
                 g.on-dark {
-                    (colour_bar(MAP, self.scale_degc, "°C", 786.0, (44.0, 196.0)))
+                    (colour_bar(MAP, self.scale_degc, Spacing::Linear, "°C", 786.0, (44.0, 196.0)))
                 }
                 (self.profile(&zones))
             }

@@ -6,6 +6,8 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::number::quantity;
 
+/// Colours, and how a drawing's parts look.
+pub(super) const DRAWING_STYLE: &str = include_str!("drawing.css");
 const STYLE: &str = include_str!("style.css");
 
 /// What a drawing module returns.
@@ -223,7 +225,7 @@ impl Page {
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     meta name="color-scheme" content="light dark";
                     title { (self.title) }
-                    style { (PreEscaped(STYLE)) }
+                    style { (PreEscaped(DRAWING_STYLE)) (PreEscaped(STYLE)) }
                 }
                 body {
                     div.layout {

@@ -39,8 +39,8 @@ pub struct Entry {
     pub value: Value,
     /// The value as it is written.
     pub written: String,
-    /// The line that it is on.
-    pub line: u64,
+    /// The line that it is on; none where [`Document::set`] set it.
+    pub line: Option<u64>,
 }
 
 impl Entry {
@@ -98,6 +98,55 @@ impl Document {
             }),
         }
     }
+
+    /// Gives the key of a whole path, such as "sensor.gas.position" or "believed.heat.scale", this
+    /// number, as if it stood in the file.
+    ///
+    /// # Errors
+    /// When no key is called so, it is no number, or this number is not allowed.
+    pub fn set(&mut self, full_path: &str, number: f64) -> Result<(), Problem> {
+        let (is_believed, path) = split_believed(full_path);
+        if path.is_empty() || schema::is_table(path) {
+            let allowed = "a table of keys".to_owned();
+            return Err(Problem::NotANumber { key: full_path.to_owned(), allowed });
+        }
+        let Some((table, key)) = schema::key(path) else {
+            return Err(unknown(full_path, path, false));
+        };
+        if is_believed && !table.believed {
+            return Err(Problem::NotBelieved { key: full_path.to_owned() });
+        }
+        let value = match key.allowed {
+            Allowed::Real(limits) => limits.contains(number).then_some(Value::Float(number)),
+            Allowed::Whole { min, max } => {
+                let whole = number as i64;
+                let taken = whole as f64 == number && (min..=max).contains(&whole);
+                taken.then_some(Value::Integer(whole))
+            }
+            Allowed::Choice(_) | Allowed::List | Allowed::Csv { .. } => {
+                let allowed = key.allowed.to_string();
+                return Err(Problem::NotANumber { key: full_path.to_owned(), allowed });
+            }
+        };
+        let written = number.to_string();
+        let Some(value) = value else {
+            let allowed = key.allowed.to_string();
+            return Err(Problem::NotAllowed { key: full_path.to_owned(), value: written, allowed });
+        };
+        let list = if is_believed { &mut self.believed.list } else { &mut self.plant.list };
+        list.retain(|entry| (entry.table.name, entry.key.name) != (table.name, key.name));
+        list.push(Entry { table, key, value, written, line: None });
+        Ok(())
+    }
+}
+
+/// Whether a whole path is below `[believed]`, and the path without that.
+fn split_believed(full_path: &str) -> (bool, &str) {
+    match full_path.strip_prefix(BELIEVED) {
+        Some("") => (true, ""),
+        Some(rest) if rest.starts_with('.') => (true, &rest[1..]),
+        _ => (false, full_path),
+    }
 }
 
 /// The walk through the parsed file. Tables may be scattered over it, so that every problem is
@@ -140,11 +189,7 @@ impl Walk<'_> {
     ) -> Result<(), Problem> {
         let written = quoted(self.text.get(value.span()).unwrap_or_default());
         let table = value.get_ref().as_table();
-        let (is_believed, path) = match full_path.strip_prefix(BELIEVED) {
-            Some("") => (true, ""),
-            Some(rest) if rest.starts_with('.') => (true, &rest[1..]),
-            _ => (false, full_path),
-        };
+        let (is_believed, path) = split_believed(full_path);
         if path.is_empty() || schema::is_table(path) {
             if is_believed && schema::table(path).is_some_and(|table| !table.believed) {
                 return Err(Problem::NotBelieved { key: full_path.to_owned() });
@@ -168,7 +213,7 @@ impl Walk<'_> {
                 allowed: key.allowed.to_string(),
             });
         };
-        let line = line_of(&self.text.as_bytes()[..offset]);
+        let line = Some(line_of(&self.text.as_bytes()[..offset]));
         let entries = if is_believed { &mut self.believed } else { &mut self.plant };
         entries.list.push(Entry { table, key, value, written, line });
         Ok(())

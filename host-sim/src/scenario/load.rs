@@ -2,7 +2,7 @@
 
 use super::document::{Document, Entries, Entry};
 use super::geometry;
-use super::model::{Muscle, PlantKind, PlantModel, Scenario};
+use super::model::{DriveKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::rules::{self, Fault, Violation};
 use super::schema::{Allowed, Limits, limits};
 use crate::input::{InputError, Problem, read_text};
@@ -37,6 +37,20 @@ impl Loaded {
         other.believed.plant.model = model;
         other
     }
+
+    /// The same scenario driven along set points \[s, the kind's own unit\] to the last of them, with
+    /// every step logged.
+    ///
+    /// # Panics
+    /// When there is none, or times do not increase.
+    pub fn driven(&self, kind: DriveKind, set_points: Vec<(f64, f64)>) -> Self {
+        let mut other = self.clone();
+        other.plant.run.log_every = 1;
+        other.plant.run.duration_s = set_points.last().map_or(0.0, |point| point.0);
+        other.plant.drive.kind = kind;
+        other.drive_profile = Some(Profile::new(set_points).expect("times increase"));
+        other
+    }
 }
 
 /// Loads a scenario file. CSV files that it names are looked for from its own folder.
@@ -56,7 +70,11 @@ pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     assemble(&Document::parse(text, origin)?)
 }
 
-fn assemble(document: &Document) -> Result<Loaded, InputError> {
+/// Fills in defaults, and applies the rules that tie keys together.
+///
+/// # Errors
+/// As [`load`].
+pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let Document { origin, plant: given, believed: told } = document;
     let mut plant = overlaid(&Scenario::default(), given, origin)?;
     geometry::resolve(&mut plant.muscle).map_err(|found| blame(found, given, origin))?;
@@ -80,7 +98,7 @@ fn assemble(document: &Document) -> Result<Loaded, InputError> {
                     value: entry.written.clone(),
                     allowed: "in a folder whose path is UTF-8 text".to_owned(),
                 };
-                return Err(InputError::line(origin, entry.line, problem));
+                return Err(at(entry, origin, problem));
             }
             *path = Some(file);
         }
@@ -156,9 +174,14 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
         }
     };
     match entry {
-        Some(entry) => InputError::line(origin, entry.line, problem),
+        Some(entry) => at(entry, origin, problem),
         None => InputError::file(origin, problem),
     }
+}
+
+/// A problem of an entry of the file `origin`.
+fn at(entry: &Entry, origin: &Path, problem: Problem) -> InputError {
+    InputError { file: origin.to_path_buf(), line: entry.line, problem: Box::new(problem) }
 }
 
 /// Where the file lies that an entry names.
@@ -184,7 +207,7 @@ fn profile(
             return error;
         }
         // Where the file as a whole is wrong, the user may have named the wrong one.
-        InputError::line(origin, entry.line, Problem::Reference { key: entry.path(), file: error })
+        at(entry, origin, Problem::Reference { key: entry.path(), file: error })
     })
 }
 

@@ -14,7 +14,8 @@ mod rules;
 pub mod schema;
 
 pub use check::render;
-pub use load::{Loaded, load, parse};
+pub use document::Document;
+pub use load::{Loaded, assemble, load, parse};
 pub use model::*;
 pub use number::{number, with_numbers};
 pub use rules::OBSERVABLE;

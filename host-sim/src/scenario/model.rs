@@ -646,7 +646,7 @@ impl Default for Estimator {
             wall_drift_k: 0.05,
             heat_scale_sd: 0.25,
             lag_sd: 0.12,
-            memory_s: 150.0,
+            memory_s: 100.0,
             sensor_bias_k: 0.25,
             valid_sd_k: 1.0,
         }
@@ -697,7 +697,7 @@ impl Default for Controller {
             pressure_loop_s: 0.014,
             pressure_reset_s: 0.3,
             pressure_rate_pa_s: 1.0e7,
-            pressure_dead_zone_pa: 1_000.0,
+            pressure_dead_zone_pa: 1500.0,
             length_loop_s: 0.014,
             length_gain: 1.0,
             length_lead_s: 0.01,
@@ -708,7 +708,7 @@ impl Default for Controller {
             reference_rad_s: 90.0,
             contraction_rate_per_s: 0.7,
             contraction_acceleration_per_s2: 30.0,
-            contraction_dead_zone: 0.001,
+            contraction_dead_zone: 0.0015,
             minimum_pulse_s: 0.001,
         }
     }

@@ -3,6 +3,9 @@
 
 use crate::math::limit;
 
+/// Largest variance of u: a tenth of the gas temperature.
+pub const LARGEST_GAS: f32 = 0.01;
+
 /// Covariance of the five errors: upper triangle, named by row and column.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Covariance {
@@ -144,12 +147,29 @@ impl Covariance {
         self.lag_lag *= keep * keep;
     }
 
-    /// Variances stay positive and bounded.
+    /// Variances stay positive and bounded, and no correlation exceeds 1. A correlation that does, or
+    /// is not a number, is forgotten: whatever went wrong, the filter finds back.
     pub fn limit(&mut self) {
-        self.gas_gas = limit(self.gas_gas, 1.0e-9, 0.01);
+        self.gas_gas = limit(self.gas_gas, 1.0e-9, LARGEST_GAS);
         self.wall_wall = limit(self.wall_wall, 1.0e-5, 1.0e3);
         self.sensor_sensor = limit(self.sensor_sensor, 1.0e-7, 1.0e3);
         self.scale_scale = limit(self.scale_scale, 1.0e-7, 0.25);
         self.lag_lag = limit(self.lag_lag, 1.0e-8, 0.25);
+        for (covariance, a, b) in [
+            (&mut self.gas_wall, self.gas_gas, self.wall_wall),
+            (&mut self.gas_sensor, self.gas_gas, self.sensor_sensor),
+            (&mut self.gas_scale, self.gas_gas, self.scale_scale),
+            (&mut self.gas_lag, self.gas_gas, self.lag_lag),
+            (&mut self.wall_sensor, self.wall_wall, self.sensor_sensor),
+            (&mut self.wall_scale, self.wall_wall, self.scale_scale),
+            (&mut self.wall_lag, self.wall_wall, self.lag_lag),
+            (&mut self.sensor_scale, self.sensor_sensor, self.scale_scale),
+            (&mut self.sensor_lag, self.sensor_sensor, self.lag_lag),
+            (&mut self.scale_lag, self.scale_scale, self.lag_lag),
+        ] {
+            if !(*covariance * *covariance <= a * b) {
+                *covariance = 0.0;
+            }
+        }
     }
 }

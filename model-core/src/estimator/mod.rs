@@ -2,18 +2,19 @@
 //! whose covariance moves once per [`INTERVAL_STEPS`].
 //!
 //! Pressure P and length (hence volume V) are measured fast and well. With the energy balance they
-//! give the enthalpy that came in or left, whatever valve it went through. Without flow, (3) and (4)
-//! foretell the next pressure:
+//! give the enthalpy that came in or left, whatever valve it went through. Without flow, (3) foretells
+//! the internal energy U:
 //!
 //! ```text
-//! P_closed = P - (k P dV + (k-1) h A (T - T_w) dt)/V      (3), (4) with dm = 0
-//! H        = V (P_measured - P_closed)/(k-1)              what crossed the port
+//! U        = P V/(k-1)                                    (4)
+//! U_closed = U - P dV - h A (T - T_w) dt                  (3) with dm = 0
+//! H        = U_measured - U_closed                        what crossed the port
 //! dm       = H/(cp T_in) while charging, H/(cp T) while discharging
-//! T        = P V/(m R)                                    (1)
+//! T        = U/(m c_v)                                    (1)
 //! ```
 //!
 //! No valve needs to be calibrated; that a valve is open is known from the duty. Once both are shut,
-//! P is the running mean of what is measured about P_closed, and for the first [`LATE_STEPS`] its
+//! U is the running mean of what is measured about U_closed, and for the first [`LATE_STEPS`] its
 //! corrections still count as flow: they tell better than the last open step did how much came in.
 //! Without that, the noise of the pressure would leave a step in the mass with every pulse.
 //!
@@ -45,34 +46,38 @@ mod agreement;
 mod covariance;
 
 use self::agreement::Agreement;
-use self::covariance::{Covariance, Product, Transition};
+use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
 use crate::body::Shape;
 use crate::config::Config;
 use crate::front_end::{CodeSum, Converter};
-use crate::math::{CompensatedSum, exp, limit, sqrt};
+use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
 use crate::sample::{AdcCode, Estimate, OVERSAMPLING};
+use crate::supervisor::PATIENCE_STEPS;
 
 /// Steps per update of the covariance and of the sensor's correction.
 pub const INTERVAL_STEPS: u16 = 20;
 
 /// Steps after the valves have shut in which corrections of the pressure still count as flow.
 pub const LATE_STEPS: u16 = 25;
-/// Steps over which the pressure is averaged while both valves are shut; longer, and the errors of
-/// the foretold pressure would show.
-const AVERAGED_STEPS: u16 = 100;
+/// Share of each measured energy in the averaged one after that: over a hundred steps. Longer, and the
+/// errors of the heat would show.
+const LATEST_SHARE: f32 = 0.01;
 /// Share of a step's inflow in the inflow that stirs the gas: five milliseconds of averaging.
 const INFLOW_SHARE: f32 = 0.2;
 /// How far the element must have moved, in codes of 12 bit, for a code that has stood still
 /// meanwhile to be a frozen one: more than a code of erratum RP2040-E11 is wide.
 const FROZEN_LSB: f32 = 20.0;
+/// Pressures beyond which no gas in a muscle or vessel lies \[Pa\].
+const LOWEST_PA: f32 = 10.0;
+const HIGHEST_PA: f32 = 1.0e9;
 /// Part of a code that the pressure is uncertain by beside its noise: what linearising leaves.
 const PRESSURE_LSB: f32 = 0.25;
 
 /// What the estimator needs to know of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
-    /// Measured absolute pressure \[Pa\].
-    pub pressure_pa: f32,
+    /// Measured absolute pressure \[Pa\]; `None` while the sensor is not to be trusted.
+    pub pressure_pa: Option<f32>,
     /// Measured length \[m\], limited to what the body can have.
     pub length_m: f32,
     /// Raw code of the gas sensor; `None` while the sensor is not to be trusted.
@@ -92,6 +97,8 @@ struct Interval {
     heat_j: f32,
     readings: CodeSum,
     flowing_steps: u16,
+    /// A step of it had no pressure.
+    void: bool,
 }
 
 /// What the end of an interval leaves for the first steps of the next one.
@@ -111,9 +118,10 @@ pub struct Estimator {
     shape: Shape,
     converter: Converter,
     config: Config,
-    per_k_minus_1_cp: f32,
+    per_k_minus_1: f32,
     per_cp: f32,
-    per_gas_constant: f32,
+    per_cp_supply: f32,
+    per_cv: f32,
     per_step_s: f32,
     interval_s: f32,
     /// Movement of the element at which a code that stands still is a frozen one \[K\].
@@ -137,18 +145,38 @@ pub struct Estimator {
     // Since the last step.
     pressure_pa: f32,
     volume_m3: f32,
+    /// Internal energy \[J\], averaged while both valves are shut.
+    energy_j: f32,
     closed_steps: u16,
-    inflow_kg_s: f32,
+    /// Mass that comes in with one step, averaged over some \[kg\].
+    inflow_kg: f32,
     entering: bool,
+    missing_steps: u16,
     gas_code: AdcCode,
     /// The element when the code last changed \[K\].
     code_changed_k: f32,
+    frozen: bool,
     // Since the last interval.
     length_m: f32,
-    surface_m2: f32,
+    still_j_k: f32,
+    stirred_j_k_kg: f32,
     interval: Interval,
     pending: Pending,
     started: bool,
+}
+
+/// What is known before the first reading.
+fn initial_covariance(config: &Config) -> Covariance {
+    let sd = &config.estimator;
+    let variance_k2 = sd.initial_sd_k * sd.initial_sd_k;
+    Covariance {
+        gas_gas: variance_k2 / (config.ambient.temperature_k * config.ambient.temperature_k),
+        wall_wall: variance_k2,
+        sensor_sensor: variance_k2,
+        scale_scale: sd.heat_scale_sd * sd.heat_scale_sd,
+        lag_lag: sd.lag_sd * sd.lag_sd,
+        ..Covariance::default()
+    }
 }
 
 impl Estimator {
@@ -156,8 +184,6 @@ impl Estimator {
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
         let sd = &config.estimator;
-        let initial = sd.initial_sd_k * sd.initial_sd_k;
-        let relative = initial / (config.ambient.temperature_k * config.ambient.temperature_k);
         let conversions = f32::from(OVERSAMPLING);
         let interval_s = f32::from(INTERVAL_STEPS) * config.step_s;
         let front_end = &config.front_end;
@@ -168,9 +194,10 @@ impl Estimator {
             shape: Shape::new(&config.body),
             converter: Converter::new(&config.front_end),
             config: *config,
-            per_k_minus_1_cp: 1.0 / ((k - 1.0) * config.gas.cp_j_kg_k()),
+            per_k_minus_1: 1.0 / (k - 1.0),
             per_cp: 1.0 / config.gas.cp_j_kg_k(),
-            per_gas_constant: 1.0 / config.gas.gas_constant_j_kg_k,
+            per_cp_supply: 1.0 / (config.gas.cp_j_kg_k() * config.supply.temperature_k),
+            per_cv: (k - 1.0) / config.gas.gas_constant_j_kg_k,
             per_step_s: 1.0 / config.step_s,
             interval_s,
             frozen_k: FROZEN_LSB * front_end.gas_code_k(),
@@ -188,27 +215,24 @@ impl Estimator {
             sensor_k: config.ambient.temperature_k,
             scale: 1.0,
             lag_s: config.gas_sensor.time_constant_s,
-            covariance: Covariance {
-                gas_gas: relative,
-                wall_wall: initial,
-                sensor_sensor: initial,
-                scale_scale: sd.heat_scale_sd * sd.heat_scale_sd,
-                lag_lag: sd.lag_sd * sd.lag_sd,
-                ..Covariance::default()
-            },
+            covariance: initial_covariance(config),
             agreement: Agreement::new(config.gas_sensor.time_constant_s),
             gas_sd_k: sd.initial_sd_k,
             pressure_pa: 0.0,
             volume_m3: 0.0,
-            closed_steps: AVERAGED_STEPS,
-            inflow_kg_s: 0.0,
+            energy_j: 0.0,
+            closed_steps: LATE_STEPS,
+            inflow_kg: 0.0,
             entering: false,
+            missing_steps: 0,
             gas_code: AdcCode(0),
+            frozen: false,
             code_changed_k: config.ambient.temperature_k,
             length_m: 0.0,
-            surface_m2: 0.0,
+            still_j_k: 0.0,
+            stirred_j_k_kg: 0.0,
             interval: Interval::default(),
-            pending: Pending::default(),
+            pending: Pending { gas_k: config.ambient.temperature_k, ..Pending::default() },
             started: false,
         }
     }
@@ -229,7 +253,12 @@ impl Estimator {
 
     /// One step.
     pub fn step(&mut self, measurement: &Measurement) {
-        let pressure_pa = limit(measurement.pressure_pa, 1.0, 1.0e9);
+        let Some(pressure_pa) = measurement.pressure_pa else {
+            self.wait();
+            return;
+        };
+        self.missing_steps = 0;
+        let pressure_pa = limit(pressure_pa, LOWEST_PA, HIGHEST_PA);
         let volume_m3 = self.shape.volume_m3(measurement.length_m);
         if !self.started {
             self.start(pressure_pa, volume_m3, measurement);
@@ -239,38 +268,58 @@ impl Estimator {
             if code != self.gas_code {
                 self.gas_code = code;
                 self.code_changed_k = self.sensor_k;
+                self.frozen = false;
             }
-            if !self.sensor_frozen() {
+            if !self.frozen {
                 self.interval.readings.add(code);
             }
         }
         self.advance_covariance(measurement.length_m);
     }
 
+    /// Without pressure there is nothing to go by. A few disturbed steps are left out; after
+    /// [`PATIENCE_STEPS`] the estimate is unknown, and starts anew when the pressure is back.
+    fn wait(&mut self) {
+        // The interval goes on, in phase with the valves' period, and counts for nothing.
+        self.interval.void = true;
+        self.interval.steps += 1;
+        if self.interval.steps == INTERVAL_STEPS {
+            self.interval = Interval::default();
+            self.pending.transition = Transition::default();
+        }
+        self.missing_steps = self.missing_steps.saturating_add(1);
+        if self.missing_steps == PATIENCE_STEPS {
+            self.started = false;
+            self.covariance = initial_covariance(&self.config);
+            self.agreement = Agreement::new(self.config.gas_sensor.time_constant_s);
+            self.pending.innovation_k = None;
+            self.closed_steps = LATE_STEPS;
+            self.inflow_kg = 0.0;
+            self.gas_sd_k = self.gas_k * sqrt(LARGEST_GAS);
+        }
+    }
+
     /// Whether the gas sensor's code stands still while its element must have moved: the readings are
     /// left out until it changes.
     pub fn sensor_frozen(&self) -> bool {
-        let moved_k = self.sensor_k - self.code_changed_k;
-        moved_k > self.frozen_k || moved_k < -self.frozen_k
+        self.frozen
     }
 
-    /// The work of an interval, spread over four of its steps and kept clear of those in which the
+    /// The work of an interval, spread over six of its steps and kept clear of those in which the
     /// valves' PWM period ends (multiples of ten) and the controller has its own to do.
     fn advance_covariance(&mut self, length_m: f32) {
         match self.interval.steps {
             2 => self.pending.product = self.covariance.rows(&self.pending.transition),
-            3 => {
-                self.covariance.columns(&self.pending.product, &self.pending.transition);
-                self.add_drift();
-            }
-            4 => {
+            3 => self.covariance.columns(&self.pending.product, &self.pending.transition),
+            4 => self.add_drift(),
+            5 => {
                 let innovation_k = self.pending.innovation_k.take();
                 if let Some(innovation_k) = innovation_k {
                     self.correct(innovation_k);
                 }
                 self.agreement.add(innovation_k, self.lag_s);
-                self.update_deviation();
             }
+            6 => self.update_deviation(),
             INTERVAL_STEPS => self.end_interval(length_m),
             _ => {}
         }
@@ -286,69 +335,93 @@ impl Estimator {
             self.sensor_k = reading_k;
         }
         self.code_changed_k = self.sensor_k;
-        self.mass_kg =
-            CompensatedSum::new(pressure_pa * volume_m3 * self.per_gas_constant / self.gas_k);
+        self.energy_j = pressure_pa * volume_m3 * self.per_k_minus_1;
+        self.mass_kg = CompensatedSum::new(self.energy_j * self.per_cv / self.gas_k);
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.length_m = measurement.length_m;
         self.started = true;
-        self.surface_m2 = self.shape.surface_m2(measurement.length_m);
+        self.set_conductance(self.shape.surface_m2(measurement.length_m));
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
-    fn propagate(&mut self, measured_pa: f32, volume_m3: f32, measurement: &Measurement) {
-        let conductance_w_k =
-            self.scale * self.config.heat.inner_w_k(self.surface_m2, self.inflow_kg_s);
-        let heat_j = conductance_w_k * (self.gas_k - self.wall_k) * self.config.step_s;
+    fn propagate(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
+        // Zeros are slow where there is no FPU.
+        let conductance = if self.closed_steps < LATE_STEPS {
+            self.still_j_k + self.stirred_j_k_kg * self.inflow_kg
+        } else {
+            self.still_j_k
+        };
+        let heat_j = conductance * (self.gas_k - self.wall_k);
+        let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
+        let closed_j = self.energy_j - work_j - heat_j;
+        let measured_j = pressure_pa * volume_m3 * self.per_k_minus_1;
+        let mut enthalpy_j = measured_j - closed_j;
+        self.pressure_pa = pressure_pa;
+        self.volume_m3 = volume_m3;
         self.interval.steps += 1;
         self.interval.heat_j += heat_j;
-        let k = self.config.gas.heat_capacity_ratio;
-        let work_j = self.pressure_pa * (volume_m3 - self.volume_m3);
-        let closed_pa = self.pressure_pa
-            - (k * work_j + (k - 1.0) * heat_j) * 2.0 / (volume_m3 + self.volume_m3);
-        self.volume_m3 = volume_m3;
 
-        let mut correction_pa = measured_pa - closed_pa;
         if measurement.charging || measurement.discharging {
             self.closed_steps = 0;
             // The direction comes from the duties where they are one-sided: the noise of a
             // difference of pressures would be rectified.
             self.entering = if measurement.charging && measurement.discharging {
-                correction_pa > 0.0
+                enthalpy_j > 0.0
             } else {
                 measurement.charging
             };
+            self.energy_j = measured_j;
         } else {
-            self.closed_steps = (self.closed_steps + 1).min(AVERAGED_STEPS);
-            correction_pa /= f32::from(self.closed_steps + 1);
+            self.closed_steps = (self.closed_steps + 1).min(LATE_STEPS);
+            enthalpy_j *= if self.closed_steps < LATE_STEPS {
+                1.0 / f32::from(self.closed_steps + 1)
+            } else {
+                LATEST_SHARE
+            };
+            self.energy_j = closed_j + enthalpy_j;
         }
-        self.pressure_pa = limit(closed_pa + correction_pa, 1.0, 1.0e9);
 
-        let mut inflow_kg_s = 0.0;
         if self.closed_steps < LATE_STEPS {
-            let port_k = if self.entering { self.config.supply.temperature_k } else { self.gas_k };
-            let change_kg = correction_pa * volume_m3 * self.per_k_minus_1_cp / port_k;
+            let mut inflow_kg = 0.0;
+            let change_kg = if self.entering {
+                inflow_kg = enthalpy_j * self.per_cp_supply;
+                self.interval.inflow_kg += inflow_kg;
+                inflow_kg
+            } else {
+                enthalpy_j * self.per_cp / self.gas_k
+            };
             self.mass_kg.add(change_kg);
+            self.inflow_kg += INFLOW_SHARE * (inflow_kg - self.inflow_kg);
             self.interval.flowing_steps += 1;
-            if self.entering {
-                self.interval.inflow_kg += change_kg;
-                inflow_kg_s = change_kg * self.per_step_s;
-            }
+        } else {
+            self.inflow_kg = 0.0;
         }
-        self.inflow_kg_s += INFLOW_SHARE * (inflow_kg_s - self.inflow_kg_s);
         self.gas_k = self.temperature_k();
         self.interval.gas_k += self.gas_k;
     }
 
-    /// T = P V/(m R), limited to where air is a gas and the wall is not ash.
+    /// T = U/(m c_v), limited to where air is a gas and the wall is not ash.
     fn temperature_k(&self) -> f32 {
-        let product = self.pressure_pa * self.volume_m3 * self.per_gas_constant;
-        limit(product / self.mass_kg.value(), 100.0, 1000.0)
+        limit(self.energy_j * self.per_cv / self.mass_kg.value(), 100.0, 1000.0)
+    }
+
+    /// Heat to the wall in one step, per kelvin, at that surface \[m2\]: of still gas, and per mass
+    /// that comes in with each step.
+    fn set_conductance(&mut self, surface_m2: f32) {
+        let heat = &self.config.heat;
+        let scaled_m2_s = self.scale * surface_m2 * self.config.step_s;
+        self.still_j_k = heat.inner_w_m2_k * scaled_m2_s;
+        self.stirred_j_k_kg = heat.inner_per_flow * scaled_m2_s * self.per_step_s;
     }
 
     fn end_interval(&mut self, length_m: f32) {
         let interval = self.interval;
         self.interval = Interval::default();
+        if interval.void {
+            self.pending.transition = Transition::default();
+            return;
+        }
         let steps = f32::from(INTERVAL_STEPS);
         let duration_s = self.interval_s;
         let gas_k = interval.gas_k / steps;
@@ -368,10 +441,11 @@ impl Estimator {
         let inner_j_k = self.scale * inner_w_k * duration_s;
         let flowing = f32::from(interval.flowing_steps) / steps;
         let per_mass = 1.0 / self.mass_kg.value();
-        let exchange = inner_j_k * per_mass * self.per_cp * flowing;
+        // Limited where there is next to no gas: its temperature is the wall's.
+        let exchange = limit(inner_j_k * per_mass * self.per_cp * flowing, 0.0, 0.5);
         self.pending.gas_k = gas_k;
         self.pending.transition = Transition {
-            gas_gas: -limit(exchange + interval.inflow_kg * per_mass, -0.9, 0.9),
+            gas_gas: -limit(exchange + interval.inflow_kg * per_mass, 0.0, 0.9),
             gas_wall: exchange / gas_k,
             gas_scale: -exchange * (gas_k - self.wall_k) / gas_k,
             wall_gas: inner_j_k * per_wall * gas_k,
@@ -388,7 +462,8 @@ impl Estimator {
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
         let sensor_change_k = lag_share * (self.housing_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
-        self.surface_m2 = surface_m2;
+        self.frozen |= absolute(self.sensor_k - self.code_changed_k) > self.frozen_k;
+        self.set_conductance(surface_m2);
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag.

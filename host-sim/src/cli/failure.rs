@@ -1,0 +1,78 @@
+//! Why a command does not end with 0.
+
+use crate::board::BoardError;
+use crate::identify::IdentifyError;
+use crate::input::InputError;
+use crate::run::RunError;
+use crate::sweep::SweepError;
+use crate::tune::{Refusal, TuneError};
+use std::fmt;
+
+/// Why the command does not end with 0.
+#[derive(Debug)]
+pub(super) enum Failure {
+    /// Exit 2.
+    Input(InputError),
+    /// Exit 2, or 1 where the plant diverges.
+    Identify(IdentifyError),
+    /// Exit 2.
+    Sweep(SweepError),
+    /// Exit 1: the data of a tuning was not good enough.
+    Tune(Refusal),
+    /// Exit 2: arguments that do not go together.
+    Usage(String),
+    /// Exit 2: the board cannot be used.
+    Board(BoardError),
+    /// Exit 1.
+    Run(RunError),
+    /// Exit 1: it ran, and a stated check did not hold.
+    Check(String),
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(error) => error.fmt(f),
+            Self::Identify(error) => error.fmt(f),
+            Self::Sweep(error) => error.fmt(f),
+            Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
+            Self::Usage(what) => f.write_str(what),
+            Self::Board(error) => error.fmt(f),
+            Self::Run(error) => error.fmt(f),
+            Self::Check(what) => f.write_str(what),
+        }
+    }
+}
+
+impl From<InputError> for Failure {
+    fn from(error: InputError) -> Self {
+        Self::Input(error)
+    }
+}
+
+impl From<TuneError> for Failure {
+    fn from(error: TuneError) -> Self {
+        match error {
+            TuneError::Input(error) => Self::Input(error),
+            TuneError::Run(error) => Self::Run(error),
+            TuneError::Refused(refusal) => Self::Tune(refusal),
+        }
+    }
+}
+
+impl Failure {
+    pub(super) fn exit_code(&self) -> u8 {
+        match self {
+            Self::Input(_)
+            | Self::Sweep(_)
+            | Self::Usage(_)
+            | Self::Board(_)
+            | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
+            | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
+            Self::Identify(IdentifyError::Diverged(_))
+            | Self::Tune(_)
+            | Self::Run(_)
+            | Self::Check(_) => 1,
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! `thermyo sweep`: its arguments, and what it prints and writes.
+
+use super::{Failure, OutputArgs, print, progress_bar};
+use crate::output::OutputDir;
+use crate::scenario;
+use crate::sweep::{Range, Shard, Sweep};
+use clap::Args;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Arguments of `thermyo sweep`.
+#[derive(Debug, Args)]
+pub(super) struct SweepArgs {
+    /// Scenario file (TOML)
+    scenario: PathBuf,
+    /// A key of the scenario, and its values: COUNT of them from FROM to TO, a fixed difference
+    /// apart; with ":log" behind, a fixed ratio. One to three times; their product is run
+    #[arg(long, value_name = "KEY=FROM:TO:COUNT[:log]", required = true)]
+    vary: Vec<Range>,
+    /// Run only each N-th point, beginning with the I-th, 1 to N
+    #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE)]
+    shard: Shard,
+    /// The root-mean-square error that is good enough, in kelvin
+    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = tolerance)]
+    within: f64,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        _ => Err("must be a number above 0".to_owned()),
+    }
+}
+
+pub(super) fn run(args: SweepArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+    let sweep = Sweep::new(&args.scenario, args.vary, args.shard).map_err(Failure::Sweep)?;
+    let folder = args.output.out.unwrap_or_else(|| PathBuf::from("out/sweep"));
+    let mut out = OutputDir::create(&folder)?;
+    let bar = progress_bar(sweep.count() as u64, args.output.quiet);
+    let outcome = sweep.run(|| bar.inc(1));
+    bar.finish_and_clear();
+    let outcome = outcome.map_err(Failure::Run)?;
+    let summary = outcome.summary(args.within);
+    let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
+    let stem = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    out.keep_text("sweep.csv", &outcome.csv())?;
+    out.keep_text("summary.json", &json)?;
+    out.keep_text("scenario.toml", &scenario::render(&sweep.base))?;
+    out.keep_text("report.html", &outcome.page(&format!("Sweep of {stem}"), args.within))?;
+    out.publish()?;
+    if args.output.json {
+        print(stdout, &json)?;
+    } else {
+        let mut text = format!("{} of {} points run\n", summary.run, summary.points);
+        text += &format!("{}\n", summary.conclusion);
+        for key in &summary.without_effect {
+            text += &format!("{key} changes nothing in this scenario\n");
+        }
+        text += &format!("report: {}\n", folder.join("report.html").display());
+        print(stdout, &text)?;
+    }
+    outcome.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+}

@@ -1,0 +1,47 @@
+//! `thermyo tune`: its arguments, and what it prints and writes.
+
+use super::{BoardArgs, Failure, OutputArgs, print};
+use crate::output::OutputDir;
+use crate::{scenario, tune};
+use clap::Args;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Arguments of `thermyo tune`.
+#[derive(Debug, Args)]
+pub(super) struct TuneArgs {
+    /// Scenario file (TOML): muscle, load, and what the core is told so far
+    scenario: PathBuf,
+    /// Highest absolute pressure of the experiment, in Pa
+    #[arg(long, value_name = "PA", default_value_t = tune::HIGHEST_PA, value_parser = pressure)]
+    max_pressure: f64,
+    #[command(flatten)]
+    output: OutputArgs,
+    #[command(flatten)]
+    board: BoardArgs,
+}
+
+fn pressure(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0);
+    value.ok_or_else(|| "must be an absolute pressure in Pa, above 0".to_owned())
+}
+
+pub(super) fn run(args: &TuneArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+    let loaded = scenario::load(&args.scenario)?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
+    let mut board = args.board.open()?;
+    let mut out = OutputDir::create(&folder)?;
+    let tuned = tune::tune(&loaded, &args.scenario, args.max_pressure, board.as_mut())?;
+    let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
+    let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    out.keep_text("summary.json", &json)?;
+    out.keep_text("tuned.toml", &scenario::render(&tuned.scenario))?;
+    out.keep_text("report.html", &tune::page(&tuned, &title))?;
+    out.publish()?;
+    if args.output.json {
+        print(stdout, &json)
+    } else {
+        print(stdout, &tuned.findings.text())?;
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
+    }
+}

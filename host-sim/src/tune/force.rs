@@ -1,0 +1,264 @@
+//! Friction, force area and bladder from even motion, up and down.
+//!
+//! Without acceleration, along L with x = L_0 - L and v the speed of contraction (Chou and Hannaford
+//! with friction; A = -dV/dL as told, the true one s times that):
+//!
+//! ```text
+//! P_g A(L) = (1/s) load + (k_b/s) x + (F/s) f(T_w) sgn v + (c/s) f(T_w) v
+//! ```
+//!
+//! linear in what stands before the load, the way, the direction and the speed. The load is what a
+//! scale says and is taken as told; f is the told softening at the estimated wall temperature.
+
+use super::Refusal;
+use super::experiment::{Plan, Record, during, told};
+use super::regression::{Measure, least_squares};
+use model_core::config::Config;
+
+/// Stretches over which records are averaged \[s\]: two tenths of a period of the load on its gas
+/// spring, ten of the ADC's steps at the slow ramp.
+const BIN_S: f64 = 0.05;
+/// Slower is not sliding \[m/s\]: above the Stribeck speeds of braided sleeves.
+const SLIDING_M_S: f64 = 0.006;
+/// Largest difference of the ways in two neighbouring stretches to their mean, relative \[-\].
+const EVEN: f64 = 0.25;
+/// Way after a turn within which friction still builds up \[m\].
+const TURN_M: f64 = 0.004;
+/// Distance from the rest length within which the load may lie on its stop \[m\].
+const STOP_M: f64 = 0.003;
+/// Least span of wall temperature that tells softening from scatter \[K\]: at 1 %/K a tenth of the
+/// friction.
+const SOFTENING_SPAN_K: f64 = 10.0;
+/// Largest standard error of a value that is adopted, relative to it \[-\].
+const LARGEST_ERROR: f64 = 0.5;
+/// Least ratio of friction to its standard error.
+pub const LEAST_SIGNAL: f64 = 10.0;
+
+/// What even motion tells.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Force {
+    /// Force area and volume of the braid, over the told ones \[-\].
+    pub area_scale: Measure,
+    /// Bladder stiffness \[N/m\].
+    pub bladder_n_m: Measure,
+    /// Coulomb friction at the reference temperature \[N\].
+    pub coulomb_n: Measure,
+    /// Viscous friction at the reference temperature \[N s/m\]; where it stands out of the scatter.
+    pub viscous_n_s_m: Option<Measure>,
+    /// Softening \[1/K\]; where the wall's temperature changed enough.
+    pub softening_per_k: Option<Measure>,
+    /// Estimated wall temperatures, lowest and highest \[K\].
+    pub wall_k: [f64; 2],
+    /// Root mean square of what is left \[N\].
+    pub rms_n: f64,
+    /// What was fitted.
+    pub points: Vec<Point>,
+}
+
+/// One stretch of even motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Time of its middle \[s\].
+    pub time_s: f64,
+    /// Contraction \[-\].
+    pub contraction: f64,
+    /// Speed of contraction \[m/s\].
+    pub speed_m_s: f64,
+    /// Pull of the gas, P_g A with the tuned area \[N\].
+    pub pull_n: f64,
+    /// Measured less fitted \[N\].
+    pub residual_n: f64,
+}
+
+/// Means over one stretch of time.
+#[derive(Debug, Clone, Copy)]
+struct Bin {
+    time_s: f64,
+    pressure_pa: f64,
+    length_m: f64,
+    wall_k: f64,
+}
+
+fn bins(records: &[Record], step_s: f64) -> Vec<Bin> {
+    let count = (BIN_S / step_s).round().max(1.0) as usize;
+    let mean =
+        |bin: &[Record], of: fn(&Record) -> f64| bin.iter().map(of).sum::<f64>() / bin.len() as f64;
+    records
+        .chunks_exact(count)
+        .map(|bin| Bin {
+            time_s: mean(bin, |r| r.time_s),
+            pressure_pa: mean(bin, |r| r.pressure_pa),
+            length_m: mean(bin, |r| r.length_m),
+            wall_k: mean(bin, |r| r.wall_k),
+        })
+        .collect()
+}
+
+/// The bins of even sliding, with the speed of contraction \[m/s\].
+fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
+    let mut turned_m = f64::NAN;
+    let mut before: f64 = 0.0;
+    let mut found = Vec::new();
+    for three in bins.windows(3) {
+        let [earlier, bin, later] = three else { continue };
+        let speed_m_s = (earlier.length_m - later.length_m) / (2.0 * BIN_S);
+        if speed_m_s.abs() < SLIDING_M_S {
+            before = 0.0;
+            continue;
+        }
+        if speed_m_s.signum() != before.signum() || before == 0.0 {
+            turned_m = bin.length_m;
+        }
+        before = speed_m_s;
+        // From stretch to stretch about the same way: no mass is accelerated, nothing is turning.
+        let ways_m = [earlier.length_m - bin.length_m, bin.length_m - later.length_m];
+        let mean_m = speed_m_s * BIN_S;
+        let steady = ways_m.iter().all(|way_m| (way_m / mean_m - 1.0).abs() < EVEN);
+        let lifted = bin.length_m < rest_m - STOP_M;
+        if steady && lifted && (bin.length_m - turned_m).abs() > TURN_M {
+            found.push((*bin, speed_m_s));
+        }
+    }
+    found
+}
+
+/// Fits the balance of forces to the ramps.
+///
+/// # Errors
+/// When too little slid evenly, or friction does not stand out of the scatter.
+pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Refusal> {
+    let (geometry, load_n) = told(config)?;
+    let rest_m = f64::from(geometry.muscle().rest_length_m);
+    let ambient_pa = f64::from(config.ambient.pressure_pa);
+    let bins = bins(during(records, &plan.ramps_s), f64::from(config.step_s));
+    let sliding = sliding(&bins, rest_m);
+    let area_m2 = |bin: &Bin| -f64::from(geometry.volume_slope_m2(bin.length_m as f32));
+    let pull_n = |bin: &Bin| (bin.pressure_pa - ambient_pa) * area_m2(bin);
+    let rows = |softening_per_k: f64| -> Vec<([f64; 4], f64)> {
+        let reference_k = f64::from(config.friction.reference_temperature_k);
+        let row = |(bin, v): &(Bin, f64)| {
+            let soft = (-softening_per_k * (bin.wall_k - reference_k)).exp();
+            ([load_n, rest_m - bin.length_m, soft * v.signum(), soft * v], pull_n(bin))
+        };
+        sliding.iter().map(row).collect()
+    };
+    let told_per_k = f64::from(config.friction.softening_per_k);
+    let wall = || sliding.iter().map(|(bin, _)| bin.wall_k);
+    let wall_k = [wall().fold(f64::INFINITY, f64::min), wall().fold(f64::NEG_INFINITY, f64::max)];
+    let softening_per_k = softening_per_k(&rows(told_per_k), &sliding, told_per_k, wall_k);
+    let rows = rows(softening_per_k.map_or(told_per_k, |found| found.value));
+    let fit = least_squares(&rows).ok_or(Refusal::TooFew { points: rows.len() })?;
+    let area_scale = fit.measure(|c| 1.0 / c[0]);
+    let viscous = fit.measure(|c| c[3] / c[0]);
+    let certain = viscous.value > 0.0 && viscous.error < LARGEST_ERROR * viscous.value;
+    let coulomb_n = fit.measure(|c| c[2] / c[0]);
+    let signal = coulomb_n.value / coulomb_n.error;
+    if !(signal >= LEAST_SIGNAL && area_scale.value > 0.0) {
+        return Err(Refusal::Noisy { signal, rms_n: fit.rms() * area_scale.value });
+    }
+    let points = sliding
+        .iter()
+        .zip(&fit.residuals)
+        .map(|((bin, speed_m_s), residual_n)| Point {
+            time_s: bin.time_s,
+            contraction: 1.0 - bin.length_m / rest_m,
+            speed_m_s: *speed_m_s,
+            pull_n: pull_n(bin) * area_scale.value,
+            residual_n: residual_n * area_scale.value,
+        })
+        .collect();
+    Ok(Force {
+        area_scale,
+        bladder_n_m: fit.measure(|c| c[1] / c[0]),
+        coulomb_n,
+        viscous_n_s_m: certain.then_some(viscous),
+        softening_per_k,
+        wall_k,
+        rms_n: fit.rms() * area_scale.value,
+        points,
+    })
+}
+
+/// With exp(-(b + db)(T - T_ref)) = exp(-b (T - T_ref)) (1 - db (T - T_m)) exp(...) about the mean
+/// T_m, one more column gives the change db of the softening.
+fn softening_per_k(
+    rows: &[([f64; 4], f64)],
+    sliding: &[(Bin, f64)],
+    told_per_k: f64,
+    [coldest_k, hottest_k]: [f64; 2],
+) -> Option<Measure> {
+    if hottest_k - coldest_k < SOFTENING_SPAN_K {
+        return None;
+    }
+    let middle_k = f64::midpoint(coldest_k, hottest_k);
+    let rows: Vec<([f64; 5], f64)> = rows
+        .iter()
+        .zip(sliding)
+        .map(|(([load, way, direction, speed], y), (bin, _))| {
+            ([*load, *way, *direction, *speed, direction * (bin.wall_k - middle_k)], *y)
+        })
+        .collect();
+    let found = least_squares(&rows)?.measure(|c| told_per_k - c[4] / c[2]);
+    (found.value > 0.0 && found.error < LARGEST_ERROR * found.value).then_some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_core::Faults;
+
+    /// Records of a muscle that slides evenly up and down, faster every second time, while its wall
+    /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is told 1 %/K.
+    fn records(plan: &Plan, config: &Config, hottest_k: f64) -> Vec<Record> {
+        let (geometry, load_n) = told(config).unwrap();
+        let rest_m = f64::from(geometry.muscle().rest_length_m);
+        let duration_s = plan.ramps_s.end - plan.ramps_s.start;
+        let (mut length_m, mut speed_m_s) = (0.98 * rest_m, 0.02);
+        (0..(duration_s / 0.001) as u32)
+            .map(|step| {
+                let since_s = f64::from(step) * 0.001;
+                length_m -= speed_m_s * 0.001;
+                if length_m < 0.75 * rest_m {
+                    speed_m_s = -speed_m_s;
+                } else if length_m > 0.98 * rest_m {
+                    speed_m_s = if speed_m_s == -0.02 { 0.06 } else { 0.02 };
+                }
+                let wall_k = 290.0 + (hottest_k - 290.0) * since_s / duration_s;
+                let soft = (-0.015 * (wall_k - 298.0)).exp();
+                let friction_n = soft * (12.0 * f64::signum(speed_m_s) + 40.0 * speed_m_s);
+                let pull_n = load_n + 600.0 * (rest_m - length_m) + friction_n;
+                let area_m2 = -f64::from(geometry.volume_slope_m2(length_m as f32));
+                let ambient_pa = f64::from(config.ambient.pressure_pa);
+                Record {
+                    step,
+                    time_s: plan.ramps_s.start + since_s,
+                    set_point: 0.0,
+                    // A force area of 90 % of the told one needs more pressure.
+                    pressure_pa: ambient_pa + pull_n / (0.9 * area_m2),
+                    length_m,
+                    gas_k: 298.0,
+                    wall_k,
+                    inlet: 0.0,
+                    outlet: 0.0,
+                    faults: Faults::NONE,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn softening_is_found_where_the_wall_warms_and_else_kept() {
+        let config = Config::default();
+        let plan = Plan::new(&config, 4.0e5).unwrap();
+        let warm = fit(&records(&plan, &config, 315.0), &plan, &config).unwrap();
+        let softening = warm.softening_per_k.unwrap();
+        assert!((softening.value - 0.015).abs() < 5e-4, "{softening:?}");
+        assert!((warm.coulomb_n.value - 12.0).abs() < 0.1, "{:?}", warm.coulomb_n);
+        assert!((warm.area_scale.value - 0.9).abs() < 1e-3, "{:?}", warm.area_scale);
+        assert!((warm.bladder_n_m.value - 600.0).abs() < 5.0, "{:?}", warm.bladder_n_m);
+        assert!((warm.viscous_n_s_m.unwrap().value - 40.0).abs() < 2.0);
+        let cold = fit(&records(&plan, &config, 295.0), &plan, &config).unwrap();
+        assert_eq!(cold.softening_per_k, None);
+        assert!((cold.coulomb_n.value - 12.0).abs() < 1.0, "{:?}", cold.coulomb_n);
+    }
+}

@@ -1,0 +1,226 @@
+//! `thermyo sweep`, through the command line: every point is the run that the file would give.
+
+use host_sim::cli;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+const SCENARIO: &str = "[run]\nduration_s = 4.0\nlog_every = 1\n[plant]\nmodel = \"full\"\n\
+                        [muscle]\nzones = 4\n[drive]\nperiod_s = 1.0\n";
+const GRID: [&str; 4] =
+    ["--vary", "sensor.gas.time_constant_s=0.5:3.0:2", "--vary", "sensor.gas.position=0.25:1:2"];
+
+/// Exit code, standard output, standard error.
+fn thermyo(arguments: &[&str]) -> (u8, String, String) {
+    let (mut out, mut err) = (Vec::new(), Vec::new());
+    let code = cli::run(["thermyo"].iter().chain(arguments), &mut out, &mut err);
+    (code, String::from_utf8(out).unwrap(), String::from_utf8(err).unwrap())
+}
+
+fn file(folder: &Path, name: &str, text: &str) -> String {
+    let path = folder.join(name);
+    fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
+/// Runs a sweep that has to succeed; gives its table.
+fn sweep(scenario: &str, arguments: &[&str], out: &Path) -> String {
+    let out_text = out.display().to_string();
+    let all = [&["sweep", scenario, "--quiet", "--out", &out_text], arguments].concat();
+    let (code, _, err) = thermyo(&all);
+    assert_eq!((code, err.as_str()), (0, ""), "{arguments:?}");
+    fs::read_to_string(out.join("sweep.csv")).unwrap()
+}
+
+fn cells(line: &str) -> Vec<f64> {
+    line.split(',').map(|cell| cell.parse().unwrap()).collect()
+}
+
+/// RMS errors of gas sensor, wall sensor, model and estimate, and the share within two standard
+/// deviations, from a trace's second half.
+fn figures(trace: &str) -> [f64; 5] {
+    let mut lines = trace.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let columns =
+        ["sensor_gas_k", "sensor_wall_k", "model_k", "estimate_k", "gas_temperature_k", "time_s"]
+            .map(|name| names.iter().position(|other| *other == name).unwrap());
+    let deviation = names.iter().position(|name| *name == "estimate_sd_k").unwrap();
+    let rows: Vec<Vec<f64>> = lines.map(cells).filter(|row| row[columns[5]] >= 2.0).collect();
+    let count = rows.len() as f64;
+    let error = |row: &Vec<f64>, column: usize| row[column] - row[columns[4]];
+    let rms = |column: usize| {
+        (rows.iter().map(|row| error(row, column).powi(2)).sum::<f64>() / count).sqrt()
+    };
+    let within = rows.iter().filter(|row| error(row, columns[3]).abs() <= 2.0 * row[deviation]);
+    let [gas, wall, model, estimate, ..] = columns;
+    [rms(gas), rms(wall), rms(model), rms(estimate), within.count() as f64 / count]
+}
+
+#[test]
+fn every_point_is_the_run_that_the_file_would_give() {
+    let folder = tempfile::tempdir().unwrap();
+    // What the core believes of the sensor follows the plant's sensor, unless the file says otherwise.
+    let scenario = file(folder.path(), "scenario.toml", SCENARIO);
+    let out = folder.path().join("out");
+    let table = sweep(&scenario, &GRID, &out);
+    let mut lines = table.lines();
+    assert_eq!(
+        lines.next().unwrap(),
+        "point,sensor.gas.time_constant_s,sensor.gas.position,seed,settled_s,sensor_gas_rmse_k,\
+         sensor_wall_rmse_k,model_rmse_k,estimate_rmse_k,estimate_within_2sd"
+    );
+    let rows: Vec<Vec<f64>> = lines.map(cells).collect();
+    let expected = [[0.5, 0.25], [0.5, 1.0], [3.0, 0.25], [3.0, 1.0]];
+    assert_eq!(rows.len(), expected.len());
+    for (i, (row, [lag, position])) in rows.iter().zip(expected).enumerate() {
+        assert_eq!(row[..5], [i as f64 + 1.0, lag, position, 1.0, 2.0]);
+        let written =
+            format!("{SCENARIO}[sensor.gas]\ntime_constant_s = {lag:?}\nposition = {position:?}\n");
+        let single = file(folder.path(), "single.toml", &written);
+        let place = folder.path().join("single").display().to_string();
+        assert_eq!(thermyo(&["run", &single, "--quiet", "--out", &place]).0, 0);
+        let trace = fs::read_to_string(Path::new(&place).join("trace.csv")).unwrap();
+        for (swept, run) in row[5..].iter().zip(figures(&trace)) {
+            assert!((swept - run).abs() <= 1e-12 * run.abs(), "point {i}: {swept} and {run}");
+        }
+    }
+    // Position and lag both matter, or nothing was compared.
+    assert!(rows.iter().skip(1).all(|row| (row[5] / rows[0][5] - 1.0).abs() > 1e-3), "{table}");
+
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("Within 1 K RMS") && page.contains("<svg"), "no map");
+    assert!(!["src=", "<link", "<script"].iter().any(|text| page.contains(text)), "not by itself");
+    let scenario = fs::read_to_string(out.join("scenario.toml")).unwrap();
+    assert!(scenario.contains("zones = 4"), "{scenario}");
+}
+
+#[test]
+fn shards_add_up_to_the_whole_to_the_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = file(
+        folder.path(),
+        "scenario.toml",
+        "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[believed.heat]\ninner_w_m2_k = 70.0\n",
+    );
+    let grid = ["--vary", "believed.heat.inner_w_m2_k=50:130:4:log", "--vary", "run.seed=1:3:3"];
+    let whole = sweep(&scenario, &grid, &folder.path().join("whole"));
+    assert_eq!(whole.lines().count(), 13);
+    // As `sort -t, -k1,1n -u` does: the header counts as 0.
+    let mut merged: BTreeMap<u64, String> = BTreeMap::new();
+    for shard in ["1/3", "2/3", "3/3"] {
+        let part = sweep(
+            &scenario,
+            &[&grid[..], &["--shard", shard]].concat(),
+            &folder.path().join("part"),
+        );
+        assert_eq!(part.lines().count(), 5);
+        for line in part.lines() {
+            let point = line.split(',').next().unwrap().parse().unwrap_or(0);
+            merged.insert(point, format!("{line}\n"));
+        }
+    }
+    assert_eq!(merged.into_values().collect::<String>(), whole);
+}
+
+/// The shipped scenario's claim, in the README and in docs/sensors.md: for 1 K the bare sensor needs a
+/// time constant of 0.041 s, and the estimate is content with 10 s.
+#[test]
+fn the_estimate_is_content_with_a_slow_sensor() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/sensor.toml");
+    let vary = ["--vary", "sensor.gas.time_constant_s=0.03:3:3:log"];
+    let table = sweep(scenario, &vary, folder.path());
+    let rows: Vec<Vec<f64>> = table.lines().skip(1).map(cells).collect();
+    let (bare, estimate) = (4, 7);
+    assert!(rows[0][bare] < 1.0 && rows[1][bare] > 1.0, "{table}");
+    assert!((0.2..0.4).contains(&rows[0][estimate]), "{table}");
+    assert!((0.35..0.7).contains(&rows[2][estimate]), "{table}");
+}
+
+#[test]
+fn keys_without_effect_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n";
+    let scenario = file(folder.path(), "scenario.toml", text);
+    let out = folder.path().join("out").display().to_string();
+    let (code, said, _) = thermyo(&[
+        "sweep",
+        &scenario,
+        "--quiet",
+        "--out",
+        &out,
+        "--vary",
+        "sensor.gas.time_constant_s=1:2:2",
+        "--vary",
+        "sensor.gas.position=0:1:2",
+    ]);
+    assert_eq!(code, 0);
+    assert!(said.contains("sensor.gas.position changes nothing"), "{said}");
+    assert!(!said.contains("time_constant_s changes nothing"), "{said}");
+}
+
+#[test]
+fn bad_arguments_are_named_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = file(folder.path(), "scenario.toml", "");
+    let out = folder.path().join("out");
+    let out_text = out.display().to_string();
+    for (varied, message) in [
+        ("heat.iner_w_m2_k=1:2:3", "unknown key heat.iner_w_m2_k; did you mean heat.inner_w_m2_k?"),
+        ("plant.kind=1:2:2", "plant.kind takes no number: it is one of \"muscle\", \"vessel\""),
+        ("sensor.gas=1:2:2", "sensor.gas takes no number: it is a table of keys"),
+        ("sensor.gas.position=0:2:3", "sensor.gas.position = 2: must be a number from 0 to 1"),
+        ("muscle.zones=1:2:3", "muscle.zones = 1.5: must be a whole number from 1 to 64"),
+        ("believed.run.seed=1:2:2", "believed.run.seed: the core is not told"),
+        (
+            "sensor.gas.range_min_k=200:400:2",
+            "--vary sensor.gas.range_min_k=200:400:2: at sensor.gas.range_min_k = 400: ",
+        ),
+        ("sensor.gas.span", "must be KEY=FROM:TO:COUNT"),
+        ("sensor.gas.span=0:x:2", "TO = \"x\": must be a number"),
+        ("sensor.gas.span=0:1:1", "FROM must equal TO"),
+        ("sensor.gas.span=0:1:3:log", "FROM must be above 0"),
+    ] {
+        let (code, said, err) =
+            thermyo(&["sweep", &scenario, "--quiet", "--out", &out_text, "--vary", varied]);
+        assert_eq!(code, 2, "{varied}: {err}");
+        assert!(err.contains("--vary") && err.contains(message), "{varied}: {err}");
+        assert!(said.is_empty() && !out.exists(), "{varied} left something");
+    }
+    let span = ["--vary", "sensor.gas.span=0:1:2"];
+    for (arguments, message) in [
+        (vec![], "--vary"),
+        (span.repeat(2), "sensor.gas.span is varied twice"),
+        ([&span[..], &["--shard", "3/2"]].concat(), "I from 1 to N"),
+        ([&span[..], &["--shard", "3/3"]].concat(), "the grid has 2 points"),
+        ([&span[..], &["--within", "0"]].concat(), "must be a number above 0"),
+    ] {
+        let all = [&["sweep", &scenario, "--out", &out_text], &arguments[..]].concat();
+        let (code, _, err) = thermyo(&all);
+        assert!(code == 2 && err.contains(message), "{arguments:?}: {code} {err}");
+        assert!(!out.exists(), "{arguments:?} left something");
+    }
+}
+
+/// A point that fails is no reason to lose the others, nor to say that all went well.
+#[test]
+fn a_point_that_diverges_is_empty_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("piston.csv"), "time_s,volume_m3\n0,0.001\n1,0.000001\n").unwrap();
+    let scenario = file(
+        folder.path(),
+        "scenario.toml",
+        "[run]\nduration_s = 0.5\n[plant]\nkind = \"vessel\"\n[vessel]\nvolume_csv = \"piston.csv\"\n\
+         [heat]\nmodel = \"adiabatic\"\n[drive]\nkind = \"closed\"\n",
+    );
+    let out = folder.path().join("out");
+    let out_text = out.display().to_string();
+    let vary = ["--vary", "run.duration_s=0.5:1:2"];
+    let all = [&["sweep", &scenario, "--quiet", "--out", &out_text], &vary[..]].concat();
+    let (code, _, err) = thermyo(&all);
+    assert_eq!(code, 1, "{err}");
+    assert!(err.contains("1 of 2 points diverged, the first is point 2"), "{err}");
+    let table = fs::read_to_string(out.join("sweep.csv")).unwrap();
+    assert!(table.lines().nth(1).is_some_and(|line| cells(line).len() == 9), "{table}");
+    assert_eq!(table.lines().nth(2), Some("2,1,1,0.5,,,,,"));
+}

@@ -1,0 +1,31 @@
+//! The image that is flashed is tuned by the same experiment as the core in this process.
+
+use host_sim::board::emulated::EmulatedBoard;
+use host_sim::evaluate::tune::{ALL_WRONG, error_percent, told};
+use host_sim::tune::{HIGHEST_PA, tune};
+use std::path::Path;
+use system_tests::skip_emulator;
+
+#[test]
+fn a_board_is_tuned() {
+    if skip_emulator() {
+        return;
+    }
+    let loaded = told(&host_sim::evaluate::nominal().unwrap(), ALL_WRONG.1);
+    let mut board = EmulatedBoard::new().unwrap();
+    let tuned = tune(&loaded, Path::new("nominal"), HIGHEST_PA, &mut board).unwrap();
+    println!("{}", tuned.findings.text());
+    let plant = &loaded.plant;
+    for (path, truth, (low, high)) in [
+        ("friction.force_n", plant.friction.force_n, (-2.0, 2.0)),
+        ("muscle.turns", plant.muscle.turns.unwrap(), (-0.3, 0.3)),
+        ("valve.conductance_m3_s_pa", plant.valve.conductance_m3_s_pa, (-7.0, -4.0)),
+        ("valve.switch_time_s", plant.valve.switch_time_s, (-10.0, 2.0)),
+    ] {
+        let error = error_percent(&tuned, truth, path);
+        assert!((low..=high).contains(&error), "{path}: {error} %, allowed {low} to {high}");
+    }
+    let check = tuned.findings.check;
+    assert!(tuned.findings.improved, "{check:?}");
+    assert!((0.05..0.3).contains(&check.after.sine_rms_percent), "{check:?}");
+}

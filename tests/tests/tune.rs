@@ -1,0 +1,125 @@
+//! `thermyo tune`: what it finds of a muscle that the core is told wrong, what that is worth, and when it
+//! refuses. Bounds on both sides: a figure far better than it can be is a broken measurement.
+
+use host_sim::board::CoreBoard;
+use host_sim::evaluate::control::sine;
+use host_sim::evaluate::tune::{ALL_WRONG, error_percent, told, tuned};
+use host_sim::scenario;
+use std::fs;
+use system_tests::{Outcome, thermyo};
+use tempfile::TempDir;
+
+fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
+    assert!((low..=high).contains(&value), "{what} {value}, allowed {low} to {high}");
+}
+
+#[test]
+fn a_muscle_told_wrong_is_found() {
+    let loaded = told(&host_sim::evaluate::nominal().unwrap(), ALL_WRONG.1);
+    let tuned = tuned(&loaded).unwrap();
+    let (plant, findings) = (&loaded.plant, &tuned.findings);
+    let turns = plant.muscle.turns.unwrap();
+    for (path, truth, bounds) in [
+        ("friction.force_n", plant.friction.force_n, (-2.0, 2.0)),
+        ("friction.viscous_n_s_m", plant.friction.viscous_n_s_m, (-6.0, 6.0)),
+        ("muscle.turns", turns, (-0.3, 0.3)),
+        ("muscle.bladder_stiffness_n_m", plant.muscle.bladder_stiffness_n_m, (-1.5, 1.5)),
+        // Tube and drooping regulator take 5 % of the conductance.
+        ("valve.conductance_m3_s_pa", plant.valve.conductance_m3_s_pa, (-7.0, -4.0)),
+        ("valve.switch_time_s", plant.valve.switch_time_s, (-10.0, 2.0)),
+        // 1 ms, and the pressure sensor's lag of 0.5 ms.
+        ("valve.dead_time_s", plant.valve.dead_time_s + 0.0005, (-5.0, 20.0)),
+    ] {
+        assert_within(&format!("{path}, error %"), error_percent(&tuned, truth, path), bounds);
+        let error = findings.value(path).unwrap().standard_error.unwrap();
+        assert_within(&format!("{path}, standard error"), error / truth, (1e-5, 0.25));
+    }
+    // The rule gives the muscle back the gains that were found by hand.
+    for (path, bounds) in [
+        ("controller.pressure_loop_s", (0.0145, 0.0160)),
+        ("controller.pressure_reset_s", (0.27, 0.32)),
+        ("controller.load_gain_n_m_s", (3.5e4, 5.5e4)),
+    ] {
+        assert_within(path, findings.value(path).unwrap().after, bounds);
+    }
+    assert!(findings.value("friction.softening_per_k").unwrap().remark.starts_with("kept"));
+    let rms = |loaded| sine(loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap().rms_percent;
+    assert_within("error before, %", rms(&loaded), (0.25, 0.45));
+    assert_within("error after, %", rms(&tuned.scenario), (0.05, 0.15));
+    assert!(findings.improved);
+}
+
+/// Tunes a scenario given as text, into a folder that does not exist yet.
+fn tune(text: &str, more: &[&str]) -> (Outcome, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scenario.toml");
+    fs::write(&file, text).unwrap();
+    let (file, out) = (file.display().to_string(), folder.path().join("out").display().to_string());
+    let mut arguments = vec!["tune", &file, "--out", &out, "--quiet"];
+    arguments.extend(more);
+    (thermyo(&arguments), folder)
+}
+
+#[test]
+fn what_it_writes_can_be_used_next() {
+    let (outcome, folder) = tune("[believed.friction]\nforce_n = 10.0\n", &["--json"]);
+    assert_eq!(outcome.code, 0, "{}", outcome.err);
+    let summary: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
+    let first = &summary["parameters"][0];
+    assert_eq!((&first["path"], &first["before"]), (&"friction.force_n".into(), &10.0.into()));
+    let tuned = scenario::load(&folder.path().join("out/tuned.toml")).unwrap();
+    assert_eq!(Some(tuned.believed.friction.force_n), first["after"].as_f64());
+    // What the plant is stays what it was; the controller has no truth to differ from.
+    assert_eq!(tuned.plant.friction.force_n, 15.0);
+    assert_eq!(tuned.plant.controller, tuned.believed.controller);
+    assert!(
+        fs::read_to_string(folder.path().join("out/report.html")).unwrap().contains("Hysteresis")
+    );
+}
+
+#[test]
+fn the_pressure_stays_below_what_is_allowed() {
+    let (outcome, _folder) = tune("", &["--json", "--max-pressure", "250000"]);
+    assert_eq!(outcome.code, 0, "{}", outcome.err);
+    let summary: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
+    // The loop's overshoot is below 2 % of a step.
+    assert_within("highest", summary["highest_pa"].as_f64().unwrap(), (2.3e5, 2.53e5));
+    assert_within("duration", summary["duration_s"].as_f64().unwrap(), (20.0, 60.0));
+}
+
+#[test]
+fn poor_data_is_refused_and_nothing_written() {
+    let fault = |what: &str| format!("[faults]\n{what}\nfrom_s = 3.0\nuntil_s = 30.0\n");
+    let weak = "[supply]\npressure_pa = 250_000.0\n[drive]\npressure_pa = 200_000.0\n";
+    for (text, expected) in [
+        ("[load]\nkind = \"isometric\"\n".to_owned(), "nothing moves"),
+        ("[supply]\npressure_pa = 160_000.0\n".to_owned(), "and at most 1.36 bar are allowed"),
+        (format!("{weak}[believed.supply]\npressure_pa = 700_000.0\n"), "the supply is too low"),
+        ("[valve]\nconductance_m3_s_pa = 4e-11\n".to_owned(), "or the valve too small"),
+        ("[valve]\nconductance_m3_s_pa = 4e-8\n".to_owned(), "no step kept the inlet open"),
+        ("[load]\nforce_n = 900.0\n[believed.load]\nforce_n = 100.0\n".to_owned(), "moved by 0."),
+        (fault("length = \"frozen\""), "moved by 0.0 mm on a ramp"),
+        (fault("length = \"open\""), "faults during the experiment: length sensor"),
+        (fault("gas = \"shorted\""), "faults during the experiment: gas sensor"),
+        (fault("pressure = \"open\""), "pressure sensor, overpressure"),
+        (fault("pressure = \"frozen\""), "the pressure loop does not follow"),
+        ("[sensor.pressure]\nnoise_pa = 60_000.0\n".to_owned(), "at most 9.7 kPa are allowed"),
+        ("[sensor.length]\nnoise_m = 0.015\n".to_owned(), "friction stands out of the scatter by"),
+        ("[load]\nforce_n = 0.0\n".to_owned(), "the told load is 0"),
+    ] {
+        let (outcome, folder) = tune(&text, &[]);
+        assert_eq!(outcome.code, 1, "{text}: {}{}", outcome.out, outcome.err);
+        assert!(outcome.err.starts_with("thermyo: nothing was tuned: "), "{text}: {}", outcome.err);
+        assert!(outcome.err.contains(expected), "{text}: {}", outcome.err);
+        assert!(outcome.out.is_empty() && !folder.path().join("out").exists(), "{text}");
+    }
+}
+
+#[test]
+fn a_vessel_is_bad_input() {
+    let vessel = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"discharge\"\n";
+    let (outcome, folder) = tune(vessel, &[]);
+    assert_eq!(outcome.code, 2, "{}", outcome.err);
+    assert!(outcome.err.contains("plant.kind = \"vessel\": must be \"muscle\""), "{}", outcome.err);
+    assert!(!folder.path().join("out").exists());
+}
