@@ -6,6 +6,8 @@
 //!     cargo bench --bench filter_forms -- --plots       # and the plots of docs/estimator.md
 
 #[path = "../../../model-core/src/estimator/covariance.rs"]
+// As in its own crate: `!(x <= y)` is how a NaN is caught.
+#[allow(clippy::neg_cmp_op_on_partial_ord)]
 mod covariance;
 mod forms;
 mod plots;
