@@ -23,6 +23,8 @@ const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
 /// Share of the jet's stirring that counts for the mean of the gas where the plant has zones: the
 /// jet stirs those near the port, which hold the fresh gas. Identified on `full`.
 const LUMPED_STIRRING: f64 = 0.5;
+/// Smallest wall that the core works with \[J/K\].
+const LEAST_WALL_J_K: f64 = 0.01;
 /// Standard gravity \[m/s2\].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -85,7 +87,7 @@ pub fn core_config(believed: &Scenario) -> Config {
             inner_per_flow,
             outer_w_m2_k: s.heat.outer_w_m2_k as f32,
             outer_per_speed: s.heat.outer_per_speed as f32,
-            wall_heat_capacity_j_k: wall_j_k as f32,
+            wall_heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32,
         },
         friction: Friction {
             force_n: s.friction.force_n as f32,
@@ -196,8 +198,10 @@ mod tests {
         };
         assert!((a.braid.thread_length_m / b.braid.thread_length_m - 1.0).abs() < 1e-6);
         assert!((a.braid.turns / b.braid.turns - 1.0).abs() < 1e-5);
-        // The board's valves switch as the full plant's do.
+        // The board's valves switch as the full plant's do, and its sensor has a housing.
         assert_eq!(full.drive, default.drive);
-        assert_eq!(Config { body: lumped.body, drive: lumped.drive, ..default }, lumped);
+        assert_eq!(full.gas_sensor, default.gas_sensor);
+        let Config { body, drive, gas_sensor, .. } = lumped;
+        assert_eq!(Config { body, drive, gas_sensor, ..default }, lumped);
     }
 }

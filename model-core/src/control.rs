@@ -323,11 +323,11 @@ mod tests {
         controller.set(SetPoint::Pressure { pressure_pa: 3.0e5 });
         for (pressure_pa, mode) in [
             (2.9e5, Mode::Pressure),
-            (2.994e5, Mode::Pressure),
-            (2.996e5, Mode::PressureHeld),
-            (2.992e5, Mode::PressureHeld),
-            (2.989e5, Mode::Pressure),
-            (3.004e5, Mode::PressureHeld),
+            (2.992e5, Mode::Pressure),
+            (2.993e5, Mode::PressureHeld),
+            (2.986e5, Mode::PressureHeld),
+            (2.984e5, Mode::Pressure),
+            (3.006e5, Mode::PressureHeld),
         ] {
             // The second period has nothing in flight.
             let command = periods(&mut controller, &config, 2, feedback(pressure_pa, LENGTH_M));
@@ -335,7 +335,7 @@ mod tests {
             assert!(mode != Mode::PressureHeld || command == Command::CLOSED);
         }
         controller.set(SetPoint::Pressure { pressure_pa: 3.5e5 });
-        periods(&mut controller, &config, 1, feedback(3.004e5, LENGTH_M));
+        periods(&mut controller, &config, 1, feedback(3.006e5, LENGTH_M));
         assert_eq!(controller.mode(), Mode::Pressure, "another set point of the same kind");
     }
 
@@ -352,9 +352,9 @@ mod tests {
         assert_eq!(periods(&mut controller, &config, 1, held), Command::CLOSED);
         assert_eq!(controller.mode(), Mode::ContractionHeld);
         let nudged = |by_m: f32| feedback(balance_pa(&config), LENGTH_M + by_m);
-        periods(&mut controller, &config, 3, nudged(5.0e-4));
+        periods(&mut controller, &config, 3, nudged(8.0e-4));
         assert_eq!(controller.mode(), Mode::ContractionHeld, "within twice the dead zone");
-        periods(&mut controller, &config, 1, nudged(7.0e-4));
+        periods(&mut controller, &config, 1, nudged(1.0e-3));
         assert_eq!(controller.mode(), Mode::Contraction, "beyond it");
         periods(&mut controller, &config, 8, held);
         assert_eq!(controller.mode(), Mode::ContractionHeld);

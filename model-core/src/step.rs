@@ -65,9 +65,9 @@ impl Core {
     /// One step.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
-        let driven = self.inlet_steps > 0 || self.outlet_steps > 0;
+        let filling = self.inlet_steps > 0;
         let limit_pa = self.config.pressure_limit_pa;
-        let faults = self.supervisor.step(sample, pressure_pa, limit_pa, driven);
+        let faults = self.supervisor.step(sample, pressure_pa, limit_pa, filling);
         let length_m = self.length_m(sample, pressure_pa, faults);
         let venting = self.supervisor.must_vent();
         if venting {

@@ -5,7 +5,7 @@
 //! | emergency stop | at once | vent, latched |
 //! | pressure sensor at a rail | for [`PATIENCE_STEPS`] steps | vent, latched |
 //! | pressure sensor noisier than gas can be | ten jerks within forty steps | vent, latched |
-//! | pressure code stands still while a valve is driven | for [`FROZEN_STEPS`] steps | vent, latched |
+//! | pressure code stands still while the inlet is driven | for [`FROZEN_STEPS`] steps | vent, latched |
 //! | overpressure | for [`PATIENCE_STEPS`] steps | vent, latched |
 //! | gas sensor at a rail | at once | shown while it lasts; the estimator goes on without it |
 //! | gas sensor's code stands still | when its element must have moved | the same |
@@ -23,9 +23,9 @@ use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
 /// disturbed conversion is no fault, ten milliseconds of them are.
 pub const PATIENCE_STEPS: u16 = 10;
 
-/// Steps for which the pressure's code may stand still while a valve is driven. The noise of eight
+/// Steps for which the pressure's code may stand still while the inlet is driven. The noise of eight
 /// summed conversions moves it at almost every step, and gas that flows does.
-pub const FROZEN_STEPS: u16 = 100;
+pub const FROZEN_STEPS: u16 = 60;
 
 /// A change of the change from step to step beyond this is a jerk: 2 % of the range. The gas of a
 /// muscle behind a fast valve makes a fifth of it.
@@ -80,21 +80,21 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// Looks at the inputs of one step; returns the faults that hold. `driven`: a valve has been
-    /// open since the last step.
+    /// Looks at the inputs of one step; returns the faults that hold. `filling`: the inlet has
+    /// been open since the last step.
     pub fn step(
         &mut self,
         sample: &Sample,
         pressure_pa: f32,
         limit_pa: f32,
-        driven: bool,
+        filling: bool,
     ) -> Faults {
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
         self.pressure_sensor_steps = count(at_rail(sample.pressure), self.pressure_sensor_steps);
         self.overpressure_steps = count(pressure_pa > limit_pa, self.overpressure_steps);
         let standing = self.pressure.add(sample.pressure);
-        self.frozen_steps = count(standing && driven, self.frozen_steps);
+        self.frozen_steps = count(standing && filling, self.frozen_steps);
         self.length.add(sample.length);
         let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
             || self.frozen_steps >= FROZEN_STEPS
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frozen_pressure_vents_while_a_valve_is_driven() {
+    fn a_frozen_pressure_vents_while_the_muscle_fills() {
         let mut supervisor = Supervisor::default();
         for _ in 0..2 * FROZEN_STEPS {
             assert_eq!(supervisor.step(&HEALTHY, 2.0e5, 6.9e5, false), Faults::NONE, "at rest");
@@ -221,14 +221,14 @@ mod tests {
             };
             assert_eq!(supervisor.step(&sample, 2.0e5, 6.9e5, true), Faults::NONE);
         }
-        for step in 0..40_u16 {
-            let noise = step * 7919 % 3000;
+        for step in 0..40_u32 {
+            let noise = (step * 7919 % 3000) as u16;
             let sample = Sample { length: AdcCode(20_000 + noise), ..HEALTHY };
             supervisor.step(&sample, 2.0e5, 6.9e5, false);
         }
         assert_eq!(supervisor.faults(), Faults::LENGTH_SENSOR);
-        for step in 0..40_u16 {
-            let noise = step * 7919 % 3000;
+        for step in 0..40_u32 {
+            let noise = (step * 7919 % 3000) as u16;
             let sample = Sample { pressure: AdcCode(20_000 + noise), ..HEALTHY };
             supervisor.step(&sample, 2.0e5, 6.9e5, false);
         }

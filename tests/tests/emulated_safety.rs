@@ -92,6 +92,17 @@ fn the_emergency_stop_vents_and_latches() {
 }
 
 #[test]
+fn a_frozen_pressure_vents() {
+    if skip_emulator() {
+        return;
+    }
+    let mut board = filling();
+    let ms = time_to_vent(&mut board, &HEALTHY);
+    assert!((10..=SAFE_MS).contains(&ms), "{ms} ms");
+    assert_eq!(last_telemetry(&mut board, &HEALTHY).faults, Faults::PRESSURE_SENSOR);
+}
+
+#[test]
 fn a_hang_of_the_control_task_ends_in_the_watchdog() {
     if skip_emulator() {
         return;
@@ -144,7 +155,9 @@ fn a_million_random_bytes_change_nothing() {
     // Ten bits a byte at 921600 baud.
     let ms = 1_000_000 / 92 + 20;
     for step in 0..ms {
-        let exchange = board.exchange(&HEALTHY).unwrap();
+        // A line that stands still would be a fault.
+        let pressure = AdcCode(HEALTHY.pressure.0 + step as u16 % 2);
+        let exchange = board.exchange(&Sample { pressure, ..HEALTHY }).unwrap();
         assert_eq!(exchange.restarts, 0, "restarted at {step} ms");
         assert!(exchange.outlet_coil > 0.999, "the outlet opened at {step} ms");
     }

@@ -22,7 +22,7 @@ fn the_paper_comes_out() {
         ("gas_temperature_k/min", 291.0, 295.0),
         ("gas_temperature_k/max", 306.0, 311.0),
         ("rmse_k/sensor_gas", 3.6, 4.4),
-        ("rmse_k/model", 0.5, 1.2),
+        ("rmse_k/model", 0.3, 0.6),
         ("rmse_k/estimate", 0.1, 0.6),
         ("contraction/max", 0.22, 0.28),
         ("pressure_pa/max", 2.8e5, 3.3e5),

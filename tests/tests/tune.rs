@@ -102,9 +102,11 @@ fn poor_data_is_refused_and_nothing_written() {
         (fault("length = \"open\""), "faults during the experiment: length sensor"),
         (fault("gas = \"shorted\""), "faults during the experiment: gas sensor"),
         (fault("pressure = \"open\""), "pressure sensor, overpressure"),
-        (fault("pressure = \"frozen\""), "the pressure loop does not follow"),
-        ("[sensor.pressure]\nnoise_pa = 60_000.0\n".to_owned(), "at most 9.7 kPa are allowed"),
-        ("[sensor.length]\nnoise_m = 0.015\n".to_owned(), "friction stands out of the scatter by"),
+        (fault("pressure = \"frozen\""), "faults during the experiment: pressure sensor"),
+        ("[sensor.pressure]\nnoise_pa = 60_000.0\n".to_owned(), "experiment: pressure sensor"),
+        ("[valve]\npwm_hz = 10.0\n".to_owned(), "at most 9.7 kPa are allowed"),
+        ("[sensor.length]\nnoise_m = 0.015\n".to_owned(), "experiment: length sensor"),
+        ("[believed.valve]\nconductance_m3_s_pa = 4e-10\n".to_owned(), "friction stands out of"),
         ("[load]\nforce_n = 0.0\n".to_owned(), "the told load is 0"),
     ] {
         let (outcome, folder) = tune(&text, &[]);

@@ -8,23 +8,17 @@ use host_sim::scenario::Loaded;
 use host_sim::smoother;
 use std::{fs, io};
 
-const STYLE: &str = include_str!("../../src/report/style.css");
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs");
 /// Steps from point to point.
 const EVERY: usize = 20;
 
 /// Writes both plots.
 pub fn write(full: &Loaded, nominal: &Recording, low: &[Vec<f64>; 2]) -> io::Result<()> {
-    save("estimator_error.svg", &error(full, nominal))?;
-    save("estimator_gains.svg", &gains(low))
-}
-
-/// A drawing that stands alone: with the page's style and paper.
-fn save(name: &str, chart: &Chart) -> io::Result<()> {
-    let figure = chart.figure(name, "");
-    let (head, body) = figure.svg().split_once('>').expect("an svg element");
-    let paper = "<rect width=\"100%\" height=\"100%\" style=\"fill:var(--paper)\"/>";
-    fs::write(format!("{FOLDER}/{name}"), format!("{head}><style>{STYLE}</style>{paper}{body}\n"))
+    let save = |file: &str, document: String| fs::write(format!("{FOLDER}/{file}"), document);
+    let title = "Nominal cycle on the plant full";
+    save("estimator_error.svg", error(full, nominal).document(title))?;
+    let title = "Heat transfer believed 30 % low, plant lumped: error of the estimate";
+    save("estimator_gains.svg", gains(low).document(title))
 }
 
 fn thinned(values: impl Iterator<Item = f64>) -> Vec<f64> {
@@ -50,18 +44,14 @@ fn error(full: &Loaded, nominal: &Recording) -> Chart {
     let bare = telemetry.iter().map(|t| f64::from(converter.gas_k(t.sample.gas)));
     let (errors, smoother_errors) = (minus(estimate().collect()), minus(smoothed));
     let time = seconds(errors.len());
-    let temperatures =
-        Panel::new(Axis::new("Gas: truth grey, estimate blue; bare sensor orange", "K"))
-            .wide("", Colour::Grey, &time, &thinned(truth()))
-            .line("", Colour::Blue, &time, &thinned(estimate()))
-            .line("", Colour::Orange, &time, &thinned(bare));
-    let errors = Panel::new(Axis::new(
-        "Error: estimate blue, band two stated deviations; smoother green",
-        "K",
-    ))
-    .band("", Colour::Blue, &time, &double(-1.0), &double(1.0))
-    .line("", Colour::Blue, &time, &errors)
-    .line("", Colour::Green, &time, &smoother_errors);
+    let temperatures = Panel::new(Axis::new("Gas temperature", "K"))
+        .wide("truth", Colour::Grey, &time, &thinned(truth()))
+        .line("estimate", Colour::Blue, &time, &thinned(estimate()))
+        .line("bare sensor", Colour::Orange, &time, &thinned(bare));
+    let errors = Panel::new(Axis::new("Error", "K"))
+        .band("two stated deviations", Colour::Blue, &time, &double(-1.0), &double(1.0))
+        .line("estimate", Colour::Blue, &time, &errors)
+        .line("smoother", Colour::Green, &time, &smoother_errors);
     Chart::new(Axis::new("Time", "s").range(85.0, 100.0)).panel(temperatures).panel(errors)
 }
 
@@ -69,8 +59,8 @@ fn error(full: &Loaded, nominal: &Recording) -> Chart {
 fn gains(errors: &[Vec<f64>; 2]) -> Chart {
     let [shipped, steady] = errors.each_ref().map(|errors| thinned(errors.iter().copied()));
     let time = seconds(shipped.len());
-    let panel = Panel::new(Axis::new("Error: steady gains orange, shipped blue", "K"))
-        .line("", Colour::Orange, &time, &steady)
-        .line("", Colour::Blue, &time, &shipped);
+    let panel = Panel::new(Axis::new("Error", "K"))
+        .line("steady gains", Colour::Orange, &time, &steady)
+        .line("gains of the covariance (shipped)", Colour::Blue, &time, &shipped);
     Chart::new(Axis::new("Time", "s")).panel(panel)
 }

@@ -3,6 +3,7 @@
 use super::{Failure, OutputArgs, print, progress_bar};
 use crate::output::OutputDir;
 use crate::scenario;
+use crate::sweep::page::page;
 use crate::sweep::{Range, Shard, Sweep};
 use clap::Args;
 use std::io::Write;
@@ -48,7 +49,7 @@ pub(super) fn run(args: SweepArgs, stdout: &mut dyn Write) -> Result<(), Failure
     out.keep_text("sweep.csv", &outcome.csv())?;
     out.keep_text("summary.json", &json)?;
     out.keep_text("scenario.toml", &scenario::render(&sweep.base))?;
-    out.keep_text("report.html", &outcome.page(&format!("Sweep of {stem}"), args.within))?;
+    out.keep_text("report.html", &page(&outcome, &format!("Sweep of {stem}"), args.within))?;
     out.publish()?;
     if args.output.json {
         print(stdout, &json)?;

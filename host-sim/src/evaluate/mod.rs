@@ -67,9 +67,9 @@ impl Figure {
 
     fn target(&self) -> String {
         match (self.minimum.is_finite(), self.maximum.is_finite()) {
-            (true, true) => format!(" ({} to {})", self.minimum, self.maximum),
-            (true, false) => format!(" (≥ {})", self.minimum),
-            (false, true) => format!(" (≤ {})", self.maximum),
+            (true, true) => format!("{} to {}", self.minimum, self.maximum),
+            (true, false) => format!("≥ {}", self.minimum),
+            (false, true) => format!("≤ {}", self.maximum),
             (false, false) => String::new(),
         }
     }
@@ -87,7 +87,11 @@ pub fn table(lines: &[Line]) -> String {
                 .map(|figure| {
                     let mark = if figure.holds() { ' ' } else { '!' };
                     let Figure { name, value, .. } = figure;
-                    format!("{mark}{name} {value:.3}{}", figure.target())
+                    let target = match figure.target() {
+                        target if target.is_empty() => target,
+                        target => format!(" ({target})"),
+                    };
+                    format!("{mark}{name} {value:.3}{target}")
                 })
                 .collect();
             format!("{:width$}  {}\n", line.case, figures.join("  "))

@@ -9,7 +9,7 @@
 
 mod measure;
 mod outcome;
-mod page;
+pub mod page;
 mod range;
 mod reach;
 mod shard;

@@ -1,7 +1,7 @@
 //! What a sweep gave: the table, the figures, and what follows from them.
 
 use super::reach::{Lines, Reach};
-use super::{Figures, Point, Range, Sweep, page};
+use super::{Figures, Point, Range, Sweep};
 use crate::report::number::significant;
 use crate::summary::Errors;
 use serde::Serialize;
@@ -123,11 +123,6 @@ impl<'a> Outcome<'a> {
             conclusion: self.conclusion(within_k),
             without_effect: self.without_effect(),
         }
-    }
-
-    /// `report.html`.
-    pub fn page(&self, title: &str, within_k: f64) -> String {
-        page::page(self, title, within_k)
     }
 
     /// How many points failed, and why the first did.
