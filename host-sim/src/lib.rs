@@ -23,6 +23,7 @@ pub mod report;
 pub mod reproduce;
 pub mod run;
 pub mod scenario;
+pub mod smoother;
 pub mod summary;
 pub mod sweep;
 pub mod table;

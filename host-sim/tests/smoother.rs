@@ -1,0 +1,96 @@
+//! The yardstick of the estimator: what can be known at best from a run's samples.
+
+use host_sim::board::CoreBoard;
+use host_sim::core_config::core_config;
+use host_sim::scenario::{self, Loaded};
+use host_sim::trace::Row;
+use host_sim::{run, smoother};
+use model_core::{AdcCode, Estimate, Telemetry};
+
+struct Recorded {
+    loaded: Loaded,
+    telemetry: Vec<Telemetry>,
+    truth_k: Vec<f64>,
+}
+
+impl Recorded {
+    /// 20 s of the nominal cycle on `lumped`, from an initial temperature.
+    fn new(initial_k: f64) -> Self {
+        let text = format!(
+            "[run]\nduration_s = 20.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n\
+             initial_temperature_k = {initial_k}\n"
+        );
+        let loaded = scenario::parse(&text, "test".as_ref()).unwrap();
+        let (mut telemetry, mut truth_k) = (Vec::new(), Vec::new());
+        let mut observer = |row: &Row| {
+            telemetry.push(row.telemetry);
+            truth_k.push(row.truth.gas_temperature_k);
+            Ok(())
+        };
+        run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+        Self { loaded, telemetry, truth_k }
+    }
+
+    fn smooth(&self) -> Vec<f64> {
+        smoother::smooth(&core_config(&self.loaded.believed), &self.telemetry)
+    }
+
+    /// RMS error of temperatures \[K\] in a part of the run \[s\].
+    fn rms_k(&self, temperatures: &[f64], from_s: usize, to_s: usize) -> f64 {
+        let steps = from_s * 1000..to_s * 1000;
+        let pairs = temperatures[steps.clone()].iter().zip(&self.truth_k[steps.clone()]);
+        (pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / steps.len() as f64).sqrt()
+    }
+
+    fn online_k(&self) -> Vec<f64> {
+        self.telemetry.iter().map(|telemetry| f64::from(telemetry.estimate.gas_k)).collect()
+    }
+}
+
+#[test]
+fn it_beats_the_estimator_where_the_model_holds() {
+    let recorded = Recorded::new(298.0);
+    let smoothed = recorded.smooth();
+    assert_eq!(smoothed.len(), 20_001);
+    let error_k = recorded.rms_k(&smoothed, 5, 20);
+    let times = recorded.rms_k(&recorded.online_k(), 5, 20) / error_k;
+    assert!((0.005..0.05).contains(&error_k), "{error_k} K");
+    assert!((1.2..6.0).contains(&times), "the estimator's error is {times} times that");
+}
+
+#[test]
+fn what_came_later_corrects_the_start() {
+    let recorded = Recorded::new(308.0);
+    let online_k = recorded.rms_k(&recorded.online_k(), 0, 3);
+    let smoothed_k = recorded.rms_k(&recorded.smooth(), 0, 3);
+    assert!((0.005..0.3).contains(&smoothed_k), "{smoothed_k} K");
+    assert!((2.0..100.0).contains(&(online_k / smoothed_k)), "{online_k} K before the fact");
+}
+
+#[test]
+fn it_sees_samples_and_duties_only() {
+    let mut recorded = Recorded::new(298.0);
+    let smoothed = recorded.smooth();
+    for telemetry in &mut recorded.telemetry {
+        telemetry.estimate = Estimate::default();
+    }
+    assert_eq!(recorded.smooth(), smoothed);
+    // 250 of 29 491 codes over 60 K: a foil that reads 0.5 K too warm, and nothing contradicts it.
+    for telemetry in &mut recorded.telemetry {
+        telemetry.sample.gas = AdcCode(telemetry.sample.gas.0 + 250);
+    }
+    let warmer_k = recorded.rms_k(&recorded.smooth(), 5, 20);
+    assert!((0.3..0.7).contains(&warmer_k), "{warmer_k} K");
+}
+
+#[test]
+fn short_runs_have_an_answer() {
+    let mut recorded = Recorded::new(298.0);
+    for steps in [0, 1, 2, 20, 21, 22, 50] {
+        recorded.telemetry.truncate(50);
+        let part = &recorded.telemetry[..steps];
+        let smoothed = smoother::smooth(&core_config(&recorded.loaded.believed), part);
+        assert_eq!(smoothed.len(), steps);
+        assert!(smoothed.iter().all(|k| (290.0..306.0).contains(k)), "{smoothed:?}");
+    }
+}

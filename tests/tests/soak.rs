@@ -1,0 +1,73 @@
+//! A day of board time: the core alone, on the codes of one recorded working cycle, over and over.
+
+use host_sim::board::CoreBoard;
+use host_sim::core_config::core_config;
+use host_sim::scenario::PlantModel;
+use host_sim::trace::Row;
+use host_sim::{evaluate, run};
+use model_core::{Config, Core, Estimate, Sample, SetPoint};
+use std::time::Instant;
+
+/// Steps of one working cycle of 5 s.
+const CYCLE: usize = 5_000;
+/// By then the estimator has forgotten how it started: 500 s, five times its memory.
+const SETTLED_CYCLE: u32 = 100;
+
+/// Config, set point, and the samples of the last cycle of the nominal run.
+fn recorded(model: PlantModel) -> (Config, SetPoint, Vec<Sample>) {
+    let mut loaded = evaluate::nominal().unwrap().with_model(model);
+    loaded.plant.run.log_every = 1;
+    let mut samples = Vec::new();
+    let mut observer = |row: &Row| {
+        samples.push(row.telemetry.sample);
+        Ok(())
+    };
+    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    samples.pop();
+    let cycle = samples.split_off(samples.len() - CYCLE);
+    let set_point = run::SetPoints::new(&loaded).at(0.0);
+    (core_config(&loaded.believed), set_point, cycle)
+}
+
+/// Largest difference of the estimate between cycle [`SETTLED_CYCLE`] and the last one \[K\].
+fn drift_k(model: PlantModel, cycles: u32) -> f32 {
+    let (config, set_point, samples) = recorded(model);
+    let mut core = Core::new(&config).unwrap();
+    core.set(set_point);
+    let started = Instant::now();
+    let mut settled = Vec::with_capacity(CYCLE);
+    let mut drift_k = 0.0_f32;
+    for cycle in 1..=cycles {
+        for (step, sample) in samples.iter().enumerate() {
+            let telemetry = core.step(sample);
+            let Estimate { gas_k, gas_sd_k, .. } = telemetry.estimate;
+            // Comparisons with NaN are false.
+            assert!((200.0..400.0).contains(&gas_k), "{gas_k} K in cycle {cycle}, step {step}");
+            assert!((1e-3..50.0).contains(&gas_sd_k), "{gas_sd_k} K in cycle {cycle}, step {step}");
+            if cycle == SETTLED_CYCLE {
+                settled.push(gas_k);
+            } else if cycle == cycles {
+                drift_k = drift_k.max((gas_k - settled[step]).abs());
+            }
+        }
+    }
+    let steps = f64::from(cycles) * CYCLE as f64;
+    let per_s = steps / started.elapsed().as_secs_f64();
+    println!("{model:?}: {steps:.0} steps, {per_s:.2e} per second, drift {drift_k:.5} K");
+    drift_k
+}
+
+#[test]
+fn the_estimate_does_not_drift_in_half_an_hour() {
+    let drift_k = drift_k(PlantModel::Full, 360);
+    assert!(drift_k < 0.02, "{drift_k} K");
+}
+
+#[test]
+#[ignore = "10^8 steps per plant; fast only in release: cargo test --release --test soak -- --ignored"]
+fn the_estimate_does_not_drift_in_a_day() {
+    for model in [PlantModel::Lumped, PlantModel::Full] {
+        let drift_k = drift_k(model, 20_000);
+        assert!(drift_k < 0.02, "{model:?}: {drift_k} K");
+    }
+}
