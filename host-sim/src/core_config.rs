@@ -1,5 +1,6 @@
 //! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
 
+use crate::plant::heat::InnerHeat;
 use crate::scenario::{Estimator, HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 use model_core::config::{
     Body, Config, ControllerConfig, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive,
@@ -12,7 +13,7 @@ use model_core::valve::Valve;
 
 /// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
 /// \[W/(m2 K)\].
-const ISOTHERMAL_W_M2_K: f32 = 2_000.0;
+const ISOTHERMAL_W_M2_K: f64 = 2_000.0;
 /// Erratum RP2040-E11, the virtual ADC's as the board's \[LSB of 12 bit\].
 const RP2040_WIDE_CODE_LSB: f32 = 8.9;
 /// Shortest sensor lag that the core's filter works with; a sensor without lag is told as this
@@ -25,6 +26,11 @@ const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
 const LUMPED_STIRRING: f64 = 0.5;
 /// Smallest wall that the core works with \[J/K\].
 const LEAST_WALL_J_K: f64 = 0.01;
+/// Where a correlation of the heat transfer is taken for the core: pressure \[Pa\], gas above wall
+/// \[K\], inflow \[kg/s\]. Those of the nominal cycle's middle.
+const WORKING_PRESSURE_PA: f64 = 2.0e5;
+const WORKING_SWING_K: f64 = 20.0;
+const WORKING_FLOW_KG_S: f64 = 3.6e-4;
 /// Standard gravity \[m/s2\].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
@@ -58,15 +64,8 @@ pub fn core_config(believed: &Scenario) -> Config {
         PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
     };
     let switching = s.plant.kind == PlantKind::Muscle && s.plant.model == PlantModel::Full;
-    let (inner_w_m2_k, inner_per_flow) = match s.heat.model {
-        HeatModel::Adiabatic => (0.0, 0.0),
-        HeatModel::Isothermal => (ISOTHERMAL_W_M2_K, 0.0),
-        HeatModel::Constant | HeatModel::Correlation => {
-            let scaled = |coefficient: f64| (s.heat.scale * coefficient) as f32;
-            let stirred = if zoned { LUMPED_STIRRING } else { 1.0 };
-            (scaled(s.heat.inner_w_m2_k), scaled(stirred * s.heat.inner_per_flow))
-        }
-    };
+    let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
+    let stirring = if zoned { LUMPED_STIRRING } else { 1.0 };
     Config {
         step_s: s.run.step_s as f32,
         gas: Gas {
@@ -83,8 +82,8 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         body,
         heat: Heat {
-            inner_w_m2_k,
-            inner_per_flow,
+            inner_w_m2_k: inner_w_m2_k as f32,
+            inner_per_flow: (stirring * inner_per_flow) as f32,
             outer_w_m2_k: s.heat.outer_w_m2_k as f32,
             outer_per_speed: s.heat.outer_per_speed as f32,
             wall_heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32,
@@ -132,6 +131,31 @@ pub fn core_config(believed: &Scenario) -> Config {
         controller: controller(s),
         // A hair below full scale, so that the limit acts before the sensor saturates.
         pressure_limit_pa: (0.985 * s.sensor.pressure.range_pa) as f32,
+    }
+}
+
+/// Coefficient of still gas \[W/(m2 K)\] and what it gains per inflow \[W/(m2 K) per kg/s\].
+fn inner_heat(s: &Scenario) -> (f64, f64) {
+    match s.heat.model {
+        HeatModel::Adiabatic => (0.0, 0.0),
+        HeatModel::Isothermal => (ISOTHERMAL_W_M2_K, 0.0),
+        HeatModel::Constant => {
+            (s.heat.scale * s.heat.inner_w_m2_k, s.heat.scale * s.heat.inner_per_flow)
+        }
+        HeatModel::Correlation => {
+            let diameter_m = match s.plant.kind {
+                PlantKind::Muscle => s.muscle.diameter_m.unwrap_or_default(),
+                PlantKind::Vessel => s.vessel.characteristic_length_m,
+            };
+            let wall_k = s.ambient.temperature_k;
+            let gas_k = wall_k + WORKING_SWING_K;
+            InnerHeat::of(s, diameter_m).linearised(
+                WORKING_PRESSURE_PA,
+                gas_k,
+                wall_k,
+                WORKING_FLOW_KG_S,
+            )
+        }
     }
 }
 

@@ -73,6 +73,14 @@ fn told_right_told_wrong_and_started_wrong() {
 }
 
 #[test]
+fn a_correlation_of_the_heat_transfer_is_told_as_two_coefficients() {
+    let run = cycle("lumped", "[heat]\nmodel = \"correlation\"\n");
+    assert_within("RMS", worth(&run, 15.0, 40.0).error_k, (0.2, 1.0));
+    // Still gas loses next to nothing then: it swings by three times as much.
+    assert_within("bare", run.figure("rmse_k.sensor_gas"), (15.0, 25.0));
+}
+
+#[test]
 fn a_lost_gas_sensor_costs_little() {
     for (fault, shown, bounds_k) in [
         ("open", Faults::GAS_SENSOR, (0.03, 0.1)),

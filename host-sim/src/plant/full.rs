@@ -353,7 +353,7 @@ impl Full {
             supply,
             droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
             ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
-            heat: InnerHeat::new(&scenario.heat, gas, diameter, tube.equivalent_diameter(gas)),
+            heat: InnerHeat::of(scenario, diameter),
             stirring: Stirring::new(zones, rest_length, diameter),
             outer_w_m2_k: scenario.heat.outer_w_m2_k,
             outer_per_speed: scenario.heat.outer_per_speed,

@@ -1,7 +1,8 @@
 //! Heat transfer from gas to wall.
 
+use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
-use crate::scenario::{Heat, HeatModel};
+use crate::scenario::{DriveKind, Heat, HeatModel, PlantKind, PlantModel, Scenario};
 use std::f64::consts::PI;
 
 /// Acceleration of gravity, which drives natural convection \[m/s2\].
@@ -42,7 +43,7 @@ enum Law {
 
 impl InnerHeat {
     /// From `[heat]`; the diameters of vessel and jet \[m\] matter for the correlation only.
-    pub fn new(heat: &Heat, gas: &IdealGas, diameter_m: f64, jet_diameter_m: f64) -> Self {
+    fn new(heat: &Heat, gas: &IdealGas, diameter_m: f64, jet_diameter_m: f64) -> Self {
         let law = match heat.model {
             HeatModel::Adiabatic | HeatModel::Isothermal => Law::None,
             HeatModel::Constant => {
@@ -51,6 +52,30 @@ impl InnerHeat {
             HeatModel::Correlation => Law::Correlation { diameter_m, jet_diameter_m, gas: *gas },
         };
         Self { law, scale: heat.scale }
+    }
+
+    /// That of a scenario's plant, whose vessel or muscle has that diameter \[m\].
+    pub fn of(scenario: &Scenario, diameter_m: f64) -> Self {
+        let gas = IdealGas::new(&scenario.gas);
+        let ratio = scenario.valve.critical_ratio;
+        let path = match (scenario.plant.kind, scenario.plant.model, scenario.drive.kind) {
+            (PlantKind::Vessel, _, DriveKind::Closed | DriveKind::Discharge | DriveKind::Fill) => {
+                let jet_diameter_m = scenario.orifice.diameter_m;
+                return Self::new(&scenario.heat, &gas, diameter_m, jet_diameter_m);
+            }
+            (PlantKind::Muscle, PlantModel::Full, _) => {
+                Iso6358::tube(scenario.tube.conductance_m3_s_pa, ratio, &gas)
+            }
+            _ => Iso6358::valve(scenario.valve.conductance_m3_s_pa, ratio, &gas),
+        };
+        Self::new(&scenario.heat, &gas, diameter_m, path.equivalent_diameter(&gas))
+    }
+
+    /// Coefficient of still gas \[W/(m2 K)\] and what it gains per inflow \[W/(m2 K) per kg/s\], about
+    /// a working point: pressure \[Pa\], gas and wall temperature \[K\], inflow \[kg/s\].
+    pub fn linearised(&self, pressure: f64, gas_k: f64, wall_k: f64, inflow: f64) -> (f64, f64) {
+        let at = |inflow| self.coefficient(pressure, gas_k, wall_k, inflow);
+        (at(0.0), (at(inflow) - at(0.0)) / inflow)
     }
 
     /// Coefficient \[W/(m2 K)\] at that pressure \[Pa\], gas and wall temperature \[K\], inflow \[kg/s\].

@@ -231,8 +231,7 @@ impl Lumped {
             pull.start_length(pressure, friction.force_n * softening.factor(temperature))
         };
         let volume = braid.volume(length);
-        let port_diameter = valve.equivalent_diameter(gas);
-        let heat = InnerHeat::new(&scenario.heat, gas, braid.diameter(rest_length), port_diameter);
+        let heat = InnerHeat::of(scenario, braid.diameter(rest_length));
         // Fastest: the pressure of the smallest volume through both valves, near equal pressures.
         let smallest = braid.volume(rest_length).min(volume);
         let hottest = supply.1.max(temperature);

@@ -9,7 +9,7 @@ pub mod flow;
 mod full;
 pub mod gas;
 pub mod geometry;
-mod heat;
+pub mod heat;
 mod lag;
 mod local_power;
 mod lumped;

@@ -157,24 +157,20 @@ impl Vessel {
         let nozzle = Nozzle::new(orifice.diameter_m, orifice.discharge_coefficient, gas);
         let valve =
             Iso6358::valve(scenario.valve.conductance_m3_s_pa, scenario.valve.critical_ratio, gas);
-        let (ports, jet_diameter) = match scenario.drive.kind {
-            DriveKind::Closed => (Ports::Closed, orifice.diameter_m),
-            DriveKind::Discharge => {
-                (Ports::Nozzle { nozzle, reservoir: ambient }, orifice.diameter_m)
-            }
-            DriveKind::Fill => (Ports::Nozzle { nozzle, reservoir: supply }, orifice.diameter_m),
+        let ports = match scenario.drive.kind {
+            DriveKind::Closed => Ports::Closed,
+            DriveKind::Discharge => Ports::Nozzle { nozzle, reservoir: ambient },
+            DriveKind::Fill => Ports::Nozzle { nozzle, reservoir: supply },
             DriveKind::MassFlow
             | DriveKind::Duty
             | DriveKind::Pressure
-            | DriveKind::Contraction => {
-                (Ports::Valves { valve, supply, ambient }, valve.equivalent_diameter(gas))
-            }
+            | DriveKind::Contraction => Ports::Valves { valve, supply, ambient },
         };
         let diameter = scenario.vessel.characteristic_length_m;
         let config = Config {
             step_s: scenario.run.step_s,
             ports,
-            heat: InnerHeat::new(&scenario.heat, gas, diameter, jet_diameter),
+            heat: InnerHeat::of(scenario, diameter),
             surface_m2: scenario.vessel.surface_m2,
             wall_j_k: scenario.vessel.wall_heat_capacity_j_k,
             outer_w_k: scenario.heat.outer_w_m2_k * scenario.vessel.surface_m2,
