@@ -4,14 +4,12 @@
 use super::pid::{Gains, PidBoard};
 use super::{Figure, Line};
 use crate::board::{Board, CoreBoard};
+use crate::parallel;
 use crate::run::{self, RunError};
 use crate::scenario::{DriveKind, Load, LoadKind, Loaded, PlantModel, Scenario};
 use crate::trace::Row;
 use model_core::Duty;
 use std::f64::consts::TAU;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 
 /// The stroke that errors are a share of: 30 % of the rest length, as a contraction \[-\].
 pub(super) const STROKE: f64 = 0.3;
@@ -528,24 +526,5 @@ pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
         .into_iter()
         .flatten()
         .collect();
-    let next = AtomicUsize::new(0);
-    let results = Mutex::new(Vec::new());
-    let work = || {
-        while let Some(job) = {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            jobs.get(index).map(|job| (index, job))
-        } {
-            let result = job.1();
-            results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((job.0, result));
-        }
-    };
-    let threads = thread::available_parallelism().map_or(1, usize::from);
-    thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(work);
-        }
-    });
-    let mut results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    results.sort_by_key(|(index, _)| *index);
-    results.into_iter().map(|(_, result)| result).collect()
+    parallel::map(&jobs, |job| job()).into_iter().collect()
 }

@@ -5,15 +5,13 @@
 use super::{Figure, Line};
 use crate::board::CoreBoard;
 use crate::core_config::core_config;
+use crate::parallel;
 use crate::profile::Profile;
 use crate::run::{self, RunError};
 use crate::scenario::{DriveKind, LoadKind, Loaded, PlantModel};
 use crate::smoother;
 use crate::trace::Row;
 use model_core::Telemetry;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 
 /// The errors count from here on: the estimator needs time to learn \[s\].
 const SETTLED_S: f64 = 10.0;
@@ -208,34 +206,16 @@ pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
     let cases = cases();
     let jobs: Vec<(usize, usize)> =
         (0..cases.len()).flat_map(|case| [(case, 0), (case, 1)]).collect();
-    let next = AtomicUsize::new(0);
-    let results: Mutex<Vec<Option<Result<Errors, RunError>>>> =
-        Mutex::new(jobs.iter().map(|_| None).collect());
-    let work = || {
-        while let Some(&(case, plant)) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let mut loaded = [&lumped, &full][plant].clone();
-            loaded.plant.run.log_every = 1;
-            (cases[case].change)(&mut loaded);
-            let result = measure(&loaded, cases[case].from_s);
-            let mut results = results.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            results[2 * case + plant] = Some(result);
-        }
-    };
-    let threads = thread::available_parallelism().map_or(1, usize::from);
-    thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(work);
-        }
+    let results = parallel::map(&jobs, |&(case, plant)| {
+        let mut loaded = [&lumped, &full][plant].clone();
+        loaded.plant.run.log_every = 1;
+        (cases[case].change)(&mut loaded);
+        measure(&loaded, cases[case].from_s)
     });
-    let results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     let mut lines = Vec::new();
     for (&(case, plant), result) in jobs.iter().zip(results) {
         let case = &cases[case];
-        let errors = match result {
-            Some(Ok(errors)) => errors,
-            Some(Err(error)) => return Err(error),
-            None => continue,
-        };
+        let errors = result?;
         let times_smoother = errors.rms_k() / errors.smoother_rms_k();
         let mut figures = vec![
             Figure::at_most("error_k", errors.rms_k(), case.bounds_k[plant]),

@@ -3,6 +3,7 @@
 use super::data::Data;
 use super::parameter::Parameter;
 use super::simulate::{Experiment, Failed};
+use crate::parallel;
 use crate::scenario::{Scenario, with_numbers};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
 use nalgebra::storage::Owned;
@@ -94,20 +95,7 @@ impl Problem<'_> {
 
     /// Searches from the scenario's own values, and from others around them.
     pub fn search(&self) -> Vec<End> {
-        let starts = self.starts();
-        // One thread per core; a search is minutes of arithmetic at worst.
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let share = starts.len().div_ceil(threads);
-        std::thread::scope(|scope| {
-            let workers: Vec<_> = starts
-                .chunks(share)
-                .map(|starts| {
-                    scope.spawn(|| starts.iter().map(|start| self.minimize(start)).collect())
-                })
-                .collect();
-            let ends = workers.into_iter().map(|worker| worker.join().expect("no search panics"));
-            ends.flat_map(|ends: Vec<End>| ends).collect()
-        })
+        parallel::map(&self.starts(), |start| self.minimize(start))
     }
 
     /// A Latin hypercube in the logarithms, the scenario's own values first: every parameter takes
