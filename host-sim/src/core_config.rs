@@ -21,9 +21,6 @@ const RP2040_WIDE_CODE_LSB: f32 = 8.9;
 const SHORTEST_LAG_S: f32 = 0.001;
 /// Stands for friction that is there from the first micrometre on \[N/m\].
 const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
-/// Share of the jet's stirring that counts for the mean of the gas where the plant has zones: the
-/// jet stirs those near the port, which hold the fresh gas. Identified on `full`.
-const LUMPED_STIRRING: f64 = 0.5;
 /// Smallest wall that the core works with \[J/K\].
 const LEAST_WALL_J_K: f64 = 0.01;
 /// Where a correlation of the heat transfer is taken for the core: pressure \[Pa\], gas above wall
@@ -34,38 +31,62 @@ const WORKING_FLOW_KG_S: f64 = 3.6e-4;
 /// Standard gravity \[m/s2\].
 const GRAVITY_M_S2: f64 = 9.806_65;
 
+/// What a muscle of the plant `full` is to a model of one zone; nothing changes for the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OneZone {
+    /// Volume of the tube, which is filled and emptied along \[m3\].
+    pub tube_m3: f64,
+    /// Share of the jet's stirring that counts for the mean of the gas: the jet stirs the zones near
+    /// the port, which hold the fresh gas. Identified on `full`.
+    pub stirring: f64,
+    /// Share of the wall that follows a stroke: the inner layer.
+    pub wall: f64,
+    /// Lag of the housing around the foil \[s\].
+    pub housing_s: f64,
+}
+
+impl OneZone {
+    /// For the plant of that scenario.
+    pub fn of(s: &Scenario) -> Self {
+        if s.plant.kind == PlantKind::Muscle && s.plant.model == PlantModel::Full {
+            Self {
+                tube_m3: s.tube.volume_m3,
+                stirring: 0.5,
+                wall: 1.0 - s.wall.outer_fraction,
+                housing_s: s.sensor.gas.housing_time_constant_s,
+            }
+        } else {
+            Self { tube_m3: 0.0, stirring: 1.0, wall: 1.0, housing_s: 0.0 }
+        }
+    }
+}
+
 /// The core's configuration for `believed`. `plant` only says which kind of plant it is; a muscle's
 /// geometry has been resolved by the loader.
 pub fn core_config(believed: &Scenario) -> Config {
     let s = believed;
+    let one_zone = OneZone::of(s);
     let body = match s.plant.kind {
-        PlantKind::Muscle => {
-            // The core sees one volume; in `full` the tube belongs to it.
-            let tube_m3 = if s.plant.model == PlantModel::Full { s.tube.volume_m3 } else { 0.0 };
-            Body::Muscle(Muscle {
-                braid: Braid {
-                    thread_length_m: s.muscle.thread_length_m.unwrap_or_default() as f32,
-                    turns: s.muscle.turns.unwrap_or_default() as f32,
-                },
-                rest_length_m: s.muscle.rest_length_m.unwrap_or_default() as f32,
-                bladder_stiffness_n_m: s.muscle.bladder_stiffness_n_m as f32,
-                dead_volume_m3: (s.muscle.dead_volume_m3 + tube_m3) as f32,
-            })
-        }
+        PlantKind::Muscle => Body::Muscle(Muscle {
+            braid: Braid {
+                thread_length_m: s.muscle.thread_length_m.unwrap_or_default() as f32,
+                turns: s.muscle.turns.unwrap_or_default() as f32,
+            },
+            rest_length_m: s.muscle.rest_length_m.unwrap_or_default() as f32,
+            bladder_stiffness_n_m: s.muscle.bladder_stiffness_n_m as f32,
+            dead_volume_m3: (s.muscle.dead_volume_m3 + one_zone.tube_m3) as f32,
+        }),
         PlantKind::Vessel => Body::Vessel {
             section_m2: crate::plant::vessel_section_m2(s) as f32,
             surface_m2: s.vessel.surface_m2 as f32,
         },
     };
-    let zoned = s.plant.kind == PlantKind::Muscle && s.plant.model == PlantModel::Full;
     let wall_j_k = match s.plant.kind {
-        PlantKind::Muscle if zoned => (1.0 - s.wall.outer_fraction) * s.wall.heat_capacity_j_k,
-        PlantKind::Muscle => s.wall.heat_capacity_j_k,
+        PlantKind::Muscle => one_zone.wall * s.wall.heat_capacity_j_k,
         PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
     };
     let switching = s.plant.kind == PlantKind::Muscle && s.plant.model == PlantModel::Full;
     let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
-    let stirring = if zoned { LUMPED_STIRRING } else { 1.0 };
     Config {
         step_s: s.run.step_s as f32,
         gas: Gas {
@@ -83,7 +104,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         body,
         heat: Heat {
             inner_w_m2_k: inner_w_m2_k as f32,
-            inner_per_flow: (stirring * inner_per_flow) as f32,
+            inner_per_flow: (one_zone.stirring * inner_per_flow) as f32,
             outer_w_m2_k: s.heat.outer_w_m2_k as f32,
             outer_per_speed: s.heat.outer_per_speed as f32,
             wall_heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32,
@@ -120,11 +141,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         gas_sensor: GasSensor {
             time_constant_s: (s.sensor.gas.time_constant_s as f32).max(SHORTEST_LAG_S),
-            housing_time_constant_s: if s.plant.model == PlantModel::Full {
-                s.sensor.gas.housing_time_constant_s as f32
-            } else {
-                0.0
-            },
+            housing_time_constant_s: one_zone.housing_s as f32,
             noise_k: s.sensor.gas.noise_k as f32,
         },
         estimator: estimator(&s.estimator),

@@ -20,6 +20,7 @@ mod uncertainty;
 pub use findings::{Findings, Fitted};
 pub use page::page;
 
+use crate::core_config::OneZone;
 use crate::input::{InputError, Problem as InputProblem};
 use crate::plant::{BuildError, Diverged};
 use crate::scenario::schema::{self, fittable};
@@ -152,9 +153,13 @@ pub struct Identified {
 fn comparable(scenario: &Scenario) -> Scenario {
     let mut scenario = scenario.clone();
     if scenario.plant.kind == PlantKind::Muscle && scenario.plant.model == PlantModel::Full {
+        // As the core sees it.
+        let one_zone = OneZone::of(&scenario);
         scenario.plant.model = PlantModel::Lumped;
-        // One volume, as the core sees it.
-        scenario.muscle.dead_volume_m3 += scenario.tube.volume_m3;
+        scenario.muscle.dead_volume_m3 += one_zone.tube_m3;
+        scenario.heat.inner_per_flow *= one_zone.stirring;
+        scenario.wall.heat_capacity_j_k *= one_zone.wall;
+        scenario.sensor.gas.time_constant_s += one_zone.housing_s;
     }
     scenario
 }
@@ -169,11 +174,17 @@ fn adopted(loaded: &Loaded, values: &[(&str, f64)], volume_csv: Option<&Path>) -
         fittable(path).is_some()
             && schema::key(path).is_some_and(|(table, _)| !full || table.believed)
     };
-    let tube_m3 = if full { loaded.plant.tube.volume_m3 } else { 0.0 };
+    let one_zone = OneZone::of(&loaded.plant);
     let values = values.iter().filter(|(path, _)| told(path)).map(|(path, value)| {
-        // The tube is added again where the core is configured.
-        let tube_m3 = if *path == "muscle.dead_volume_m3" { tube_m3 } else { 0.0 };
-        (*path, (value - tube_m3).max(0.0))
+        // What the core's configuration makes of a muscle in zones, backwards.
+        let value = match *path {
+            "muscle.dead_volume_m3" => value - one_zone.tube_m3,
+            "heat.inner_per_flow" => value / one_zone.stirring,
+            "wall.heat_capacity_j_k" => value / one_zone.wall,
+            "sensor.gas.time_constant_s" => value - one_zone.housing_s,
+            _ => *value,
+        };
+        (*path, value.max(0.0))
     });
     let values: Vec<_> = values.collect();
     adopted.believed = with_numbers(&loaded.believed, values.iter().copied());
