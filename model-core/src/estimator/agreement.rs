@@ -38,11 +38,16 @@ impl Agreement {
             Some(innovation_k) => {
                 self.smooth_k += SMOOTHING * (innovation_k - self.smooth_k);
                 self.smoother_k += SMOOTHING * (self.smooth_k - self.smoother_k);
-                self.smoother_k * self.smoother_k
+                self.smooth_k2()
             }
             None => unknown_k2(lag_s),
         };
         self.mean_square_k2 += WINDOW * (square_k2 - self.mean_square_k2);
+    }
+
+    /// Square of the innovations' average over the last half second \[K2\].
+    pub fn smooth_k2(&self) -> f32 {
+        self.smoother_k * self.smoother_k
     }
 
     /// Share of the covariance to be stated, from 0 (readings and model agree) to 1.

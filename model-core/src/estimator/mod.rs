@@ -70,6 +70,12 @@ const FROZEN_LSB: f32 = 20.0;
 /// Pressures beyond which no gas in a muscle or vessel lies \[Pa\].
 const LOWEST_PA: f32 = 10.0;
 const HIGHEST_PA: f32 = 1.0e9;
+/// Innovations that stay beyond so many deviations of the reading, averaged over half a second, say
+/// that the state is wrong and not the reading.
+const CONTRADICTION: f32 = 8.0;
+/// Temperatures beyond which neither gas nor wall lies \[K\].
+const COLDEST_K: f32 = 100.0;
+const HOTTEST_K: f32 = 1000.0;
 /// Part of a code that the pressure is uncertain by beside its noise: what linearising leaves.
 const PRESSURE_LSB: f32 = 0.25;
 
@@ -131,6 +137,8 @@ pub struct Estimator {
     pressure_sd_pa: f32,
     /// Variance of the mean of an interval's readings of the gas sensor \[K2\].
     reading_k2: f32,
+    /// Variance of what averaging over a second leaves of them \[K2\].
+    lasting_k2: f32,
     // State.
     mass_kg: CompensatedSum,
     gas_k: f32,
@@ -208,6 +216,7 @@ impl Estimator {
             // or so, and is counted as if it were.
             reading_k2: gas_noise_k2 / (conversions * f32::from(INTERVAL_STEPS))
                 + sd.sensor_bias_k * sd.sensor_bias_k / interval_s,
+            lasting_k2: gas_noise_k2 + sd.sensor_bias_k * sd.sensor_bias_k,
             mass_kg: CompensatedSum::new(1.0),
             gas_k: config.ambient.temperature_k,
             wall_k: config.ambient.temperature_k,
@@ -289,14 +298,21 @@ impl Estimator {
         }
         self.missing_steps = self.missing_steps.saturating_add(1);
         if self.missing_steps == PATIENCE_STEPS {
-            self.started = false;
-            self.covariance = initial_covariance(&self.config);
-            self.agreement = Agreement::new(self.config.gas_sensor.time_constant_s);
-            self.pending.innovation_k = None;
-            self.closed_steps = LATE_STEPS;
-            self.inflow_kg = 0.0;
-            self.gas_sd_k = self.gas_k * sqrt(LARGEST_GAS);
+            self.give_up();
         }
+    }
+
+    /// Forgets everything: the next step with a pressure starts anew.
+    fn give_up(&mut self) {
+        self.started = false;
+        self.covariance = initial_covariance(&self.config);
+        self.agreement = Agreement::new(self.config.gas_sensor.time_constant_s);
+        self.pending.innovation_k = None;
+        self.closed_steps = LATE_STEPS;
+        self.inflow_kg = 0.0;
+        self.scale = 1.0;
+        self.lag_s = self.config.gas_sensor.time_constant_s;
+        self.gas_sd_k = self.gas_k * sqrt(LARGEST_GAS);
     }
 
     /// Whether the gas sensor's code stands still while its element must have moved: the readings are
@@ -318,6 +334,10 @@ impl Estimator {
                     self.correct(innovation_k);
                 }
                 self.agreement.add(innovation_k, self.lag_s);
+                let expected_k2 = self.lasting_k2 + self.covariance.sensor_sensor;
+                if self.agreement.smooth_k2() > CONTRADICTION * CONTRADICTION * expected_k2 {
+                    self.give_up();
+                }
             }
             6 => self.update_deviation(),
             INTERVAL_STEPS => self.end_interval(length_m),
@@ -346,8 +366,7 @@ impl Estimator {
 
     /// Mass and temperature over one step, from what pressure and volume did.
     fn propagate(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
-        // Zeros are slow where there is no FPU.
-        let conductance = if self.closed_steps < LATE_STEPS {
+        let conductance = if self.inflow_kg > 0.0 {
             self.still_j_k + self.stirred_j_k_kg * self.inflow_kg
         } else {
             self.still_j_k
@@ -379,7 +398,8 @@ impl Estimator {
             } else {
                 LATEST_SHARE
             };
-            self.energy_j = closed_j + enthalpy_j;
+            // The average never is far from what is measured.
+            self.energy_j = limit(closed_j + enthalpy_j, 0.5 * measured_j, 2.0 * measured_j);
         }
 
         if self.closed_steps < LATE_STEPS {
@@ -397,13 +417,19 @@ impl Estimator {
         } else {
             self.inflow_kg = 0.0;
         }
-        self.gas_k = self.temperature_k();
+        self.update_temperature();
         self.interval.gas_k += self.gas_k;
     }
 
-    /// T = U/(m c_v), limited to where air is a gas and the wall is not ash.
-    fn temperature_k(&self) -> f32 {
-        limit(self.energy_j * self.per_cv / self.mass_kg.value(), 100.0, 1000.0)
+    /// T = U/(m c_v), limited to where air is a gas and the wall is not ash. A mass that says
+    /// otherwise, whatever made it so, is put right.
+    fn update_temperature(&mut self) {
+        let product = self.energy_j * self.per_cv;
+        let told_k = product / self.mass_kg.value();
+        self.gas_k = limit(told_k, COLDEST_K, HOTTEST_K);
+        if self.gas_k != told_k {
+            self.mass_kg = CompensatedSum::new(product / self.gas_k);
+        }
     }
 
     /// Heat to the wall in one step, per kelvin, at that surface \[m2\]: of still gas, and per mass
@@ -505,8 +531,8 @@ impl Estimator {
         // u = dT/T = -dm/m
         let relative = limit(gas * innovation, -0.05, 0.05);
         self.mass_kg = CompensatedSum::new(self.mass_kg.value() / (1.0 + relative));
-        self.gas_k = self.temperature_k();
-        self.wall_k = limit(self.wall_k + wall * innovation, 100.0, 1000.0);
+        self.update_temperature();
+        self.wall_k = limit(self.wall_k + wall * innovation, COLDEST_K, HOTTEST_K);
         self.sensor_k += sensor * innovation;
         self.scale = limit(self.scale * exp(limit(scale * innovation, -0.1, 0.1)), 0.2, 5.0);
         self.lag_s = limit(
@@ -522,5 +548,53 @@ impl Estimator {
         let noise = self.pressure_sd_pa / self.pressure_pa;
         let share = self.agreement.share(self.lag_s);
         self.gas_sd_k = self.gas_k * sqrt(share * self.covariance.gas_gas + noise * noise);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn measurement(pressure_pa: f32, length_m: f32, code: u16, flow: u8) -> Measurement {
+        Measurement {
+            pressure_pa: (pressure_pa > 0.0).then_some(pressure_pa),
+            length_m,
+            gas: (code > 0).then_some(AdcCode(code)),
+            charging: flow & 1 != 0,
+            discharging: flow & 2 != 0,
+        }
+    }
+
+    proptest! {
+        /// Whatever the lines say, every figure stays finite, and a minute of sense later the
+        /// estimate is right again.
+        #[test]
+        fn it_finds_back_from_nonsense(
+            nonsense in proptest::collection::vec(
+                (-1.0e5_f32..1.0e6, 0.2_f32..0.3, 0_u16..32_760, 0_u8..4, 1_usize..80),
+                1..40,
+            ),
+        ) {
+            let config = Config::default();
+            let converter = Converter::new(&config.front_end);
+            let code = (0..32_760).find(|code| converter.gas_k(AdcCode(*code)) > 298.0).unwrap();
+            let mut estimator = Estimator::new(&config);
+            for (pressure_pa, length_m, code, flow, steps) in nonsense {
+                for _ in 0..steps {
+                    estimator.step(&measurement(pressure_pa, length_m, code, flow));
+                    let Estimate { gas_k, gas_sd_k, wall_k, mass_kg, .. } = estimator.estimate();
+                    prop_assert!([gas_k, wall_k].iter().all(|t| (100.0..=1000.0).contains(t)));
+                    prop_assert!(gas_sd_k.is_finite() && gas_sd_k > 0.0 && mass_kg > 0.0);
+                }
+            }
+            // Closed, at rest, 25 degC; the gas sensor's code moves with its noise.
+            for step in 0..60_000_u16 {
+                estimator.step(&measurement(2.0e5, 0.28, code + step % 2, 0));
+            }
+            let Estimate { gas_k, gas_sd_k, .. } = estimator.estimate();
+            prop_assert!((gas_k - 298.0).abs() < 3.0 + 3.0 * gas_sd_k, "{gas_k} +- {gas_sd_k}");
+            prop_assert!(gas_sd_k < 10.0, "{gas_sd_k}");
+        }
     }
 }
