@@ -128,7 +128,6 @@ pub struct Estimator {
     per_cp: f32,
     per_cp_supply: f32,
     per_cv: f32,
-    per_step_s: f32,
     interval_s: f32,
     /// Movement of the element at which a code that stands still is a frozen one \[K\].
     frozen_k: f32,
@@ -206,7 +205,6 @@ impl Estimator {
             per_cp: 1.0 / config.gas.cp_j_kg_k(),
             per_cp_supply: 1.0 / (config.gas.cp_j_kg_k() * config.supply.temperature_k),
             per_cv: (k - 1.0) / config.gas.gas_constant_j_kg_k,
-            per_step_s: 1.0 / config.step_s,
             interval_s,
             frozen_k: FROZEN_LSB * front_end.gas_code_k(),
             // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
@@ -436,9 +434,10 @@ impl Estimator {
     /// that comes in with each step.
     fn set_conductance(&mut self, surface_m2: f32) {
         let heat = &self.config.heat;
-        let scaled_m2_s = self.scale * surface_m2 * self.config.step_s;
-        self.still_j_k = heat.inner_w_m2_k * scaled_m2_s;
-        self.stirred_j_k_kg = heat.inner_per_flow * scaled_m2_s * self.per_step_s;
+        let scaled_m2 = self.scale * surface_m2;
+        self.still_j_k = heat.inner_w_m2_k * scaled_m2 * self.config.step_s;
+        // A mass per step is a flow times the step.
+        self.stirred_j_k_kg = heat.inner_per_flow * scaled_m2;
     }
 
     fn end_interval(&mut self, length_m: f32) {
