@@ -48,7 +48,7 @@ pub struct OneZone {
 impl OneZone {
     /// For the plant of that scenario.
     pub fn of(s: &Scenario) -> Self {
-        if s.plant.kind == PlantKind::Muscle && s.plant.model == PlantModel::Full {
+        if s.is_full_muscle() {
             Self {
                 tube_m3: s.tube.volume_m3,
                 stirring: 0.5,
@@ -85,7 +85,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         PlantKind::Muscle => one_zone.wall * s.wall.heat_capacity_j_k,
         PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
     };
-    let switching = s.plant.kind == PlantKind::Muscle && s.plant.model == PlantModel::Full;
+    let switching = s.is_full_muscle();
     let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
     Config {
         step_s: s.run.step_s as f32,

@@ -51,15 +51,15 @@ struct Line {
 impl Line {
     /// Takes the next code; returns whether it stands still.
     fn add(&mut self, code: AdcCode) -> bool {
-        let [code, last, before] = [code.0, self.last, self.before].map(i32::from);
-        self.jerks = if (code - 2 * last + before).abs() > JERK {
+        let [now, last, before] = [code.0, self.last, self.before].map(i32::from);
+        self.jerks = if (now - 2 * last + before).abs() > JERK {
             (self.jerks + JERK_WEIGHT).min(MOST_NOISY)
         } else {
             self.jerks.saturating_sub(1)
         };
         self.before = self.last;
-        self.last = code as u16;
-        code == last
+        self.last = code.0;
+        now == last
     }
 
     fn noisy(&self) -> bool {

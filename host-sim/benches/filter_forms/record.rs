@@ -4,18 +4,18 @@
 
 use crate::covariance::{Covariance, Transition};
 use crate::forms::{Interval, N, SENSOR};
-use host_sim::board::{Board, BoardError, BoardStep};
+use host_sim::board::{Board, BoardError, BoardStep, CoreBoard};
 use host_sim::run;
 use host_sim::scenario::Loaded;
 use host_sim::trace::Row;
 use model_core::estimator::INTERVAL_STEPS;
-use model_core::{Config, Core, Duty, Sample, SetPoint, Telemetry};
+use model_core::{Config, Duty, Sample, SetPoint, Telemetry};
 
 /// The core in this process, looked into after every interval.
 #[derive(Debug, Default)]
 struct WatchedBoard {
-    core: Option<Core>,
-    pending: Option<SetPoint>,
+    board: CoreBoard,
+    config: Config,
     steps: usize,
     intervals: Vec<Interval>,
     first: Covariance,
@@ -28,34 +28,29 @@ impl Board for WatchedBoard {
     }
 
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError> {
-        let mut core = Core::new(config).map_err(BoardError::Config)?;
-        core.set(set_point);
-        self.core = Some(core);
-        Ok(())
+        self.config = *config;
+        self.board.start(config, set_point)
     }
 
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
-        self.pending = Some(set_point);
-        Ok(())
+        self.board.set(set_point)
     }
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
-        let core = self.core.as_mut().ok_or(BoardError::NotStarted)?;
-        let telemetry = core.step(sample);
-        if let Some(set_point) = self.pending.take() {
-            core.set(set_point);
-        }
+        let step = self.board.step(sample)?;
         self.steps += 1;
-        if self.steps.is_multiple_of(usize::from(INTERVAL_STEPS)) {
-            let printed = format!("{core:?}");
+        if let Some(telemetry) = &step.telemetry
+            && self.steps.is_multiple_of(usize::from(INTERVAL_STEPS))
+        {
+            let printed = format!("{:?}", self.board);
             let printed = Printed(&printed).within("estimator: Estimator");
             self.last = printed.covariance();
             if self.intervals.is_empty() {
                 self.first = self.last;
             }
-            self.intervals.push(printed.interval(core.config(), &telemetry));
+            self.intervals.push(printed.interval(&self.config, telemetry));
         }
-        Ok(BoardStep { telemetry: Some(telemetry), actuation: telemetry.command.into() })
+        Ok(step)
     }
 }
 

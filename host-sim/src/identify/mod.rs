@@ -24,7 +24,7 @@ use crate::core_config::OneZone;
 use crate::input::{InputError, Problem as InputProblem};
 use crate::plant::{BuildError, Diverged};
 use crate::scenario::schema::{self, fittable};
-use crate::scenario::{Loaded, PlantKind, PlantModel, Scenario, with_numbers};
+use crate::scenario::{Loaded, PlantModel, Scenario, with_numbers};
 use data::Data;
 use fit::{End, Problem};
 use nalgebra::{DMatrix, DVector};
@@ -152,7 +152,7 @@ pub struct Identified {
 /// The scenario of the plant that measurements are compared with: see the module.
 fn comparable(scenario: &Scenario) -> Scenario {
     let mut scenario = scenario.clone();
-    if scenario.plant.kind == PlantKind::Muscle && scenario.plant.model == PlantModel::Full {
+    if scenario.is_full_muscle() {
         // As the core sees it.
         let one_zone = OneZone::of(&scenario);
         scenario.plant.model = PlantModel::Lumped;
@@ -168,8 +168,7 @@ fn comparable(scenario: &Scenario) -> Scenario {
 /// the core's own model: only the core is told.
 fn adopted(loaded: &Loaded, values: &[(&str, f64)], volume_csv: Option<&Path>) -> Loaded {
     let mut adopted = loaded.clone();
-    let full = loaded.plant.plant.kind == PlantKind::Muscle
-        && loaded.plant.plant.model == PlantModel::Full;
+    let full = loaded.plant.is_full_muscle();
     let told = |path: &str| {
         fittable(path).is_some()
             && schema::key(path).is_some_and(|(table, _)| !full || table.believed)

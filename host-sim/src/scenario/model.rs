@@ -54,6 +54,13 @@ pub struct Scenario {
     pub identify: Identify,
 }
 
+impl Scenario {
+    /// Whether the plant is a muscle with zones, wall layers and real valves.
+    pub fn is_full_muscle(&self) -> bool {
+        self.plant.kind == PlantKind::Muscle && self.plant.model == PlantModel::Full
+    }
+}
+
 /// Length of the run, time step, seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
