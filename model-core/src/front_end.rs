@@ -68,39 +68,42 @@ struct Line {
 
 /// Undoes erratum RP2040-E11. Four codes swallow `wide_code_lsb` of input each, and with the
 /// curve's ends where they belong it is steeper by as much in between: an error of up to 4.5 LSB,
-/// or at 120 kPa almost 1 % of the pressure. Within a wide code nothing can be recovered.
+/// or at 120 kPa almost 1 % of the pressure. A wide code itself says no more than that the input
+/// lies in it, and is read as its middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Linearisation {
     /// Input per code.
     slope: f32,
-    /// Input that one wide code swallows, in units of a summed code.
-    swallowed: f32,
+    /// Half of the input that one wide code swallows, in units of a summed code.
+    half_swallowed: f32,
 }
 
 impl Linearisation {
     fn new(wide_code_lsb: f32) -> Self {
         Self {
             slope: 1.0 - 4.0 * wide_code_lsb / 4095.0,
-            swallowed: wide_code_lsb * f32::from(OVERSAMPLING),
+            half_swallowed: 0.5 * wide_code_lsb * f32::from(OVERSAMPLING),
         }
     }
 
     /// The ideal code for a code as read; need not be whole.
     fn ideal(&self, code: AdcCode) -> f32 {
-        self.slope * f32::from(code.0) + self.swallowed * wide_codes_below(code) as f32
+        self.slope * f32::from(code.0) + self.half_swallowed * wide_halves_below(code) as f32
     }
 }
 
-/// Wide codes at or below a code: they lie at 512 + 1024 i, here times eight.
-fn wide_codes_below(code: AdcCode) -> u32 {
-    (u32::from(code.0) + 4096) >> 13
+/// Halves of wide codes below a code: they lie at 512 + 1024 i, here times eight; of the one that is
+/// read, one half.
+fn wide_halves_below(code: AdcCode) -> u32 {
+    let code = u32::from(code.0);
+    ((code + 4096) >> 13) + ((code + 4095) >> 13)
 }
 
 /// Sum of one channel's codes over many steps, in integers: cheap where there is no FPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CodeSum {
     codes: u32,
-    wide_codes: u32,
+    wide_halves: u32,
     count: u16,
 }
 
@@ -108,7 +111,7 @@ impl CodeSum {
     /// Adds one code; up to 65 535 of them.
     pub fn add(&mut self, code: AdcCode) {
         self.codes = self.codes.saturating_add(u32::from(code.0));
-        self.wide_codes = self.wide_codes.saturating_add(wide_codes_below(code));
+        self.wide_halves = self.wide_halves.saturating_add(wide_halves_below(code));
         self.count = self.count.saturating_add(1);
     }
 }
@@ -163,7 +166,7 @@ impl Converter {
     pub fn mean_gas_k(&self, sum: &CodeSum) -> Option<f32> {
         (sum.count > 0).then(|| {
             let total = self.linearisation.slope * sum.codes as f32
-                + self.linearisation.swallowed * sum.wide_codes as f32;
+                + self.linearisation.half_swallowed * sum.wide_halves as f32;
             self.bridge_k(total / f32::from(sum.count))
         })
     }
@@ -257,9 +260,10 @@ mod tests {
             for wide in [512.0, 1536.0, 2560.0, 3584.0] {
                 read = if read > wide + 8.9 * steep { read - 8.9 * steep } else { read.min(wide) };
             }
-            prop_assume!([512.0, 1536.0, 2560.0, 3584.0].iter().all(|wide| read != *wide));
             let ideal = Linearisation::new(8.9).ideal(AdcCode((read * 8.0).round() as u16));
-            prop_assert!((f64::from(ideal) / 8.0 - input).abs() < 0.1, "{ideal} for {input}");
+            let wide = [512.0, 1536.0, 2560.0, 3584.0].contains(&read);
+            let allowed = if wide { 4.45 } else { 0.0 } + 0.1;
+            prop_assert!((f64::from(ideal) / 8.0 - input).abs() < allowed, "{ideal} for {input}");
         }
 
         #[test]
