@@ -99,6 +99,11 @@ fn wide_halves_below(code: AdcCode) -> u32 {
     ((code + 4096) >> 13) + ((code + 4095) >> 13)
 }
 
+/// Whether a code is one of the four that erratum RP2040-E11 widens.
+pub fn is_wide(code: AdcCode) -> bool {
+    code.0 & 8191 == 4096
+}
+
 /// Sum of one channel's codes over many steps, in integers: cheap where there is no FPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CodeSum {

@@ -4,7 +4,7 @@ use crate::body::Shape;
 use crate::config::{Config, ConfigError, Load};
 use crate::control::{Controller, Feedback};
 use crate::estimator::{Estimator, Measurement};
-use crate::front_end::Converter;
+use crate::front_end::{self, Converter};
 use crate::sample::{Command, Duty, Faults, Sample, SetPoint, Telemetry};
 use crate::supervisor::Supervisor;
 
@@ -83,6 +83,7 @@ impl Core {
         self.estimator.step(&Measurement {
             pressure_pa: self.supervisor.pressure_trusted().then_some(pressure_pa),
             length_m,
+            wide_code: front_end::is_wide(sample.pressure),
             gas: (!faults.intersects(Faults::GAS_SENSOR)).then_some(sample.gas),
             charging: self.inlet_steps > 0,
             discharging: self.outlet_steps > 0,

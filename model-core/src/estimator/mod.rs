@@ -13,10 +13,8 @@
 //! T        = U/(m c_v)                                    (1)
 //! ```
 //!
-//! No valve needs to be calibrated; that a valve is open is known from the duty. Once both are shut,
-//! U is the running mean of what is measured about U_closed, and for the first [`LATE_STEPS`] its
-//! corrections still count as flow: they tell better than the last open step did how much came in.
-//! Without that, the noise of the pressure would leave a step in the mass with every pulse.
+//! No valve needs to be calibrated; that a valve is open is known from the duty. U is filtered
+//! (`energy.rs`).
 //!
 //! What drifts, the slow Pt sensor corrects: T_s' = (T_h - T_s)/tau, T_h' = (T - T_h)/tau_h.
 //!
@@ -44,9 +42,11 @@
 
 mod agreement;
 mod covariance;
+mod energy;
 
 use self::agreement::Agreement;
 use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
+use self::energy::{Energy, Reading};
 use crate::body::Shape;
 use crate::config::Config;
 use crate::front_end::{CodeSum, Converter};
@@ -57,11 +57,6 @@ use crate::supervisor::PATIENCE_STEPS;
 /// Steps per update of the covariance and of the sensor's correction.
 pub const INTERVAL_STEPS: u16 = 20;
 
-/// Steps after the valves have shut in which corrections of the pressure still count as flow.
-pub const LATE_STEPS: u16 = 25;
-/// Share of each measured energy in the averaged one after that: over a hundred steps. Longer, and the
-/// errors of the heat would show.
-const LATEST_SHARE: f32 = 0.01;
 /// Share of a step's inflow in the inflow that stirs the gas: five milliseconds of averaging.
 const INFLOW_SHARE: f32 = 0.2;
 /// How far the element must have moved, in codes of 12 bit, for a code that has stood still
@@ -86,6 +81,8 @@ pub struct Measurement {
     pub pressure_pa: Option<f32>,
     /// Measured length \[m\], limited to what the body can have.
     pub length_m: f32,
+    /// The pressure's code is one that the converter makes too wide.
+    pub wide_code: bool,
     /// Raw code of the gas sensor; `None` while the sensor is not to be trusted.
     pub gas: Option<AdcCode>,
     /// The inlet has been driven lately.
@@ -131,6 +128,8 @@ pub struct Estimator {
     interval_s: f32,
     /// Movement of the element at which a code that stands still is a frozen one \[K\].
     frozen_k: f32,
+    /// Half the width of a wide code \[Pa\].
+    wide_code_pa: f32,
     /// Deviation of the temperature that the noise of one pressure leaves, times pressure over
     /// temperature \[Pa\].
     pressure_sd_pa: f32,
@@ -152,9 +151,7 @@ pub struct Estimator {
     // Since the last step.
     pressure_pa: f32,
     volume_m3: f32,
-    /// Internal energy \[J\], averaged while both valves are shut.
-    energy_j: f32,
-    closed_steps: u16,
+    energy: Energy,
     /// Mass that comes in with one step, averaged over some \[kg\].
     inflow_kg: f32,
     entering: bool,
@@ -210,6 +207,7 @@ impl Estimator {
             // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
             pressure_sd_pa: (k - 1.0) / k
                 * sqrt(pressure_noise_pa2 / conversions + rounding_pa * rounding_pa),
+            wide_code_pa: 0.5 * front_end.wide_code_lsb * front_end.pressure_code_pa(),
             // Averaging leaves little of the noise. The bias is the same in every reading of a second
             // or so, and is counted as if it were.
             reading_k2: gas_noise_k2 / (conversions * f32::from(INTERVAL_STEPS))
@@ -227,8 +225,7 @@ impl Estimator {
             gas_sd_k: sd.initial_sd_k,
             pressure_pa: 0.0,
             volume_m3: 0.0,
-            energy_j: 0.0,
-            closed_steps: LATE_STEPS,
+            energy: Energy::new(0.0),
             inflow_kg: 0.0,
             entering: false,
             missing_steps: 0,
@@ -306,7 +303,6 @@ impl Estimator {
         self.covariance = initial_covariance(&self.config);
         self.agreement = Agreement::new(self.config.gas_sensor.time_constant_s);
         self.pending.innovation_k = None;
-        self.closed_steps = LATE_STEPS;
         self.inflow_kg = 0.0;
         self.scale = 1.0;
         self.lag_s = self.config.gas_sensor.time_constant_s;
@@ -353,8 +349,9 @@ impl Estimator {
             self.sensor_k = reading_k;
         }
         self.code_changed_k = self.sensor_k;
-        self.energy_j = pressure_pa * volume_m3 * self.per_k_minus_1;
-        self.mass_kg = CompensatedSum::new(self.energy_j * self.per_cv / self.gas_k);
+        let energy_j = pressure_pa * volume_m3 * self.per_k_minus_1;
+        self.energy = Energy::new(energy_j);
+        self.mass_kg = CompensatedSum::new(energy_j * self.per_cv / self.gas_k);
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.length_m = measurement.length_m;
@@ -371,16 +368,20 @@ impl Estimator {
         };
         let heat_j = conductance * (self.gas_k - self.wall_k);
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
-        let closed_j = self.energy_j - work_j - heat_j;
-        let measured_j = pressure_pa * volume_m3 * self.per_k_minus_1;
-        let mut enthalpy_j = measured_j - closed_j;
+        let closed_j = self.energy.energy_j() - work_j - heat_j;
+        let per_pa = volume_m3 * self.per_k_minus_1;
+        let reading = Reading {
+            measured_j: pressure_pa * per_pa,
+            doubt_j: if measurement.wide_code { self.wide_code_pa * per_pa } else { 0.0 },
+        };
+        let open = measurement.charging || measurement.discharging;
+        let enthalpy_j = self.energy.step(closed_j, &reading, open);
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.interval.steps += 1;
         self.interval.heat_j += heat_j;
 
-        if measurement.charging || measurement.discharging {
-            self.closed_steps = 0;
+        if open {
             // The direction comes from the duties where they are one-sided: the noise of a
             // difference of pressures would be rectified.
             self.entering = if measurement.charging && measurement.discharging {
@@ -388,19 +389,8 @@ impl Estimator {
             } else {
                 measurement.charging
             };
-            self.energy_j = measured_j;
-        } else {
-            self.closed_steps = (self.closed_steps + 1).min(LATE_STEPS);
-            enthalpy_j *= if self.closed_steps < LATE_STEPS {
-                1.0 / f32::from(self.closed_steps + 1)
-            } else {
-                LATEST_SHARE
-            };
-            // The average never is far from what is measured.
-            self.energy_j = limit(closed_j + enthalpy_j, 0.5 * measured_j, 2.0 * measured_j);
         }
-
-        if self.closed_steps < LATE_STEPS {
+        if self.energy.flowing() {
             let mut inflow_kg = 0.0;
             let change_kg = if self.entering {
                 inflow_kg = enthalpy_j * self.per_cp_supply;
@@ -422,7 +412,7 @@ impl Estimator {
     /// T = U/(m c_v), limited to where air is a gas and the wall is not ash. A mass that says
     /// otherwise, whatever made it so, is put right.
     fn update_temperature(&mut self) {
-        let product = self.energy_j * self.per_cv;
+        let product = self.energy.energy_j() * self.per_cv;
         let told_k = product / self.mass_kg.value();
         self.gas_k = limit(told_k, COLDEST_K, HOTTEST_K);
         if self.gas_k != told_k {
@@ -559,6 +549,7 @@ mod tests {
         Measurement {
             pressure_pa: (pressure_pa > 0.0).then_some(pressure_pa),
             length_m,
+            wide_code: false,
             gas: (code > 0).then_some(AdcCode(code)),
             charging: flow & 1 != 0,
             discharging: flow & 2 != 0,
