@@ -34,6 +34,7 @@ const STOP_M: f32 = 3.0e-4;
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Reference {
     length_m: f32,
+    volume_m3: f32,
     speed_m_s: f32,
     acceleration_m_s2: f32,
     /// Set point of the period before \[m\].
@@ -41,20 +42,23 @@ struct Reference {
 }
 
 impl Reference {
-    fn at(length_m: f32) -> Self {
-        Self { length_m, speed_m_s: 0.0, acceleration_m_s2: 0.0, target_m: length_m }
+    fn at(geometry: &Geometry, length_m: f32) -> Self {
+        let volume_m3 = geometry.volume_m3(length_m);
+        Self { length_m, volume_m3, speed_m_s: 0.0, acceleration_m_s2: 0.0, target_m: length_m }
     }
 
     /// One period towards `target_m`, backward Euler. A set point that moves no faster than the rate
     /// limit is followed without lag, to where it will be at the period's end; a faster one is a
     /// step.
-    fn advance(&mut self, config: &Config, rest_m: f32, target_m: f32, period_s: f32) {
+    fn advance(&mut self, config: &Config, geometry: &Geometry, target_m: f32, port: &Port) {
+        let period_s = port.period_s;
+        let rest_m = geometry.muscle().rest_length_m;
         let tuning = &config.controller;
         let fastest_m_s = tuning.contraction_rate_per_s * rest_m;
         let change_m = target_m - self.target_m;
         let moves = absolute(change_m) <= fastest_m_s * period_s;
         let (ahead_m, target_m_s) =
-            if moves { (change_m, change_m / period_s) } else { (0.0, 0.0) };
+            if moves { (change_m, change_m * port.pwm_hz) } else { (0.0, 0.0) };
         self.target_m = target_m;
         let w = tuning.reference_rad_s;
         let wt = w * period_s;
@@ -70,9 +74,10 @@ impl Reference {
         } else {
             wanted_m_s
         };
-        self.acceleration_m_s2 = (speed_m_s - self.speed_m_s) / period_s;
+        self.acceleration_m_s2 = (speed_m_s - self.speed_m_s) * port.pwm_hz;
         self.speed_m_s = speed_m_s;
         self.length_m += speed_m_s * period_s;
+        self.volume_m3 = geometry.volume_m3(self.length_m);
     }
 }
 
@@ -96,7 +101,7 @@ impl ContractionLoop {
     /// A loop that starts at the measured length and pressure: nothing jumps.
     pub fn new(config: &Config, geometry: &Geometry, feedback: &Feedback, softening: f32) -> Self {
         let mut fresh = Self {
-            reference: Reference::at(feedback.length_m),
+            reference: Reference::at(geometry, feedback.length_m),
             pressure_pa: feedback.pressure_pa,
             friction_n: 0.0,
             trim_n: 0.0,
@@ -176,16 +181,16 @@ impl ContractionLoop {
         self.calm_periods = if still { self.calm_periods.saturating_add(1) } else { 0 };
         if self.calm_periods >= CALM_PERIODS {
             self.holding = true;
-            self.reference = Reference::at(target_m);
+            self.reference = Reference::at(geometry, target_m);
             return None;
         }
 
         // What is missing of the gas that belongs to the reference of the period before.
         let volume_m3 = port.volume_m3;
-        let before_m3 = geometry.volume_m3(self.reference.length_m);
+        let before_m3 = self.reference.volume_m3;
         let before_pa = self.pressure_pa;
         // Ahead of its reference by that much when the pulse acts: damps the load on its gas spring.
-        let ahead_m = (moved_m / period_s - self.reference.speed_m_s) * tuning.length_lead_s;
+        let ahead_m = (moved_m * port.pwm_hz - self.reference.speed_m_s) * tuning.length_lead_s;
         let ahead_m3 = geometry.volume_slope_m2(feedback.length_m) * ahead_m;
         let missing_m3 = (before_m3 - volume_m3 - ahead_m3) * tuning.length_gain;
 
@@ -211,7 +216,7 @@ impl ContractionLoop {
         }
 
         let start_m = self.reference.length_m;
-        self.reference.advance(config, rest_m, target_m, period_s);
+        self.reference.advance(config, geometry, target_m, port);
         let reference = &self.reference;
         let way_n = tuning.presliding_n_m * (start_m - reference.length_m);
         let coulomb_n = tuning.friction_gain * softening * config.friction.force_n;
@@ -225,7 +230,7 @@ impl ContractionLoop {
 
         let gain = limit(period_s / tuning.length_loop_s, 0.0, 1.0);
         let change_pa = self.pressure_pa - before_pa + gain * (before_pa - feedback.pressure_pa);
-        let change_m3 = geometry.volume_m3(reference.length_m) - before_m3 + gain * missing_m3;
+        let change_m3 = reference.volume_m3 - before_m3 + gain * missing_m3;
         Some(port.mass_kg(change_pa, change_m3) - port.in_flight_kg)
     }
 }

@@ -27,11 +27,13 @@ impl PressureLoop {
     }
 
     /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
+    /// `volume_change_m3` is what the volume changed by over the last one.
     pub fn period(
         &mut self,
         config: &Config,
         feedback: &Feedback,
         port: &Port,
+        volume_change_m3: f32,
         set_point_pa: f32,
     ) -> Option<f32> {
         let tuning: &ControllerConfig = &config.controller;
@@ -63,7 +65,6 @@ impl PressureLoop {
                 limit_kg_s,
             );
         }
-        let volume_change_m3 = port.volume_rate_m3_s * period_s;
         let wanted_kg = port.mass_kg(gain * error_pa, volume_change_m3) + self.bias_kg_s * period_s
             - port.in_flight_kg;
         Some(wanted_kg)

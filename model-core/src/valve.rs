@@ -4,13 +4,15 @@
 //! rho0 the density at the reference atmosphere (ANR: 100 kPa, 293.15 K).
 
 use crate::gas::Gas;
-use crate::math::{limit, sqrt};
+use crate::math::{inverse_sqrt, limit, sqrt};
 use serde::{Deserialize, Serialize};
 
 /// Reference atmosphere (ISO 8778, ANR): pressure \[Pa\].
 pub const REFERENCE_PRESSURE_PA: f32 = 100_000.0;
 /// Reference atmosphere (ISO 8778, ANR): temperature \[K\].
 pub const REFERENCE_TEMPERATURE_K: f32 = 293.15;
+/// Root of it \[K^0.5\].
+const SQRT_REFERENCE_K: f32 = 17.121_624;
 /// Above this pressure ratio the flow is taken as linear in the pressure difference: the square
 /// root's slope is infinite at no flow, a real valve's is not (laminar flow, ISO 6358-1 annex).
 pub const LAMINAR_RATIO: f32 = 0.999;
@@ -59,7 +61,8 @@ impl Valve {
         self.conductance_m3_s_pa
             * upstream_pa
             * reference_density
-            * sqrt(REFERENCE_TEMPERATURE_K / upstream_k)
+            * SQRT_REFERENCE_K
+            * inverse_sqrt(upstream_k)
             * self.flow_function(downstream_pa / upstream_pa)
     }
 

@@ -31,6 +31,7 @@ enum Overhang {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlowDrive {
     period_s: f32,
+    pwm_hz: f32,
     /// Mass still to move, positive into the muscle \[kg\].
     owed_kg: f32,
     in_flight_kg: f32,
@@ -41,8 +42,10 @@ pub struct FlowDrive {
 impl FlowDrive {
     /// Nothing owed.
     pub fn new(config: &Config) -> Self {
+        let period_s = f32::from(config.drive.period_steps) * config.step_s;
         Self {
-            period_s: f32::from(config.drive.period_steps) * config.step_s,
+            period_s,
+            pwm_hz: 1.0 / period_s,
             owed_kg: 0.0,
             in_flight_kg: 0.0,
             overhang: Overhang::None,
@@ -58,6 +61,11 @@ impl FlowDrive {
     /// PWM period \[s\].
     pub fn period_s(&self) -> f32 {
         self.period_s
+    }
+
+    /// PWM frequency \[Hz\].
+    pub fn pwm_hz(&self) -> f32 {
+        self.pwm_hz
     }
 
     /// Mass, positive into the muscle, that the last pulse moves after its period's end \[kg\].
@@ -146,7 +154,7 @@ impl FlowDrive {
         };
         let sign = if filling { 1.0 } else { -1.0 };
         self.in_flight_kg = sign * full_kg_s * tail_s(&config.drive, self.period_s, pulse_s);
-        let duty = Duty::from_share(pulse_s / self.period_s);
+        let duty = Duty::from_share(pulse_s * self.pwm_hz);
         let command = if filling {
             Command { inlet: duty, outlet: Duty::ZERO }
         } else {
