@@ -2,9 +2,10 @@
 
 use host_sim::board::CoreBoard;
 use host_sim::core_config::core_config;
+use host_sim::run;
 use host_sim::scenario::{self, Loaded};
+use host_sim::smoother::{self, Best};
 use host_sim::trace::Row;
-use host_sim::{run, smoother};
 use model_core::{AdcCode, Estimate, Telemetry};
 
 struct Recorded {
@@ -14,13 +15,12 @@ struct Recorded {
 }
 
 impl Recorded {
-    /// 20 s of the nominal cycle on `lumped`, from an initial temperature.
-    fn new(initial_k: f64) -> Self {
-        let text = format!(
-            "[run]\nduration_s = 20.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n\
-             initial_temperature_k = {initial_k}\n"
-        );
-        let loaded = scenario::parse(&text, "test".as_ref()).unwrap();
+    /// 20 s of the nominal cycle on `lumped`, with so many times the true heat transfer believed.
+    fn new(heat: f64) -> Self {
+        let text = "[run]\nduration_s = 20.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
+        let mut loaded = scenario::parse(text, "test".as_ref()).unwrap();
+        loaded.believed.heat.inner_w_m2_k *= heat;
+        loaded.believed.heat.inner_per_flow *= heat;
         let (mut telemetry, mut truth_k) = (Vec::new(), Vec::new());
         let mut observer = |row: &Row| {
             telemetry.push(row.telemetry);
@@ -31,8 +31,12 @@ impl Recorded {
         Self { loaded, telemetry, truth_k }
     }
 
-    fn smooth(&self) -> Vec<f64> {
+    fn best(&self) -> Best {
         smoother::smooth(&core_config(&self.loaded.believed), &self.telemetry)
+    }
+
+    fn smooth(&self) -> Vec<f64> {
+        self.best().smoothed_k
     }
 
     /// RMS error of temperatures \[K\] in a part of the run \[s\].
@@ -49,7 +53,7 @@ impl Recorded {
 
 #[test]
 fn it_beats_the_estimator_where_the_model_holds() {
-    let recorded = Recorded::new(298.0);
+    let recorded = Recorded::new(1.0);
     let smoothed = recorded.smooth();
     assert_eq!(smoothed.len(), 20_001);
     let error_k = recorded.rms_k(&smoothed, 5, 20);
@@ -59,17 +63,21 @@ fn it_beats_the_estimator_where_the_model_holds() {
 }
 
 #[test]
-fn what_came_later_corrects_the_start() {
-    let recorded = Recorded::new(308.0);
-    let online_k = recorded.rms_k(&recorded.online_k(), 0, 3);
-    let smoothed_k = recorded.rms_k(&recorded.smooth(), 0, 3);
-    assert!((0.005..0.3).contains(&smoothed_k), "{smoothed_k} K");
-    assert!((2.0..100.0).contains(&(online_k / smoothed_k)), "{online_k} K before the fact");
+fn what_came_later_says_how_it_was_before() {
+    let recorded = Recorded::new(0.7);
+    let best = recorded.best();
+    let [online_k, forward_k, smoothed_k] =
+        [&recorded.online_k(), &best.forward_k, &best.smoothed_k]
+            .map(|temperatures| recorded.rms_k(temperatures, 2, 10));
+    assert!((0.01..0.3).contains(&smoothed_k), "{smoothed_k} K");
+    assert!((1.2..20.0).contains(&(online_k / smoothed_k)), "{online_k} K before the fact");
+    let times = forward_k / smoothed_k;
+    assert!((1.2..10.0).contains(&times), "{times} times that without the pass back");
 }
 
 #[test]
 fn it_sees_samples_and_duties_only() {
-    let mut recorded = Recorded::new(298.0);
+    let mut recorded = Recorded::new(1.0);
     let smoothed = recorded.smooth();
     for telemetry in &mut recorded.telemetry {
         telemetry.estimate = Estimate::default();
@@ -85,12 +93,14 @@ fn it_sees_samples_and_duties_only() {
 
 #[test]
 fn short_runs_have_an_answer() {
-    let mut recorded = Recorded::new(298.0);
+    let mut recorded = Recorded::new(1.0);
     for steps in [0, 1, 2, 20, 21, 22, 50] {
         recorded.telemetry.truncate(50);
         let part = &recorded.telemetry[..steps];
-        let smoothed = smoother::smooth(&core_config(&recorded.loaded.believed), part);
-        assert_eq!(smoothed.len(), steps);
-        assert!(smoothed.iter().all(|k| (290.0..306.0).contains(k)), "{smoothed:?}");
+        let best = smoother::smooth(&core_config(&recorded.loaded.believed), part);
+        for best_k in [best.forward_k, best.smoothed_k] {
+            assert_eq!(best_k.len(), steps);
+            assert!(best_k.iter().all(|k| (290.0..306.0).contains(k)), "{best_k:?}");
+        }
     }
 }

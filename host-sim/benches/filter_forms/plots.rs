@@ -33,7 +33,7 @@ fn seconds(count: usize) -> Vec<f64> {
 /// The last cycles of the nominal run on `full`: temperatures and errors.
 fn error(full: &Loaded, nominal: &Recording) -> Chart {
     let Recording { telemetry, truth_k, .. } = nominal;
-    let smoothed = smoother::smooth(&core_config(&full.believed), telemetry);
+    let smoothed = smoother::smooth(&core_config(&full.believed), telemetry).smoothed_k;
     let truth = || truth_k.iter().copied();
     let estimate = || telemetry.iter().map(|t| f64::from(t.estimate.gas_k));
     let double = |sign: f64| {

@@ -145,6 +145,7 @@ struct Errors {
     steps: u64,
     squares_k2: f64,
     bare_squares_k2: f64,
+    forward_squares_k2: f64,
     smoother_squares_k2: f64,
     within: u64,
 }
@@ -156,6 +157,10 @@ impl Errors {
 
     fn bare_rms_k(&self) -> f64 {
         (self.bare_squares_k2 / self.steps as f64).sqrt()
+    }
+
+    fn forward_rms_k(&self) -> f64 {
+        (self.forward_squares_k2 / self.steps as f64).sqrt()
     }
 
     fn smoother_rms_k(&self) -> f64 {
@@ -186,13 +191,14 @@ fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
         Ok(())
     };
     run::run(loaded, &mut CoreBoard::default(), None, &mut observer)?;
-    let smoothed = smoother::smooth(&core_config(&loaded.believed), &telemetry);
+    let best = smoother::smooth(&core_config(&loaded.believed), &telemetry);
     let counted = truth.len() - errors.steps as usize;
-    errors.smoother_squares_k2 = smoothed[counted..]
-        .iter()
-        .zip(&truth[counted..])
-        .map(|(smoothed_k, truth_k)| (smoothed_k - truth_k).powi(2))
-        .sum();
+    let squares_k2 = |best_k: &[f64]| {
+        let errors = best_k[counted..].iter().zip(&truth[counted..]);
+        errors.map(|(best_k, truth_k)| (best_k - truth_k).powi(2)).sum()
+    };
+    errors.forward_squares_k2 = squares_k2(&best.forward_k);
+    errors.smoother_squares_k2 = squares_k2(&best.smoothed_k);
     Ok(errors)
 }
 
@@ -219,6 +225,7 @@ pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
         let times_smoother = errors.rms_k() / errors.smoother_rms_k();
         let mut figures = vec![
             Figure::at_most("error_k", errors.rms_k(), case.bounds_k[plant]),
+            Figure::shown("forward_k", errors.forward_rms_k()),
             Figure::shown("smoother_k", errors.smoother_rms_k()),
             Figure::at_most("times_smoother", times_smoother, TIMES_SMOOTHER),
             Figure {

@@ -25,6 +25,9 @@ use model_core::{AdcCode, Command, Config, Duty, Faults, Telemetry};
 
 /// Steps per interval, as in the core.
 const INTERVAL_STEPS: usize = 20;
+/// Steps after a valve has shut in which what the pressure does still counts as flow. A mass that stands
+/// still between two pulses would keep what noise made of each of them, and walk away with them.
+const LATE_STEPS: u16 = 60;
 /// Duties that differ by less than this part are the same flow, as far as pressure's rate goes.
 const SAME_DUTY: u16 = 5;
 /// Codes of 12 bit over the length's range.
@@ -45,10 +48,18 @@ struct Passed {
     predicted_covariance: Matrix,
 }
 
-/// Gas temperature \[K\] at every step of a recorded run, from its first step on; of the telemetry
-/// only the samples and the duties are used.
-pub fn smooth(config: &Config, run: &[Telemetry]) -> Vec<f64> {
-    let Some(first) = run.first() else { return Vec::new() };
+/// Gas temperature \[K\] at every step of a recorded run, from its first step on.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Best {
+    /// Knowing of the gas sensor what came before: the pass forward alone.
+    pub forward_k: Vec<f64>,
+    /// Knowing the whole run.
+    pub smoothed_k: Vec<f64>,
+}
+
+/// The best of a recorded run; of the telemetry only the samples and the duties are used.
+pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
+    let Some(first) = run.first() else { return Best::default() };
     let model = Model::new(config);
     let converter = Converter::new(&config.front_end);
     let known = known(config, run);
@@ -61,15 +72,20 @@ pub fn smooth(config: &Config, run: &[Telemetry]) -> Vec<f64> {
     let starts = || (0..known.len() - 1).step_by(INTERVAL_STEPS);
     let steps = |start: usize| &known[start..(start + INTERVAL_STEPS + 1).min(known.len())];
     let mut passed = Vec::new();
+    let mut forward_k = vec![model.gas_k(&known[0], &state); known.len()];
     for start in starts() {
         let steps = steps(start);
         let count = steps.len() - 1;
         let duration_s = count as f64 * f64::from(config.step_s);
         let transition = model.transition(&state, inflow_kg_s, steps);
-        let mut gas_k = 0.0;
         let mut inflow_after_kg_s = inflow_kg_s;
-        let predicted =
-            model.advance(state, &mut inflow_after_kg_s, steps, |k| gas_k += k / count as f64);
+        let mut gas_k = forward_k[start + 1..].iter_mut();
+        let predicted = model.advance(state, &mut inflow_after_kg_s, steps, |k| {
+            if let Some(gas_k) = gas_k.next() {
+                *gas_k = k;
+            }
+        });
+        let gas_k = forward_k[start + 1..=start + count].iter().sum::<f64>() / count as f64;
         let predicted_covariance = transition * covariance * transition.transpose()
             + Matrix::from_diagonal(&model.drift(gas_k, duration_s));
         passed.push(Passed {
@@ -95,7 +111,7 @@ pub fn smooth(config: &Config, run: &[Telemetry]) -> Vec<f64> {
             covariance -= carried * carried.transpose() / variance;
         }
     }
-    let mut gas_k = vec![model.gas_k(&known[0], &state); known.len()];
+    let mut smoothed_k = vec![model.gas_k(&known[0], &state); known.len()];
     for (start, passed) in starts().zip(&passed).rev() {
         let carried = passed.covariance * passed.transition.transpose();
         let later = state - passed.predicted;
@@ -104,14 +120,14 @@ pub fn smooth(config: &Config, run: &[Telemetry]) -> Vec<f64> {
         state = passed.state + smoothed.unwrap_or_default();
         let mut step = start;
         if start == 0 {
-            gas_k[0] = model.gas_k(&known[0], &state);
+            smoothed_k[0] = model.gas_k(&known[0], &state);
         }
         model.advance(state, &mut passed.inflow_kg_s.clone(), steps(start), |k| {
             step += 1;
-            gas_k[step] = k;
+            smoothed_k[step] = k;
         });
     }
-    gas_k
+    Best { forward_k, smoothed_k }
 }
 
 fn initial_covariance(config: &Config) -> Matrix {
@@ -174,8 +190,9 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
 fn flowing(config: &Config, run: &[Telemetry]) -> Vec<(bool, bool)> {
     let (mut inlet_steps, mut outlet_steps) = (0, 0);
     // A pulse ends late, at most one PWM period after its duty.
+    let after = config.drive.period_steps + 1 + LATE_STEPS;
     let passing = |duty: Duty, steps: u16| {
-        if duty > Duty::ZERO { config.drive.period_steps + 1 } else { steps.saturating_sub(1) }
+        if duty > Duty::ZERO { after } else { steps.saturating_sub(1) }
     };
     run.iter()
         .map(|telemetry| {

@@ -62,7 +62,7 @@ impl Energy {
         if reading.doubt_j > 0.0 {
             error_j -= limit(error_j, -reading.doubt_j, reading.doubt_j);
         }
-        let more_j = if open {
+        if open {
             self.closed_steps = 0;
             self.flow_j = flow_j + FLOW_FOLLOWED * error_j;
             let more_j = flow_j + error_j;
@@ -78,8 +78,7 @@ impl Energy {
             self.energy_j =
                 limit(closed_j + more_j, 0.5 * reading.measured_j, 2.0 * reading.measured_j);
             more_j
-        };
-        more_j
+        }
     }
 }
 
