@@ -159,7 +159,8 @@ fn comparable(scenario: &Scenario) -> Scenario {
         scenario.muscle.dead_volume_m3 += one_zone.tube_m3;
         scenario.heat.inner_per_flow *= one_zone.stirring;
         scenario.wall.heat_capacity_j_k *= one_zone.wall;
-        scenario.sensor.gas.time_constant_s += one_zone.housing_s;
+        let lag_s = &mut scenario.sensor.gas.time_constant_s;
+        *lag_s = *lag_s / one_zone.swing + one_zone.housing_s;
     }
     scenario
 }
@@ -180,7 +181,7 @@ fn adopted(loaded: &Loaded, values: &[(&str, f64)], volume_csv: Option<&Path>) -
             "muscle.dead_volume_m3" => value - one_zone.tube_m3,
             "heat.inner_per_flow" => value / one_zone.stirring,
             "wall.heat_capacity_j_k" => value / one_zone.wall,
-            "sensor.gas.time_constant_s" => value - one_zone.housing_s,
+            "sensor.gas.time_constant_s" => (value - one_zone.housing_s) * one_zone.swing,
             _ => *value,
         };
         (*path, value.max(0.0))
