@@ -119,11 +119,23 @@ pub struct EstimatorConfig {
     pub lag_sd: f32,
     /// Time in which scale and lag, left alone, return to what is configured \[s\].
     pub memory_s: f32,
-    /// Error of the sensor's reading that a second of averaging does not remove: non-linearity, gas
-    /// around the foil that is not as the mean \[K\].
-    pub sensor_bias_k: f32,
+    /// What the gas around the foil differs from the mean by, for a second or so \[K\].
+    pub place_error_k: f32,
     /// Stated deviation up to which the estimate is marked as valid \[K\].
     pub valid_sd_k: f32,
+}
+
+impl EstimatorConfig {
+    /// What a lag \[s\] leaves of an error of the gas around the foil, which lasts for a second \[-\].
+    pub fn left_by_lag(lag_s: f32) -> f32 {
+        const ERROR_S: f32 = 1.0;
+        ERROR_S / (lag_s + ERROR_S)
+    }
+
+    /// What that lag leaves of [`Self::place_error_k`] in the reading \[K\].
+    pub fn reading_bias_k(&self, lag_s: f32) -> f32 {
+        self.place_error_k * Self::left_by_lag(lag_s)
+    }
 }
 
 impl Default for EstimatorConfig {
@@ -133,9 +145,9 @@ impl Default for EstimatorConfig {
             gas_drift_k: 0.1,
             wall_drift_k: 0.05,
             heat_scale_sd: 0.25,
-            lag_sd: 0.12,
+            lag_sd: 0.15,
             memory_s: 100.0,
-            sensor_bias_k: 0.25,
+            place_error_k: 0.87,
             valid_sd_k: 1.0,
         }
     }
@@ -361,7 +373,7 @@ impl Config {
             ("estimator.wall_drift_k", estimator.wall_drift_k),
             ("estimator.heat_scale_sd", estimator.heat_scale_sd),
             ("estimator.lag_sd", estimator.lag_sd),
-            ("estimator.sensor_bias_k", estimator.sensor_bias_k),
+            ("estimator.place_error_k", estimator.place_error_k),
             ("estimator.valid_sd_k", estimator.valid_sd_k),
         ] {
             within(field, value, 0.0, 100.0)?;

@@ -640,7 +640,7 @@ pub struct Estimator {
     /// Time in which scale and lag, left alone, return to what is configured \[s\].
     pub memory_s: f64,
     /// Error of the sensor's reading that averaging over a second does not remove \[K\].
-    pub sensor_bias_k: f64,
+    pub place_error_k: f64,
     /// Stated deviation up to which the estimate is marked as valid \[K\].
     pub valid_sd_k: f64,
 }
@@ -652,9 +652,9 @@ impl Default for Estimator {
             gas_drift_k: 0.1,
             wall_drift_k: 0.05,
             heat_scale_sd: 0.25,
-            lag_sd: 0.12,
+            lag_sd: 0.15,
             memory_s: 100.0,
-            sensor_bias_k: 0.25,
+            place_error_k: 0.87,
             valid_sd_k: 1.0,
         }
     }

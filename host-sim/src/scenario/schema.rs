@@ -533,7 +533,12 @@ pub static TABLES: &[Table] = &[
             real("heat_scale_sd", "", TUNING, "logarithm of the heat transfer's scale"),
             real("lag_sd", "", TUNING, "logarithm of the sensor's lag"),
             real("memory_s", "s", (1.0, 1.0e6), "in which scale and lag, left alone, return"),
-            real("sensor_bias_k", "K", TUNING, "error that a second of readings keeps"),
+            real(
+                "place_error_k",
+                "K",
+                TUNING,
+                "gas around the foil against the mean, for a second",
+            ),
             real("valid_sd_k", "K", TUNING, "stated deviation up to which the estimate is valid"),
         ],
     },

@@ -147,7 +147,8 @@ fn initial_covariance(config: &Config) -> Matrix {
 /// and a bias that counts as if it were the same in every reading of a second \[K2\].
 fn reading_variance(config: &Config, steps: usize) -> f64 {
     let noise_k2 = f64::from(config.gas_sensor.noise_k).powi(2);
-    let bias_k2 = f64::from(config.estimator.sensor_bias_k).powi(2);
+    let lag_s = config.gas_sensor.time_constant_s;
+    let bias_k2 = f64::from(config.estimator.reading_bias_k(lag_s)).powi(2);
     noise_k2 / (f64::from(OVERSAMPLING) * steps as f64)
         + bias_k2 / (steps as f64 * f64::from(config.step_s))
 }

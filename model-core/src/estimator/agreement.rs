@@ -2,14 +2,15 @@
 //!
 //! The covariance counts every error that the tuning allows for, and so is too cautious on a muscle
 //! that follows the model well. The innovations tell: what is left of them after half a second of
-//! averaging, times the sensor's lag, is the time integral of what the gas temperature was wrong by
-//! (T_s' = (T - T_s)/tau). Where it is small, so is the deviation that the estimator states.
+//! averaging is what the sensor's lag has left of an error of the gas temperature. Where it is small
+//! while gas flows, so is the deviation that the estimator states; at rest every model agrees.
 
+use crate::config::EstimatorConfig;
 use crate::math::limit;
 
-/// Integral of the error at which the covariance is taken at its word \[K s\]: two thirds of what
-/// the nominal cycle leaves on the plant `full`, where the covariance is about right.
-const AGREEMENT_K_S: f32 = 0.07;
+/// Error of the gas, lasting for a second, at which the covariance is taken at its word \[K\]: on the
+/// plant `full` the truth is then within two stated deviations for 96 % of the nominal cycle.
+const AGREEMENT_K: f32 = 0.14;
 /// What innovations keep of the ADC's steps on a perfect model, a quarter of a code \[K\].
 const FLOOR_K: f32 = 0.004;
 /// Share of an innovation that enters each of the two averages in series: 25 intervals, half a
@@ -32,8 +33,9 @@ impl Agreement {
         Self { smooth_k: 0.0, smoother_k: 0.0, mean_square_k2: unknown_k2(lag_s) }
     }
 
-    /// Takes the innovation of one interval \[K\]; without a reading the agreement fades.
-    pub fn add(&mut self, innovation_k: Option<f32>, lag_s: f32) {
+    /// Takes the innovation of one interval \[K\], in which gas has flowed or not; without a reading the
+    /// agreement fades.
+    pub fn add(&mut self, innovation_k: Option<f32>, lag_s: f32, moved: bool) {
         let square_k2 = match innovation_k {
             Some(innovation_k) => {
                 self.smooth_k += SMOOTHING * (innovation_k - self.smooth_k);
@@ -42,7 +44,9 @@ impl Agreement {
             }
             None => unknown_k2(lag_s),
         };
-        self.mean_square_k2 += WINDOW * (square_k2 - self.mean_square_k2);
+        if moved || square_k2 > self.mean_square_k2 {
+            self.mean_square_k2 += WINDOW * (square_k2 - self.mean_square_k2);
+        }
     }
 
     /// Square of the innovations' average over the last half second \[K2\].
@@ -58,7 +62,7 @@ impl Agreement {
 
 /// Mean square of the innovations at which the share is 1 \[K2\].
 fn unknown_k2(lag_s: f32) -> f32 {
-    let unknown_k = AGREEMENT_K_S / lag_s;
+    let unknown_k = AGREEMENT_K * EstimatorConfig::left_by_lag(lag_s);
     unknown_k * unknown_k
 }
 
@@ -69,7 +73,7 @@ mod tests {
     fn share_after(innovation_k: Option<f32>, intervals: usize) -> f32 {
         let mut agreement = Agreement::new(3.0);
         for _ in 0..intervals {
-            agreement.add(innovation_k, 3.0);
+            agreement.add(innovation_k, 3.0, true);
         }
         agreement.share(3.0)
     }
@@ -80,14 +84,31 @@ mod tests {
         assert!((0.6..0.7).contains(&share_after(Some(0.0), 100)), "two seconds");
         assert_eq!(share_after(Some(0.0), 3000), 0.0);
         assert_eq!(share_after(Some(0.1), 3000), 1.0);
-        assert!((0.2..0.25).contains(&share_after(Some(0.0117), 3000)), "half of 0.07 K s / 3 s");
+        assert!((0.2..0.25).contains(&share_after(Some(0.0175), 3000)), "half of 0.14 K/4");
+    }
+
+    #[test]
+    fn rest_proves_nothing() {
+        let mut agreement = Agreement::new(3.0);
+        for _ in 0..3000 {
+            agreement.add(Some(0.0), 3.0, false);
+        }
+        assert!(agreement.share(3.0) > 0.95);
+        for _ in 0..3000 {
+            agreement.add(Some(0.0), 3.0, true);
+        }
+        assert_eq!(agreement.share(3.0), 0.0);
+        for _ in 0..3000 {
+            agreement.add(Some(0.1), 3.0, false);
+        }
+        assert_eq!(agreement.share(3.0), 1.0, "a contradiction counts at rest too");
     }
 
     #[test]
     fn it_fades_without_readings() {
         let mut agreement = Agreement::new(3.0);
         for step in 0..6000 {
-            agreement.add((step < 3000).then_some(0.0), 3.0);
+            agreement.add((step < 3000).then_some(0.0), 3.0, step < 3000);
         }
         assert!(agreement.share(3.0) > 0.95);
     }

@@ -112,6 +112,8 @@ struct Pending {
     /// Mean gas temperature of the interval \[K\].
     gas_k: f32,
     innovation_k: Option<f32>,
+    /// Gas flowed.
+    moved: bool,
 }
 
 /// State of the estimator.
@@ -194,6 +196,7 @@ impl Estimator {
         let rounding_pa = PRESSURE_LSB * front_end.pressure_code_pa();
         let pressure_noise_pa2 = front_end.pressure_noise_pa * front_end.pressure_noise_pa;
         let gas_noise_k2 = config.gas_sensor.noise_k * config.gas_sensor.noise_k;
+        let bias_k = sd.reading_bias_k(config.gas_sensor.time_constant_s);
         Self {
             shape: Shape::new(&config.body),
             converter: Converter::new(&config.front_end),
@@ -208,11 +211,10 @@ impl Estimator {
             pressure_sd_pa: (k - 1.0) / k
                 * sqrt(pressure_noise_pa2 / conversions + rounding_pa * rounding_pa),
             wide_code_pa: 0.5 * front_end.wide_code_lsb * front_end.pressure_code_pa(),
-            // Averaging leaves little of the noise. The bias is the same in every reading of a second
-            // or so, and is counted as if it were.
+            // Averaging leaves little of the noise. The bias is the same in every reading of a second.
             reading_k2: gas_noise_k2 / (conversions * f32::from(INTERVAL_STEPS))
-                + sd.sensor_bias_k * sd.sensor_bias_k / interval_s,
-            lasting_k2: gas_noise_k2 + sd.sensor_bias_k * sd.sensor_bias_k,
+                + bias_k * bias_k / interval_s,
+            lasting_k2: gas_noise_k2 + bias_k * bias_k,
             mass_kg: CompensatedSum::new(1.0),
             gas_k: config.ambient.temperature_k,
             wall_k: config.ambient.temperature_k,
@@ -327,7 +329,7 @@ impl Estimator {
                 if let Some(innovation_k) = innovation_k {
                     self.correct(innovation_k);
                 }
-                self.agreement.add(innovation_k, self.lag_s);
+                self.agreement.add(innovation_k, self.lag_s, self.pending.moved);
                 let expected_k2 = self.lasting_k2 + self.covariance.sensor_sensor;
                 if self.agreement.smooth_k2() > CONTRADICTION * CONTRADICTION * expected_k2 {
                     self.give_up();
@@ -459,6 +461,7 @@ impl Estimator {
         // Limited where there is next to no gas: its temperature is the wall's.
         let exchange = limit(inner_j_k * per_mass * self.per_cp * flowing, 0.0, 0.5);
         self.pending.gas_k = gas_k;
+        self.pending.moved = interval.flowing_steps > 0;
         self.pending.transition = Transition {
             gas_gas: -limit(exchange + interval.inflow_kg * per_mass, 0.0, 0.9),
             gas_wall: exchange / gas_k,
