@@ -43,9 +43,10 @@ pub struct OneZone {
     pub wall: f64,
     /// Lag of the housing around the foil \[s\].
     pub housing_s: f64,
-    /// How much more than their mean the gas in the middle swings, where the foil hangs: fresh gas
-    /// damps the part near the port. For a foil slower than a stroke that is a lag shorter by as
-    /// much. Measured on `full` with a foil without lag: 1.03 to 1.08 for strokes of 10 to 1 s.
+    /// How much more the gas around a foil in the middle swings than the mean: fresh gas damps the
+    /// part near the port. For a foil slower than a stroke that is a lag shorter by as much.
+    /// Measured on `full` with a foil without lag: 1.03 to 1.08 for strokes of 10 to 1 s; one that
+    /// averages over the whole length sees the mean.
     pub swing: f64,
 }
 
@@ -58,7 +59,7 @@ impl OneZone {
                 stirring: 0.5,
                 wall: 1.0 - s.wall.outer_fraction,
                 housing_s: s.sensor.gas.housing_time_constant_s,
-                swing: 1.05,
+                swing: 1.0 + 0.067 * (1.0 - s.sensor.gas.span),
             }
         } else {
             Self { tube_m3: 0.0, stirring: 1.0, wall: 1.0, housing_s: 0.0, swing: 1.0 }
