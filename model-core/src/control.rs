@@ -222,6 +222,7 @@ impl Controller {
     /// What the volume has changed by over the last period, eq. (11) \[m3\].
     fn volume_change_m3(&self, feedback: &Feedback) -> f32 {
         let moved_m = feedback.length_m - self.length_m;
+        // The first period after a start has no length to compare with.
         match &self.shape {
             Shape::Muscle(geometry) if self.length_m > 0.0 => {
                 geometry.volume_slope_m2(feedback.length_m) * moved_m
@@ -234,7 +235,6 @@ impl Controller {
     fn port(&self, config: &Config, feedback: &Feedback) -> Port {
         let period_s = self.drive.period_s();
         let volume_m3 = self.shape.volume_m3(feedback.length_m);
-        // The first period after a start has no length to compare with.
         Port {
             period_s,
             pwm_hz: self.drive.pwm_hz(),
