@@ -303,13 +303,6 @@ impl Config {
     /// # Errors
     /// The first value that is not a number or lies outside of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let within = |field: &'static str, value: f32, minimum: f32, maximum: f32| {
-            if value >= minimum && value <= maximum {
-                Ok(())
-            } else {
-                Err(ConfigError { field, value, minimum, maximum })
-            }
-        };
         within("step_s", self.step_s, 1.0e-4, 0.1)?;
         within("gas.gas_constant_j_kg_k", self.gas.gas_constant_j_kg_k, 50.0, 5000.0)?;
         within("gas.heat_capacity_ratio", self.gas.heat_capacity_ratio, 1.01, 1.7)?;
@@ -408,6 +401,16 @@ impl Config {
             within(field, value, minimum, maximum)?;
         }
         within("pressure_limit_pa", self.pressure_limit_pa, 1.0, 1.0e9)
+    }
+}
+
+/// Not inlined: some eighty calls.
+#[inline(never)]
+fn within(field: &'static str, value: f32, minimum: f32, maximum: f32) -> Result<(), ConfigError> {
+    if value >= minimum && value <= maximum {
+        Ok(())
+    } else {
+        Err(ConfigError { field, value, minimum, maximum })
     }
 }
 
