@@ -5,26 +5,28 @@
 //! | emergency stop | at once | vent, latched |
 //! | pressure sensor at a rail | for [`PATIENCE_STEPS`] steps | vent, latched |
 //! | pressure sensor noisier than gas can be | ten jerks within forty steps | vent, latched |
-//! | pressure code stands still while the inlet is driven | for [`FROZEN_STEPS`] steps | vent, latched |
+//! | pressure sensor's code stands still while the inlet is driven | for [`FROZEN_STEPS`] such steps | vent, latched |
 //! | overpressure | for [`PATIENCE_STEPS`] steps | vent, latched |
 //! | gas sensor at a rail | at once | shown while it lasts; the estimator goes on without it |
 //! | gas sensor's code stands still | when its element must have moved | the same |
 //! | length sensor at a rail | at once | shown while it lasts; length from pressure and load |
 //! | length sensor noisier than a muscle can move | ten jerks within forty steps | the same |
+//! | length sensor's code stands still while the inlet is driven | for [`FROZEN_STEPS`] such steps | the same |
 //!
 //! While the pressure is not to be trusted there is no estimate.
 //!
 //! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone.
 
-use crate::front_end::at_rail;
+use crate::front_end::{at_rail, is_wide};
 use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
 
 /// Steps for which a fault of the pressure channel must last before the muscle is vented: one
 /// disturbed conversion is no fault, ten milliseconds of them are.
 pub const PATIENCE_STEPS: u16 = 10;
 
-/// Steps for which the pressure's code may stand still while the inlet is driven. The noise of eight
-/// summed conversions moves it at almost every step, and gas that flows does.
+/// Steps with a driven inlet for which a code may stand still. The noise of eight summed conversions
+/// moves it at almost every step, and so does gas that flows; only in a code of erratum RP2040-E11
+/// neither is seen.
 pub const FROZEN_STEPS: u16 = 60;
 
 /// A change of the change from step to step beyond this is a jerk: 2 % of the range. The gas of a
@@ -46,20 +48,29 @@ struct Line {
     last: u16,
     before: u16,
     jerks: u16,
+    still_steps: u16,
 }
 
 impl Line {
-    /// Takes the next code; returns whether it stands still.
-    fn add(&mut self, code: AdcCode) -> bool {
+    /// Takes the next code.
+    fn add(&mut self, code: AdcCode, filling: bool) {
         let [now, last, before] = [code.0, self.last, self.before].map(i32::from);
         self.jerks = if (now - 2 * last + before).abs() > JERK {
             (self.jerks + JERK_WEIGHT).min(MOST_NOISY)
         } else {
             self.jerks.saturating_sub(1)
         };
+        if now != last || is_wide(code) {
+            self.still_steps = 0;
+        } else if filling {
+            self.still_steps = self.still_steps.saturating_add(1);
+        }
         self.before = self.last;
         self.last = code.0;
-        now == last
+    }
+
+    fn frozen(&self) -> bool {
+        self.still_steps >= FROZEN_STEPS
     }
 
     fn noisy(&self) -> bool {
@@ -76,7 +87,6 @@ pub struct Supervisor {
     overpressure_steps: u16,
     pressure: Line,
     length: Line,
-    frozen_steps: u16,
 }
 
 impl Supervisor {
@@ -93,21 +103,19 @@ impl Supervisor {
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
         self.pressure_sensor_steps = count(at_rail(sample.pressure), self.pressure_sensor_steps);
         self.overpressure_steps = count(pressure_pa > limit_pa, self.overpressure_steps);
-        let standing = self.pressure.add(sample.pressure);
-        // Once frozen, it is until it moves.
-        let frozen = self.frozen_steps >= FROZEN_STEPS;
-        self.frozen_steps = count(standing && (filling || frozen), self.frozen_steps);
-        self.length.add(sample.length);
+        self.pressure.add(sample.pressure, filling);
+        self.length.add(sample.length, filling);
         let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
-            || self.frozen_steps >= FROZEN_STEPS
+            || self.pressure.frozen()
             || self.pressure.noisy();
+        let length_lost = at_rail(sample.length) || self.length.frozen() || self.length.noisy();
         let mut present = Faults::NONE;
         for (condition, fault) in [
             (sample.emergency_stop, Faults::EMERGENCY_STOP),
             (pressure_lost, Faults::PRESSURE_SENSOR),
             (self.overpressure_steps >= PATIENCE_STEPS, Faults::OVERPRESSURE),
             (at_rail(sample.gas), Faults::GAS_SENSOR),
-            (at_rail(sample.length) || self.length.noisy(), Faults::LENGTH_SENSOR),
+            (length_lost, Faults::LENGTH_SENSOR),
         ] {
             if condition {
                 present = present.with(fault);
@@ -191,26 +199,44 @@ mod tests {
         assert_eq!(supervisor.step(&HEALTHY, 2.0e5, 6.9e5, false), Faults::NONE);
     }
 
+    /// So many steps with a driven inlet, or without; the faults after them.
+    fn stand(supervisor: &mut Supervisor, sample: &Sample, steps: u16, filling: bool) -> Faults {
+        for _ in 0..steps {
+            supervisor.step(sample, 2.0e5, 6.9e5, filling);
+        }
+        supervisor.faults()
+    }
+
     #[test]
     fn a_frozen_pressure_vents_while_the_muscle_fills() {
         let mut supervisor = Supervisor::default();
-        for _ in 0..2 * FROZEN_STEPS {
-            assert_eq!(supervisor.step(&HEALTHY, 2.0e5, 6.9e5, false), Faults::NONE, "at rest");
-        }
-        for _ in 1..FROZEN_STEPS {
-            assert_eq!(supervisor.step(&HEALTHY, 2.0e5, 6.9e5, true), Faults::NONE);
-        }
-        let moved = Sample { pressure: AdcCode(10_001), ..HEALTHY };
-        assert_eq!(supervisor.step(&moved, 2.0e5, 6.9e5, true), Faults::NONE, "it moves");
-        for _ in 0..FROZEN_STEPS {
-            supervisor.step(&moved, 2.0e5, 6.9e5, true);
-        }
-        assert_eq!(supervisor.faults(), Faults::PRESSURE_SENSOR);
+        let moved = |by: u16| Sample {
+            pressure: AdcCode(10_000 + by),
+            length: AdcCode(20_000 + by),
+            ..HEALTHY
+        };
+        assert_eq!(stand(&mut supervisor, &HEALTHY, 200, false), Faults::NONE, "at rest");
+        assert_eq!(stand(&mut supervisor, &HEALTHY, FROZEN_STEPS - 1, true), Faults::NONE);
+        assert_eq!(stand(&mut supervisor, &moved(1), FROZEN_STEPS, true), Faults::NONE, "it moved");
+        assert_eq!(stand(&mut supervisor, &moved(1), 200, false), Faults::NONE, "nothing flows");
+        let both = Faults::PRESSURE_SENSOR.with(Faults::LENGTH_SENSOR);
+        assert_eq!(stand(&mut supervisor, &moved(1), 1, true), both);
         assert!(supervisor.must_vent());
-        supervisor.step(&moved, 2.0e5, 6.9e5, false);
+        stand(&mut supervisor, &moved(1), 1, false);
         assert!(!supervisor.pressure_trusted(), "while it stands still");
-        supervisor.step(&HEALTHY, 2.0e5, 6.9e5, false);
-        assert!(supervisor.pressure_trusted() && supervisor.must_vent(), "it moves");
+        assert_eq!(stand(&mut supervisor, &moved(2), 1, false), Faults::PRESSURE_SENSOR, "latched");
+        assert!(supervisor.pressure_trusted() && supervisor.must_vent());
+    }
+
+    /// A large muscle fills so slowly that it takes longer through a code of nine steps.
+    #[test]
+    fn a_wide_code_is_not_a_frozen_line() {
+        let mut supervisor = Supervisor::default();
+        for step in 0..500 {
+            let sample = Sample { pressure: AdcCode(12_288), ..HEALTHY };
+            let sample = Sample { length: AdcCode(20_000 + step % 2), ..sample };
+            assert_eq!(stand(&mut supervisor, &sample, 1, true), Faults::NONE);
+        }
     }
 
     #[test]

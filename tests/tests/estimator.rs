@@ -119,8 +119,12 @@ fn without_pressure_there_is_no_estimate_and_then_there_is_again() {
 
 #[test]
 fn the_load_tells_the_length_where_its_sensor_is_absent() {
-    for (fault, bounds_k) in [("open", (0.1, 0.5)), ("shorted", (0.1, 0.5)), ("noisy", (0.1, 2.0))]
-    {
+    for (fault, bounds_k) in [
+        ("open", (0.1, 0.5)),
+        ("shorted", (0.1, 0.5)),
+        ("frozen", (0.1, 0.5)),
+        ("noisy", (0.1, 2.0)),
+    ] {
         let run = broken("length", fault);
         let lost = worth(&run, 16.0, 25.0);
         assert_within(fault, lost.error_k, bounds_k);
