@@ -14,7 +14,7 @@
 //! Friction is a play: it grows with the way since the last turn, up to the Coulomb force at the
 //! estimated wall temperature, so that it neither chatters at rest nor jumps at a change of mode.
 
-use crate::config::{Config, Load};
+use crate::config::{Config, ControllerConfig, Load};
 use crate::control::{Feedback, Port};
 use crate::geometry::Geometry;
 use crate::math::{absolute, limit};
@@ -29,6 +29,33 @@ const STILL_S: f32 = 0.1;
 const STICKING: f32 = 2.0;
 /// Closer than this to the rest length the load may lie on its stop \[m\].
 const STOP_M: f32 = 3.0e-4;
+
+/// What the configuration makes of the period, worked out once: divisions are dear without an FPU.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gains {
+    /// Backward Euler of the reference, x'' = w^2 (target - x) - 2 w (x' - target'): what a period keeps of
+    /// its speed \[-\], and the speed that an error \[1/s\] and the target's speed \[-\] give.
+    keeps: f32,
+    per_error: f32,
+    per_target_speed: f32,
+    /// Share of an error of the gas mass that one period closes \[-\].
+    closes: f32,
+}
+
+impl Gains {
+    /// For a PWM period \[s\].
+    pub fn new(tuning: &ControllerConfig, period_s: f32) -> Self {
+        let w = tuning.reference_rad_s;
+        let wt = w * period_s;
+        let keeps = 1.0 / (1.0 + wt * (2.0 + wt));
+        Self {
+            keeps,
+            per_error: keeps * wt * w,
+            per_target_speed: keeps * 2.0 * wt,
+            closes: limit(period_s / tuning.length_loop_s, 0.0, 1.0),
+        }
+    }
+}
 
 /// A second-order reference, critically damped.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,26 +77,31 @@ impl Reference {
     /// One period towards `target_m`, backward Euler. A set point that moves no faster than the rate
     /// limit is followed without lag, to where it will be at the period's end; a faster one is a
     /// step.
-    fn advance(&mut self, config: &Config, geometry: &Geometry, target_m: f32, port: &Port) {
+    fn advance(
+        &mut self,
+        tuning: &ControllerConfig,
+        gains: &Gains,
+        geometry: &Geometry,
+        target_m: f32,
+        port: &Port,
+    ) {
         let period_s = port.period_s;
         let rest_m = geometry.muscle().rest_length_m;
-        let tuning = &config.controller;
         let fastest_m_s = tuning.contraction_rate_per_s * rest_m;
         let change_m = target_m - self.target_m;
         let moves = absolute(change_m) <= fastest_m_s * period_s;
         let (ahead_m, target_m_s) =
             if moves { (change_m, change_m * port.pwm_hz) } else { (0.0, 0.0) };
         self.target_m = target_m;
-        let w = tuning.reference_rad_s;
-        let wt = w * period_s;
         let error_m = target_m + ahead_m - self.length_m;
-        let wanted_m_s =
-            (self.speed_m_s + wt * (w * error_m + 2.0 * target_m_s)) / (1.0 + wt * (2.0 + wt));
+        let wanted_m_s = gains.keeps * self.speed_m_s
+            + gains.per_error * error_m
+            + gains.per_target_speed * target_m_s;
         let wanted_m_s = limit(wanted_m_s, -fastest_m_s, fastest_m_s);
         let most_m_s = tuning.contraction_acceleration_per_s2 * rest_m * period_s;
         // Gaining speed is limited, braking is not: it must not run past its target.
-        let gains = absolute(wanted_m_s) > absolute(self.speed_m_s);
-        let speed_m_s = if gains {
+        let gaining = absolute(wanted_m_s) > absolute(self.speed_m_s);
+        let speed_m_s = if gaining {
             limit(wanted_m_s, self.speed_m_s - most_m_s, self.speed_m_s + most_m_s)
         } else {
             wanted_m_s
@@ -84,6 +116,7 @@ impl Reference {
 /// State of the contraction loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContractionLoop {
+    gains: Gains,
     reference: Reference,
     /// Pressure that belongs to the reference \[Pa\].
     pressure_pa: f32,
@@ -99,8 +132,15 @@ pub struct ContractionLoop {
 
 impl ContractionLoop {
     /// A loop that starts at the measured length and pressure: nothing jumps.
-    pub fn new(config: &Config, geometry: &Geometry, feedback: &Feedback, softening: f32) -> Self {
+    pub fn new(
+        config: &Config,
+        gains: &Gains,
+        geometry: &Geometry,
+        feedback: &Feedback,
+        softening: f32,
+    ) -> Self {
         let mut fresh = Self {
+            gains: *gains,
             reference: Reference::at(geometry, feedback.length_m),
             pressure_pa: feedback.pressure_pa,
             friction_n: 0.0,
@@ -216,7 +256,7 @@ impl ContractionLoop {
         }
 
         let start_m = self.reference.length_m;
-        self.reference.advance(config, geometry, target_m, port);
+        self.reference.advance(tuning, &self.gains, geometry, target_m, port);
         let reference = &self.reference;
         let way_n = tuning.presliding_n_m * (start_m - reference.length_m);
         let coulomb_n = tuning.friction_gain * softening * config.friction.force_n;
@@ -228,7 +268,7 @@ impl ContractionLoop {
         let gauge_pa = geometry.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
         self.pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, config.pressure_limit_pa);
 
-        let gain = limit(period_s / tuning.length_loop_s, 0.0, 1.0);
+        let gain = self.gains.closes;
         let change_pa = self.pressure_pa - before_pa + gain * (before_pa - feedback.pressure_pa);
         let change_m3 = reference.volume_m3 - before_m3 + gain * missing_m3;
         Some(port.mass_kg(change_pa, change_m3) - port.in_flight_kg)

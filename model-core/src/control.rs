@@ -22,7 +22,7 @@
 
 use crate::body::Shape;
 use crate::config::{Config, Reservoir};
-use crate::contraction_control::ContractionLoop;
+use crate::contraction_control::{ContractionLoop, Gains};
 use crate::math::limit;
 use crate::pressure_control::PressureLoop;
 use crate::sample::{Command, Estimate, SetPoint};
@@ -61,6 +61,8 @@ pub struct Controller {
     shape: Shape,
     set_point: SetPoint,
     drive: FlowDrive,
+    gains: Gains,
+    per_k: f32,
     active: ActiveLoop,
     command: Command,
     /// Steps since the set point was given; the paper's cycle counts in them.
@@ -119,10 +121,13 @@ impl Port {
 impl Controller {
     /// A controller that vents.
     pub fn new(config: &Config) -> Self {
+        let drive = FlowDrive::new(config);
         Self {
             shape: Shape::new(&config.body),
             set_point: SetPoint::Vent,
-            drive: FlowDrive::new(config),
+            gains: Gains::new(&config.controller, drive.period_s()),
+            drive,
+            per_k: 1.0 / config.gas.heat_capacity_ratio,
             active: ActiveLoop::Open,
             command: Command::VENT,
             age_steps: 0,
@@ -205,7 +210,13 @@ impl Controller {
                 let port = self.port(config, feedback);
                 let mut active = match self.active {
                     ActiveLoop::Contraction(active) => active,
-                    _ => ContractionLoop::new(config, &geometry, feedback, self.softening),
+                    _ => ContractionLoop::new(
+                        config,
+                        &self.gains,
+                        &geometry,
+                        feedback,
+                        self.softening,
+                    ),
                 };
                 let mass_kg =
                     active.period(config, &geometry, feedback, &port, contraction, self.softening);
@@ -244,7 +255,7 @@ impl Controller {
             saturated: self.drive.saturated(),
             inflow_k: config.supply.temperature_k,
             gas_k: feedback.estimate.gas_k,
-            per_k: 1.0 / config.gas.heat_capacity_ratio,
+            per_k: self.per_k,
             gas_constant_j_kg_k: config.gas.gas_constant_j_kg_k,
         }
     }

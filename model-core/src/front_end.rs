@@ -44,6 +44,11 @@ impl FrontEnd {
         self.pressure_range_pa / (0.8 * 4096.0)
     }
 
+    /// What one code of 12 bit is worth on the length's channel \[m\].
+    pub fn length_code_m(&self) -> f32 {
+        self.length_range_m / (0.9 * 4096.0)
+    }
+
     /// What one code of 12 bit is worth on the gas sensor's channel, mean over its range \[K\].
     pub fn gas_code_k(&self) -> f32 {
         (self.gas_max_k - self.gas_min_k) / (0.9 * 4096.0)

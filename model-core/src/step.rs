@@ -18,6 +18,8 @@ pub struct Core {
     estimator: Estimator,
     controller: Controller,
     command: Command,
+    /// The last step's openings were others than those of the one before.
+    turned: bool,
     /// Steps for which the inlet, and the outlet, may still pass gas after their last duty.
     inlet_steps: u16,
     outlet_steps: u16,
@@ -39,6 +41,7 @@ impl Core {
             estimator: Estimator::new(config),
             controller: Controller::new(config),
             command: Command::VENT,
+            turned: false,
             inlet_steps: 0,
             outlet_steps: 0,
             step: 0,
@@ -79,12 +82,15 @@ impl Core {
             &Feedback { pressure_pa, length_m, estimate: self.estimator.estimate() },
         );
         let command = if venting { Command::VENT } else { wanted };
+        let turned = core::mem::replace(&mut self.turned, turns(self.command, command));
         // The gas that this sample has seen went through the openings of the step before.
         self.estimator.step(&Measurement {
             pressure_pa: self.supervisor.pressure_trusted().then_some(pressure_pa),
             length_m,
-            wide_code: front_end::is_wide(sample.pressure),
+            wide_pressure: front_end::is_wide(sample.pressure),
+            wide_length: front_end::is_wide(sample.length),
             gas: (!faults.intersects(Faults::GAS_SENSOR)).then_some(sample.gas),
+            turned,
             charging: self.inlet_steps > 0,
             discharging: self.outlet_steps > 0,
         });
@@ -126,6 +132,12 @@ impl Core {
             }
         }
     }
+}
+
+/// Whether one command follows another with flows that are not the same: by more than a fifth.
+fn turns(before: Command, now: Command) -> bool {
+    let jumps = |a: Duty, b: Duty| a.0.abs_diff(b.0) > a.0.max(b.0) / 5;
+    jumps(before.inlet, now.inlet) || jumps(before.outlet, now.outlet)
 }
 
 #[cfg(test)]

@@ -43,10 +43,12 @@
 mod agreement;
 mod covariance;
 mod energy;
+mod trend;
 
 use self::agreement::Agreement;
 use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
-use self::energy::{Energy, Reading};
+use self::energy::Energy;
+use self::trend::{Doubt, Trend};
 use crate::body::Shape;
 use crate::config::Config;
 use crate::front_end::{CodeSum, Converter};
@@ -63,7 +65,7 @@ const INFLOW_SHARE: f32 = 0.2;
 /// meanwhile to be a frozen one: more than a code of erratum RP2040-E11 is wide.
 const FROZEN_LSB: f32 = 20.0;
 /// Pressures beyond which no gas in a muscle or vessel lies \[Pa\].
-const LOWEST_PA: f32 = 10.0;
+const LOWEST_PA: f32 = 5.0e3;
 const HIGHEST_PA: f32 = 1.0e9;
 /// Innovations that stay beyond so many deviations of the reading, averaged over half a second, say
 /// that the state is wrong and not the reading.
@@ -73,6 +75,12 @@ const COLDEST_K: f32 = 100.0;
 const HOTTEST_K: f32 = 1000.0;
 /// Part of a code that the pressure is uncertain by beside its noise: what linearising leaves.
 const PRESSURE_LSB: f32 = 0.25;
+/// Errors of the pressure beyond so many deviations are no noise: the flow has changed.
+const NOISE_DEVIATIONS: f32 = 4.0;
+/// What averaging does not take of the variance of one pressure: the lag of its sensor \[-\].
+const NOT_AVERAGED: f32 = 0.1;
+/// The same of the length, in codes of 12 bit.
+const LENGTH_LSB: f32 = 1.0;
 
 /// What the estimator needs to know of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,10 +89,14 @@ pub struct Measurement {
     pub pressure_pa: Option<f32>,
     /// Measured length \[m\], limited to what the body can have.
     pub length_m: f32,
-    /// The pressure's code is one that the converter makes too wide.
-    pub wide_code: bool,
+    /// The pressure's code is one that the converter makes too wide ...
+    pub wide_pressure: bool,
+    /// ... and the length's.
+    pub wide_length: bool,
     /// Raw code of the gas sensor; `None` while the sensor is not to be trusted.
     pub gas: Option<AdcCode>,
+    /// The openings have changed.
+    pub turned: bool,
     /// The inlet has been driven lately.
     pub charging: bool,
     /// The outlet has been driven lately.
@@ -130,6 +142,11 @@ pub struct Estimator {
     interval_s: f32,
     /// Movement of the element at which a code that stands still is a frozen one \[K\].
     frozen_k: f32,
+    /// Largest error of a pressure that is still its noise \[Pa\].
+    noise_pa: f32,
+    /// The same of a length \[m\], and half the width of its wide codes \[m\].
+    length_noise_m: f32,
+    wide_length_m: f32,
     /// Half the width of a wide code \[Pa\].
     wide_code_pa: f32,
     /// Deviation of the temperature that the noise of one pressure leaves, times pressure over
@@ -154,6 +171,9 @@ pub struct Estimator {
     pressure_pa: f32,
     volume_m3: f32,
     energy: Energy,
+    /// Length whose noise is averaged \[m\].
+    followed_m: f32,
+    motion: Trend,
     /// Mass that comes in with one step, averaged over some \[kg\].
     inflow_kg: f32,
     entering: bool,
@@ -195,6 +215,7 @@ impl Estimator {
         let front_end = &config.front_end;
         let rounding_pa = PRESSURE_LSB * front_end.pressure_code_pa();
         let pressure_noise_pa2 = front_end.pressure_noise_pa * front_end.pressure_noise_pa;
+        let pressure_sd_pa = sqrt(pressure_noise_pa2 / conversions + rounding_pa * rounding_pa);
         let gas_noise_k2 = config.gas_sensor.noise_k * config.gas_sensor.noise_k;
         let bias_k = sd.reading_bias_k(config.gas_sensor.time_constant_s);
         Self {
@@ -208,9 +229,16 @@ impl Estimator {
             interval_s,
             frozen_k: FROZEN_LSB * front_end.gas_code_k(),
             // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
-            pressure_sd_pa: (k - 1.0) / k
-                * sqrt(pressure_noise_pa2 / conversions + rounding_pa * rounding_pa),
-            wide_code_pa: 0.5 * front_end.wide_code_lsb * front_end.pressure_code_pa(),
+            pressure_sd_pa: (k - 1.0) / k * pressure_sd_pa,
+            // Well below any pressure, so that an energy within the noise is none below 0.
+            noise_pa: limit(NOISE_DEVIATIONS * pressure_sd_pa, 0.0, 0.5 * LOWEST_PA),
+            length_noise_m: LENGTH_LSB * front_end.length_code_m(),
+            wide_length_m: 0.5 * front_end.wide_code_lsb * front_end.length_code_m(),
+            wide_code_pa: limit(
+                0.5 * front_end.wide_code_lsb * front_end.pressure_code_pa(),
+                0.0,
+                0.5 * LOWEST_PA,
+            ),
             // Averaging leaves little of the noise. The bias is the same in every reading of a second.
             reading_k2: gas_noise_k2 / (conversions * f32::from(INTERVAL_STEPS))
                 + bias_k * bias_k / interval_s,
@@ -228,6 +256,8 @@ impl Estimator {
             pressure_pa: 0.0,
             volume_m3: 0.0,
             energy: Energy::new(0.0),
+            followed_m: 0.0,
+            motion: Trend::REST,
             inflow_kg: 0.0,
             entering: false,
             missing_steps: 0,
@@ -265,10 +295,17 @@ impl Estimator {
         };
         self.missing_steps = 0;
         let pressure_pa = limit(pressure_pa, LOWEST_PA, HIGHEST_PA);
-        let volume_m3 = self.shape.volume_m3(measurement.length_m);
         if !self.started {
-            self.start(pressure_pa, volume_m3, measurement);
+            self.start(pressure_pa, measurement);
         }
+        let doubt = if measurement.wide_length {
+            Doubt::WideCode(self.wide_length_m)
+        } else {
+            Doubt::Noise(self.length_noise_m)
+        };
+        let change_m = measurement.length_m - self.followed_m;
+        self.followed_m += self.motion.step(change_m, doubt, measurement.turned);
+        let volume_m3 = self.shape.volume_m3(self.followed_m);
         self.propagate(pressure_pa, volume_m3, measurement);
         if let Some(code) = measurement.gas {
             if code != self.gas_code {
@@ -342,7 +379,10 @@ impl Estimator {
     }
 
     /// Everything has the sensor's temperature, until something better is known.
-    fn start(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
+    fn start(&mut self, pressure_pa: f32, measurement: &Measurement) {
+        let volume_m3 = self.shape.volume_m3(measurement.length_m);
+        self.followed_m = measurement.length_m;
+        self.motion = Trend::REST;
         if let Some(code) = measurement.gas {
             let reading_k = self.converter.gas_k(code);
             self.gas_k = reading_k;
@@ -372,12 +412,14 @@ impl Estimator {
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
         let closed_j = self.energy.energy_j() - work_j - heat_j;
         let per_pa = volume_m3 * self.per_k_minus_1;
-        let reading = Reading {
-            measured_j: pressure_pa * per_pa,
-            doubt_j: if measurement.wide_code { self.wide_code_pa * per_pa } else { 0.0 },
+        let doubt = if measurement.wide_pressure {
+            Doubt::WideCode(self.wide_code_pa * per_pa)
+        } else {
+            Doubt::Noise(self.noise_pa * per_pa)
         };
         let open = measurement.charging || measurement.discharging;
-        let enthalpy_j = self.energy.step(closed_j, &reading, open);
+        let enthalpy_j =
+            self.energy.step(closed_j, pressure_pa * per_pa, doubt, open, measurement.turned);
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.interval.steps += 1;
@@ -538,8 +580,9 @@ impl Estimator {
     /// pressure.
     fn update_deviation(&mut self) {
         let noise = self.pressure_sd_pa / self.pressure_pa;
+        let left = self.energy.noise_left() + NOT_AVERAGED;
         let share = self.agreement.share(self.lag_s);
-        self.gas_sd_k = self.gas_k * sqrt(share * self.covariance.gas_gas + noise * noise);
+        self.gas_sd_k = self.gas_k * sqrt(share * self.covariance.gas_gas + left * noise * noise);
     }
 }
 
@@ -552,7 +595,9 @@ mod tests {
         Measurement {
             pressure_pa: (pressure_pa > 0.0).then_some(pressure_pa),
             length_m,
-            wide_code: false,
+            wide_pressure: false,
+            wide_length: false,
+            turned: false,
             gas: (code > 0).then_some(AdcCode(code)),
             charging: flow & 1 != 0,
             discharging: flow & 2 != 0,

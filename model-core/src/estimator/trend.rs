@@ -1,0 +1,146 @@
+//! A measured quantity that changes steadily until something turns: its noise is averaged, its turns
+//! are not.
+//!
+//! An alpha-beta filter with expanding memory: from a turn on, value and rate are those of the straight
+//! line of least squares through the steps since then; later on, of about the last eight. A turn is
+//! a change of the valves' openings, or an error that is no noise.
+
+use crate::math::absolute;
+
+/// Shares of an error by which value and rate follow it, so many steps after a turn:
+/// 2(2n + 1)/((n + 1)(n + 2)) and 6/((n + 1)(n + 2)).
+const FOLLOWED: [(f32, f32); 16] = [
+    (1.0, 1.0),
+    (1.0, 1.0),
+    (5.0 / 6.0, 1.0 / 2.0),
+    (7.0 / 10.0, 3.0 / 10.0),
+    (3.0 / 5.0, 1.0 / 5.0),
+    (11.0 / 21.0, 1.0 / 7.0),
+    (13.0 / 28.0, 3.0 / 28.0),
+    (5.0 / 12.0, 1.0 / 12.0),
+    (17.0 / 45.0, 1.0 / 15.0),
+    (19.0 / 55.0, 3.0 / 55.0),
+    (7.0 / 22.0, 1.0 / 22.0),
+    (23.0 / 78.0, 1.0 / 26.0),
+    (25.0 / 91.0, 3.0 / 91.0),
+    (9.0 / 35.0, 1.0 / 35.0),
+    (29.0 / 120.0, 1.0 / 40.0),
+    (31.0 / 136.0, 3.0 / 136.0),
+];
+
+/// How far a reading can be wrong, in its own unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Doubt {
+    /// By noise, of that size at most.
+    Noise(f32),
+    /// By half of a code that the converter makes too wide: within it the reading says nothing.
+    WideCode(f32),
+}
+
+/// The rate, per step.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Trend {
+    rate: f32,
+    steady_steps: usize,
+}
+
+impl Trend {
+    /// At rest.
+    pub const REST: Self = Self { rate: 0.0, steady_steps: 0 };
+
+    /// What averaging leaves of the variance of one reading \[-\]: its share in the value.
+    pub fn noise_left(&self) -> f32 {
+        FOLLOWED.get(self.steady_steps).unwrap_or(&FOLLOWED[15]).0
+    }
+
+    /// One step, by which the reading has changed from the value before by `change`; by how much
+    /// the value is to change.
+    pub fn step(&mut self, change: f32, doubt: Doubt, turned: bool) -> f32 {
+        let error = change - self.rate;
+        match doubt {
+            Doubt::WideCode(half) if absolute(error) <= half => return self.rate,
+            Doubt::WideCode(half) => {
+                // To the code's edge.
+                let edge = if error > 0.0 { change - half } else { change + half };
+                self.steady_steps = 0;
+                return edge;
+            }
+            Doubt::Noise(noise) if turned || absolute(error) > noise => self.steady_steps = 0,
+            Doubt::Noise(_) => {}
+        }
+        let (value, rate) = *FOLLOWED.get(self.steady_steps).unwrap_or(&FOLLOWED[15]);
+        let followed = self.rate + value * error;
+        self.rate += rate * error;
+        self.steady_steps = (self.steady_steps + 1).min(FOLLOWED.len() - 1);
+        followed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Value after each step of readings, of noise 1.
+    fn follow(readings: impl Iterator<Item = f32>, turns: impl Fn(usize) -> bool) -> Vec<f32> {
+        let (mut value, mut trend) = (0.0, Trend::REST);
+        readings
+            .enumerate()
+            .map(|(i, reading)| {
+                value += trend.step(reading - value, Doubt::Noise(4.0), turns(i));
+                value
+            })
+            .collect()
+    }
+
+    /// Looks random, between -1.7 and 1.7 with deviation 1 (Numerical Recipes' generator).
+    fn noise() -> impl Iterator<Item = f32> {
+        let mut state = 1_u32;
+        core::iter::from_fn(move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            Some(((state >> 8) as f32 / 8_388_608.0 - 1.0) * 1.732)
+        })
+    }
+
+    fn rms(errors: impl Iterator<Item = f32>) -> f32 {
+        let (sum, count) = errors.fold((0.0, 0.0), |(sum, n), e| (sum + e * e, n + 1.0));
+        (sum / count as f32).sqrt()
+    }
+
+    #[test]
+    fn a_straight_line_is_averaged() {
+        let line = |i: usize| 3.0 * i as f32;
+        let values = follow((0..5000).zip(noise()).map(|(i, n)| line(i) + n), |_| false);
+        let left = rms(values.iter().enumerate().skip(20).map(|(i, value)| value - line(i)));
+        assert!((0.3..0.55).contains(&left), "{left}");
+    }
+
+    #[test]
+    fn a_turn_is_followed_where_it_is_told_and_where_it_shows() {
+        let corner = |i: usize| (i as f32 - 50.0).max(0.0);
+        for (slope, told) in [(2.0, true), (8.0, false)] {
+            let values = follow((0..100).map(|i| slope * corner(i)), |i| told && i == 51);
+            let worst = values
+                .iter()
+                .enumerate()
+                .map(|(i, value)| (value - slope * corner(i)).abs())
+                .fold(0.0, f32::max);
+            assert!(worst < 1e-3, "{worst}");
+        }
+        // Neither told nor beyond the noise: smeared, by less than the noise.
+        let values = follow((0..100).map(corner), |_| false);
+        let worst =
+            values.iter().enumerate().map(|(i, v)| (v - corner(i)).abs()).fold(0.0, f32::max);
+        assert!((1.0..4.0).contains(&worst), "{worst}");
+    }
+
+    #[test]
+    fn within_a_wide_code_it_goes_on() {
+        let mut trend = Trend::REST;
+        for _ in 0..5 {
+            trend.step(2.0, Doubt::Noise(1.0), false);
+        }
+        assert_eq!(trend.step(5.0, Doubt::WideCode(4.0), false), 2.0);
+        assert_eq!(trend.step(9.0, Doubt::WideCode(4.0), false), 5.0, "to its edge");
+        assert_eq!(trend.step(-9.0, Doubt::WideCode(4.0), false), -5.0);
+    }
+}
