@@ -1,13 +1,10 @@
 //! The gas's internal energy, between what the balance foretells and what pressure and length say.
 //!
-//! While a valve is open the energy is the measured one, and what it is more than foretold came in
-//! by flow. Once both are shut, it is the running mean of what is measured about what is foretold, and for
-//! the first [`LATE_STEPS`] its corrections still count as flow: they tell better than the last
-//! open step did how much came in. Without that, the noise of the pressure would leave a step in
-//! the mass with every pulse.
-//!
-//! A code that the converter makes too wide (erratum RP2040-E11, a kilopascal to either side) says
-//! only that the pressure lies within it. As long as it does, the flow goes on as it was.
+//! While a valve is open, what is measured more than foretold came in by flow, and is followed as a
+//! trend. Once both are shut, the energy is the running mean of what is measured about what is foretold,
+//! and for the first [`LATE_STEPS`] its corrections still count as flow: they tell better than the
+//! last open step did how much came in. Without that, the noise of the pressure would leave a step
+//! in the mass with every pulse.
 
 use super::trend::{Doubt, Trend};
 use crate::math::limit;

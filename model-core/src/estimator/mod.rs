@@ -13,8 +13,8 @@
 //! T        = U/(m c_v)                                    (1)
 //! ```
 //!
-//! No valve needs to be calibrated; that a valve is open is known from the duty. U is filtered
-//! (`energy.rs`).
+//! No valve needs to be calibrated; that a valve is open is known from the duty. Noise is
+//! averaged where that costs no delay (`trend.rs`, `energy.rs`).
 //!
 //! What drifts, the slow Pt sensor corrects: T_s' = (T_h - T_s)/tau, T_h' = (T - T_h)/tau_h.
 //!
