@@ -41,7 +41,8 @@ fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
             }
             _ => None,
         };
-        let sample = Sample { pressure: AdcCode(7770 + 5 * step), ..HEALTHY };
+        let length = AdcCode(HEALTHY.length.0 + step % 2);
+        let sample = Sample { pressure: AdcCode(7770 + 5 * step), length, ..HEALTHY };
         let outcome = board.step(&sample).unwrap();
         let telemetry = outcome.telemetry.unwrap();
         assert_eq!((telemetry.step, telemetry.sample), (u32::from(step), sample));

@@ -56,10 +56,10 @@ fn told_right_told_wrong_and_started_wrong() {
     let quick = "[believed.sensor.gas]\ntime_constant_s = 2.4\n";
     let warm = "initial_temperature_k = 308.0\n";
     for (what, lumped, full) in [
-        ("", (0.03, 0.06), (0.25, 0.4)),
+        ("", (0.01, 0.04), (0.25, 0.4)),
         (cold, (0.1, 0.3), (0.35, 0.6)),
         (quick, (0.1, 0.5), (0.1, 0.8)),
-        (warm, (0.03, 0.1), (0.2, 0.6)),
+        (warm, (0.01, 0.06), (0.2, 0.6)),
     ] {
         for (model, bounds_k) in [("lumped", lumped), ("full", full)] {
             let worth = worth(&cycle(model, what), 15.0, 40.0);
@@ -83,11 +83,11 @@ fn a_correlation_of_the_heat_transfer_is_told_as_two_coefficients() {
 #[test]
 fn a_lost_gas_sensor_costs_little() {
     for (fault, shown, bounds_k) in [
-        ("open", Faults::GAS_SENSOR, (0.03, 0.1)),
-        ("shorted", Faults::GAS_SENSOR, (0.03, 0.1)),
-        ("frozen", Faults::GAS_SENSOR, (0.03, 0.5)),
+        ("open", Faults::GAS_SENSOR, (0.01, 0.1)),
+        ("shorted", Faults::GAS_SENSOR, (0.01, 0.1)),
+        ("frozen", Faults::GAS_SENSOR, (0.01, 0.5)),
         // It averages out.
-        ("noisy", Faults::NONE, (0.03, 0.3)),
+        ("noisy", Faults::NONE, (0.01, 0.3)),
     ] {
         let run = broken("gas", fault);
         let lost = worth(&run, 15.0, 25.0);
@@ -95,7 +95,7 @@ fn a_lost_gas_sensor_costs_little() {
         assert_eq!(lost.faults, shown.0, "{fault}");
         assert!(lost.within > 0.85, "{fault}: {}", lost.within);
         let again = worth(&run, 35.0, 40.0);
-        assert_within(fault, again.error_k, (0.03, 0.15));
+        assert_within(fault, again.error_k, (0.01, 0.15));
         assert_eq!((again.valid, again.faults), (1.0, 0), "{fault}");
     }
 }
@@ -129,7 +129,7 @@ fn the_load_tells_the_length_where_its_sensor_is_absent() {
         let lost = worth(&run, 16.0, 25.0);
         assert_within(fault, lost.error_k, bounds_k);
         assert_ne!(lost.faults & Faults::LENGTH_SENSOR.0, 0, "{fault}");
-        assert_within(fault, worth(&run, 35.0, 40.0).error_k, (0.03, 0.3));
+        assert_within(fault, worth(&run, 35.0, 40.0).error_k, (0.01, 0.3));
     }
     // From the start on, against a constant load.
     let never = cycle("lumped", "[faults]\nlength = \"open\"\nfrom_s = 0.0\nuntil_s = 40.0\n");

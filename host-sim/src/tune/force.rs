@@ -32,7 +32,7 @@ const SOFTENING_SPAN_K: f64 = 10.0;
 /// Largest standard error of a value that is adopted, relative to it \[-\].
 const LARGEST_ERROR: f64 = 0.5;
 /// Least ratio of friction to its standard error.
-pub const LEAST_SIGNAL: f64 = 10.0;
+pub const LEAST_SIGNAL: f64 = 20.0;
 
 /// What even motion tells.
 #[derive(Debug, Clone, PartialEq)]
