@@ -16,6 +16,7 @@ const LATE_STEPS: u16 = 25;
 const LATEST_SHARE: f32 = 0.01;
 /// Share of a step in the mean flow: over ten steps.
 const MEAN_SHARE: f32 = 0.1;
+
 /// Internal energy of the gas, and the flow that changes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Energy {

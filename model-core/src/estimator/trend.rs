@@ -2,8 +2,8 @@
 //! are not.
 //!
 //! An alpha-beta filter with expanding memory: from a turn on, value and rate are those of the straight
-//! line of least squares through the steps since then; later on, of about the last eight. A turn is
-//! a change of the valves' openings, or an error that is no noise.
+//! line of least squares through the steps since then; later on, of about the last sixteen. A turn
+//! is a change of the valves' openings, or an error that is no noise.
 
 use crate::math::{absolute, limit};
 
