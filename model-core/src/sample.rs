@@ -71,6 +71,12 @@ impl Command {
     pub const fn coils(self) -> (Duty, Duty) {
         (self.inlet, self.outlet.complement())
     }
+
+    /// Whether the flows are not those of the command before: openings changed by more than a fifth.
+    pub fn turns(self, before: Self) -> bool {
+        let jumps = |a: Duty, b: Duty| a.0.abs_diff(b.0) > a.0.max(b.0) / 5;
+        jumps(before.inlet, self.inlet) || jumps(before.outlet, self.outlet)
+    }
 }
 
 /// What the core is asked to do.

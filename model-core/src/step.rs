@@ -82,7 +82,7 @@ impl Core {
             &Feedback { pressure_pa, length_m, estimate: self.estimator.estimate() },
         );
         let command = if venting { Command::VENT } else { wanted };
-        let turned = core::mem::replace(&mut self.turned, turns(self.command, command));
+        let turned = core::mem::replace(&mut self.turned, command.turns(self.command));
         // The gas that this sample has seen went through the openings of the step before.
         self.estimator.step(&Measurement {
             pressure_pa: self.supervisor.pressure_trusted().then_some(pressure_pa),
@@ -132,12 +132,6 @@ impl Core {
             }
         }
     }
-}
-
-/// Whether one command follows another with flows that are not the same: by more than a fifth.
-fn turns(before: Command, now: Command) -> bool {
-    let jumps = |a: Duty, b: Duty| a.0.abs_diff(b.0) > a.0.max(b.0) / 5;
-    jumps(before.inlet, now.inlet) || jumps(before.outlet, now.outlet)
 }
 
 #[cfg(test)]

@@ -21,17 +21,13 @@ use self::trend::Reading;
 use model_core::body::Shape;
 use model_core::front_end::{CodeSum, Converter, FrontEnd};
 use model_core::sample::OVERSAMPLING;
-use model_core::{AdcCode, Command, Config, Duty, Faults, Telemetry};
+use model_core::{AdcCode, Config, Duty, Faults, Telemetry};
 
 /// Steps per interval, as in the core.
 const INTERVAL_STEPS: usize = 20;
 /// Steps after a valve has shut in which what the pressure does still counts as flow. A mass that stands
 /// still between two pulses would keep what noise made of each of them, and walk away with them.
 const LATE_STEPS: u16 = 60;
-/// Duties that differ by less than this part are the same flow, as far as pressure's rate goes.
-const SAME_DUTY: u16 = 5;
-/// Codes of 12 bit over the length's range.
-const LENGTH_CODES: f64 = 0.9 * 4096.0;
 /// The codes of 12 bit that erratum RP2040-E11 widens.
 const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
 
@@ -163,7 +159,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
             let reading = |i: usize| Reading {
                 value: f64::from(value(&run[i])),
                 variance: line.variance(code(&run[i]), front_end),
-                turns: i >= 2 && turns(run[i - 2].command, run[i - 1].command),
+                turns: i >= 2 && run[i - 1].command.turns(run[i - 2].command),
                 flowing: flowing[i] != (false, false),
             };
             trend::smooth(&(0..run.len()).map(reading).collect::<Vec<_>>())
@@ -171,8 +167,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let noise_pa = f64::from(front_end.pressure_noise_pa);
     let pressure = Channel { code: f64::from(front_end.pressure_code_pa()), noise: noise_pa };
     // The core is told no noise of the length; what a code's width hides is more than it.
-    let length_m = f64::from(front_end.length_range_m);
-    let length = Channel { code: length_m / LENGTH_CODES, noise: 0.0 };
+    let length = Channel { code: f64::from(front_end.length_code_m()), noise: 0.0 };
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure, pressure);
     let length_m = smoothed(|t| t.length_m, |t| t.sample.length, length);
     let steps = flowing.iter().zip(pressure_pa.into_iter().zip(length_m));
@@ -203,12 +198,6 @@ fn flowing(config: &Config, run: &[Telemetry]) -> Vec<(bool, bool)> {
             now
         })
         .collect()
-}
-
-/// Whether one command follows another with flows that are not the same.
-fn turns(before: Command, now: Command) -> bool {
-    let jumps = |a: Duty, b: Duty| a.0.abs_diff(b.0) > a.0.max(b.0) / SAME_DUTY;
-    jumps(before.inlet, now.inlet) || jumps(before.outlet, now.outlet)
 }
 
 /// An analog channel, in its own unit.

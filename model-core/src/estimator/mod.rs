@@ -77,10 +77,10 @@ const HOTTEST_K: f32 = 1000.0;
 const PRESSURE_LSB: f32 = 0.25;
 /// Errors of the pressure beyond so many deviations are no noise: the flow has changed.
 const NOISE_DEVIATIONS: f32 = 4.0;
-/// What averaging does not take of the variance of one pressure: the lag of its sensor \[-\].
-const NOT_AVERAGED: f32 = 0.1;
 /// The same of the length, in codes of 12 bit.
 const LENGTH_LSB: f32 = 1.0;
+/// What averaging does not take of the variance of one pressure: the lag of its sensor \[-\].
+const NOT_AVERAGED: f32 = 0.1;
 
 /// What the estimator needs to know of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -38,7 +38,7 @@ pub enum Doubt {
 }
 
 /// The rate, per step.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trend {
     rate: f32,
     steady_steps: usize,
