@@ -3,7 +3,7 @@
 use crate::body::Shape;
 use crate::config::{Config, ConfigError, Load};
 use crate::control::{Controller, Feedback};
-use crate::estimator::{Estimator, Measurement};
+use crate::estimator::{Estimator, Measurement, Openings};
 use crate::front_end::{self, Converter};
 use crate::sample::{Command, Duty, Faults, Sample, SetPoint, Telemetry};
 use crate::supervisor::Supervisor;
@@ -90,9 +90,12 @@ impl Core {
             wide_pressure: front_end::is_wide(sample.pressure),
             wide_length: front_end::is_wide(sample.length),
             gas: (!faults.intersects(Faults::GAS_SENSOR)).then_some(sample.gas),
-            turned,
-            charging: self.inlet_steps > 0,
-            discharging: self.outlet_steps > 0,
+            openings: Openings {
+                turned,
+                driven: self.command.inlet > Duty::ZERO || self.command.outlet > Duty::ZERO,
+                charging: self.inlet_steps > 0,
+                discharging: self.outlet_steps > 0,
+            },
         });
         let frozen = self.estimator.sensor_frozen();
         let faults = if frozen { faults.with(Faults::GAS_SENSOR) } else { faults };

@@ -6,6 +6,7 @@
 //! last open step did how much came in. Without that, the noise of the pressure would leave a step
 //! in the mass with every pulse.
 
+use super::Openings;
 use super::trend::{Doubt, Trend, on_within};
 use crate::math::limit;
 
@@ -23,7 +24,7 @@ pub struct Energy {
     energy_j: f32,
     /// Enthalpy that flow brings with each step \[J\].
     flow: Trend,
-    /// Its mean over a PWM period or so, pulses and gaps alike \[J\].
+    /// Its mean over a PWM period or so in which a valve was driven \[J\].
     mean_flow_j: f32,
     closed_steps: u16,
 }
@@ -51,6 +52,14 @@ impl Energy {
         if self.closed_steps > 0 { SHUT } else { self.flow.noise_left() }
     }
 
+    /// What flow is likely to bring in a step whose pressure says nothing \[J\]: the mean of those before,
+    /// where it has the valves' direction.
+    fn foretold_j(&self, openings: Openings) -> f32 {
+        let least_j = if openings.discharging { f32::MIN } else { 0.0 };
+        let most_j = if openings.charging { f32::MAX } else { 0.0 };
+        if openings.driven { limit(self.mean_flow_j, least_j, most_j) } else { 0.0 }
+    }
+
     /// One step, for which the balance without flow foretells `closed_j`, and P V/(k-1), eq. (4), is
     /// `measured_j`. Returns what the energy is more than foretold \[J\]: the enthalpy that came in,
     /// or once both valves have been shut for [`LATE_STEPS`] a correction.
@@ -59,22 +68,22 @@ impl Energy {
         closed_j: f32,
         measured_j: f32,
         doubt: Doubt,
-        open: bool,
-        turned: bool,
+        openings: Openings,
     ) -> f32 {
         let error_j = measured_j - closed_j;
-        if open {
+        if openings.charging || openings.discharging {
             self.closed_steps = 0;
             let more_j = match doubt {
-                Doubt::WideCode(half_j) => on_within(self.mean_flow_j, error_j, half_j),
-                Doubt::Noise(_) => self.flow.step(error_j, doubt, turned),
+                Doubt::WideCode(half_j) => on_within(self.foretold_j(openings), error_j, half_j),
+                Doubt::Noise(_) => self.flow.step(error_j, doubt, openings.course()),
             };
-            self.mean_flow_j += MEAN_SHARE * (more_j - self.mean_flow_j);
+            if openings.driven {
+                self.mean_flow_j += MEAN_SHARE * (more_j - self.mean_flow_j);
+            }
             self.energy_j = closed_j + more_j;
             return more_j;
         }
         self.flow = Trend::REST;
-        self.mean_flow_j = 0.0;
         self.closed_steps = (self.closed_steps + 1).min(LATE_STEPS);
         let share =
             if self.flowing() { 1.0 / f32::from(self.closed_steps + 1) } else { LATEST_SHARE };
@@ -93,6 +102,9 @@ mod tests {
     use super::*;
 
     const EXACT: Doubt = Doubt::Noise(0.0);
+    const SHUT: Openings =
+        Openings { turned: false, driven: false, charging: false, discharging: false };
+    const FILLING: Openings = Openings { driven: true, charging: true, ..SHUT };
 
     /// Energy in steps of `rate_j` whose readings stand still between 10 and 30 J: largest error within
     /// those, and elsewhere.
@@ -104,7 +116,7 @@ mod tests {
             let wide = (10.0..30.0).contains(&true_j);
             let (measured_j, doubt) =
                 if wide { (20.0, Doubt::WideCode(10.0)) } else { (true_j, EXACT) };
-            energy.step(energy.energy_j(), measured_j, doubt, true, false);
+            energy.step(energy.energy_j(), measured_j, doubt, FILLING);
             let worst = if wide { &mut within_j } else { &mut elsewhere_j };
             *worst = worst.max((energy.energy_j() - true_j).abs());
         }
@@ -121,18 +133,36 @@ mod tests {
     }
 
     #[test]
+    fn within_a_wide_code_the_duties_tell() {
+        let mut energy = Energy::new(0.0);
+        for step in 1..100_u8 {
+            energy.step(energy.energy_j(), f32::from(step), EXACT, FILLING);
+        }
+        let mut on = |openings| {
+            let before_j = energy.energy_j();
+            energy.step(before_j, 100.0, Doubt::WideCode(20.0), openings);
+            energy.energy_j() - before_j
+        };
+        assert!((on(FILLING) - 1.0).abs() < 1e-3, "the mean of the steps before");
+        assert_eq!(on(Openings { driven: false, ..FILLING }), 0.0, "between two pulses");
+        assert!((on(FILLING) - 1.0).abs() < 1e-3);
+        let venting = Openings { charging: false, discharging: true, ..FILLING };
+        assert_eq!(on(venting), 0.0, "the mean has the other direction");
+    }
+
+    #[test]
     fn what_comes_late_counts_as_flow_and_later_on_does_not() {
         let mut energy = Energy::new(10.0);
         assert!(!energy.flowing());
-        assert_eq!(energy.step(10.0, 12.0, EXACT, true, false), 2.0);
-        assert_eq!(energy.step(12.0, 13.0, EXACT, false, false), 0.5, "the mean of 12 and 13");
+        assert_eq!(energy.step(10.0, 12.0, EXACT, FILLING), 2.0);
+        assert_eq!(energy.step(12.0, 13.0, EXACT, SHUT), 0.5, "the mean of 12 and 13");
         assert!(energy.flowing());
         for _ in 0..LATE_STEPS {
-            energy.step(energy.energy_j(), 13.0, EXACT, false, false);
+            energy.step(energy.energy_j(), 13.0, EXACT, SHUT);
         }
         assert!(!energy.flowing());
         assert!((12.9..13.0).contains(&energy.energy_j()), "{}", energy.energy_j());
         // Within a wide code a shut muscle's reading says nothing.
-        assert_eq!(energy.step(13.0, 20.0, Doubt::WideCode(8.0), false, false), 0.0);
+        assert_eq!(energy.step(13.0, 20.0, Doubt::WideCode(8.0), SHUT), 0.0);
     }
 }

@@ -48,7 +48,7 @@ mod trend;
 use self::agreement::Agreement;
 use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
 use self::energy::Energy;
-use self::trend::{Doubt, Trend};
+use self::trend::{Course, Doubt, Trend};
 use crate::body::Shape;
 use crate::config::Config;
 use crate::front_end::{CodeSum, Converter};
@@ -95,12 +95,28 @@ pub struct Measurement {
     pub wide_length: bool,
     /// Raw code of the gas sensor; `None` while the sensor is not to be trusted.
     pub gas: Option<AdcCode>,
-    /// The openings have changed.
+    /// What the valves are driven to.
+    pub openings: Openings,
+}
+
+/// Where gas may go, as the duties tell.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Openings {
+    /// They have changed.
     pub turned: bool,
+    /// A valve is driven now. If not, what flows is the end of a pulse.
+    pub driven: bool,
     /// The inlet has been driven lately.
     pub charging: bool,
     /// The outlet has been driven lately.
     pub discharging: bool,
+}
+
+impl Openings {
+    /// What they let expect of a step in which gas may flow.
+    fn course(self) -> Course {
+        if self.turned { Course::Turned } else { Course::Open }
+    }
 }
 
 /// Sums over one interval.
@@ -303,8 +319,10 @@ impl Estimator {
         } else {
             Doubt::Noise(self.length_noise_m)
         };
+        let course =
+            if self.energy.flowing() { measurement.openings.course() } else { Course::Shut };
         let change_m = measurement.length_m - self.followed_m;
-        self.followed_m += self.motion.step(change_m, doubt, measurement.turned);
+        self.followed_m += self.motion.step(change_m, doubt, course);
         let volume_m3 = self.shape.volume_m3(self.followed_m);
         self.propagate(pressure_pa, volume_m3, measurement);
         if let Some(code) = measurement.gas {
@@ -417,21 +435,20 @@ impl Estimator {
         } else {
             Doubt::Noise(self.noise_pa * per_pa)
         };
-        let open = measurement.charging || measurement.discharging;
-        let enthalpy_j =
-            self.energy.step(closed_j, pressure_pa * per_pa, doubt, open, measurement.turned);
+        let openings = measurement.openings;
+        let enthalpy_j = self.energy.step(closed_j, pressure_pa * per_pa, doubt, openings);
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.interval.steps += 1;
         self.interval.heat_j += heat_j;
 
-        if open {
+        if openings.charging || openings.discharging {
             // The direction comes from the duties where they are one-sided: the noise of a
             // difference of pressures would be rectified.
-            self.entering = if measurement.charging && measurement.discharging {
+            self.entering = if openings.charging && openings.discharging {
                 enthalpy_j > 0.0
             } else {
-                measurement.charging
+                openings.charging
             };
         }
         if self.energy.flowing() {
@@ -597,10 +614,13 @@ mod tests {
             length_m,
             wide_pressure: false,
             wide_length: false,
-            turned: false,
             gas: (code > 0).then_some(AdcCode(code)),
-            charging: flow & 1 != 0,
-            discharging: flow & 2 != 0,
+            openings: Openings {
+                turned: false,
+                driven: flow != 0,
+                charging: flow & 1 != 0,
+                discharging: flow & 2 != 0,
+            },
         }
     }
 

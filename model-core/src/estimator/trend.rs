@@ -2,8 +2,9 @@
 //! are not.
 //!
 //! An alpha-beta filter with expanding memory: from a turn on, value and rate are those of the straight
-//! line of least squares through the steps since then; later on, of about the last sixteen. A turn
-//! is a change of the valves' openings, or an error that is no noise.
+//! line of least squares through the steps since then; later on, of about the last sixteen while gas may
+//! flow, of ever more while none does. A turn is a change of the valves' openings, or an error that is
+//! no noise.
 
 use crate::math::{absolute, limit};
 
@@ -27,6 +28,8 @@ const FOLLOWED: [(f32, f32); 16] = [
     (29.0 / 120.0, 1.0 / 40.0),
     (31.0 / 136.0, 3.0 / 136.0),
 ];
+/// Most steps of a line along which gas may flow.
+const OPEN_STEPS: usize = FOLLOWED.len() - 1;
 
 /// How far a reading can be wrong, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +38,28 @@ pub enum Doubt {
     Noise(f32),
     /// By half of a code that the converter makes too wide: within it the reading says nothing.
     WideCode(f32),
+}
+
+/// What the valves let expect of a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Course {
+    /// The openings have changed: here begins another line.
+    Turned,
+    /// Gas may flow.
+    Open,
+    /// None does.
+    Shut,
+}
+
+/// Shares of an error by which value and rate follow it. Beyond sixteen steps, while nothing flows and
+/// ever less changes: those of the last 24, 64, 256 steps or so.
+fn shares(steady_steps: usize) -> (f32, f32) {
+    match FOLLOWED.get(steady_steps) {
+        Some(shares) => *shares,
+        None if steady_steps < 64 => (49.0 / 325.0, 3.0 / 325.0),
+        None if steady_steps < 256 => (43.0 / 715.0, 1.0 / 715.0),
+        None => (171.0 / 11_051.0, 1.0 / 11_051.0),
+    }
 }
 
 /// The rate, per step.
@@ -50,12 +75,12 @@ impl Trend {
 
     /// What averaging leaves of the variance of one reading \[-\]: its share in the value.
     pub fn noise_left(&self) -> f32 {
-        FOLLOWED.get(self.steady_steps).unwrap_or(&FOLLOWED[15]).0
+        shares(self.steady_steps.min(OPEN_STEPS)).0
     }
 
     /// One step, by which the reading has changed from the value before by `change`; by how much
     /// the value is to change.
-    pub fn step(&mut self, change: f32, doubt: Doubt, turned: bool) -> f32 {
+    pub fn step(&mut self, change: f32, doubt: Doubt, course: Course) -> f32 {
         let noise = match doubt {
             Doubt::WideCode(half) => {
                 self.steady_steps = 0;
@@ -64,13 +89,15 @@ impl Trend {
             Doubt::Noise(noise) => noise,
         };
         let error = change - self.rate;
-        if turned || absolute(error) > noise {
+        if course == Course::Turned || absolute(error) > noise {
             self.steady_steps = 0;
         }
-        let (value, rate) = *FOLLOWED.get(self.steady_steps).unwrap_or(&FOLLOWED[15]);
+        let most = if course == Course::Shut { usize::MAX } else { OPEN_STEPS };
+        let steps = self.steady_steps.min(most);
+        let (value, rate) = shares(steps);
         let followed = self.rate + value * error;
         self.rate += rate * error;
-        self.steady_steps = (self.steady_steps + 1).min(FOLLOWED.len() - 1);
+        self.steady_steps = steps.saturating_add(1);
         followed
     }
 }
@@ -86,12 +113,12 @@ mod tests {
     use super::*;
 
     /// Value after each step of readings, of noise 1.
-    fn follow(readings: impl Iterator<Item = f32>, turns: impl Fn(usize) -> bool) -> Vec<f32> {
+    fn follow(readings: impl Iterator<Item = f32>, course: impl Fn(usize) -> Course) -> Vec<f32> {
         let (mut value, mut trend) = (0.0, Trend::REST);
         readings
             .enumerate()
             .map(|(i, reading)| {
-                value += trend.step(reading - value, Doubt::Noise(4.0), turns(i));
+                value += trend.step(reading - value, Doubt::Noise(4.0), course(i));
                 value
             })
             .collect()
@@ -112,18 +139,33 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_line_is_averaged() {
+    fn a_straight_line_is_averaged_and_longer_while_shut() {
         let line = |i: usize| 3.0 * i as f32;
-        let values = follow((0..5000).zip(noise()).map(|(i, n)| line(i) + n), |_| false);
-        let left = rms(values.iter().enumerate().skip(20).map(|(i, value)| value - line(i)));
-        assert!((0.3..0.55).contains(&left), "{left}");
+        for (course, from, bounds) in
+            [(Course::Open, 20, 0.3..0.55), (Course::Shut, 1000, 0.05..0.15)]
+        {
+            let values = follow((0..5000).zip(noise()).map(|(i, n)| line(i) + n), |_| course);
+            let left = rms(values.iter().enumerate().skip(from).map(|(i, v)| v - line(i)));
+            assert!(bounds.contains(&left), "{course:?} {left}");
+        }
+    }
+
+    #[test]
+    fn what_comes_to_rest_while_shut_is_followed() {
+        // By thirty times the noise, with a time constant of 0.2 s: the gas's at the wall.
+        let rest = |i: usize| 30.0 * (-(i as f32) / 200.0).exp();
+        let values = follow((0..3000).map(rest), |_| Course::Shut);
+        let worst = values.iter().enumerate().map(|(i, v)| (v - rest(i)).abs()).fold(0.0, f32::max);
+        assert!((0.5..2.0).contains(&worst), "{worst}");
     }
 
     #[test]
     fn a_turn_is_followed_where_it_is_told_and_where_it_shows() {
         let corner = |i: usize| (i as f32 - 50.0).max(0.0);
         for (slope, told) in [(2.0, true), (8.0, false)] {
-            let values = follow((0..100).map(|i| slope * corner(i)), |i| told && i == 51);
+            let values = follow((0..100).map(|i| slope * corner(i)), |i| {
+                if told && i == 51 { Course::Turned } else { Course::Open }
+            });
             let worst = values
                 .iter()
                 .enumerate()
@@ -132,7 +174,7 @@ mod tests {
             assert!(worst < 1e-3, "{worst}");
         }
         // Neither told nor beyond the noise: smeared, by less than the noise.
-        let values = follow((0..100).map(corner), |_| false);
+        let values = follow((0..100).map(corner), |_| Course::Open);
         let worst =
             values.iter().enumerate().map(|(i, v)| (v - corner(i)).abs()).fold(0.0, f32::max);
         assert!((1.0..4.0).contains(&worst), "{worst}");
@@ -142,10 +184,10 @@ mod tests {
     fn within_a_wide_code_it_goes_on() {
         let mut trend = Trend::REST;
         for _ in 0..200 {
-            trend.step(2.0, Doubt::Noise(1.0), false);
+            trend.step(2.0, Doubt::Noise(1.0), Course::Open);
         }
-        assert!((trend.step(5.0, Doubt::WideCode(4.0), false) - 2.0).abs() < 1e-3);
-        assert_eq!(trend.step(9.0, Doubt::WideCode(4.0), false), 5.0, "to its edge");
-        assert_eq!(trend.step(-9.0, Doubt::WideCode(4.0), false), -5.0);
+        assert!((trend.step(5.0, Doubt::WideCode(4.0), Course::Open) - 2.0).abs() < 1e-3);
+        assert_eq!(trend.step(9.0, Doubt::WideCode(4.0), Course::Open), 5.0, "to its edge");
+        assert_eq!(trend.step(-9.0, Doubt::WideCode(4.0), Course::Open), -5.0);
     }
 }
