@@ -73,6 +73,17 @@ fn told_right_told_wrong_and_started_wrong() {
 }
 
 #[test]
+fn a_sensor_off_the_middle_is_believed_less() {
+    for (position, bounds_k) in [(0.0, (0.5, 2.0)), (0.25, (0.5, 1.3)), (0.75, (0.5, 1.3))] {
+        let run = cycle("full", &format!("[sensor.gas]\nposition = {position}\n"));
+        let worth = worth(&run, 15.0, 40.0);
+        assert_within(&format!("at {position}"), worth.error_k, bounds_k);
+        assert!(worth.within > 0.75, "at {position}: {} within two deviations", worth.within);
+        assert!(worth.valid < 0.9, "at {position}: valid {}", worth.valid);
+    }
+}
+
+#[test]
 fn a_correlation_of_the_heat_transfer_is_told_as_two_coefficients() {
     let run = cycle("lumped", "[heat]\nmodel = \"correlation\"\n");
     assert_within("RMS", worth(&run, 15.0, 40.0).error_k, (0.2, 1.0));
