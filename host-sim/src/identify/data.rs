@@ -1,5 +1,6 @@
 //! The measurements: what the plant is compared with, and what drove it.
 
+use super::balance::Given;
 use crate::adc::OVERSAMPLING;
 use crate::input::{InputError, Problem};
 use crate::measured::{Column, Measured};
@@ -85,6 +86,8 @@ pub enum Input {
     Flows(Vec<(f64, [f64; 2])>),
     /// Shares of the time that the valves are open, until the next row.
     Duties(Vec<(f64, [f64; 2])>),
+    /// Pressure and length of a muscle whose gas sensor alone is compared.
+    Given(Given),
 }
 
 /// Measurements, ready to be compared with.
@@ -156,8 +159,31 @@ impl Data {
             .parameters
             .iter()
             .any(|path| path.starts_with("valve.") || path == "supply.pressure_pa");
+        let unusable = |name: &str, why: &str| {
+            InputError::file(path, Problem::Unreadable(format!("column {name}: {why}")))
+        };
+        let profile = |name: &str| -> Result<Profile, InputError> {
+            let points = needed(name)?.points.clone();
+            Profile::new(points).map_err(|error| unusable(name, &error.to_string()))
+        };
+        let positive = |name: &str| -> Result<Profile, InputError> {
+            let profile = profile(name)?;
+            match profile.points().iter().find(|(_, value)| *value <= 0.0) {
+                Some((time, _)) => Err(unusable(name, &format!("not above 0 at {time} s"))),
+                None => Ok(profile),
+            }
+        };
+        let gauged = ["pressure_pa", "length_m"].into_iter().all(|name| column(name).is_some());
+        let sensor_only = observed.iter().all(|observed| observed.quantity == Quantity::SensorGas);
         let input = if free {
             Input::Scenario
+        } else if sensor_only && gauged && !is_vessel {
+            Input::Given(Given {
+                pressure: positive("pressure_pa")?,
+                length: positive("length_m")?,
+                duties: pair(["duty_in", "duty_out"])?,
+                sensor_k: observed[0].points[0].1,
+            })
         } else if column("flow_in_kg_s").is_some() && !fits_valves {
             Input::Flows(pair(["flow_in_kg_s", "flow_out_kg_s"])?)
         } else {
@@ -165,10 +191,7 @@ impl Data {
         };
 
         let volume = column("volume_m3").filter(|column| is_vessel && varies(&column.points));
-        let volume = volume.map(|column| Profile::new(column.points.clone())).transpose();
-        let volume = volume.map_err(|error| {
-            InputError::file(path, Problem::Unreadable(format!("column volume_m3: {error}")))
-        })?;
+        let volume = volume.map(|column| profile(&column.name)).transpose()?;
         Ok(Self { spacing_s: spacing(&observed), observed, input, volume })
     }
 

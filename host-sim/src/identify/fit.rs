@@ -33,7 +33,7 @@ pub struct End {
 }
 
 /// The problem: a scenario, its parameters and the data.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Problem<'a> {
     /// The scenario that the parameters are replaced in.
     pub scenario: &'a Scenario,
@@ -123,7 +123,7 @@ impl Problem<'_> {
 
     fn minimize(&self, start: &DVector<f64>) -> End {
         let search =
-            Search { problem: *self, place: start.clone(), residuals: self.weighted(start) };
+            Search { problem: self, place: start.clone(), residuals: self.weighted(start) };
         let solver = LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE);
         let (search, report) = solver.minimize(search);
         let converged = report.termination.was_successful()
@@ -136,7 +136,7 @@ impl Problem<'_> {
 
 /// One search under way.
 struct Search<'a> {
-    problem: Problem<'a>,
+    problem: &'a Problem<'a>,
     place: DVector<f64>,
     residuals: DVector<f64>,
 }

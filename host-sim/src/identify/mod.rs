@@ -7,8 +7,11 @@
 //!
 //! The plant is driven as it was while it was measured: by the recorded mass flows or duties, by the
 //! recorded volume of a piston, or by what the scenario says. A muscle is the lumped plant (or the
-//! paper's): a scenario with the model `full` gets the effective parameters that the core works with.
+//! paper's); where only its gas sensor is compared, it is the core's own model, driven by the recorded
+//! pressure and length. A scenario with the model `full` gets the effective parameters that the core
+//! works with.
 
+mod balance;
 mod data;
 mod findings;
 mod fit;
@@ -25,7 +28,7 @@ use crate::input::{InputError, Problem as InputProblem};
 use crate::plant::{BuildError, Diverged};
 use crate::scenario::schema::{self, fittable};
 use crate::scenario::{Loaded, PlantModel, Scenario, with_numbers};
-use data::Data;
+use data::{Data, Input};
 use fit::{End, Problem};
 use nalgebra::{DMatrix, DVector};
 use parameter::Parameter;
@@ -76,7 +79,7 @@ pub fn identify(
     let from_data = data.volume.is_some();
     data.volume = data.volume.or_else(|| loaded.volume_profile.clone());
     let data = data;
-    let scenario = comparable(&loaded.plant);
+    let scenario = comparable(&loaded.plant, &data);
     let problem = Problem {
         scenario: &scenario,
         parameters: &parameters,
@@ -131,7 +134,7 @@ pub fn identify(
     let volume_csv = from_data.then_some(data_file);
     Ok(Identified {
         findings,
-        scenario: adopted(loaded, &values, volume_csv),
+        scenario: adopted(loaded, &data, &values, volume_csv),
         data,
         residuals: columns,
     })
@@ -149,10 +152,15 @@ pub struct Identified {
     residuals: Vec<Vec<f64>>,
 }
 
+/// Whether the plant that stands for the scenario has to be made of one that has zones.
+fn in_zones(scenario: &Scenario, data: &Data) -> bool {
+    scenario.is_full_muscle() && !matches!(data.input, Input::Given(_))
+}
+
 /// The scenario of the plant that measurements are compared with: see the module.
-fn comparable(scenario: &Scenario) -> Scenario {
+fn comparable(scenario: &Scenario, data: &Data) -> Scenario {
     let mut scenario = scenario.clone();
-    if scenario.is_full_muscle() {
+    if in_zones(&scenario, data) {
         // As the core sees it.
         let one_zone = OneZone::of(&scenario);
         scenario.plant.model = PlantModel::Lumped;
@@ -167,7 +175,12 @@ fn comparable(scenario: &Scenario) -> Scenario {
 
 /// The scenario with the fitted values, the core told so too. For `full` they are effective values of
 /// the core's own model: only the core is told.
-fn adopted(loaded: &Loaded, values: &[(&str, f64)], volume_csv: Option<&Path>) -> Loaded {
+fn adopted(
+    loaded: &Loaded,
+    data: &Data,
+    values: &[(&str, f64)],
+    volume_csv: Option<&Path>,
+) -> Loaded {
     let mut adopted = loaded.clone();
     let full = loaded.plant.is_full_muscle();
     let told = |path: &str| {
@@ -175,7 +188,11 @@ fn adopted(loaded: &Loaded, values: &[(&str, f64)], volume_csv: Option<&Path>) -
             && schema::key(path).is_some_and(|(table, _)| !full || table.believed)
     };
     let one_zone = OneZone::of(&loaded.plant);
+    let backwards = in_zones(&loaded.plant, data);
     let values = values.iter().filter(|(path, _)| told(path)).map(|(path, value)| {
+        if !backwards {
+            return (*path, *value);
+        }
         // What the core's configuration makes of a muscle in zones, backwards.
         let value = match *path {
             "muscle.dead_volume_m3" => value - one_zone.tube_m3,

@@ -1,5 +1,6 @@
 //! The plant, driven as it was while it was measured, and looked at where it was measured.
 
+use super::balance::Balance;
 use super::data::{Data, Input};
 use crate::plant::{self, Actuation, BuildError, Diverged, Truth};
 use crate::scenario::{PlantKind, Scenario};
@@ -19,10 +20,12 @@ pub enum Failed {
 }
 
 /// A recorded experiment, to be repeated with other parameters.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Experiment<'a> {
     data: &'a Data,
     step_s: f64,
+    /// Where measurements of the gas drive it.
+    balance: Option<Balance>,
 }
 
 impl<'a> Experiment<'a> {
@@ -36,7 +39,11 @@ impl<'a> Experiment<'a> {
         // Rows of regular data fall on steps; those of other data are interpolated.
         let spacing_s = data.spacing_s.min(data.end_s());
         let step_s = spacing_s / (spacing_s / longest_s - SAME).ceil().max(1.0);
-        Self { data, step_s }
+        let balance = match &data.input {
+            Input::Given(given) => Some(Balance::new(given, step_s, data.end_s())),
+            _ => None,
+        };
+        Self { data, step_s, balance }
     }
 
     /// What the plant of that scenario shows where something was measured, column after column.
@@ -45,11 +52,15 @@ impl<'a> Experiment<'a> {
     /// When it cannot be built, or diverges.
     pub fn predict(&self, scenario: &Scenario) -> Result<Vec<f64>, Failed> {
         let data = self.data;
+        if let Some(balance) = &self.balance {
+            let [sensor_gas] = data.observed.as_slice() else { return Ok(Vec::new()) };
+            return balance.sensor_gas(scenario, &sensor_gas.points).map_err(Failed::Diverged);
+        }
         let mut scenario = scenario.clone();
         scenario.run.step_s = self.step_s;
         let build = match data.input {
             Input::Flows(_) => plant::build_driven_by_flows,
-            Input::Scenario | Input::Duties(_) => plant::build,
+            _ => plant::build,
         };
         let mut plant = build(&scenario, data.volume.clone()).map_err(Failed::Build)?;
         let mut columns: Vec<Vec<f64>> =
@@ -79,7 +90,7 @@ impl<'a> Experiment<'a> {
     fn actuation(&self, time_s: f64, row: &mut usize) -> Actuation {
         let slack = SAME * self.step_s;
         let values = match &self.data.input {
-            Input::Scenario => [0.0; 2],
+            Input::Scenario | Input::Given(_) => [0.0; 2],
             Input::Flows(rows) => {
                 let end = time_s + self.step_s - slack;
                 *row += rows[*row..].iter().take_while(|(time, _)| *time < end).count();

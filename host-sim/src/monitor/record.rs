@@ -88,6 +88,7 @@ impl<W: Write> Recorder<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trace::COLUMNS;
     use model_core::{AdcCode, Core, Sample};
 
     #[test]
@@ -113,5 +114,11 @@ mod tests {
         assert_eq!(value("sensor_lag_s"), telemetry.estimate.sensor_lag_s.to_bits());
         assert_eq!(cell("code_length"), "23757");
         assert_eq!(cell("gas_temperature_k"), "", "nobody knows it on a real board");
+        for column in &lines[0] {
+            assert!(
+                ["time_s"].contains(column) || COLUMNS.contains(column),
+                "as in a trace: {column}"
+            );
+        }
     }
 }

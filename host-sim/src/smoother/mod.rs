@@ -16,7 +16,8 @@
 mod model;
 mod trend;
 
-use self::model::{HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL};
+pub(crate) use self::model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
+use self::model::{LAG, Matrix, SCALE};
 use self::trend::Reading;
 use model_core::body::Shape;
 use model_core::front_end::{CodeSum, Converter, FrontEnd};
