@@ -8,6 +8,7 @@ pub mod analysis;
 pub mod board;
 pub mod cli;
 pub mod core_config;
+pub mod core_model;
 pub mod evaluate;
 pub mod faults;
 pub mod identify;

@@ -32,7 +32,6 @@
 pub mod balance;
 pub mod body;
 pub mod config;
-pub mod contraction_control;
 pub mod control;
 pub mod estimator;
 pub mod front_end;
@@ -41,7 +40,6 @@ pub mod geometry;
 pub mod heat;
 pub mod math;
 pub mod model;
-pub mod pressure_control;
 pub mod sample;
 mod step;
 pub mod supervisor;

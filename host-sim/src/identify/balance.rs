@@ -2,10 +2,10 @@
 //! the port follows from the energy balance, so that no valve and no flow needs to be known.
 
 use crate::core_config::core_config;
+use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
 use crate::plant::Diverged;
 use crate::profile::Profile;
 use crate::scenario::Scenario;
-use crate::smoother::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
 use model_core::Config;
 use model_core::body::Shape;
 use nalgebra::{DMatrix, DVector};

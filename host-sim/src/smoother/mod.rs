@@ -13,12 +13,10 @@
 //! plant does not follow the model, it is wrong too, and may be more so than the core: it takes the
 //! model at its word over the whole run.
 
-mod model;
 mod trend;
 
-pub(crate) use self::model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
-use self::model::{LAG, Matrix, SCALE};
 use self::trend::Reading;
+use crate::core_model::{HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL};
 use model_core::body::Shape;
 use model_core::front_end::{CodeSum, Converter, FrontEnd};
 use model_core::sample::OVERSAMPLING;

@@ -14,8 +14,8 @@
 //! Friction is a play: it grows with the way since the last turn, up to the Coulomb force at the
 //! estimated wall temperature, so that it neither chatters at rest nor jumps at a change of mode.
 
+use super::port::{Feedback, Port};
 use crate::config::{Config, ControllerConfig, Load};
-use crate::control::{Feedback, Port};
 use crate::geometry::Geometry;
 use crate::math::{absolute, limit};
 
@@ -156,11 +156,6 @@ impl ContractionLoop {
     /// Whether the muscle is where it should be and the valves rest.
     pub fn holding(&self) -> bool {
         self.holding
-    }
-
-    /// Load that the loop has learnt to add to the configured one \[N\].
-    pub fn trim_n(&self) -> f32 {
-        self.trim_n
     }
 
     /// Takes the measured force for the one wanted: friction explains what it can, the trim the

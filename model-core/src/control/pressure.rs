@@ -1,8 +1,8 @@
 //! Pressure: the gas mass that brings the next period's end to the set point, from eq. (6) with the
 //! estimated temperature and the measured speed.
 
+use super::port::{Feedback, Port};
 use crate::config::{Config, ControllerConfig};
-use crate::control::{Feedback, Port};
 use crate::math::{absolute, limit};
 
 /// State of the pressure loop.

@@ -1,0 +1,50 @@
+//! What the loops see, and what they work with: readings, and the gas that a pulse moves.
+
+use crate::sample::Estimate;
+
+/// What the controller acts on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feedback {
+    /// Measured absolute pressure \[Pa\].
+    pub pressure_pa: f32,
+    /// Measured length \[m\].
+    pub length_m: f32,
+    /// The estimate of the step before.
+    pub estimate: Estimate,
+}
+
+/// The gas at the valves' side of a loop, for one period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Port {
+    /// PWM period \[s\].
+    pub period_s: f32,
+    /// Its reciprocal: a division is dear without an FPU \[Hz\].
+    pub pwm_hz: f32,
+    /// Absolute pressure \[Pa\].
+    pub pressure_pa: f32,
+    /// Gas volume \[m3\].
+    pub volume_m3: f32,
+    /// Mass that the last pulse still moves, positive into the muscle \[kg\].
+    pub in_flight_kg: f32,
+    /// Whether the last period's valve could not pass what was asked.
+    pub saturated: bool,
+    /// Temperature of the gas that comes in \[K\] ...
+    pub inflow_k: f32,
+    /// ... and of the gas that leaves \[K\].
+    pub gas_k: f32,
+    /// Reciprocal of the heat-capacity ratio \[-\].
+    pub per_k: f32,
+    /// Specific gas constant \[J/(kg K)\].
+    pub gas_constant_j_kg_k: f32,
+}
+
+impl Port {
+    /// Gas mass \[kg\] that a change of pressure \[Pa\] and of volume \[m3\] needs, eq. (6) solved for
+    /// it: (V dP/k + P dV)/(R T). T is that of the gas which passes the port: the supply's inwards,
+    /// the estimate outwards (the balance (3), where (5) has one T for both).
+    pub fn mass_kg(&self, change_pa: f32, change_m3: f32) -> f32 {
+        let energy_j = self.volume_m3 * change_pa * self.per_k + self.pressure_pa * change_m3;
+        let port_k = if energy_j > 0.0 { self.inflow_k } else { self.gas_k };
+        energy_j / (self.gas_constant_j_kg_k * port_k)
+    }
+}
