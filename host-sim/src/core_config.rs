@@ -99,7 +99,7 @@ pub fn core_config(believed: &Scenario) -> Config {
             dead_volume_m3: (s.muscle.dead_volume_m3 + one_zone.tube_m3) as f32,
         }),
         PlantKind::Vessel => Body::Vessel {
-            section_m2: crate::plant::vessel_section_m2(s) as f32,
+            section_m2: s.vessel.section_m2() as f32,
             surface_m2: s.vessel.surface_m2 as f32,
         },
     };

@@ -1,7 +1,6 @@
 //! Scenario files as users write them: what is taken, and what is said of what is not.
 
 use host_sim::core_config::core_config;
-use host_sim::plant;
 use host_sim::scenario::schema::{Allowed, TABLES};
 use host_sim::scenario::{self, LoadKind, Loaded, Scenario};
 use proptest::prelude::*;
@@ -406,7 +405,7 @@ fn what_is_believed_overlays_the_plant() {
 fn sizes_that_are_not_given_fit_the_others() {
     let vessel = valid("plant.kind = \"vessel\"\nvessel.volume_m3 = 8.0").plant;
     assert!((vessel.vessel.characteristic_length_m - 2.0).abs() < 1e-15);
-    let length = 8.0 / plant::vessel_section_m2(&vessel);
+    let length = 8.0 / vessel.vessel.section_m2();
     assert!((vessel.sensor.length.range_m * 0.8 / length - 1.0).abs() < 1e-12);
     let muscle = valid("muscle.rest_length_m = 0.6").plant;
     assert_eq!(muscle.sensor.length.range_m, 0.6 / 0.8);

@@ -24,7 +24,6 @@ use crate::profile::Profile;
 use crate::scenario::{PlantKind, PlantModel, Scenario};
 use geometry::Geometry;
 use serde::Serialize;
-use std::f64::consts::PI;
 use std::fmt;
 
 /// What acts on the plant during one step: the share of the step that each valve is driven, 0 to 1.
@@ -249,12 +248,6 @@ pub fn build_driven_by_flows(
         ),
         PlantKind::Muscle => Box::new(lumped::Lumped::new(scenario)?.driven_by_flows()),
     })
-}
-
-/// Section that turns a vessel's volume into the length that its sensor shows \[m2\].
-pub fn vessel_section_m2(scenario: &Scenario) -> f64 {
-    let diameter = scenario.vessel.characteristic_length_m;
-    PI / 4.0 * diameter * diameter
 }
 
 /// Checks that a gas state is one: finite, positive pressure and mass, 20 to 2000 K.

@@ -175,7 +175,7 @@ impl Vessel {
             wall_j_k: scenario.vessel.wall_heat_capacity_j_k,
             outer_w_k: scenario.heat.outer_w_m2_k * scenario.vessel.surface_m2,
             ambient_k: scenario.ambient.temperature_k,
-            section_m2: super::vessel_section_m2(scenario),
+            section_m2: scenario.vessel.section_m2(),
             initial_k: scenario.plant.initial_temperature_k,
             closure,
             volume,

@@ -6,7 +6,6 @@ use super::model::{DriveKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::rules::{self, Fault, Violation};
 use super::schema::{Allowed, Limits, limits};
 use crate::input::{InputError, Problem, read_text};
-use crate::plant::vessel_section_m2;
 use crate::profile::Profile;
 use crate::table::read_table;
 use std::path::{Path, PathBuf};
@@ -147,7 +146,7 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
                 // A cube's.
                 plant.vessel.characteristic_length_m = largest_m3.cbrt();
             }
-            largest_m3 / vessel_section_m2(plant)
+            largest_m3 / plant.vessel.section_m2()
         }
     };
     if given.get("sensor.length.range_m").is_none() {

@@ -240,6 +240,13 @@ pub struct Vessel {
     pub characteristic_length_m: f64,
 }
 
+impl Vessel {
+    /// Section that turns its volume into the length that its sensor shows \[m2\].
+    pub fn section_m2(&self) -> f64 {
+        std::f64::consts::PI / 4.0 * self.characteristic_length_m * self.characteristic_length_m
+    }
+}
+
 impl Default for Vessel {
     fn default() -> Self {
         Self {
