@@ -95,7 +95,7 @@ fn charts(identified: &Identified) -> Section {
         );
     }
     Section::new("Fit")
-        .figure(fit.figure("Fit over data", "The plant with the identified values."))
+        .figure(fit.figure("Fit over data", "The model with the identified values."))
         .figure(rest.figure(
             "Residuals",
             "Scatter is the sensor's; what goes on from point to point is the model's.",
