@@ -283,6 +283,12 @@ fn bad_input_is_one_clear_message() {
         (data, fit(&["muscle.turns"]), "\"muscle.turns\" is none"),
         (data, fit(&["heat.scale", "heat.scale"]), "heat.scale appears twice"),
         (data, fit(&["heat.inner_per_flow"]), "heat.inner_per_flow is not above 0"),
+        (
+            data,
+            fit(&["heat.inner_w_m2_k"])
+                .replace("starts", "columns = [\"pressure_pa\", \"pressure_pa\"]\nstarts"),
+            "pressure_pa appears twice",
+        ),
         (data, only("pressure"), "\"pressure\" is none of them"),
         (data, only("sensor_gas_k"), "data.csv: column sensor_gas_k is missing, or empty"),
         (
@@ -293,6 +299,11 @@ fn bad_input_is_one_clear_message() {
         ("time_s,colour\n0,1\n1,2\n", one, "data.csv: unknown column colour"),
         ("time_s,pressure_pa\n0,5e5\n1,4e5\n", two, "2 measured values: must be more than the 2"),
         (data, asking_for(WRONG, &["heat.scale"]), "column duty_in is missing"),
+        (
+            "time_s,pressure_pa,duty_in,duty_out\n0,2e5,0,0\n1,2e5,,1\n2,2e5,0,0\n",
+            asking_for(WRONG, &["heat.scale"]),
+            "column duty_out: must be filled where duty_in is",
+        ),
         (
             "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.29,298\n1,0,0.28,299\n",
             told("full"),

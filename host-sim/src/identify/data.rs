@@ -144,8 +144,16 @@ impl Data {
             return Err(InputError::file(path, Problem::TooFewPoints { points, parameters }));
         }
 
+        let unusable = |name: &str, why: &str| {
+            InputError::file(path, Problem::Unreadable(format!("column {name}: {why}")))
+        };
         let pair = |names: [&str; 2]| -> Result<Vec<(f64, [f64; 2])>, InputError> {
             let (inlet, outlet) = (needed(names[0])?, needed(names[1])?);
+            let times =
+                |column: &Column| column.points.iter().map(|point| point.0).collect::<Vec<_>>();
+            if times(inlet) != times(outlet) {
+                return Err(unusable(names[1], &format!("must be filled where {} is", names[0])));
+            }
             let both = inlet.points.iter().zip(&outlet.points);
             Ok(both.map(|((time, inlet), (_, outlet))| (*time, [*inlet, *outlet])).collect())
         };
@@ -159,9 +167,6 @@ impl Data {
             .parameters
             .iter()
             .any(|path| path.starts_with("valve.") || path == "supply.pressure_pa");
-        let unusable = |name: &str, why: &str| {
-            InputError::file(path, Problem::Unreadable(format!("column {name}: {why}")))
-        };
         let profile = |name: &str| -> Result<Profile, InputError> {
             let points = needed(name)?.points.clone();
             Profile::new(points).map_err(|error| unusable(name, &error.to_string()))
@@ -174,7 +179,7 @@ impl Data {
             }
         };
         let gauged = ["pressure_pa", "length_m"].into_iter().all(|name| column(name).is_some());
-        let sensor_only = observed.iter().all(|observed| observed.quantity == Quantity::SensorGas);
+        let sensor_only = matches!(&observed[..], [only] if only.quantity == Quantity::SensorGas);
         let input = if free {
             Input::Scenario
         } else if sensor_only && gauged && !is_vessel {

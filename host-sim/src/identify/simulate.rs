@@ -53,8 +53,8 @@ impl<'a> Experiment<'a> {
     pub fn predict(&self, scenario: &Scenario) -> Result<Vec<f64>, Failed> {
         let data = self.data;
         if let Some(balance) = &self.balance {
-            let [sensor_gas] = data.observed.as_slice() else { return Ok(Vec::new()) };
-            return balance.sensor_gas(scenario, &sensor_gas.points).map_err(Failed::Diverged);
+            let sensor_gas = &data.observed[0].points;
+            return balance.sensor_gas(scenario, sensor_gas).map_err(Failed::Diverged);
         }
         let mut scenario = scenario.clone();
         scenario.run.step_s = self.step_s;

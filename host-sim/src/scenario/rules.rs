@@ -146,13 +146,18 @@ fn check_identify(scenario: &Scenario) -> Result<(), Violation> {
         };
         return Err(wrong("identify.parameters", all, why));
     }
-    match identify.columns.iter().find(|name| !OBSERVABLE.contains(&name.as_str())) {
-        Some(name) => {
-            let why = format!("some of {}; {name:?} is none of them", OBSERVABLE.join(", "));
-            Err(wrong("identify.columns", &identify.columns, why))
-        }
-        None => Ok(()),
+    let columns = &identify.columns;
+    for (i, name) in columns.iter().enumerate() {
+        let why = if !OBSERVABLE.contains(&name.as_str()) {
+            format!("some of {}; {name:?} is none of them", OBSERVABLE.join(", "))
+        } else if columns[..i].contains(name) {
+            format!("some of {}, each once; {name} appears twice", OBSERVABLE.join(", "))
+        } else {
+            continue;
+        };
+        return Err(wrong("identify.columns", columns, why));
     }
+    Ok(())
 }
 
 fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
