@@ -75,7 +75,7 @@ impl Energy {
             self.closed_steps = 0;
             let more_j = match doubt {
                 Doubt::WideCode(half_j) => on_within(self.foretold_j(openings), error_j, half_j),
-                Doubt::Noise(_) => self.flow.step(error_j, doubt, openings.course()),
+                Doubt::Noise(_) => self.flow.step(error_j, doubt, openings.course(true)),
             };
             if openings.driven {
                 self.mean_flow_j += MEAN_SHARE * (more_j - self.mean_flow_j);

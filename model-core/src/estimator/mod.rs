@@ -113,9 +113,13 @@ pub struct Openings {
 }
 
 impl Openings {
-    /// What they let expect of a step in which gas may flow.
-    fn course(self) -> Course {
-        if self.turned { Course::Turned } else { Course::Open }
+    /// What they let expect of a step; `flowing`: gas flowed in the one before.
+    fn course(self, flowing: bool) -> Course {
+        match (self.turned, flowing) {
+            (true, _) => Course::Turned,
+            (false, true) => Course::Open,
+            (false, false) => Course::Shut,
+        }
     }
 }
 
@@ -319,8 +323,7 @@ impl Estimator {
         } else {
             Doubt::Noise(self.length_noise_m)
         };
-        let course =
-            if self.energy.flowing() { measurement.openings.course() } else { Course::Shut };
+        let course = measurement.openings.course(self.energy.flowing());
         let change_m = measurement.length_m - self.followed_m;
         self.followed_m += self.motion.step(change_m, doubt, course);
         let volume_m3 = self.shape.volume_m3(self.followed_m);
@@ -622,6 +625,14 @@ mod tests {
                 discharging: flow & 2 != 0,
             },
         }
+    }
+
+    #[test]
+    fn a_turn_is_one_where_nothing_flowed_before_too() {
+        let still = Openings::default();
+        let turned = Openings { turned: true, ..still };
+        assert_eq!([false, true].map(|flowing| turned.course(flowing)), [Course::Turned; 2]);
+        assert_eq!([still.course(false), still.course(true)], [Course::Shut, Course::Open]);
     }
 
     proptest! {
