@@ -1,6 +1,7 @@
 //! A muscle as the core sees it: driven by the pressure and the length that were measured. What crossed
 //! the port follows from the energy balance, so that no valve and no flow needs to be known.
 
+use super::simulate::holding;
 use crate::core_config::core_config;
 use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
 use crate::plant::Diverged;
@@ -52,8 +53,7 @@ impl Balance {
         let known = (0..=steps).map(|step| {
             let time_s = start_s + step as f64 * step_s;
             let [charging, discharging] = open_until_s.map(|until_s| time_s <= until_s);
-            row += duties[row + 1..].iter().take_while(|(at, _)| *at <= time_s).count();
-            for (until_s, duty) in open_until_s.iter_mut().zip(duties[row].1) {
+            for (until_s, duty) in open_until_s.iter_mut().zip(holding(duties, &mut row, time_s)) {
                 if duty > 0.0 {
                     *until_s = time_s + LATE_S;
                 }
@@ -109,8 +109,10 @@ impl Balance {
         let left = DVector::from_iterator(points.len(), measured) - &even;
         let squares = effects.tr_mul(&effects);
         // A record too short to tell them apart keeps an even start.
-        let start_k = squares.cholesky().map(|squares| squares.solve(&effects.tr_mul(&left)));
-        let fitted = start_k.map_or(even.clone(), |start_k| even + effects * start_k);
+        let fitted = match squares.cholesky() {
+            Some(squares) => even + &effects * squares.solve(&effects.tr_mul(&left)),
+            None => even,
+        };
         Ok(fitted.iter().copied().collect())
     }
 

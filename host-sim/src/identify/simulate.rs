@@ -97,14 +97,16 @@ impl<'a> Experiment<'a> {
                 *row = (*row).min(rows.len() - 1);
                 rows[*row].1
             }
-            Input::Duties(rows) => {
-                let later = rows[*row + 1..].iter();
-                *row += later.take_while(|(time, _)| *time <= time_s + slack).count();
-                rows[*row].1
-            }
+            Input::Duties(rows) => holding(rows, row, time_s + slack),
         };
         Actuation { inlet: values[0], outlet: values[1] }
     }
+}
+
+/// What holds at a time, of rows that each hold until the next; `row` is where the last call looked.
+pub fn holding(rows: &[(f64, [f64; 2])], row: &mut usize, time_s: f64) -> [f64; 2] {
+    *row += rows[*row + 1..].iter().take_while(|(time, _)| *time <= time_s).count();
+    rows[*row].1
 }
 
 /// A value at a time between two looks at the plant.
