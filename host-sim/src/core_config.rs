@@ -16,9 +16,10 @@ use model_core::valve::Valve;
 const ISOTHERMAL_W_M2_K: f64 = 2_000.0;
 /// Erratum RP2040-E11, the virtual ADC's as the board's \[LSB of 12 bit\].
 const RP2040_WIDE_CODE_LSB: f32 = 8.9;
-/// Shortest sensor lag that the core's filter works with; a sensor without lag is told as this
-/// one \[s\].
-const SHORTEST_LAG_S: f32 = 0.001;
+/// Sensor lags that the core's filter works with; a sensor without lag is told as the shortest
+/// \[s\].
+const SHORTEST_LAG_S: f32 = 1.0e-3;
+const LONGEST_LAG_S: f32 = 1.0e3;
 /// Stands for friction that is there from the first micrometre on \[N/m\].
 const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
 /// Smallest wall that the core works with \[J/K\].
@@ -163,7 +164,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         gas_sensor: GasSensor {
             time_constant_s: ((s.sensor.gas.time_constant_s / one_zone.swing) as f32)
-                .max(SHORTEST_LAG_S),
+                .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
             housing_time_constant_s: one_zone.housing_s as f32,
             noise_k: s.sensor.gas.noise_k as f32,
         },
