@@ -69,7 +69,7 @@ const LOWEST_PA: f32 = 5.0e3;
 const HIGHEST_PA: f32 = 1.0e9;
 /// Innovations that stay beyond so many deviations of the reading, averaged over half a second, say
 /// that the state is wrong and not the reading.
-const CONTRADICTION: f32 = 8.0;
+const CONTRADICTION: f32 = 5.0;
 /// Temperatures beyond which neither gas nor wall lies \[K\].
 const COLDEST_K: f32 = 100.0;
 const HOTTEST_K: f32 = 1000.0;
@@ -538,8 +538,9 @@ impl Estimator {
         let forget = duration_s / self.config.estimator.memory_s;
         self.scale += forget * (1.0 - self.scale);
         self.lag_s += forget * (self.config.gas_sensor.time_constant_s - self.lag_s);
-        self.wall_k += (interval.heat_j + friction_j) * per_wall
+        let warming_k = (interval.heat_j + friction_j) * per_wall
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
+        self.wall_k = limit(self.wall_k + warming_k, COLDEST_K, HOTTEST_K);
         let sensor_change_k = lag_share * (self.housing_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
         self.frozen |= absolute(self.sensor_k - self.code_changed_k) > self.frozen_k;
