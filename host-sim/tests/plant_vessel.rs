@@ -81,8 +81,6 @@ fn relative(actual: f64, expected: f64) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
-
     #[test]
     fn adiabatic_discharge(case in cases()) {
         let mut s = case.scenario(DriveKind::Discharge, HeatModel::Adiabatic);

@@ -572,8 +572,6 @@ fn one_line(message: &str) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(512))]
-
     #[test]
     fn the_print_reads_back_to_the_bit(text in any_scenario(0.03)) {
         match parse(&text) {
