@@ -86,22 +86,26 @@ impl Model {
         };
         let speed_m_s = (length_m - self.length_m) / step_s;
         let surface_m2 = self.shape.surface_m2(length_m);
+        // What would be over within a step takes one, and what is not there cannot leave: a wrong
+        // configuration makes the model wrong, but keeps it finite.
+        let gas_j_k = self.gas.mass_kg() * self.config.gas.cv_j_kg_k();
+        let wall_j_k = heat.wall_heat_capacity_j_k;
+        let at_most_w_k = limit(gas_j_k, 0.0, wall_j_k) / step_s;
         let exchange = Exchange {
             inflow_kg_s,
             inflow_temperature_k: self.config.supply.temperature_k,
-            outflow_kg_s,
-            wall_w_k: heat.inner_w_k(surface_m2, inflow_kg_s),
+            outflow_kg_s: limit(outflow_kg_s, 0.0, 0.5 * self.gas.mass_kg() / step_s),
+            wall_w_k: limit(heat.inner_w_k(surface_m2, inflow_kg_s), 0.0, at_most_w_k),
             wall_temperature_k: self.wall_k,
             volume_start_m3: self.shape.volume_m3(self.length_m),
             volume_end_m3: self.shape.volume_m3(length_m),
         };
         let to_wall_j = self.gas.step(&self.config.gas, &exchange, step_s);
         self.length_m = length_m;
-        let to_ambient_w = heat.outer_w_k(surface_m2, speed_m_s)
-            * (self.wall_k - self.config.ambient.temperature_k);
+        let outer_w_k = limit(heat.outer_w_k(surface_m2, speed_m_s), 0.0, wall_j_k / step_s);
+        let to_ambient_w = outer_w_k * (self.wall_k - self.config.ambient.temperature_k);
         let friction_w = self.config.friction.wall_heat_w(self.wall_k, speed_m_s);
-        self.wall_k +=
-            (to_wall_j + (friction_w - to_ambient_w) * step_s) / heat.wall_heat_capacity_j_k;
+        self.wall_k += (to_wall_j + (friction_w - to_ambient_w) * step_s) / wall_j_k;
         self.sensor_k =
             lag_step(self.sensor_k, self.gas_k(), self.config.gas_sensor.time_constant_s, step_s);
     }
