@@ -88,6 +88,33 @@ fn a_full_disk_leaves_nothing_behind() {
 }
 
 #[test]
+fn a_run_that_would_not_end_does_not_begin() {
+    let folder = tempfile::tempdir().unwrap();
+    for (text, message) in [
+        (
+            "[plant]\nmodel = \"full\"\n[tube]\nvolume_m3 = 1e-9\n[valve]\nconductance_m3_s_pa = 1e-6\n",
+            "tube.volume_m3 is too small for the conductances of valve and tube: it asks for integration steps of ",
+        ),
+        (
+            "[plant]\nmodel = \"full\"\n[friction]\nviscous_n_s_m = 1e6\npresliding_stiffness_n_m = 1e9\n[load]\nmass_kg = 0.01\n",
+            "load.mass_kg is too small for the stiffness and viscosity of friction: it asks",
+        ),
+        (
+            "[plant]\nmodel = \"lumped\"\n[valve]\nconductance_m3_s_pa = 1e-3\n",
+            "valve.conductance_m3_s_pa is too large for the muscle's volume: it asks",
+        ),
+    ] {
+        let file = scenario(folder.path(), text);
+        let out = folder.path().join("out");
+        let output = thermyo(&["run", &file, "--out", &out.display().to_string()]);
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains(message), "{}", said(&output));
+        assert!(said(&output).contains(" s, at least 1e-7 s are taken"), "{}", said(&output));
+        assert!(!out.exists(), "half a result is left");
+    }
+}
+
+#[test]
 fn a_diverging_plant_stops_with_time_and_state() {
     let folder = tempfile::tempdir().unwrap();
     // A vessel whose piston squeezes the gas to a thousandth: the temperature leaves every range.
@@ -102,5 +129,6 @@ fn a_diverging_plant_stops_with_time_and_state() {
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     assert!(said(&output).contains("the plant diverged at 0.9"), "{}", said(&output));
     assert!(said(&output).contains("temperature ="), "{}", said(&output));
+    assert!(said(&output).contains("a step before"), "{}", said(&output));
     assert!(!out.exists(), "half a result is left");
 }

@@ -1,8 +1,13 @@
 //! Scenario files as users write them: what is taken, and what is said of what is not.
 
+use host_sim::board::CoreBoard;
 use host_sim::core_config::core_config;
+use host_sim::plant::BuildError;
+use host_sim::run::{self, RunError};
 use host_sim::scenario::schema::{Allowed, TABLES};
-use host_sim::scenario::{self, LoadKind, Loaded, Scenario};
+use host_sim::scenario::{self, LoadKind, Loaded, Run, Scenario};
+use host_sim::trace::{COLUMNS, Row};
+use model_core::Command;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use std::fs;
@@ -617,6 +622,35 @@ proptest! {
         let text = String::from_utf8_lossy(&bytes);
         if let Err(message) = parse(&text) {
             prop_assert!(one_line(&message), "{:?}", message);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: ProptestConfig::default().cases / 4,
+        ..ProptestConfig::default()
+    })]
+
+    /// Core and plant: finite figures, or a reason why not.
+    #[test]
+    fn an_odd_scenario_runs_or_says_why(text in any_scenario(0.03)) {
+        let Ok(mut loaded) = parse(&text) else { return Ok(()) };
+        for scenario in [&mut loaded.plant, &mut loaded.believed] {
+            scenario.run = Run { duration_s: 0.2, log_every: 1, ..Run::default() };
+        }
+        let mut odd = Vec::new();
+        let ended = run::run(&loaded, &mut CoreBoard::default(), None, &mut |row: &Row| {
+            let cells = COLUMNS.iter().zip(row.cells());
+            odd.extend(cells.filter(|(_, cell)| !cell.is_finite()).map(|(name, _)| *name));
+            let Command { inlet, outlet } = row.telemetry.command;
+            odd.extend((inlet.share() > 0.0 && outlet.share() > 0.0).then_some("both valves open"));
+            Ok(())
+        });
+        prop_assert!(odd.is_empty(), "{:?}", odd);
+        match ended {
+            Ok(_) | Err(RunError::Diverged(_) | RunError::Build(BuildError::TooFast { .. })) => {}
+            Err(error) => prop_assert!(false, "{}", error),
         }
     }
 }

@@ -299,7 +299,8 @@ impl Full {
     /// The full muscle of a scenario.
     ///
     /// # Errors
-    /// [`BuildError::GeometryUnresolved`] when the loader has not filled in the braid.
+    /// [`BuildError::GeometryUnresolved`] when the loader has not filled in the braid, and
+    /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario) -> Result<Self, BuildError> {
         let (braid, rest_length) = super::resolved_braid(scenario)?;
         let zones = scenario.muscle.zones.max(1);
@@ -327,9 +328,15 @@ impl Full {
         let hottest = supply.1.max(temperature);
         let steepest = 2.0 * valve.steepest(hottest) + tube.steepest(hottest);
         let tube_rate = gas.k * gas.r * hottest * steepest / scenario.tube.volume_m3;
-        let fastest = tube_rate.max(bristle.fastest_rate(mass_kg));
+        let bristle_rate = bristle.fastest_rate(mass_kg);
+        let (fastest, because) = if tube_rate > bristle_rate {
+            (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube")
+        } else {
+            (bristle_rate, "load.mass_kg is too small for the stiffness and viscosity of friction")
+        };
         let step = scenario.run.step_s;
-        let substeps = (step * fastest / STEP_TIMES_RATE).max(step / LONGEST_STEP_S);
+        let longest = LONGEST_STEP_S.min(STEP_TIMES_RATE / fastest);
+        let substeps = super::substeps(step, longest, because)?;
 
         let wall = &scenario.wall;
         let per_zone = wall.heat_capacity_j_k / zones as f64;
@@ -337,8 +344,7 @@ impl Full {
         let sensor = &scenario.sensor;
         let config = Config {
             step_s: step,
-            // 10.000000000000002 substeps are 10.
-            substeps: (substeps - 1e-9).ceil().max(1.0) as u32,
+            substeps,
             zones,
             closure,
             pull,
@@ -499,7 +505,7 @@ impl Plant for Full {
         let pressure = self.place.0;
         let mass: f64 = self.config.masses(&self.state).iter().sum();
         for temperature in self.axial_gas_k() {
-            check_gas(end, pressure, temperature, mass)?;
+            check_gas(end, pressure, temperature, mass, &self.truth)?;
         }
         check_length(end, self.state[LENGTH], &self.config.pull.braid)?;
         self.sensors.advance(&exposure);

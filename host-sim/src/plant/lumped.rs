@@ -211,7 +211,8 @@ impl Lumped {
     /// The lumped muscle of a scenario.
     ///
     /// # Errors
-    /// [`BuildError::GeometryUnresolved`] when the loader has not filled in the braid.
+    /// [`BuildError::GeometryUnresolved`] when the loader has not filled in the braid, and
+    /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario) -> Result<Self, BuildError> {
         let (braid, rest_length) = super::resolved_braid(scenario)?;
         let pull = Pull::new(scenario, braid, rest_length);
@@ -237,14 +238,18 @@ impl Lumped {
         let hottest = supply.1.max(temperature);
         let valve_rate = 2.0 * gas.k * gas.r * hottest * valve.steepest(hottest) / smallest;
         let step = scenario.run.step_s;
-        let substeps = (step * valve_rate / STEP_TIMES_RATE).max(step / LONGEST_STEP_S).ceil();
+        let substeps = super::substeps(
+            step,
+            LONGEST_STEP_S.min(STEP_TIMES_RATE / valve_rate),
+            "valve.conductance_m3_s_pa is too large for the muscle's volume",
+        )?;
         let exponent = closure.exponent();
         let power = volume.powf(-exponent);
         let held =
             Place { may_contract: false, may_extend: false, length, volume, power, pressure };
         let config = Config {
             step_s: step,
-            substeps: substeps.max(1.0) as u32,
+            substeps,
             closure,
             pull,
             isometric,
@@ -359,7 +364,7 @@ impl Plant for Lumped {
         let place = &self.play.held;
         let closure = &self.config.closure;
         let temperature = closure.temperature(place.pressure, place.volume, self.state[MASS]);
-        check_gas(time, place.pressure, temperature, self.state[MASS])?;
+        check_gas(time, place.pressure, temperature, self.state[MASS], &self.truth)?;
         check_length(time, place.length, &self.config.pull.braid)?;
         self.sensors.advance(&Exposure {
             gas_k: temperature,

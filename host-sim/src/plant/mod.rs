@@ -181,6 +181,10 @@ pub trait Plant: Send {
     fn axial_gas_k(&self) -> Vec<f64>;
 }
 
+/// Shortest integration step of a muscle, a thousandth of the usual one: a simulated second takes
+/// minutes \[s\].
+const SHORTEST_STEP_S: f64 = 1.0e-7;
+
 /// Why a scenario that passed validation still makes no plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BuildError {
@@ -192,6 +196,13 @@ pub enum BuildError {
         time_s: f64,
         /// The volume \[m3\].
         volume_m3: f64,
+    },
+    /// Something in the plant is so fast that a run would not end.
+    TooFast {
+        /// Integration step that it asks for, below [`SHORTEST_STEP_S`] \[s\].
+        asked_s: f64,
+        /// Which keys make it so fast.
+        because: &'static str,
     },
 }
 
@@ -208,6 +219,10 @@ impl fmt::Display for BuildError {
                     "the vessel's volume at {time_s} s is {volume_m3} m3; it must be positive"
                 )
             }
+            Self::TooFast { asked_s, because } => write!(
+                f,
+                "{because}: it asks for integration steps of {asked_s:.1e} s, at least {SHORTEST_STEP_S:.0e} s are taken"
+            ),
         }
     }
 }
@@ -250,15 +265,37 @@ pub fn build_driven_by_flows(
     })
 }
 
-/// Checks that a gas state is one: finite, positive pressure and mass, 20 to 2000 K.
-fn check_gas(time_s: f64, pressure: f64, temperature: f64, mass: f64) -> Result<(), Diverged> {
+/// Number of integration steps in an exchange step, each of at most `longest_s`; `because` names the
+/// keys that limit it.
+fn substeps(step_s: f64, longest_s: f64, because: &'static str) -> Result<u32, BuildError> {
+    if longest_s < SHORTEST_STEP_S {
+        return Err(BuildError::TooFast { asked_s: longest_s, because });
+    }
+    // 10.000000000000002 substeps are 10.
+    Ok((step_s / longest_s - 1e-9).ceil().max(1.0) as u32)
+}
+
+/// Checks that a gas state is one: finite, positive pressure and mass, 20 to 2000 K. `before` is the
+/// last state that was.
+fn check_gas(
+    time_s: f64,
+    pressure: f64,
+    temperature: f64,
+    mass: f64,
+    before: &Truth,
+) -> Result<(), Diverged> {
     let positive = |x: f64| x.is_finite() && x > 0.0;
     if positive(pressure) && positive(mass) && (20.0..=2000.0).contains(&temperature) {
         return Ok(());
     }
+    let Truth { pressure_pa, gas_temperature_k, mass_kg, .. } = before;
     Err(Diverged {
         time_s,
-        state: format!("pressure = {pressure} Pa, temperature = {temperature} K, mass = {mass} kg"),
+        state: format!(
+            "pressure = {pressure} Pa, temperature = {temperature} K, mass = {mass} kg; a step before \
+             {pressure_pa:.3e} Pa, {gas_temperature_k:.0} K, {mass_kg:.2e} kg. A drive that takes out \
+             more gas than there is does that, or a value far from its default"
+        ),
     })
 }
 

@@ -263,7 +263,7 @@ impl Plant for Vessel {
             start = stop;
         }
         let now = config.instant(end, &self.state, actuation);
-        check_gas(end, now.pressure, now.temperature, self.state[MASS])?;
+        check_gas(end, now.pressure, now.temperature, self.state[MASS], &self.truth)?;
         self.sensors.advance(&Exposure {
             gas_k: now.temperature,
             wall_k: self.state[WALL],
