@@ -1,11 +1,22 @@
 //! Measurements to compare a run with (`--measured`): time_s and any columns of the trace.
 
 use crate::input::{InputError, Instead, Problem, nearest, quoted};
+use crate::scenario::schema::Limits;
 use crate::table::{Table, read_table};
 use std::path::Path;
 
 /// The column that every other one is over.
 const TIME: &str = "time_s";
+
+/// What can be measured: beyond lies another unit, or a broken line.
+const POSSIBLE: [(&str, Limits); 6] = [
+    (TIME, Limits { min: 0.0, max: 1.0e6, unit: "s" }),
+    ("pressure_pa", Limits { min: 1.0e3, max: 1.0e8, unit: "Pa" }),
+    ("volume_m3", Limits { min: 1.0e-9, max: 1.0e6, unit: "m3" }),
+    ("length_m", Limits { min: 1.0e-4, max: 20.0, unit: "m" }),
+    ("sensor_gas_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("sensor_wall_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+];
 
 /// Measured columns.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +38,8 @@ impl Measured {
     /// Reads a CSV file with the column time_s and any of the `known` columns; cells may be empty.
     ///
     /// # Errors
-    /// As [`read_table`]; for a column that is not `known`, and for times that are missing or fall.
+    /// As [`read_table`]; for a column that is not `known`, for times that are missing or fall, and
+    /// for what cannot have been measured.
     pub fn read(path: &Path, known: &[&str]) -> Result<Self, InputError> {
         Self::from_table(&read_table(path)?, known)
     }
@@ -47,6 +59,16 @@ impl Measured {
         if let Some(row) = (1..times.len()).find(|row| times[*row] < times[row - 1]) {
             let allowed = format!("at least {:?}, the time of the row before", times[row - 1]);
             return Err(table.cell_error(row, TIME, &allowed));
+        }
+        for column in table.columns() {
+            let Some((name, limits)) = POSSIBLE.iter().find(|(name, _)| *name == column.name)
+            else {
+                continue;
+            };
+            let possible = |cell: &Option<f64>| cell.is_none_or(|value| limits.contains(value));
+            if let Some(row) = column.cells.iter().position(|cell| !possible(cell)) {
+                return Err(table.cell_error(row, name, &limits.to_string()));
+            }
         }
         let columns = table
             .columns()
@@ -111,6 +133,18 @@ mod tests {
             (
                 "time_s,pressure_pa\n0,1\n2,2\n\n1,3\n",
                 "m.csv:5: column time_s = 1.0: must be at least 2.0, the time of the row before",
+            ),
+            (
+                "time_s,sensor_gas_k\n0,298\n1,\n2,25.3\n",
+                "m.csv:4: column sensor_gas_k = 25.3: must be a number from 100 to 1000 K",
+            ),
+            (
+                "time_s,pressure_pa\n0,5.2\n",
+                "m.csv:2: column pressure_pa = 5.2: must be a number from 1000 to 1e8 Pa",
+            ),
+            (
+                "time_s,pressure_pa\n-1,1e5\n",
+                "m.csv:2: column time_s = -1.0: must be a number from 0 to 1e6 s",
             ),
         ] {
             assert_eq!(read(text), Err(message.to_owned()), "{text:?}");

@@ -305,14 +305,14 @@ fn bad_input_is_one_clear_message() {
             "column duty_out: must be filled where duty_in is",
         ),
         (
-            "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.29,298\n1,0,0.28,299\n",
+            "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.29,298\n1,1e5,0.28,299\n",
             told("full"),
             "2 measured values: must be more than the 4",
         ),
         (
             "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.3,298\n1,0,0.3,299\n2,2e5,0.3,298\n",
             told("full").replace("\"heat.inner_per_flow\", \"wall.heat_capacity_j_k\", ", ""),
-            "column pressure_pa: not above 0 at 1 s",
+            "data.csv:3: column pressure_pa = 0.0: must be a number from 1000 to 1e8 Pa",
         ),
     ] {
         let found = identify_texts(data, &config);

@@ -171,21 +171,14 @@ impl Data {
             let points = needed(name)?.points.clone();
             Profile::new(points).map_err(|error| unusable(name, &error.to_string()))
         };
-        let positive = |name: &str| -> Result<Profile, InputError> {
-            let profile = profile(name)?;
-            match profile.points().iter().find(|(_, value)| *value <= 0.0) {
-                Some((time, _)) => Err(unusable(name, &format!("not above 0 at {time} s"))),
-                None => Ok(profile),
-            }
-        };
         let gauged = ["pressure_pa", "length_m"].into_iter().all(|name| column(name).is_some());
         let sensor_only = matches!(&observed[..], [only] if only.quantity == Quantity::SensorGas);
         let input = if free {
             Input::Scenario
         } else if sensor_only && gauged && !is_vessel {
             Input::Given(Given {
-                pressure: positive("pressure_pa")?,
-                length: positive("length_m")?,
+                pressure: profile("pressure_pa")?,
+                length: profile("length_m")?,
                 duties: pair(["duty_in", "duty_out"])?,
                 sensor_k: observed[0].points[0].1,
             })

@@ -7,6 +7,8 @@ use crate::scenario::{PlantKind, Scenario};
 
 /// Longest step between two looks at a vessel \[s\]: its integrator keeps its tolerance in between.
 const LONGEST_VESSEL_STEP_S: f64 = 0.02;
+/// Shortest step between two looks, where rows lie closer \[s\].
+const SHORTEST_STEP_S: f64 = 1.0e-4;
 /// Part of a step that two times may differ by and still be one.
 const SAME: f64 = 1e-6;
 
@@ -37,7 +39,7 @@ impl<'a> Experiment<'a> {
             PlantKind::Vessel => LONGEST_VESSEL_STEP_S,
         };
         // Rows of regular data fall on steps; those of other data are interpolated.
-        let spacing_s = data.spacing_s.min(data.end_s());
+        let spacing_s = data.spacing_s.min(data.end_s()).max(SHORTEST_STEP_S);
         let step_s = spacing_s / (spacing_s / longest_s - SAME).ceil().max(1.0);
         let balance = match &data.input {
             Input::Given(given) => Some(Balance::new(given, step_s, data.end_s())),

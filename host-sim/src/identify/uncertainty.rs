@@ -56,14 +56,17 @@ pub fn correlation_rows(residuals: &[f64]) -> f64 {
     1.0 + 2.0 * positive.sum::<f64>()
 }
 
-/// Covariance of the logarithms of the parameters; none where the data leave some combination of
-/// them open.
+/// Covariance of the logarithms of the parameters, of which there may be no one; none where the data
+/// leave some combination of them open.
 pub fn covariance(
     sensitivities: &DMatrix<f64>,
     observed: &[Observed],
     misfits: &[Misfit],
 ) -> Option<DMatrix<f64>> {
     let count = sensitivities.ncols();
+    if count == 0 {
+        return Some(DMatrix::zeros(0, 0));
+    }
     // Scaled to columns of length 1, so that units do not matter.
     let lengths = DVector::from_fn(count, |i, _| sensitivities.column(i).norm());
     if lengths.iter().any(|length| *length <= f64::MIN_POSITIVE) {
@@ -130,6 +133,15 @@ mod tests {
         let (white, correlated) = (outside_two(0.0), outside_two(0.9));
         assert!((0.01..0.10).contains(&white), "{white}");
         assert!((0.02..0.16).contains(&correlated), "{correlated}");
+    }
+
+    #[test]
+    fn nothing_searched_inside_its_limits_has_an_empty_covariance() {
+        let points = vec![(0.0, 0.0); 3];
+        let observed = [Observed { quantity: Quantity::Pressure, points, deviation: 1.0 }];
+        let misfit = [Misfit::new(&[1.0, -1.0, 1.0], 1.0, 1.0)];
+        let found = covariance(&DMatrix::zeros(3, 0), &observed, &misfit);
+        assert_eq!(found, Some(DMatrix::zeros(0, 0)));
     }
 
     #[test]
