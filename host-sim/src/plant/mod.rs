@@ -158,7 +158,9 @@ pub struct Diverged {
 
 impl fmt::Display for Diverged {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the plant diverged at {} s: {}", self.time_s, self.state)
+        // Microseconds: a multiple of the step may print as 0.009000000000000001.
+        let time_s = (self.time_s * 1e6).round() / 1e6;
+        write!(f, "the plant diverged at {time_s} s: {}", self.state)
     }
 }
 
@@ -199,7 +201,7 @@ pub enum BuildError {
     },
     /// Something in the plant is so fast that a run would not end.
     TooFast {
-        /// Integration step that it asks for, below [`SHORTEST_STEP_S`] \[s\].
+        /// Integration step that it asks for, below 1e-7 \[s\].
         asked_s: f64,
         /// Which keys make it so fast.
         because: &'static str,
