@@ -74,8 +74,8 @@ pub fn replay(board: &mut dyn Board, config: &Config, rows: &[Row]) -> Result<Re
 /// # Errors
 /// When one of the two cannot be read, or the trace does not hold every step from the first on.
 pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
-    let loaded = scenario::load(&trace.with_file_name("scenario.toml"))?;
     let table = read_table(trace)?;
+    let loaded = scenario::load(&trace.with_file_name("scenario.toml"))?;
     let column = |name: &str| table.filled(name);
     let steps = column("step")?;
     if let Some(row) = steps.iter().zip(0_u32..).position(|(step, row)| *step != f64::from(row)) {

@@ -273,6 +273,9 @@ mod tests {
         drive.mass(&config, 1.0, muscle);
         assert!(drive.saturated());
         assert!((drive.in_flight_kg() / (0.002 * full) - 1.0).abs() < 1e-4);
+        // Closing from 9 to 11 ms: of the last millisecond's slope a quarter millisecond is left.
+        drive.mass(&config, 0.008 * full, muscle);
+        assert!((drive.in_flight_kg() / (0.000_25 * full) - 1.0).abs() < 1e-3);
         // Closed 6 ms after the pin has risen: nothing is left.
         drive.mass(&config, 0.003 * full, muscle);
         assert!(!drive.saturated());
