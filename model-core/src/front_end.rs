@@ -248,6 +248,9 @@ mod tests {
         let code = |fraction: f32| AdcCode((fraction * 32768.0) as u16);
         assert!(converter.pressure_pa(code(0.1)).abs() < 150.0);
         assert!((converter.pressure_pa(code(0.9)) - 700_000.0).abs() < 150.0);
+        // A sum of eight truncated codes: its middle lies four above it.
+        let middle_pa = 700_000.0 * (f32::from(code(0.5).0 + 4) / 32768.0 - 0.1) / 0.8;
+        assert!((converter.pressure_pa(code(0.5)) - middle_pa).abs() < 1.0);
         assert!((converter.length_m(code(0.95)) - 0.4).abs() < 1e-4);
         assert!((converter.gas_k(code(0.05)) - 270.0).abs() < 0.02);
         assert!((converter.gas_k(code(0.95)) - 330.0).abs() < 0.02);
