@@ -576,7 +576,15 @@ fn one_line(message: &str) -> bool {
     message.starts_with("scenario.toml:") && !message.contains(char::is_control)
 }
 
+/// So many times the usual number of cases.
+fn cases(times: f64) -> ProptestConfig {
+    let usual = ProptestConfig::default();
+    ProptestConfig { cases: (times * f64::from(usual.cases)) as u32, ..usual }
+}
+
 proptest! {
+    #![proptest_config(cases(2.0))]
+
     #[test]
     fn the_print_reads_back_to_the_bit(text in any_scenario(0.03)) {
         match parse(&text) {
@@ -627,10 +635,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: ProptestConfig::default().cases / 4,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(cases(0.25))]
 
     /// Core and plant: finite figures, or a reason why not.
     #[test]
