@@ -6,6 +6,7 @@ use crate::source::Source;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
+use model_core::control::Mode;
 use model_core::wire::{Answer, Message, Phase};
 use model_core::{Command, Core};
 
@@ -40,16 +41,19 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
                 let telemetry = core.step(&sample);
                 let after = Instant::now();
                 black_box.note(Phase::Driving);
-                if fresh {
+                let judging = telemetry.mode == Mode::Judging;
+                if fresh && !judging {
                     valves.restart(core.config().drive.period_steps, telemetry.command);
                     fresh = false;
                 } else {
                     valves.drive(telemetry.command);
                 }
-                next_step = telemetry.step.wrapping_add(1);
+                next_step = telemetry.step.wrapping_add(u32::from(!judging));
                 shared.faults.store(telemetry.faults.0, Ordering::Relaxed);
                 let divider = u32::from(shared.telemetry_divider());
-                if cfg!(feature = "hil") || divider > 0 && telemetry.step.is_multiple_of(divider) {
+                // While the sensors are judged the core's own count stands still.
+                let step = if judging { tally.steps } else { telemetry.step };
+                if cfg!(feature = "hil") || divider > 0 && step.is_multiple_of(divider) {
                     shared.post(Message::Telemetry(telemetry));
                 }
                 tally.missed_steps += missed;
@@ -65,7 +69,7 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
             Either::Second((sequence, order)) => {
                 match order {
                     Order::Replace(other) => {
-                        core = other;
+                        core.restart_as(other);
                         next_step = 0;
                         fresh = true;
                     }

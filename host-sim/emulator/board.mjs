@@ -15,6 +15,8 @@ const OUTLET_COIL = 17;
 /** GPIO function (datasheet 2.19.2) and enable bit of the PWM slices. */
 const FUNCTION_PWM = 4;
 const PWM_ENABLE = 1;
+/** Override of a pad's output (GPIO control register, datasheet 2.19.6.1): low, whatever drives it. */
+const OVERRIDE_LOW = 2;
 const RUN_LINE = 14;
 const FAULT_OUTPUT = 15;
 const LED = 25;
@@ -135,6 +137,9 @@ export class Board {
   /** Share of the PWM period for which a coil is set to be powered: what the timer's registers say. */
   duty(number) {
     const channel = this.chip.pwm.channels[(number >> 1) & 7];
+    if (this.chip.gpio[number].outputOverride === OVERRIDE_LOW) {
+      return 0;
+    }
     if (this.chip.gpio[number].functionSelect !== FUNCTION_PWM || !(channel.csr & PWM_ENABLE)) {
       return this.pin(number) ? 1 : 0;
     }

@@ -6,6 +6,7 @@ use crate::input::InputError;
 use crate::run::{MOST_LATE_STEPS, SetPoints};
 use crate::scenario;
 use crate::table::read_table;
+use model_core::control::Mode;
 use model_core::{AdcCode, Command, Config, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
 use std::path::Path;
 
@@ -96,7 +97,7 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
         column("sensor_lag_s")?,
     ];
     let [inlet, outlet, faults] = [column("duty_in")?, column("duty_out")?, column("faults")?];
-    let valid = column("estimate_valid")?;
+    let [valid, mode] = [column("estimate_valid")?, column("mode")?];
     let rows = (0..steps.len())
         .map(|i| {
             let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
@@ -129,6 +130,7 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
                     inlet: Duty::from_share(inlet[i] as f32),
                     outlet: Duty::from_share(outlet[i] as f32),
                 },
+                mode: Mode::NAMES.get(mode[i] as usize).map_or(Mode::Judging, |(mode, _)| *mode),
                 faults: Faults(faults[i] as u16),
             };
             Row { set_point, telemetry }
@@ -142,7 +144,8 @@ pub fn identical(a: &Telemetry, b: &Telemetry) -> bool {
     let integers = |t: &Telemetry| {
         let Sample { pressure, gas, length, emergency_stop } = t.sample;
         let Command { inlet, outlet } = t.command;
-        (t.step, pressure, gas, length, emergency_stop, inlet, outlet, t.faults, t.estimate.valid)
+        let inputs = (pressure, gas, length, emergency_stop);
+        (t.step, inputs, inlet, outlet, t.mode, t.faults, t.estimate.valid)
     };
     let bits = |t: &Telemetry| {
         let Estimate {
@@ -175,27 +178,28 @@ pub fn identical(a: &Telemetry, b: &Telemetry) -> bool {
 mod tests {
     use super::*;
     use crate::board::CoreBoard;
-    use model_core::Core;
 
     fn again(config: &Config, rows: &[Row]) -> Replay {
         replay(&mut CoreBoard::default(), config, rows).unwrap()
     }
 
     fn record(config: &Config) -> Vec<Row> {
-        let mut core = Core::new(config).unwrap();
+        let mut board = CoreBoard::default();
+        board.start(config, SetPoint::Vent).unwrap();
         (0..500)
             .map(|step: u16| {
                 let set_point = (step == 100).then_some(SetPoint::Pressure { pressure_pa: 3.0e5 });
-                if let Some(set_point) = set_point {
-                    core.set(set_point);
+                if step == 99 {
+                    // It holds from the step after the next on.
+                    board.set(SetPoint::Pressure { pressure_pa: 3.0e5 }).unwrap();
                 }
-                let telemetry = core.step(&Sample {
+                let sample = Sample {
                     pressure: AdcCode(7000 + 3 * step),
                     gas: AdcCode(16_000 + step % 7),
                     length: AdcCode(23_000 - step),
                     emergency_stop: false,
-                });
-                Row { set_point, telemetry }
+                };
+                Row { set_point, telemetry: board.step(&sample).unwrap().telemetry.unwrap() }
             })
             .collect()
     }

@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 /// The columns, in order. The first fifteen are the public surface that scripts rely on; the rest
 /// is what `thermyo replay` and the report need besides.
-pub const COLUMNS: [&str; 32] = [
+pub const COLUMNS: [&str; 33] = [
     "time_s",
     "pressure_pa",
     "volume_m3",
@@ -39,6 +39,7 @@ pub const COLUMNS: [&str; 32] = [
     "emergency_stop",
     "faults",
     "estimate_valid",
+    "mode",
 ];
 
 /// One row.
@@ -99,6 +100,7 @@ impl Row {
             f64::from(u8::from(emergency_stop)),
             f64::from(telemetry.faults.0),
             f64::from(u8::from(estimate.valid)),
+            f64::from(telemetry.mode as u8),
         ]
     }
 }

@@ -1,5 +1,6 @@
 //! What crosses the border of the core in every step: raw codes in, duties out.
 
+use crate::control::Mode;
 use serde::{Deserialize, Serialize};
 
 /// Conversions of the 12-bit ADC that are added up into one code.
@@ -174,7 +175,7 @@ pub struct Estimate {
 /// Everything that one step leaves behind.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Telemetry {
-    /// Number of the step, from 0; wraps.
+    /// Number of the step, from 0 once the sensors are judged; wraps.
     pub step: u32,
     /// The inputs.
     pub sample: Sample,
@@ -186,6 +187,8 @@ pub struct Telemetry {
     pub estimate: Estimate,
     /// The openings for this step.
     pub command: Command,
+    /// What the core is doing.
+    pub mode: Mode,
     /// Faults that hold now or are latched.
     pub faults: Faults,
 }

@@ -2,7 +2,7 @@
 
 use crate::body::Shape;
 use crate::config::{Config, ConfigError, Load};
-use crate::control::{Controller, Feedback};
+use crate::control::{Controller, Feedback, Mode};
 use crate::estimator::{Estimator, Measurement, Openings};
 use crate::front_end::{self, Converter};
 use crate::sample::{Command, Duty, Faults, Sample, SetPoint, Telemetry};
@@ -27,7 +27,7 @@ pub struct Core {
 }
 
 impl Core {
-    /// A core that vents until it is given a set point.
+    /// A core that vents until it has judged its sensors and is given a set point.
     ///
     /// # Errors
     /// [`ConfigError`] as [`Config::check`].
@@ -48,6 +48,17 @@ impl Core {
         })
     }
 
+    /// Starts anew as `other`, with its configuration and its set point. The supervisor stays: what is
+    /// latched is latched, what it has counted counts, and the sensors are judged again.
+    pub fn restart_as(&mut self, other: Self) {
+        *self = Self {
+            supervisor: self.supervisor.after_restart(),
+            inlet_steps: self.inlet_steps,
+            outlet_steps: self.outlet_steps,
+            ..other
+        };
+    }
+
     /// The configuration that the core runs with.
     pub fn config(&self) -> &Config {
         &self.config
@@ -65,13 +76,27 @@ impl Core {
         self.controller.set(SetPoint::Vent);
     }
 
-    /// One step.
+    /// One step. While the sensors are judged ([`Mode::Judging`]) it vents, and neither estimates nor
+    /// counts: step 0 is the first after it.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
         let filling = self.inlet_steps > 0;
         let limit_pa = self.config.pressure_limit_pa;
         let faults = self.supervisor.step(sample, pressure_pa, limit_pa, filling);
         let length_m = self.length_m(sample, pressure_pa, faults);
+        if self.supervisor.judging() {
+            self.follow(Command::VENT);
+            return Telemetry {
+                step: self.step,
+                sample: *sample,
+                pressure_pa,
+                length_m,
+                estimate: self.estimator.estimate(),
+                command: Command::VENT,
+                mode: Mode::Judging,
+                faults,
+            };
+        }
         let venting = self.supervisor.must_vent();
         if venting {
             self.controller.set(SetPoint::Vent);
@@ -99,6 +124,23 @@ impl Core {
         });
         let frozen = self.estimator.sensor_frozen();
         let faults = if frozen { faults.with(Faults::GAS_SENSOR) } else { faults };
+        self.follow(command);
+        let telemetry = Telemetry {
+            step: self.step,
+            sample: *sample,
+            pressure_pa,
+            length_m,
+            estimate: self.estimator.estimate(),
+            command,
+            mode: self.controller.mode(),
+            faults,
+        };
+        self.step = self.step.wrapping_add(1);
+        telemetry
+    }
+
+    /// Takes these openings for the ones of this step.
+    fn follow(&mut self, command: Command) {
         // A pulse ends late, at most one PWM period after its duty.
         let period = self.config.drive.period_steps;
         let passing = |duty: Duty, steps: u16| {
@@ -107,17 +149,6 @@ impl Core {
         self.inlet_steps = passing(command.inlet, self.inlet_steps);
         self.outlet_steps = passing(command.outlet, self.outlet_steps);
         self.command = command;
-        let telemetry = Telemetry {
-            step: self.step,
-            sample: *sample,
-            pressure_pa,
-            length_m,
-            estimate: self.estimator.estimate(),
-            command,
-            faults,
-        };
-        self.step = self.step.wrapping_add(1);
-        telemetry
     }
 
     /// Measured length, or without its sensor the one at which the load balances.
@@ -149,12 +180,89 @@ mod tests {
         emergency_stop: false,
     };
 
+    const HALF: SetPoint =
+        SetPoint::Duty(Command { inlet: Duty(25_000), outlet: Duty::ZERO });
+
+    /// A core with this set point.
+    fn core_with(set_point: SetPoint) -> Core {
+        let mut core = Core::new(&Config::default()).unwrap();
+        core.set(set_point);
+        core
+    }
+
+    /// The first telemetry after the sensors have been judged.
+    fn judged(core: &mut Core, sample: &Sample) -> Telemetry {
+        core::iter::repeat_with(|| core.step(sample))
+            .find(|telemetry| telemetry.mode != Mode::Judging)
+            .unwrap()
+    }
+
+    #[test]
+    fn a_start_judges_the_sensors_before_it_counts() {
+        let mut core = core_with(HALF);
+        let judging = (0..).map(|_| core.step(&HEALTHY)).take_while(|telemetry| {
+            assert_eq!(telemetry.step, 0);
+            let judging = telemetry.mode == Mode::Judging;
+            assert_eq!(judging, telemetry.command == Command::VENT);
+            judging
+        });
+        assert_eq!(judging.count(), usize::from(crate::supervisor::JUDGING_STEPS) - 1);
+        assert_eq!(core.step(&HEALTHY).step, 1);
+    }
+
+    /// Neither a short nor a pressure above the limit hides behind starts in quick succession.
+    #[test]
+    fn restarts_do_not_go_round_the_supervisor() {
+        let shorted = Sample { pressure: AdcCode(0), ..HEALTHY };
+        let high = Sample { pressure: AdcCode(29_300), ..HEALTHY };
+        for (sample, fault) in [(shorted, Faults::PRESSURE_SENSOR), (high, Faults::OVERPRESSURE)] {
+            for every in [1, 5, 9, 60] {
+                let mut core = core_with(HALF);
+                for step in 0..1000 {
+                    if step % every == 0 {
+                        core.restart_as(core_with(HALF));
+                    }
+                    let telemetry = core.step(&sample);
+                    assert_eq!(telemetry.command, Command::VENT, "step {step}, {fault:?}");
+                    assert_eq!(telemetry.faults.intersects(fault), step >= 9, "step {step}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_restart_with_healthy_sensors_vents_while_it_judges() {
+        let mut core = core_with(HALF);
+        for step in 0..1000 {
+            if step % 9 == 0 {
+                core.restart_as(core_with(HALF));
+            }
+            assert_eq!(core.step(&HEALTHY).command, Command::VENT, "step {step}");
+        }
+    }
+
+    #[test]
+    fn latched_is_latched_whatever_is_started() {
+        let mut core = core_with(HALF);
+        judged(&mut core, &HEALTHY);
+        core.step(&Sample { emergency_stop: true, ..HEALTHY });
+        core.restart_as(core_with(HALF));
+        for _ in 0..200 {
+            let telemetry = core.step(&HEALTHY);
+            assert_eq!(telemetry.command, Command::VENT);
+            assert_eq!(telemetry.faults, Faults::EMERGENCY_STOP);
+        }
+        core.clear_faults();
+        core.restart_as(core_with(HALF));
+        assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
+    }
+
     #[test]
     fn a_fault_vents_at_once_and_leaves_the_period_in_phase() {
         let mut core = Core::new(&Config::default()).unwrap();
         let fill = SetPoint::Duty(Command { inlet: Duty(20_000), outlet: Duty::ZERO });
         core.set(fill);
-        assert_ne!(core.step(&HEALTHY).command, Command::VENT);
+        assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
         for _ in 1..4 {
             core.step(&HEALTHY);
         }

@@ -15,7 +15,9 @@
 //!
 //! While the pressure is not to be trusted there is no estimate.
 //!
-//! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone.
+//! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone. Another
+//! configuration or another start of the core is no way round: the supervisor outlives both, and
+//! after each of them the muscle vents for the [`JUDGING_STEPS`] that it takes to judge the sensors.
 
 use crate::front_end::{at_rail, is_wide};
 use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
@@ -23,6 +25,10 @@ use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
 /// Steps for which a fault of the pressure channel must last before the muscle is vented: one
 /// disturbed conversion is no fault, ten milliseconds of them are.
 pub const PATIENCE_STEPS: u16 = 10;
+
+/// Steps after a start for which the muscle vents, whatever is asked: a line that is shorted, beyond
+/// the limit or noisy shows by then.
+pub const JUDGING_STEPS: u16 = 50;
 
 /// Steps with a driven inlet for which a code may stand still. The noise of eight summed conversions
 /// moves it at almost every step, and so does gas that flows; only in a code of erratum RP2040-E11
@@ -79,17 +85,43 @@ impl Line {
 }
 
 /// Watches the inputs.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Supervisor {
     latched: Faults,
     present: Faults,
+    judging_steps: u16,
     pressure_sensor_steps: u16,
     overpressure_steps: u16,
     pressure: Line,
     length: Line,
 }
 
+impl Default for Supervisor {
+    fn default() -> Self {
+        Self {
+            latched: Faults::NONE,
+            present: Faults::NONE,
+            judging_steps: JUDGING_STEPS,
+            pressure_sensor_steps: 0,
+            overpressure_steps: 0,
+            pressure: Line::default(),
+            length: Line::default(),
+        }
+    }
+}
+
 impl Supervisor {
+    /// What it goes on with after the core was started anew: everything that it has counted and
+    /// latched, and the sensors are judged again.
+    pub fn after_restart(&self) -> Self {
+        Self { judging_steps: JUDGING_STEPS, ..*self }
+    }
+
+    /// Whether the sensors are still being judged, after the last step.
+    pub fn judging(&self) -> bool {
+        self.judging_steps > 0
+    }
+
     /// Looks at the inputs of one step; returns the faults that hold. `filling`: the inlet has
     /// been open since the last step.
     pub fn step(
@@ -99,6 +131,7 @@ impl Supervisor {
         limit_pa: f32,
         filling: bool,
     ) -> Faults {
+        self.judging_steps = self.judging_steps.saturating_sub(1);
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
         self.pressure_sensor_steps = count(at_rail(sample.pressure), self.pressure_sensor_steps);
@@ -138,7 +171,7 @@ impl Supervisor {
 
     /// Whether the muscle must vent.
     pub fn must_vent(&self) -> bool {
-        self.faults().intersects(VENTING)
+        self.judging() || self.faults().intersects(VENTING)
     }
 
     /// Forgets the latched faults whose cause is gone.
@@ -158,9 +191,18 @@ mod tests {
         emergency_stop: false,
     };
 
+    /// One that has judged its healthy sensors.
+    fn judged() -> Supervisor {
+        let mut supervisor = Supervisor::default();
+        for _ in 0..JUDGING_STEPS {
+            supervisor.step(&HEALTHY, 2.0e5, 6.9e5, false);
+        }
+        supervisor
+    }
+
     #[test]
     fn emergency_stop_latches_until_cleared() {
-        let mut supervisor = Supervisor::default();
+        let mut supervisor = judged();
         assert_eq!(supervisor.step(&HEALTHY, 2.0e5, 6.9e5, false), Faults::NONE);
         supervisor.step(&Sample { emergency_stop: true, ..HEALTHY }, 2.0e5, 6.9e5, false);
         assert!(supervisor.must_vent());
@@ -174,7 +216,7 @@ mod tests {
 
     #[test]
     fn pressure_faults_need_patience() {
-        let mut supervisor = Supervisor::default();
+        let mut supervisor = judged();
         let shorted = Sample { pressure: AdcCode(0), ..HEALTHY };
         for _ in 1..PATIENCE_STEPS {
             supervisor.step(&shorted, 0.0, 6.9e5, false);
@@ -191,7 +233,7 @@ mod tests {
 
     #[test]
     fn temperature_and_length_faults_only_show() {
-        let mut supervisor = Supervisor::default();
+        let mut supervisor = judged();
         let sample = Sample { gas: AdcCode(0), length: AdcCode(32_760), ..HEALTHY };
         let faults = supervisor.step(&sample, 2.0e5, 6.9e5, false);
         assert_eq!(faults, Faults::GAS_SENSOR.with(Faults::LENGTH_SENSOR));
@@ -209,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_frozen_pressure_vents_while_the_muscle_fills() {
-        let mut supervisor = Supervisor::default();
+        let mut supervisor = judged();
         let moved = |by: u16| Sample {
             pressure: AdcCode(10_000 + by),
             length: AdcCode(20_000 + by),

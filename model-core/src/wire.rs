@@ -17,7 +17,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 3;
+pub const PROTOCOL: u16 = 4;
 /// Speed of the line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
@@ -328,6 +328,7 @@ fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Mode;
     use crate::sample::{AdcCode, Command, Duty, Estimate, Faults};
     use proptest::prelude::*;
 
@@ -351,6 +352,7 @@ mod tests {
                 sensor_lag_s: value,
             },
             command: Command { inlet: Duty(u16::MAX), outlet: Duty(u16::MAX) },
+            mode: Mode::ContractionHeld,
             faults: Faults(u16::MAX),
         }
     }
@@ -448,6 +450,7 @@ mod tests {
                     mass_kg: f[6], heat_scale: f[7], sensor_lag_s: f[8],
                 },
                 command: Command { inlet: Duty(duties[0]), outlet: Duty(duties[1]) },
+                mode: Mode::Pressure,
                 faults: Faults(faults),
             };
             let frame = encode(&Message::Telemetry(telemetry)).unwrap();

@@ -3,7 +3,8 @@
 
 use host_sim::board::Board;
 use host_sim::board::emulated::{EmulatedBoard, Exchange, Injection};
-use model_core::wire::{LastReset, Phase};
+use model_core::supervisor::JUDGING_STEPS;
+use model_core::wire::{HostCommand, LastReset, Phase};
 use model_core::{AdcCode, Command, Config, Duty, Faults, Sample, SetPoint, Telemetry};
 use system_tests::skip_emulator;
 
@@ -22,7 +23,8 @@ fn filling() -> EmulatedBoard {
     let mut board = EmulatedBoard::new().unwrap();
     let command = Command { inlet: Duty::from_share(0.5), outlet: Duty::ZERO };
     board.start(&Config::default(), SetPoint::Duty(command)).unwrap();
-    let shares = mean_shares(&mut board, 40, 20);
+    let judging_ms = u32::from(JUDGING_STEPS);
+    let shares = mean_shares(&mut board, judging_ms + 40, 20);
     assert!((0.49..=0.51).contains(&shares.0) && shares.1 > 0.999, "{shares:?}");
     board
 }
@@ -86,9 +88,35 @@ fn the_emergency_stop_vents_and_latches() {
     let telemetry = last_telemetry(&mut board, &HEALTHY);
     assert_eq!(telemetry.faults, Faults::EMERGENCY_STOP);
     assert_eq!(telemetry.command, Command::VENT);
-    board.ask(model_core::wire::HostCommand::ClearFaults).unwrap();
+    board.ask(HostCommand::ClearFaults).unwrap();
     assert!((0..30).map(|_| board.exchange(&HEALTHY).unwrap()).all(|exchange| vented(&exchange)));
     assert!(!board.exchange(&HEALTHY).unwrap().fault_output);
+}
+
+/// Starts in quick succession neither hide a fault nor keep a valve powered.
+#[test]
+fn starts_do_not_go_round_the_supervisor() {
+    if skip_emulator() {
+        return;
+    }
+    let fill = |share| {
+        SetPoint::Duty(Command { inlet: Duty::from_share(share), outlet: Duty::ZERO })
+    };
+    let shorted = Sample { pressure: AdcCode(0), ..HEALTHY };
+    for (sample, set_point, every_ms) in [(shorted, fill(1.0), 9), (HEALTHY, fill(0.5), 5)] {
+        let mut board = filling();
+        let mut powered_ms = 0.0;
+        for ms in 0..400 {
+            if ms % every_ms == 0 {
+                board.send(HostCommand::Start(set_point));
+            }
+            powered_ms += board.exchange(&sample).unwrap().inlet_coil;
+        }
+        // Until the first start is carried out the inlet goes on.
+        assert!(powered_ms < 5.0, "powered for {powered_ms} ms of 400");
+        let faults = last_telemetry(&mut board, &sample).faults;
+        assert_eq!(faults.intersects(Faults::PRESSURE_SENSOR), sample == shorted, "{faults:?}");
+    }
 }
 
 #[test]

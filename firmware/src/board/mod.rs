@@ -36,7 +36,7 @@ pub trait Adc {
 pub trait Valves {
     /// Another period begins [`PWM_DELAY`] from now, with these openings.
     fn restart(&mut self, period_steps: u16, command: Command);
-    /// Openings from the next period on.
+    /// Openings from the next period on; [`Command::VENT`] at once, a pulse that is under way is cut.
     fn drive(&mut self, command: Command);
 }
 

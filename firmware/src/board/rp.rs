@@ -19,6 +19,8 @@ use embassy_executor::{Executor, InterruptExecutor};
 use embassy_rp::clocks::clk_sys_freq;
 use embassy_rp::gpio::{Level, Output};
 use embassy_rp::interrupt::{self, InterruptExt, Priority};
+use embassy_rp::pac::IO_BANK0;
+use embassy_rp::pac::io::vals::Outover;
 use embassy_rp::peripherals::{PIN_16, PIN_17, UART0, WATCHDOG};
 use embassy_rp::pwm::{Config as PwmConfig, Pwm};
 use embassy_rp::uart::{
@@ -150,11 +152,16 @@ async fn supervise(
 struct RpValves {
     pwm: Pwm<'static>,
     config: PwmConfig,
+    over: Outover,
 }
+
+/// GP16 and GP17.
+const INLET_PIN: usize = 16;
+const OUTLET_PIN: usize = 17;
 
 impl RpValves {
     fn new(pwm: Pwm<'static>) -> Self {
-        Self { pwm, config: Self::off() }
+        Self { pwm, config: Self::off(), over: Outover::NORMAL }
     }
 
     fn off() -> PwmConfig {
@@ -200,6 +207,14 @@ impl Valves for RpValves {
     fn drive(&mut self, command: Command) {
         let before = (self.config.compare_a, self.config.compare_b);
         self.set_coils(command);
+        // A pad's override acts at once, and the PWM's phase stays.
+        let over = if command == Command::VENT { Outover::LOW } else { Outover::NORMAL };
+        if over != self.over {
+            for pin in [INLET_PIN, OUTLET_PIN] {
+                IO_BANK0.gpio(pin).ctrl().modify(|ctrl| ctrl.set_outover(over));
+            }
+            self.over = over;
+        }
         if (self.config.compare_a, self.config.compare_b) != before {
             // Compare values are taken over where the counter wraps: a pulse is never cut.
             self.pwm.set_config(&self.config);

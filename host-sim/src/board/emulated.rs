@@ -9,6 +9,8 @@ use super::link::Link;
 use super::log::LogDecoder;
 use super::{Board, BoardError, BoardStep, image};
 use crate::plant::Actuation;
+use model_core::control::Mode;
+use model_core::supervisor::JUDGING_STEPS;
 use model_core::wire::{Answer, BAUD, HostCommand, LastReset, PROTOCOL, Timing, Version};
 use model_core::{AdcCode, Config, Sample, SetPoint, Telemetry};
 use std::io::{BufReader, Read, Write};
@@ -87,6 +89,8 @@ pub struct EmulatedBoard {
     to_board: Vec<u8>,
     from_board: Vec<u8>,
     shown: Option<Exchange>,
+    /// Whether the core has started and not yet judged its sensors.
+    judging: bool,
 }
 
 impl EmulatedBoard {
@@ -132,6 +136,7 @@ impl EmulatedBoard {
             to_board: Vec::new(),
             from_board: Vec::new(),
             shown: None,
+            judging: false,
         };
         board.response().map_err(|error| match error {
             BoardError::Emulator { message } => BoardError::Image { message },
@@ -157,6 +162,12 @@ impl EmulatedBoard {
     /// Bytes for the UART, as they are.
     pub fn write(&mut self, bytes: &[u8]) {
         self.to_board.extend_from_slice(bytes);
+    }
+
+    /// A request, whose answer nobody waits for.
+    pub fn send(&mut self, command: HostCommand) {
+        let (_, frame) = self.link.request(command);
+        self.write(&frame);
     }
 
     /// Bytes that the UART has sent since the last call, as they are.
@@ -328,28 +339,34 @@ impl Board for EmulatedBoard {
         self.ask(HostCommand::TelemetryDivider(1))?;
         self.ask(HostCommand::Configure(*config))?;
         self.from_board.clear();
-        // It takes a fraction of the coming exchange to arrive: the next one has step 0.
-        let (_, frame) = self.link.request(HostCommand::Start(set_point));
-        self.write(&frame);
+        // It takes a fraction of the coming exchange to arrive: the next one is the first judged.
+        self.send(HostCommand::Start(set_point));
         self.exchange(&IDLE)?;
+        self.judging = true;
         Ok(())
     }
 
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
-        let (_, frame) = self.link.request(HostCommand::Set(set_point));
-        self.write(&frame);
+        self.send(HostCommand::Set(set_point));
         Ok(())
     }
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
         let before = self.restarts;
+        if std::mem::take(&mut self.judging) {
+            for _ in 1..JUDGING_STEPS {
+                self.exchange(sample)?;
+            }
+        }
         let exchange = self.exchange(sample)?;
         self.shown = Some(exchange);
         self.from_board.clear();
         if exchange.restarts != before {
             return Err(BoardError::Restarted);
         }
-        Ok(BoardStep { telemetry: self.link.take_telemetry(), actuation: exchange.set_duty() })
+        let mut telemetry = std::iter::from_fn(|| self.link.take_telemetry());
+        let telemetry = telemetry.find(|telemetry| telemetry.mode != Mode::Judging);
+        Ok(BoardStep { telemetry, actuation: exchange.set_duty() })
     }
 }
 

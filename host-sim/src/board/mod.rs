@@ -10,6 +10,7 @@ pub mod pty;
 pub mod serial;
 
 use crate::plant::Actuation;
+use model_core::control::Mode;
 use model_core::wire::{Chip, PROTOCOL, Refusal};
 use model_core::{Command, Config, ConfigError, Core, Sample, SetPoint, Telemetry};
 use std::path::PathBuf;
@@ -30,7 +31,8 @@ pub trait Board {
     /// # Errors
     /// [`BoardError`]
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError>;
-    /// One step: feeds the sample, returns what became of it.
+    /// One step: feeds the sample, returns what became of it. The first one after a start is fed until
+    /// the core has judged its sensors: before a run begins the board has been on for a while.
     ///
     /// # Errors
     /// [`BoardError`]
@@ -237,7 +239,10 @@ impl Board for CoreBoard {
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
         let pending = self.pending.take();
         let core = self.core()?;
-        let telemetry = core.step(sample);
+        let mut telemetry = core.step(sample);
+        while telemetry.mode == Mode::Judging {
+            telemetry = core.step(sample);
+        }
         if let Some(set_point) = pending {
             core.set(set_point);
         }

@@ -3,6 +3,7 @@
 
 use super::link::Link;
 use super::{Board, BoardError, BoardStep};
+use model_core::control::Mode;
 use model_core::wire::{Answer, BAUD, HostCommand, PROTOCOL, Version};
 use model_core::{Config, Sample, SetPoint, Telemetry};
 use serialport::SerialPort;
@@ -116,9 +117,14 @@ impl Board for SerialBoard {
     }
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
-        let (_, frame) = self.link.request(HostCommand::Step(*sample));
-        self.port.write_all(&frame)?;
-        let telemetry: Telemetry = self.wait(Link::take_telemetry, "step")?;
+        let telemetry = loop {
+            let (_, frame) = self.link.request(HostCommand::Step(*sample));
+            self.port.write_all(&frame)?;
+            let telemetry: Telemetry = self.wait(Link::take_telemetry, "step")?;
+            if telemetry.mode != Mode::Judging {
+                break telemetry;
+            }
+        };
         let actuation = telemetry.command.into();
         Ok(BoardStep { telemetry: Some(telemetry), actuation })
     }

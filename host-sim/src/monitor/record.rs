@@ -46,7 +46,7 @@ impl<W: Write> Recorder<W> {
     /// # Errors
     /// Those of the file.
     pub fn write(&mut self, config: &Config, telemetry: &Telemetry) -> io::Result<()> {
-        let Telemetry { step, sample, pressure_pa, length_m, estimate, command, faults } =
+        let Telemetry { step, sample, pressure_pa, length_m, estimate, command, faults, .. } =
             telemetry;
         let sensor_k = Converter::new(&config.front_end).gas_k(sample.gas);
         self.rows += 1;

@@ -34,10 +34,13 @@ use crate::config::{Config, Reservoir};
 use crate::math::limit;
 use crate::sample::{Command, SetPoint};
 use crate::valve_drive::FlowDrive;
+use serde::{Deserialize, Serialize};
 
-/// What the controller is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// What the core is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Mode {
+    /// After a start: it vents and judges the sensors.
+    Judging,
     /// Inlet closed, outlet open.
     Vent,
     /// Fixed openings.
@@ -52,6 +55,20 @@ pub enum Mode {
     Contraction,
     /// The muscle is where it should be.
     ContractionHeld,
+}
+
+impl Mode {
+    /// Every mode and its name; a mode's number in a trace is its place here.
+    pub const NAMES: [(Self, &'static str); 8] = [
+        (Self::Judging, "judging the sensors"),
+        (Self::Vent, "vent"),
+        (Self::Duty, "duty"),
+        (Self::MassFlow, "mass flow"),
+        (Self::Pressure, "pressure"),
+        (Self::PressureHeld, "pressure, held"),
+        (Self::Contraction, "contraction"),
+        (Self::ContractionHeld, "contraction, held"),
+    ];
 }
 
 /// The loop that is closed, if one is.
