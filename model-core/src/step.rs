@@ -180,8 +180,7 @@ mod tests {
         emergency_stop: false,
     };
 
-    const HALF: SetPoint =
-        SetPoint::Duty(Command { inlet: Duty(25_000), outlet: Duty::ZERO });
+    const HALF: SetPoint = SetPoint::Duty(Command { inlet: Duty(25_000), outlet: Duty::ZERO });
 
     /// A core with this set point.
     fn core_with(set_point: SetPoint) -> Core {

@@ -136,11 +136,25 @@ struct Interval {
     void: bool,
 }
 
-/// What the end of an interval leaves for the first steps of the next one.
+/// Work that the end of an interval leaves for the next steps, one part each. A part carries what the
+/// part before it has found, so that none can run on what belongs to another covariance.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+enum Work {
+    #[default]
+    Done,
+    /// M = F P.
+    Rows(Transition),
+    /// P' = M F^T.
+    Columns(Transition, Product),
+    Drift,
+    Correction,
+    Deviation,
+}
+
+/// What the end of an interval leaves.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Pending {
-    transition: Transition,
-    product: Product,
+    work: Work,
     /// Mean gas temperature of the interval \[K\].
     gas_k: f32,
     innovation_k: Option<f32>,
@@ -349,7 +363,7 @@ impl Estimator {
         self.interval.steps += 1;
         if self.interval.steps == INTERVAL_STEPS {
             self.interval = Interval::default();
-            self.pending.transition = Transition::default();
+            self.pending.work = Work::Drift;
         }
         self.missing_steps = self.missing_steps.saturating_add(1);
         if self.missing_steps == PATIENCE_STEPS {
@@ -363,6 +377,7 @@ impl Estimator {
         self.covariance = initial_covariance(&self.config);
         self.agreement = Agreement::new(self.config.gas_sensor.time_constant_s);
         self.pending.innovation_k = None;
+        self.pending.work = Work::Deviation;
         self.inflow_kg = 0.0;
         self.scale = 1.0;
         self.lag_s = self.config.gas_sensor.time_constant_s;
@@ -375,14 +390,34 @@ impl Estimator {
         self.frozen
     }
 
-    /// The work of an interval, spread over six of its steps and kept clear of those in which the
-    /// valves' PWM period ends (multiples of ten) and the controller has its own to do.
+    /// The work of an interval, one part a step, kept clear of those in which the valves' PWM period
+    /// ends (multiples of ten) and the controller has its own to do.
     fn advance_covariance(&mut self, length_m: f32) {
         match self.interval.steps {
-            2 => self.pending.product = self.covariance.rows(&self.pending.transition),
-            3 => self.covariance.columns(&self.pending.product, &self.pending.transition),
-            4 => self.add_drift(),
-            5 => {
+            INTERVAL_STEPS => self.end_interval(length_m),
+            2..=9 => self.work(),
+            _ => {}
+        }
+    }
+
+    /// The next part of the work that is left.
+    fn work(&mut self) {
+        match core::mem::take(&mut self.pending.work) {
+            Work::Done => {}
+            Work::Rows(transition) => {
+                let product = self.covariance.rows(&transition);
+                self.pending.work = Work::Columns(transition, product);
+            }
+            Work::Columns(transition, product) => {
+                self.covariance.columns(&product, &transition);
+                self.pending.work = Work::Drift;
+            }
+            Work::Drift => {
+                self.add_drift();
+                self.pending.work = Work::Correction;
+            }
+            Work::Correction => {
+                self.pending.work = Work::Deviation;
                 let innovation_k = self.pending.innovation_k.take();
                 if let Some(innovation_k) = innovation_k {
                     self.correct(innovation_k);
@@ -393,9 +428,7 @@ impl Estimator {
                     self.give_up();
                 }
             }
-            6 => self.update_deviation(),
-            INTERVAL_STEPS => self.end_interval(length_m),
-            _ => {}
+            Work::Deviation => self.update_deviation(),
         }
     }
 
@@ -498,7 +531,7 @@ impl Estimator {
         let interval = self.interval;
         self.interval = Interval::default();
         if interval.void {
-            self.pending.transition = Transition::default();
+            self.pending.work = Work::Drift;
             return;
         }
         let steps = f32::from(INTERVAL_STEPS);
@@ -524,7 +557,7 @@ impl Estimator {
         let exchange = limit(inner_j_k * per_mass * self.per_cp * flowing, 0.0, 0.5);
         self.pending.gas_k = gas_k;
         self.pending.moved = interval.flowing_steps > 0;
-        self.pending.transition = Transition {
+        self.pending.work = Work::Rows(Transition {
             gas_gas: -limit(exchange + interval.inflow_kg * per_mass, 0.0, 0.9),
             gas_wall: exchange / gas_k,
             gas_scale: -exchange * (gas_k - self.wall_k) / gas_k,
@@ -534,7 +567,7 @@ impl Estimator {
             sensor_gas: lag_share * gas_k,
             sensor_sensor: -lag_share,
             sensor_lag: -lag_share * (self.housing_k - self.sensor_k),
-        };
+        });
         let forget = duration_s / self.config.estimator.memory_s;
         self.scale += forget * (1.0 - self.scale);
         self.lag_s += forget * (self.config.gas_sensor.time_constant_s - self.lag_s);
@@ -634,6 +667,31 @@ mod tests {
         let turned = Openings { turned: true, ..still };
         assert_eq!([false, true].map(|flowing| turned.course(flowing)), [Course::Turned; 2]);
         assert_eq!([still.course(false), still.course(true)], [Course::Shut, Course::Open]);
+    }
+
+    /// A loss of the pressure, whenever it comes and however long it is, leaves either the covariance
+    /// of before or a fresh one: nothing that is sure of what it cannot know.
+    #[test]
+    fn a_lost_pressure_leaves_nothing_stale() {
+        let config = Config::default();
+        let healthy = |step: u16| measurement(2.0e5, 0.28, 16_000 + step % 2, 0);
+        let lost = measurement(0.0, 0.28, 16_000, 0);
+        for before in (0..3).chain(2000..2020) {
+            for missing in [PATIENCE_STEPS, 11, 12, 15, 20, 27, 40] {
+                let mut estimator = Estimator::new(&config);
+                for step in 0..before {
+                    estimator.step(&healthy(step));
+                }
+                for _ in 0..missing {
+                    estimator.step(&lost);
+                }
+                for step in 0..200 {
+                    estimator.step(&healthy(step));
+                    let Estimate { gas_sd_k, valid, .. } = estimator.estimate();
+                    assert!(gas_sd_k > 2.0 && !valid, "{gas_sd_k} K, {before}, {missing}, {step}");
+                }
+            }
+        }
     }
 
     proptest! {
