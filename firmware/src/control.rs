@@ -8,10 +8,13 @@ use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
 use model_core::control::Mode;
 use model_core::wire::{Answer, Message, Phase};
-use model_core::{Command, Core};
+use model_core::{Command, Core, Sample};
 
 /// Waits of [`Source::due`] without a sample after which the valves are not left as they are.
 const PATIENCE: u32 = 4;
+
+/// Steps for which a flood of requests is told after the last one that was dropped: a second.
+const FLOODED_STEPS: u32 = 1000;
 
 /// Runs for ever.
 pub async fn run<S: Source, V: Valves, B: BlackBox>(
@@ -25,6 +28,10 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
     let mut next_step = 0;
     let mut fresh = true;
     let mut silence = 0;
+    let mut dropped_requests = 0;
+    let mut flooded_steps = 0;
+    let mut latched = core.supervisor().latched();
+    shared.set_first_failure(core.supervisor().first_failure());
     black_box.note(Phase::Starting);
     loop {
         black_box.note(Phase::Waiting);
@@ -35,7 +42,21 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
                 silence = 0;
                 let start = Instant::now();
                 black_box.note(Phase::Sampling);
-                let sample = source.sample();
+                let dropped = shared.dropped_requests.load(Ordering::Relaxed);
+                if dropped != dropped_requests {
+                    dropped_requests = dropped;
+                    flooded_steps = FLOODED_STEPS;
+                }
+                flooded_steps = flooded_steps.saturating_sub(1);
+                let sample = Sample {
+                    heard: Shared::take(&shared.heard),
+                    flooded: flooded_steps > 0,
+                    missed_steps: missed.try_into().unwrap_or(u8::MAX),
+                    ..source.sample()
+                };
+                if Shared::take(&shared.stop) {
+                    core.vent();
+                }
                 black_box.note(Phase::Stepping);
                 let before = Instant::now();
                 let telemetry = core.step(&sample);
@@ -50,9 +71,15 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
                 }
                 next_step = telemetry.step.wrapping_add(u32::from(!judging));
                 shared.faults.store(telemetry.faults.0, Ordering::Relaxed);
+                if core.supervisor().latched() != latched {
+                    latched = core.supervisor().latched();
+                    let first = core.supervisor().first_failure();
+                    black_box.record(first, latched);
+                    shared.set_first_failure(first);
+                }
                 let divider = u32::from(shared.telemetry_divider());
                 // While the sensors are judged the core's own count stands still.
-                let step = if judging { tally.steps } else { telemetry.step };
+                let step = if judging { tally.steps as u32 } else { telemetry.step };
                 if cfg!(feature = "hil") || divider > 0 && step.is_multiple_of(divider) {
                     shared.post(Message::Telemetry(telemetry));
                 }
@@ -67,16 +94,26 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
                 }
             }
             Either::Second((sequence, order)) => {
-                match order {
-                    Order::Replace(other) => {
-                        core.restart_as(other);
+                let outcome = match order {
+                    Order::Replace => {
+                        if let Some(other) = shared.take_core() {
+                            core.restart_as(other);
+                        }
                         next_step = 0;
                         fresh = true;
+                        Ok(())
                     }
                     Order::Set(set_point) => core.set(set_point),
-                    Order::ClearFaults => core.clear_faults(),
-                }
-                shared.answer(sequence, Answer::Done { step: next_step });
+                    Order::ClearFaults => {
+                        core.clear_faults();
+                        Ok(())
+                    }
+                };
+                let answer = match outcome {
+                    Ok(()) => Answer::Done { step: next_step },
+                    Err(error) => Answer::Refused(error.into()),
+                };
+                shared.answer(sequence, answer);
             }
         }
     }

@@ -3,6 +3,8 @@
 use crate::shared::{Order, Shared};
 use crate::source::STEP;
 use core::sync::atomic::Ordering;
+use embassy_futures::yield_now;
+use embassy_time::{Duration, Instant};
 use embedded_io_async::{Read, Write};
 use model_core::wire::{
     Answer, Chip, Decoder, HostCommand, LastReset, PROTOCOL, Refusal, Request, Version, encode,
@@ -31,16 +33,60 @@ pub async fn send<W: Write>(mut port: W, shared: &'static Shared) -> ! {
     }
 }
 
-/// Carries out what the host asks.
+/// Requests in a row that are carried out without a pause, and the time in which one more may come. A
+/// host that drives at 100 Hz and asks now and then needs half of that.
+const RATION: u32 = 16;
+const RATION_EVERY: Duration = Duration::from_millis(4);
+
+/// What is left to carry out of what a host may ask.
+struct Ration {
+    left: u32,
+    since: Instant,
+}
+
+impl Ration {
+    /// Whether one more request may be carried out now.
+    fn take(&mut self) -> bool {
+        let now = Instant::now();
+        while self.since + RATION_EVERY <= now {
+            if self.left == RATION {
+                self.since = now;
+                break;
+            }
+            self.since += RATION_EVERY;
+            self.left += 1;
+        }
+        let some = self.left > 0;
+        self.left -= u32::from(some);
+        some
+    }
+}
+
+/// Carries out what the host asks, as much of it as leaves the other tasks their time: the rest is
+/// dropped and counted. To stop is always carried out.
 pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static Shared) -> ! {
     let mut decoder = Decoder::new();
-    let mut config = Config::default();
+    let mut config = None;
     let mut chunk = [0; 32];
+    let mut ration = Ration { left: RATION, since: Instant::now() };
     loop {
         // After an error of the line the frame at hand will not pass its checksum.
         let count = port.read(&mut chunk).await.unwrap_or(0);
         for &byte in chunk.iter().take(count) {
             if let Some(Request { sequence, command }) = decoder.push(byte) {
+                shared.heard.store(true, Ordering::Relaxed);
+                if command == HostCommand::Stop {
+                    shared.stop.store(true, Ordering::Relaxed);
+                }
+                // Samples come one at a time, each after the answer to the one before.
+                let unlimited = matches!(command, HostCommand::Step(_));
+                if !unlimited && !ration.take() {
+                    shared.dropped_requests.store(
+                        shared.dropped_requests.load(Ordering::Relaxed).wrapping_add(1),
+                        Ordering::Relaxed,
+                    );
+                    continue;
+                }
                 match carry_out(command, &mut config, &identity, shared).await {
                     Outcome::Answer(answer) => shared.answer(sequence, answer),
                     Outcome::Order(order) => shared.orders.send((sequence, order)).await,
@@ -49,23 +95,26 @@ pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static 
             }
             shared.malformed.store(decoder.malformed(), Ordering::Relaxed);
         }
+        // While bytes wait, `read` does not.
+        yield_now().await;
     }
 }
 
 /// What follows from a request.
-#[allow(clippy::large_enum_variant)]
+#[allow(clippy::large_enum_variant)] // One at a time.
 enum Outcome {
     /// An answer at once.
     Answer(Answer),
     /// Control carries it out and answers.
     Order(Order),
-    /// The step's telemetry is the answer.
+    /// The step's telemetry is the answer, or there is none.
     Silent,
 }
 
+/// `config`: what the host has told, nothing since the start of the board.
 async fn carry_out(
     command: HostCommand,
-    config: &mut Config,
+    config: &mut Option<Config>,
     identity: &Identity,
     shared: &'static Shared,
 ) -> Outcome {
@@ -76,30 +125,33 @@ async fn carry_out(
             chip: identity.chip,
             hil: cfg!(feature = "hil"),
         })),
-        HostCommand::ReadConfig => Outcome::Answer(Answer::Config(*config)),
+        HostCommand::ReadConfig => Outcome::Answer(Answer::Config(config.unwrap_or_default())),
         HostCommand::Configure(wanted) => match check(&wanted, identity) {
             Ok(core) => {
-                *config = wanted;
-                Outcome::Order(Order::Replace(core))
+                *config = Some(wanted);
+                shared.put_core(core);
+                Outcome::Order(Order::Replace)
             }
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
-        HostCommand::Start(set_point) => match Core::new(config) {
-            Ok(mut core) => {
-                core.set(set_point);
-                Outcome::Order(Order::Replace(core))
+        HostCommand::Start(set_point) => match start(config.as_ref(), set_point) {
+            Ok(core) => {
+                shared.put_core(core);
+                Outcome::Order(Order::Replace)
             }
-            Err(error) => Outcome::Answer(Answer::Refused(error.into())),
+            Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
         HostCommand::Set(set_point) => Outcome::Order(Order::Set(set_point)),
-        HostCommand::Stop => Outcome::Order(Order::Set(SetPoint::Vent)),
+        HostCommand::Stop => Outcome::Answer(Answer::Done { step: shared.tally().steps as u32 }),
         HostCommand::ClearFaults => Outcome::Order(Order::ClearFaults),
         HostCommand::TelemetryDivider(divider) => {
             shared.set_telemetry_divider(divider);
-            Outcome::Answer(Answer::Done { step: shared.tally().steps })
+            Outcome::Answer(Answer::Done { step: shared.tally().steps as u32 })
         }
         HostCommand::Timing => Outcome::Answer(Answer::Timing(shared.timing())),
         HostCommand::LastReset => Outcome::Answer(Answer::LastReset(identity.last_reset)),
+        HostCommand::FirstFailure => Outcome::Answer(Answer::FirstFailure(shared.first_failure())),
+        HostCommand::Alive => Outcome::Silent,
         HostCommand::Step(sample) => {
             if cfg!(feature = "hil") {
                 shared.samples.send(sample).await;
@@ -109,6 +161,13 @@ async fn carry_out(
             }
         }
     }
+}
+
+/// The core that the host has configured, with a set point.
+fn start(config: Option<&Config>, set_point: SetPoint) -> Result<Core, Refusal> {
+    let mut core = Core::new(config.ok_or(Refusal::NotConfigured)?)?;
+    core.set(set_point)?;
+    Ok(core)
 }
 
 /// A core for the configuration, if the board can run it.

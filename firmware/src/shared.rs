@@ -1,19 +1,20 @@
 //! What the tasks have in common.
 
 use core::cell::Cell;
-use core::sync::atomic::{AtomicU16, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 use embassy_sync::channel::Channel;
+use model_core::supervisor::FirstFailure;
 use model_core::wire::{Answer, Message, Reply, Timing};
 use model_core::{Core, Faults, Sample, SetPoint};
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
-/// From the link to control, carried out between two steps.
-#[allow(clippy::large_enum_variant)] // One lies in the channel at a time.
+/// From the link to control, carried out between two steps. Small: it is moved at every turn of the
+/// control task.
 pub enum Order {
-    /// Another core.
-    Replace(Core),
+    /// Another core: the one in [`Shared::put_core`].
+    Replace,
     /// Another set point.
     Set(SetPoint),
     /// Forget latched faults.
@@ -38,6 +39,15 @@ pub struct Shared {
     pub dropped: AtomicU32,
     /// Frames that the link dropped.
     pub malformed: AtomicU32,
+    /// Requests that the link dropped, because too many came.
+    pub dropped_requests: AtomicU32,
+    /// A request has come since control last looked.
+    pub heard: AtomicBool,
+    /// The host wants the muscle vented: carried out in the next step, whatever else is asked.
+    pub stop: AtomicBool,
+    /// What vented first, over restarts.
+    next_core: Mutex<CriticalSectionRawMutex, Cell<Option<Core>>>,
+    first_failure: Mutex<CriticalSectionRawMutex, Cell<Option<FirstFailure>>>,
     tally: Mutex<CriticalSectionRawMutex, Cell<Tally>>,
 }
 
@@ -53,6 +63,11 @@ impl Shared {
             faults: AtomicU16::new(0),
             dropped: AtomicU32::new(0),
             malformed: AtomicU32::new(0),
+            dropped_requests: AtomicU32::new(0),
+            heard: AtomicBool::new(false),
+            stop: AtomicBool::new(false),
+            next_core: Mutex::new(Cell::new(None)),
+            first_failure: Mutex::new(Cell::new(None)),
             tally: Mutex::new(Cell::new(Tally::NONE)),
         }
     }
@@ -85,6 +100,36 @@ impl Shared {
         Faults(self.faults.load(Ordering::Relaxed))
     }
 
+    /// Takes a flag down; whether it was up. Both sides only ever write one value each, and what
+    /// is raised between the two accesses was raised before the step that follows.
+    pub fn take(flag: &AtomicBool) -> bool {
+        let up = flag.load(Ordering::Relaxed);
+        if up {
+            flag.store(false, Ordering::Relaxed);
+        }
+        up
+    }
+
+    /// Leaves a core for [`Order::Replace`].
+    pub fn put_core(&self, core: Core) {
+        self.next_core.lock(|cell| cell.set(Some(core)));
+    }
+
+    /// The core that was left, once.
+    pub fn take_core(&self) -> Option<Core> {
+        self.next_core.lock(Cell::take)
+    }
+
+    /// Leaves what vented first for others.
+    pub fn set_first_failure(&self, first: Option<FirstFailure>) {
+        self.first_failure.lock(|cell| cell.set(first));
+    }
+
+    /// What vented first.
+    pub fn first_failure(&self) -> Option<FirstFailure> {
+        self.first_failure.lock(Cell::get)
+    }
+
     /// Leaves the control task's measurements for others.
     pub fn set_tally(&self, tally: Tally) {
         self.tally.lock(|cell| cell.set(tally));
@@ -98,7 +143,7 @@ impl Shared {
     /// How the steps were timed.
     pub fn timing(&self) -> Timing {
         let tally = self.tally();
-        let mean_ns = |sum_us: u64| (sum_us * 1000 / u64::from(tally.steps.max(1))) as u32;
+        let mean_ns = |sum_us: u64| (sum_us * 1000 / tally.steps.max(1)) as u32;
         Timing {
             steps: tally.steps,
             missed_steps: tally.missed_steps,
@@ -109,6 +154,7 @@ impl Shared {
             jitter_worst_us: tally.jitter_worst_us,
             dropped_telemetry: self.dropped.load(Ordering::Relaxed),
             malformed_frames: self.malformed.load(Ordering::Relaxed),
+            dropped_requests: self.dropped_requests.load(Ordering::Relaxed),
         }
     }
 }
@@ -116,7 +162,7 @@ impl Shared {
 /// The control task's measurements of itself.
 #[derive(Clone, Copy)]
 pub struct Tally {
-    pub steps: u32,
+    pub steps: u64,
     pub missed_steps: u32,
     pub step_sum_us: u64,
     pub step_worst_us: u32,
@@ -139,7 +185,7 @@ impl Tally {
 
     /// One more step.
     pub fn add(&mut self, jitter_us: u32, step_us: u32, busy_us: u32) {
-        self.steps = self.steps.wrapping_add(1);
+        self.steps += 1;
         self.step_sum_us += u64::from(step_us);
         self.step_worst_us = self.step_worst_us.max(step_us);
         self.busy_worst_us = self.busy_worst_us.max(busy_us);

@@ -3,6 +3,7 @@
 //! | LED | state |
 //! |---|---|
 //! | on, off shortly every second | runs |
+//! | off, on shortly every second | waits for its configuration |
 //! | five flashes a second | a fault holds or is latched; the fault output is high |
 //! | three flashes, a pause | the last start was not asked for: watchdog, panic or fault of the processor |
 //! | dark or frozen | no firmware, or it hangs: the watchdog restarts the board within 50 ms |
@@ -46,10 +47,11 @@ pub async fn run<W: Watchdog, L: OutputPin, F: OutputPin>(
         heartbeat = beat;
         missed_steps = missed;
 
-        let fault = shared.faults() != Faults::NONE;
+        let waits = shared.faults().intersects(Faults::NOT_CONFIGURED);
+        let fault = !matches!(shared.faults(), Faults::NONE | Faults::NOT_CONFIGURED);
         let lit = match (fault, last_reset) {
             (true, _) => look % 10 < 5,
-            (false, LastReset::Power) => look < PATTERN - 5,
+            (false, LastReset::Power) => (look < PATTERN - 5) != waits,
             (false, _) => look < 30 && look % 10 < 5,
         };
         // A pin of this chip cannot fail.

@@ -170,8 +170,8 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         estimator: estimator(&s.estimator, &one_zone),
         controller: controller(s),
-        // A hair below full scale, so that the limit acts before the sensor saturates.
-        pressure_limit_pa: (0.985 * s.sensor.pressure.range_pa) as f32,
+        pressure_limit_pa: pressure_limit_pa(s) as f32,
+        link_timeout_s: s.link.timeout_s as f32,
     }
 }
 
@@ -198,6 +198,12 @@ fn inner_heat(s: &Scenario) -> (f64, f64) {
             )
         }
     }
+}
+
+/// Absolute pressure above which the board vents \[Pa\]: a hair below full scale, so that it acts before
+/// the sensor saturates.
+pub fn pressure_limit_pa(s: &Scenario) -> f64 {
+    0.985 * s.sensor.pressure.range_pa
 }
 
 fn controller(s: &Scenario) -> ControllerConfig {

@@ -44,12 +44,7 @@ impl FaultyLines {
         } else {
             self.healthy = codes;
         }
-        Sample {
-            pressure: AdcCode(arriving.pressure),
-            gas: AdcCode(arriving.gas),
-            length: AdcCode(arriving.length),
-            emergency_stop: false,
-        }
+        Sample::new(AdcCode(arriving.pressure), AdcCode(arriving.gas), AdcCode(arriving.length))
     }
 
     fn line(&mut self, fault: ChannelFault, code: u16, healthy: u16) -> u16 {

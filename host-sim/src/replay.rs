@@ -86,7 +86,8 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
     let drive = SetPoints::new(&loaded);
     let [pressure, length] = [column("measured_pressure_pa")?, column("measured_length_m")?];
     let codes = [column("code_pressure")?, column("code_gas")?, column("code_length")?];
-    let stop = column("emergency_stop")?;
+    let [stop, heard, flooded] = [column("emergency_stop")?, column("heard")?, column("flooded")?];
+    let missed_steps = column("missed_steps")?;
     let estimate = [
         column("estimate_k")?,
         column("estimate_sd_k")?,
@@ -98,6 +99,7 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
     ];
     let [inlet, outlet, faults] = [column("duty_in")?, column("duty_out")?, column("faults")?];
     let [valid, mode] = [column("estimate_valid")?, column("mode")?];
+    let limited = column("limited")?;
     let rows = (0..steps.len())
         .map(|i| {
             let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
@@ -113,6 +115,9 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
                     gas: AdcCode(codes[1][i] as u16),
                     length: AdcCode(codes[2][i] as u16),
                     emergency_stop: stop[i] != 0.0,
+                    heard: heard[i] != 0.0,
+                    flooded: flooded[i] != 0.0,
+                    missed_steps: missed_steps[i] as u8,
                 },
                 pressure_pa: pressure[i] as f32,
                 length_m: length[i] as f32,
@@ -131,6 +136,7 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
                     outlet: Duty::from_share(outlet[i] as f32),
                 },
                 mode: Mode::NAMES.get(mode[i] as usize).map_or(Mode::Judging, |(mode, _)| *mode),
+                limited: limited[i] != 0.0,
                 faults: Faults(faults[i] as u16),
             };
             Row { set_point, telemetry }
@@ -142,10 +148,7 @@ pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
 /// Equal to the bit: a NaN is equal to itself, and the two zeros differ.
 pub fn identical(a: &Telemetry, b: &Telemetry) -> bool {
     let integers = |t: &Telemetry| {
-        let Sample { pressure, gas, length, emergency_stop } = t.sample;
-        let Command { inlet, outlet } = t.command;
-        let inputs = (pressure, gas, length, emergency_stop);
-        (t.step, inputs, inlet, outlet, t.mode, t.faults, t.estimate.valid)
+        (t.step, t.sample, t.command, t.mode, t.limited, t.faults, t.estimate.valid)
     };
     let bits = |t: &Telemetry| {
         let Estimate {
@@ -193,12 +196,11 @@ mod tests {
                     // It holds from the step after the next on.
                     board.set(SetPoint::Pressure { pressure_pa: 3.0e5 }).unwrap();
                 }
-                let sample = Sample {
-                    pressure: AdcCode(7000 + 3 * step),
-                    gas: AdcCode(16_000 + step % 7),
-                    length: AdcCode(23_000 - step),
-                    emergency_stop: false,
-                };
+                let sample = Sample::new(
+                    AdcCode(7000 + 3 * step),
+                    AdcCode(16_000 + step % 7),
+                    AdcCode(23_000 - step),
+                );
                 Row { set_point, telemetry: board.step(&sample).unwrap().telemetry.unwrap() }
             })
             .collect()

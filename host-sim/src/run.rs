@@ -15,7 +15,7 @@ use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
 use crate::summary::{Accumulator, Ending, Summary};
 use crate::trace::Row;
 use model_core::model::Model;
-use model_core::{Command, ConfigError, Duty, Sample, SetPoint};
+use model_core::{ConfigError, Sample, SetPoint};
 use std::collections::VecDeque;
 use std::fmt;
 use std::io;
@@ -286,10 +286,8 @@ impl SetPoints {
             DriveKind::Pressure => SetPoint::Pressure { pressure_pa: value as f32 },
             DriveKind::Contraction => SetPoint::Contraction { contraction: value as f32 },
             DriveKind::Duty | DriveKind::Fill | DriveKind::Discharge | DriveKind::Closed => {
-                SetPoint::Duty(Command {
-                    inlet: Duty::from_share(value as f32),
-                    outlet: Duty::from_share(-value as f32),
-                })
+                let share = |value: f64| value.clamp(0.0, 1.0) as f32;
+                SetPoint::Duty { inlet: share(value), outlet: share(-value) }
             }
         }
     }

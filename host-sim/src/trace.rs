@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 /// The columns, in order. The first fifteen are the public surface that scripts rely on; the rest
 /// is what `thermyo replay` and the report need besides.
-pub const COLUMNS: [&str; 33] = [
+pub const COLUMNS: [&str; 37] = [
     "time_s",
     "pressure_pa",
     "volume_m3",
@@ -37,9 +37,13 @@ pub const COLUMNS: [&str; 33] = [
     "code_gas",
     "code_length",
     "emergency_stop",
+    "heard",
+    "flooded",
+    "missed_steps",
     "faults",
     "estimate_valid",
     "mode",
+    "limited",
 ];
 
 /// One row.
@@ -66,7 +70,9 @@ impl Row {
     pub fn cells(&self) -> [f64; COLUMNS.len()] {
         let Self { truth, telemetry, .. } = self;
         let estimate = &telemetry.estimate;
-        let Sample { pressure, gas, length, emergency_stop } = telemetry.sample;
+        let Sample { pressure, gas, length, emergency_stop, heard, flooded, missed_steps } =
+            telemetry.sample;
+        let flag = |flag: bool| f64::from(u8::from(flag));
         [
             truth.time_s,
             truth.pressure_pa,
@@ -97,10 +103,14 @@ impl Row {
             f64::from(pressure.0),
             f64::from(gas.0),
             f64::from(length.0),
-            f64::from(u8::from(emergency_stop)),
+            flag(emergency_stop),
+            flag(heard),
+            flag(flooded),
+            f64::from(missed_steps),
             f64::from(telemetry.faults.0),
-            f64::from(u8::from(estimate.valid)),
+            flag(estimate.valid),
             f64::from(telemetry.mode as u8),
+            flag(telemetry.limited),
         ]
     }
 }

@@ -40,6 +40,9 @@ pub struct Config {
     pub controller: ControllerConfig,
     /// Above this absolute pressure the supervisor vents \[Pa\].
     pub pressure_limit_pa: f32,
+    /// Silence of the host after which the supervisor vents what is driven \[s\]; 0: never, the board
+    /// goes on alone.
+    pub link_timeout_s: f32,
 }
 
 /// A reservoir of gas.
@@ -271,6 +274,7 @@ impl Default for Config {
             estimator: EstimatorConfig::default(),
             controller: ControllerConfig::default(),
             pressure_limit_pa: 0.985 * 700_000.0,
+            link_timeout_s: 0.5,
         }
     }
 }
@@ -298,6 +302,12 @@ impl core::fmt::Display for ConfigError {
 impl core::error::Error for ConfigError {}
 
 impl Config {
+    /// Highest absolute pressure that a set point is followed to, a twentieth of the gauge pressure
+    /// below the limit: what overshoots on the way there does not trip it \[Pa\].
+    pub fn working_limit_pa(&self) -> f32 {
+        self.pressure_limit_pa - 0.05 * (self.pressure_limit_pa - self.ambient.pressure_pa)
+    }
+
     /// Checks every value.
     ///
     /// # Errors
@@ -400,7 +410,8 @@ impl Config {
         ] {
             within(field, value, minimum, maximum)?;
         }
-        within("pressure_limit_pa", self.pressure_limit_pa, 1.0, 1.0e9)
+        within("pressure_limit_pa", self.pressure_limit_pa, 1.0, 1.0e9)?;
+        within("link.timeout_s", self.link_timeout_s, 0.0, 3600.0)
     }
 }
 

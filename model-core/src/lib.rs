@@ -9,14 +9,9 @@
 //! use model_core::{AdcCode, Command, Config, Core, Sample, SetPoint};
 //!
 //! let mut core = Core::new(&Config::default()).unwrap();
-//! let sample = Sample {
-//!     pressure: AdcCode(7770),
-//!     gas: AdcCode(15_950),
-//!     length: AdcCode(23_757),
-//!     emergency_stop: false,
-//! };
+//! let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 //! assert_eq!(core.step(&sample).command, Command::VENT);
-//! core.set(SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 5.0 });
+//! core.set(SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 5.0 }).unwrap();
 //! ```
 //!
 //! Equation numbers are those of Kopecny and Zalud, "Sensors for Evaluation of Thermodynamical
@@ -48,5 +43,6 @@ pub mod valve_drive;
 pub mod wire;
 
 pub use config::{Config, ConfigError};
-pub use sample::{AdcCode, Command, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
+pub use control::{SetPoint, SetPointError};
+pub use sample::{AdcCode, Command, Duty, Estimate, Faults, Sample, Telemetry};
 pub use step::Core;

@@ -12,9 +12,36 @@ pub const CODE_MAX: u16 = OVERSAMPLING * 4095;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Default)]
 pub struct AdcCode(pub u16);
 
-/// Share of a PWM period, 0 to [`Duty::FULL`].
+/// Share of a PWM period, 0 to [`Duty::FULL`]; nothing else can be read from a frame either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Default)]
-pub struct Duty(pub u16);
+#[serde(try_from = "u16", into = "u16")]
+pub struct Duty(pub(crate) u16);
+
+/// More than [`Duty::FULL`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NoDuty(pub u16);
+
+impl core::fmt::Display for NoDuty {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "a duty of {}: must be from 0 to {}", self.0, Duty::FULL.0)
+    }
+}
+
+impl core::error::Error for NoDuty {}
+
+impl TryFrom<u16> for Duty {
+    type Error = NoDuty;
+
+    fn try_from(ticks: u16) -> Result<Self, NoDuty> {
+        if ticks <= Self::FULL.0 { Ok(Self(ticks)) } else { Err(NoDuty(ticks)) }
+    }
+}
+
+impl From<Duty> for u16 {
+    fn from(duty: Duty) -> Self {
+        duty.0
+    }
+}
 
 impl Duty {
     /// Not at all.
@@ -28,6 +55,11 @@ impl Duty {
         Self((limited * f32::from(Self::FULL.0) + 0.5) as u16)
     }
 
+    /// Of the 50 000 ticks that a period has.
+    pub const fn ticks(self) -> u16 {
+        self.0
+    }
+
     /// Share of the period, 0 to 1.
     pub fn share(self) -> f32 {
         f32::from(self.0) * (1.0 / 50_000.0)
@@ -39,7 +71,8 @@ impl Duty {
     }
 }
 
-/// Raw inputs of one step.
+/// Everything that one step takes in: the same samples and set points give the same outputs, to the
+/// bit, on every machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Sample {
     /// ADC0: muscle pressure.
@@ -50,6 +83,27 @@ pub struct Sample {
     pub length: AdcCode,
     /// The emergency stop line is open or low.
     pub emergency_stop: bool,
+    /// A request of the host has come since the step before.
+    pub heard: bool,
+    /// The host asks more than is carried out.
+    pub flooded: bool,
+    /// Steps that were left out before this one.
+    pub missed_steps: u8,
+}
+
+impl Sample {
+    /// Codes from a board that has nothing else to tell: not stopped, in time, its host heard.
+    pub const fn new(pressure: AdcCode, gas: AdcCode, length: AdcCode) -> Self {
+        Self {
+            pressure,
+            gas,
+            length,
+            emergency_stop: false,
+            heard: true,
+            flooded: false,
+            missed_steps: 0,
+        }
+    }
 }
 
 /// Valve openings of one step, as shares of the PWM period in which air passes.
@@ -80,38 +134,6 @@ impl Command {
     }
 }
 
-/// What the core is asked to do.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
-pub enum SetPoint {
-    /// Inlet closed, outlet open.
-    #[default]
-    Vent,
-    /// Fixed openings.
-    Duty(Command),
-    /// A mass flow into the muscle, negative out of it \[kg/s\].
-    MassFlow {
-        /// Flow \[kg/s\].
-        flow_kg_s: f32,
-    },
-    /// The paper's working cycle: half of the period in, half out.
-    MassFlowCycle {
-        /// Flow in either direction \[kg/s\].
-        flow_kg_s: f32,
-        /// Period \[s\].
-        period_s: f32,
-    },
-    /// An absolute pressure \[Pa\].
-    Pressure {
-        /// Pressure \[Pa\].
-        pressure_pa: f32,
-    },
-    /// A contraction, as a fraction of the rest length \[-\].
-    Contraction {
-        /// Contraction \[-\].
-        contraction: f32,
-    },
-}
-
 /// What is wrong, one bit each. See [`crate::supervisor`] for what follows from each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Faults(pub u16);
@@ -128,16 +150,28 @@ impl Faults {
     pub const OVERPRESSURE: Self = Self(1 << 2);
     /// The gas sensor's code lies at a rail, or stands still.
     pub const GAS_SENSOR: Self = Self(1 << 3);
-    /// The length code lies at a rail.
+    /// The length code lies at a rail, stands still, or moves as no muscle can.
     pub const LENGTH_SENSOR: Self = Self(1 << 4);
+    /// The host has been silent for longer than `link_timeout_s`.
+    pub const LINK_LOST: Self = Self(1 << 5);
+    /// The board leaves out steps.
+    pub const MISSED_STEPS: Self = Self(1 << 6);
+    /// The core runs on defaults: since the board started nobody has told it its configuration.
+    pub const NOT_CONFIGURED: Self = Self(1 << 7);
+    /// The host asks more than the board carries out.
+    pub const LINK_FLOODED: Self = Self(1 << 8);
 
     /// Every fault and its name, in the order of the bits.
-    pub const NAMES: [(Self, &'static str); 5] = [
+    pub const NAMES: [(Self, &'static str); 9] = [
         (Self::EMERGENCY_STOP, "emergency stop"),
         (Self::PRESSURE_SENSOR, "pressure sensor"),
         (Self::OVERPRESSURE, "overpressure"),
         (Self::GAS_SENSOR, "gas sensor"),
         (Self::LENGTH_SENSOR, "length sensor"),
+        (Self::LINK_LOST, "link lost"),
+        (Self::MISSED_STEPS, "missed steps"),
+        (Self::NOT_CONFIGURED, "not configured"),
+        (Self::LINK_FLOODED, "link flooded"),
     ];
 
     /// Both together.
@@ -145,9 +179,25 @@ impl Faults {
         Self(self.0 | other.0)
     }
 
+    /// Those of `other` that are among them.
+    pub const fn of(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
     /// Whether one of `other` is among them.
     pub const fn intersects(self, other: Self) -> bool {
         self.0 & other.0 != 0
+    }
+}
+
+impl core::fmt::Display for Faults {
+    /// Their names, by commas.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let names = Self::NAMES.iter().filter(|(fault, _)| self.intersects(*fault));
+        for (i, (_, name)) in names.enumerate() {
+            write!(f, "{}{name}", if i > 0 { ", " } else { "" })?;
+        }
+        Ok(())
     }
 }
 
@@ -189,6 +239,8 @@ pub struct Telemetry {
     pub command: Command,
     /// What the core is doing.
     pub mode: Mode,
+    /// The set point asks for more than the core gives: it holds the pressure below its limit.
+    pub limited: bool,
     /// Faults that hold now or are latched.
     pub faults: Faults,
 }
@@ -211,6 +263,11 @@ mod tests {
             prop_assert!(duty <= Duty::FULL);
             prop_assert_eq!(Duty::from_share(duty.share()), duty);
             prop_assert_eq!(duty.complement().complement(), duty);
+        }
+
+        #[test]
+        fn a_duty_is_never_more_than_full(ticks in any::<u16>()) {
+            prop_assert_eq!(Duty::try_from(ticks).is_ok(), ticks <= 50_000);
         }
     }
 }

@@ -2,11 +2,11 @@
 
 use crate::body::Shape;
 use crate::config::{Config, ConfigError, Load};
-use crate::control::{Controller, Feedback, Mode};
+use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, Target};
 use crate::estimator::{Estimator, Measurement, Openings};
 use crate::front_end::{self, Converter};
-use crate::sample::{Command, Duty, Faults, Sample, SetPoint, Telemetry};
-use crate::supervisor::Supervisor;
+use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
+use crate::supervisor::{Activity, FirstFailure, Supervisor};
 
 /// Model, estimator, controller and supervisor of one muscle.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,7 +37,7 @@ impl Core {
             config: *config,
             shape: Shape::new(&config.body),
             converter: Converter::new(&config.front_end),
-            supervisor: Supervisor::default(),
+            supervisor: Supervisor::new(config, true),
             estimator: Estimator::new(config),
             controller: Controller::new(config),
             command: Command::VENT,
@@ -48,11 +48,21 @@ impl Core {
         })
     }
 
+    /// The core of a board that nobody has told its configuration: it has the default one, and vents
+    /// until it is [restarted](Self::restart_as) as one that is configured.
+    ///
+    /// # Errors
+    /// None: the default configuration holds.
+    pub fn unconfigured() -> Result<Self, ConfigError> {
+        let config = Config::default();
+        Ok(Self { supervisor: Supervisor::new(&config, false), ..Self::new(&config)? })
+    }
+
     /// Starts anew as `other`, with its configuration and its set point. The supervisor stays: what is
     /// latched is latched, what it has counted counts, and the sensors are judged again.
     pub fn restart_as(&mut self, other: Self) {
         *self = Self {
-            supervisor: self.supervisor.after_restart(),
+            supervisor: self.supervisor.after_restart(&other.supervisor),
             inlet_steps: self.inlet_steps,
             outlet_steps: self.outlet_steps,
             ..other
@@ -64,25 +74,53 @@ impl Core {
         &self.config
     }
 
+    /// The supervisor, for what it has latched.
+    pub fn supervisor(&self) -> &Supervisor {
+        &self.supervisor
+    }
+
+    /// Takes over what was latched before the board restarted.
+    pub fn recall(&mut self, first: FirstFailure, latched: Faults) {
+        self.supervisor.recall(first, latched);
+    }
+
     /// Changes what the core is to do, from the next PWM period on.
-    pub fn set(&mut self, set_point: SetPoint) {
-        self.controller.set(set_point);
+    ///
+    /// # Errors
+    /// [`SetPointError`] for a value that is no number or out of its range, and for anything but
+    /// to vent while faults do; what held before goes on.
+    pub fn set(&mut self, set_point: SetPoint) -> Result<(), SetPointError> {
+        let target = Target::new(&set_point, &self.config)?;
+        let venting = self.supervisor.venting();
+        if target != Target::VENT && venting != Faults::NONE {
+            return Err(SetPointError::Faults(venting));
+        }
+        self.controller.set(target);
+        Ok(())
+    }
+
+    /// Vents, from this step on: what [`SetPoint::Vent`] does from the next PWM period on.
+    pub fn vent(&mut self) {
+        self.controller.vent();
     }
 
     /// Forgets latched faults whose cause is gone. The set point falls back to venting: nothing
     /// moves because a fault was acknowledged.
     pub fn clear_faults(&mut self) {
         self.supervisor.clear();
-        self.controller.set(SetPoint::Vent);
+        self.controller.set(Target::VENT);
     }
 
     /// One step. While the sensors are judged ([`Mode::Judging`]) it vents, and neither estimates nor
     /// counts: step 0 is the first after it.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
-        let filling = self.inlet_steps > 0;
-        let limit_pa = self.config.pressure_limit_pa;
-        let faults = self.supervisor.step(sample, pressure_pa, limit_pa, filling);
+        let activity = Activity {
+            filling: self.inlet_steps > 0,
+            driven: self.controller.driven(),
+            step: self.step,
+        };
+        let faults = self.supervisor.step(sample, pressure_pa, activity);
         let length_m = self.length_m(sample, pressure_pa, faults);
         if self.supervisor.judging() {
             self.follow(Command::VENT);
@@ -94,17 +132,19 @@ impl Core {
                 estimate: self.estimator.estimate(),
                 command: Command::VENT,
                 mode: Mode::Judging,
+                limited: false,
                 faults,
             };
         }
-        let venting = self.supervisor.must_vent();
+        let venting = self.supervisor.venting() != Faults::NONE;
         if venting {
-            self.controller.set(SetPoint::Vent);
+            self.controller.set(Target::VENT);
         }
         // While venting too: it counts the periods of the PWM, and the hardware goes on with them.
         let wanted = self.controller.step(
             &self.config,
             &Feedback { pressure_pa, length_m, estimate: self.estimator.estimate() },
+            sample.missed_steps,
         );
         let command = if venting { Command::VENT } else { wanted };
         let turned = core::mem::replace(&mut self.turned, command.turns(self.command));
@@ -133,6 +173,7 @@ impl Core {
             estimate: self.estimator.estimate(),
             command,
             mode: self.controller.mode(),
+            limited: self.controller.limited(),
             faults,
         };
         self.step = self.step.wrapping_add(1);
@@ -173,19 +214,14 @@ mod tests {
     use super::*;
     use crate::sample::AdcCode;
 
-    const HEALTHY: Sample = Sample {
-        pressure: AdcCode(7770),
-        gas: AdcCode(15_950),
-        length: AdcCode(23_757),
-        emergency_stop: false,
-    };
+    const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
-    const HALF: SetPoint = SetPoint::Duty(Command { inlet: Duty(25_000), outlet: Duty::ZERO });
+    const HALF: SetPoint = SetPoint::Duty { inlet: 0.5, outlet: 0.0 };
 
     /// A core with this set point.
     fn core_with(set_point: SetPoint) -> Core {
         let mut core = Core::new(&Config::default()).unwrap();
-        core.set(set_point);
+        core.set(set_point).unwrap();
         core
     }
 
@@ -259,8 +295,7 @@ mod tests {
     #[test]
     fn a_fault_vents_at_once_and_leaves_the_period_in_phase() {
         let mut core = Core::new(&Config::default()).unwrap();
-        let fill = SetPoint::Duty(Command { inlet: Duty(20_000), outlet: Duty::ZERO });
-        core.set(fill);
+        core.set(HALF).unwrap();
         assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
         for _ in 1..4 {
             core.step(&HEALTHY);
@@ -271,7 +306,7 @@ mod tests {
             assert_eq!(core.step(&HEALTHY).command, Command::VENT, "latched");
         }
         core.clear_faults();
-        core.set(fill);
+        core.set(HALF).unwrap();
         let commands = [17, 18, 19, 20].map(|_| core.step(&HEALTHY).command);
         assert_eq!(commands[..3], [Command::VENT; 3], "the period of step 10 goes on");
         assert_ne!(commands[3], Command::VENT, "step 20 begins a period");

@@ -10,7 +10,9 @@
 //! sequence number, and sends [`Message::Telemetry`] of its own accord.
 
 use crate::config::{Config, ConfigError};
-use crate::sample::{Sample, SetPoint, Telemetry};
+use crate::control::{SetPoint, SetPointError};
+use crate::sample::{Sample, Telemetry};
+use crate::supervisor::FirstFailure;
 use cobs::{DecodeResult, DecoderState};
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use serde::de::DeserializeOwned;
@@ -61,6 +63,10 @@ pub enum HostCommand {
     Timing,
     /// Why the board started last: [`Answer::LastReset`].
     LastReset,
+    /// What vented first: [`Answer::FirstFailure`].
+    FirstFailure,
+    /// The host is there; nothing is answered.
+    Alive,
     /// One step on this sample instead of one from the ADC; firmware with the `hil` feature only.
     /// The reply is the step's telemetry.
     Step(Sample),
@@ -104,6 +110,8 @@ pub enum Answer {
     Timing(Timing),
     /// Why the board started last.
     LastReset(LastReset),
+    /// What vented first since faults were last cleared, before the last restart included.
+    FirstFailure(Option<FirstFailure>),
 }
 
 /// Why a request was not carried out.
@@ -124,6 +132,16 @@ pub enum Refusal {
     },
     /// Samples from the host need firmware with the `hil` feature.
     NoHostSamples,
+    /// The set point: which value, and what is allowed, or what vents.
+    SetPoint(SetPointError),
+    /// Nobody has told the board its configuration since it started.
+    NotConfigured,
+}
+
+impl From<SetPointError> for Refusal {
+    fn from(error: SetPointError) -> Self {
+        Self::SetPoint(error)
+    }
 }
 
 impl From<ConfigError> for Refusal {
@@ -142,6 +160,10 @@ impl core::fmt::Display for Refusal {
             }
             Self::NoHostSamples => {
                 write!(f, "this firmware samples its ADC: flash the one built with `hil`")
+            }
+            Self::SetPoint(error) => error.fmt(f),
+            Self::NotConfigured => {
+                write!(f, "the board has no configuration since it started: configure it first")
             }
         }
     }
@@ -175,7 +197,7 @@ pub enum Chip {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Timing {
     /// Steps.
-    pub steps: u32,
+    pub steps: u64,
     /// Steps that were left out, because the one before was not done.
     pub missed_steps: u32,
     /// Mean time of the core's step \[ns\].
@@ -192,6 +214,8 @@ pub struct Timing {
     pub dropped_telemetry: u32,
     /// Frames from the host that were malformed, and dropped.
     pub malformed_frames: u32,
+    /// Requests that were dropped, because more came than the board carries out.
+    pub dropped_requests: u32,
 }
 
 /// Why the board started last.
@@ -338,7 +362,15 @@ mod tests {
         let value = f32::from_bits(0x7fc1_2345);
         Telemetry {
             step: u32::MAX,
-            sample: Sample { pressure: code, gas: code, length: code, emergency_stop: true },
+            sample: Sample {
+                pressure: code,
+                gas: code,
+                length: code,
+                emergency_stop: true,
+                heard: true,
+                flooded: true,
+                missed_steps: u8::MAX,
+            },
             pressure_pa: value,
             length_m: value,
             estimate: Estimate {
@@ -351,8 +383,9 @@ mod tests {
                 heat_scale: value,
                 sensor_lag_s: value,
             },
-            command: Command { inlet: Duty(u16::MAX), outlet: Duty(u16::MAX) },
+            command: Command { inlet: Duty::FULL, outlet: Duty::FULL },
             mode: Mode::ContractionHeld,
+            limited: true,
             faults: Faults(u16::MAX),
         }
     }
@@ -381,7 +414,7 @@ mod tests {
             assert!((150..=MAX_FRAME - 4).contains(&length), "{length} bytes");
         }
         let timing = Timing {
-            steps: u32::MAX,
+            steps: u64::MAX,
             missed_steps: u32::MAX,
             step_mean_ns: u32::MAX,
             step_worst_us: u32::MAX,
@@ -390,6 +423,7 @@ mod tests {
             jitter_worst_us: u32::MAX,
             dropped_telemetry: u32::MAX,
             malformed_frames: u32::MAX,
+            dropped_requests: u32::MAX,
         };
         assert!(
             encode(&Message::Reply(Reply { sequence: 0, answer: Answer::Timing(timing) })).is_ok()
@@ -442,6 +476,9 @@ mod tests {
                     gas: AdcCode(codes[1]),
                     length: AdcCode(codes[2]),
                     emergency_stop,
+                    heard: !emergency_stop,
+                    flooded: false,
+                    missed_steps: codes[0] as u8,
                 },
                 pressure_pa: f[0],
                 length_m: f[1],
@@ -449,8 +486,12 @@ mod tests {
                     gas_k: f[2], gas_sd_k: f[3], valid: emergency_stop, wall_k: f[4], sensor_k: f[5],
                     mass_kg: f[6], heat_scale: f[7], sensor_lag_s: f[8],
                 },
-                command: Command { inlet: Duty(duties[0]), outlet: Duty(duties[1]) },
+                command: Command {
+                    inlet: Duty(duties[0].min(50_000)),
+                    outlet: Duty(duties[1].min(50_000)),
+                },
                 mode: Mode::Pressure,
+                limited: true,
                 faults: Faults(faults),
             };
             let frame = encode(&Message::Telemetry(telemetry)).unwrap();

@@ -11,12 +11,7 @@ use ratatui::backend::TestBackend;
 use std::time::{Duration, Instant};
 use system_tests::skip_emulator;
 
-const HEALTHY: Sample = Sample {
-    pressure: AdcCode(7770),
-    gas: AdcCode(15_950),
-    length: AdcCode(23_757),
-    emergency_stop: false,
-};
+const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
 fn poll_until(session: &mut Session, done: impl Fn(&Session) -> bool) {
     let start = Instant::now();

@@ -2,27 +2,26 @@
 //! what happened.
 
 use host_sim::board::Board;
+use host_sim::board::BoardError;
 use host_sim::board::emulated::{EmulatedBoard, Exchange, Injection};
 use model_core::supervisor::JUDGING_STEPS;
-use model_core::wire::{HostCommand, LastReset, Phase};
-use model_core::{AdcCode, Command, Config, Duty, Faults, Sample, SetPoint, Telemetry};
+use model_core::wire::{Answer, HostCommand, LastReset, Phase, Refusal};
+use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use system_tests::skip_emulator;
 
 /// Valves must be safe within this time \[ms\].
 const SAFE_MS: u32 = 100;
 
-const HEALTHY: Sample = Sample {
-    pressure: AdcCode(7770),
-    gas: AdcCode(15_950),
-    length: AdcCode(23_757),
-    emergency_stop: false,
-};
+const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+
+fn fill(inlet: f32) -> SetPoint {
+    SetPoint::Duty { inlet, outlet: 0.0 }
+}
 
 /// A board whose inlet is half open and whose outlet is closed.
 fn filling() -> EmulatedBoard {
     let mut board = EmulatedBoard::new().unwrap();
-    let command = Command { inlet: Duty::from_share(0.5), outlet: Duty::ZERO };
-    board.start(&Config::default(), SetPoint::Duty(command)).unwrap();
+    board.start(&Config::default(), fill(0.5)).unwrap();
     let judging_ms = u32::from(JUDGING_STEPS);
     let shares = mean_shares(&mut board, judging_ms + 40, 20);
     assert!((0.49..=0.51).contains(&shares.0) && shares.1 > 0.999, "{shares:?}");
@@ -99,9 +98,6 @@ fn starts_do_not_go_round_the_supervisor() {
     if skip_emulator() {
         return;
     }
-    let fill = |share| {
-        SetPoint::Duty(Command { inlet: Duty::from_share(share), outlet: Duty::ZERO })
-    };
     let shorted = Sample { pressure: AdcCode(0), ..HEALTHY };
     for (sample, set_point, every_ms) in [(shorted, fill(1.0), 9), (HEALTHY, fill(0.5), 5)] {
         let mut board = filling();
@@ -116,6 +112,156 @@ fn starts_do_not_go_round_the_supervisor() {
         assert!(powered_ms < 5.0, "powered for {powered_ms} ms of 400");
         let faults = last_telemetry(&mut board, &sample).faults;
         assert_eq!(faults.intersects(Faults::PRESSURE_SENSOR), sample == shorted, "{faults:?}");
+    }
+}
+
+/// What is latched, and what was first, stays so over a restart of the board, until it is cleared.
+#[test]
+fn latched_faults_survive_a_restart() {
+    if skip_emulator() {
+        return;
+    }
+    let mut board = filling();
+    board.exchange(&Sample { emergency_stop: true, ..HEALTHY }).unwrap();
+    board.exchange(&HEALTHY).unwrap();
+    board.inject(Injection::Hang);
+    while board.exchange(&HEALTHY).unwrap().restarts == 0 {}
+    let both = Faults::EMERGENCY_STOP.with(Faults::NOT_CONFIGURED);
+    assert_eq!(last_telemetry(&mut board, &HEALTHY).faults, both);
+    let first = match board.ask(HostCommand::FirstFailure).unwrap() {
+        Answer::FirstFailure(Some(first)) => first,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!((first.faults, first.pressure), (Faults::EMERGENCY_STOP, HEALTHY.pressure));
+    assert!((30..60).contains(&first.step), "{first:?}");
+    let started = board.start(&Config::default(), fill(0.5));
+    assert!(started.is_ok(), "it is configured: {started:?}");
+    assert_eq!(mean_shares(&mut board, 100, 50), (0.0, 0.0), "and vents");
+    assert_eq!(last_telemetry(&mut board, &HEALTHY).faults, Faults::EMERGENCY_STOP);
+    board.ask(HostCommand::ClearFaults).unwrap();
+    board.start(&Config::default(), fill(0.5)).unwrap();
+    assert!(mean_shares(&mut board, 100, 20).0 > 0.49);
+}
+
+/// A set point that is nonsense is refused by name, and changes nothing.
+#[test]
+fn nonsense_is_refused() {
+    if skip_emulator() {
+        return;
+    }
+    let mut board = filling();
+    for (set_point, key) in [
+        (SetPoint::Contraction { contraction: f32::NAN }, "contraction"),
+        (SetPoint::Contraction { contraction: 0.4 }, "contraction"),
+        (SetPoint::Pressure { pressure_pa: f32::INFINITY }, "pressure_pa"),
+        (SetPoint::MassFlowCycle { flow_kg_s: 1.0e-4, period_s: 0.0 }, "period_s"),
+        (SetPoint::Duty { inlet: 1.31, outlet: 0.0 }, "inlet"),
+    ] {
+        for command in [HostCommand::Set(set_point), HostCommand::Start(set_point)] {
+            match board.ask(command) {
+                Err(BoardError::Refused(refusal)) => {
+                    let text = refusal.to_string();
+                    assert!(text.starts_with(key) && text.contains("must be from 0"), "{text}");
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+    let shares = mean_shares(&mut board, 20, 20);
+    assert!((0.49..=0.51).contains(&shares.0), "it goes on: {shares:?}");
+}
+
+/// Silence of the host vents what is driven, within the time that is configured.
+#[test]
+fn a_lost_link_vents() {
+    if skip_emulator() {
+        return;
+    }
+    let mut board = EmulatedBoard::new().unwrap();
+    let pressure = SetPoint::Pressure { pressure_pa: 4.0e5 };
+    board.start(&Config::default(), pressure).unwrap();
+    assert!(mean_shares(&mut board, 100, 20).0 > 0.9, "it fills");
+    // The line moves with its noise: it is not frozen.
+    let silent = |ms: u32| Sample {
+        heard: false,
+        pressure: AdcCode(HEALTHY.pressure.0 + ms as u16 % 2),
+        ..HEALTHY
+    };
+    let driven =
+        |board: &mut EmulatedBoard, ms| board.exchange(&silent(ms)).unwrap().inlet_coil > 0.0;
+    let until_vented = (0..700).rposition(|ms| driven(&mut board, ms)).unwrap();
+    assert!((380..=501).contains(&until_vented), "{until_vented} ms");
+    assert_eq!(last_telemetry(&mut board, &HEALTHY).faults, Faults::LINK_LOST);
+    board.ask(HostCommand::ClearFaults).unwrap();
+    board.ask(HostCommand::Set(pressure)).unwrap();
+    assert!(mean_shares(&mut board, 40, 20).0 > 0.9, "cleared, it goes on");
+    // And a board that is told to go on alone does.
+    let alone = Config { link_timeout_s: 0.0, ..Config::default() };
+    board.start(&alone, pressure).unwrap();
+    board.step(&HEALTHY).unwrap();
+    for ms in 0..2000 {
+        board.exchange(&silent(ms)).unwrap();
+    }
+    assert!(board.exchange(&silent(0)).unwrap().inlet_coil > 0.9);
+}
+
+/// Valid requests at the full rate of the line take nothing from control, and stop is stop.
+#[test]
+fn a_flood_of_requests_changes_nothing() {
+    if skip_emulator() {
+        return;
+    }
+    for command in [
+        HostCommand::Set(fill(0.5)),
+        HostCommand::ReadConfig,
+        HostCommand::Timing,
+        HostCommand::Configure(Config::default()),
+        HostCommand::Start(fill(0.5)),
+    ] {
+        let mut board = filling();
+        let moving =
+            |ms: u32| Sample { pressure: AdcCode(HEALTHY.pressure.0 + ms as u16 % 2), ..HEALTHY };
+        for ms in 0..400 {
+            while board.waiting() < 400 {
+                board.send(command);
+            }
+            let exchange = board.exchange(&moving(ms)).unwrap();
+            assert_eq!(exchange.restarts, 0, "restarted at {ms} ms of {command:?}");
+        }
+        board.discard();
+        board.write(&[0]);
+        for ms in 0..100 {
+            board.exchange(&moving(ms)).unwrap();
+        }
+        board.take_telemetry();
+        let timing = board.timing().unwrap();
+        assert_eq!(timing.missed_steps, 0, "{command:?}: {timing:?}");
+        assert!(timing.dropped_requests > 20, "{command:?}: {timing:?}");
+        let faults = last_telemetry(&mut board, &HEALTHY).faults;
+        assert!(faults.intersects(Faults::LINK_FLOODED), "{faults:?}");
+        board.send(HostCommand::Stop);
+        let ms = time_to_vent(&mut board, &HEALTHY);
+        assert!(ms <= 3, "{ms} ms to stop after {command:?}");
+    }
+}
+
+/// At the longest PWM period too.
+#[test]
+fn the_emergency_stop_does_not_wait_for_the_period() {
+    if skip_emulator() {
+        return;
+    }
+    let mut config = Config::default();
+    config.drive.period_steps = 102;
+    for after_ms in [1, 30, 60, 100] {
+        let mut board = EmulatedBoard::new().unwrap();
+        board.start(&config, SetPoint::Duty { inlet: 1.0, outlet: 0.0 }).unwrap();
+        board.step(&HEALTHY).unwrap();
+        for _ in 0..after_ms {
+            board.exchange(&HEALTHY).unwrap();
+        }
+        let ms = time_to_vent(&mut board, &Sample { emergency_stop: true, ..HEALTHY });
+        assert!((1..=2).contains(&ms), "{ms} ms");
     }
 }
 
@@ -144,9 +290,19 @@ fn a_hang_of_the_control_task_ends_in_the_watchdog() {
     let reason = board.last_reset().unwrap();
     assert!(matches!(reason, LastReset::Watchdog { .. }), "{reason:?}");
     assert_eq!(board.exchange(&HEALTHY).unwrap().restarts, 1);
-    // It runs again, and vents until it is told otherwise.
+    // It runs again, on defaults that nobody has told it: it says so, and takes no set point.
     let telemetry = last_telemetry(&mut board, &HEALTHY);
-    assert_eq!((telemetry.command, telemetry.faults), (Command::VENT, Faults::NONE));
+    assert_eq!((telemetry.command, telemetry.faults), (Command::VENT, Faults::NOT_CONFIGURED));
+    let refused = |answer| match answer {
+        Err(BoardError::Refused(refusal)) => refusal,
+        other => panic!("{other:?}"),
+    };
+    let set = board.ask(HostCommand::Set(SetPoint::Pressure { pressure_pa: 5.0e5 }));
+    let faults = SetPointError::Faults(Faults::NOT_CONFIGURED);
+    assert_eq!(refused(set), Refusal::SetPoint(faults));
+    assert_eq!(refused(board.ask(HostCommand::Start(fill(0.5)))), Refusal::NotConfigured);
+    board.start(&Config::default(), fill(0.5)).unwrap();
+    assert!(mean_shares(&mut board, 100, 20).0 > 0.49);
 }
 
 #[test]
@@ -170,7 +326,11 @@ fn a_million_random_bytes_change_nothing() {
     if skip_emulator() {
         return;
     }
-    let mut board = filling();
+    let mut board = EmulatedBoard::new().unwrap();
+    // No word of the host gets through: the board goes on alone.
+    let alone = Config { link_timeout_s: 0.0, ..Config::default() };
+    board.start(&alone, fill(0.5)).unwrap();
+    mean_shares(&mut board, 90, 20);
     // xorshift32 (Marsaglia 2003)
     let mut state = 0x1234_5678_u32;
     let garbage: Vec<u8> = (0..1_000_000)
@@ -187,7 +347,7 @@ fn a_million_random_bytes_change_nothing() {
     for step in 0..ms {
         // A line that stands still would be a fault.
         let pressure = AdcCode(HEALTHY.pressure.0 + step as u16 % 2);
-        let exchange = board.exchange(&Sample { pressure, ..HEALTHY }).unwrap();
+        let exchange = board.exchange(&Sample { pressure, heard: false, ..HEALTHY }).unwrap();
         assert_eq!(exchange.restarts, 0, "restarted at {step} ms");
         assert!(exchange.outlet_coil > 0.999, "the outlet opened at {step} ms");
     }

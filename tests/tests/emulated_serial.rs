@@ -10,12 +10,7 @@ use host_sim::replay::{Row, replay};
 use model_core::{AdcCode, Config, Sample, SetPoint};
 use system_tests::skip_emulator;
 
-const HEALTHY: Sample = Sample {
-    pressure: AdcCode(7770),
-    gas: AdcCode(15_950),
-    length: AdcCode(23_757),
-    emergency_stop: false,
-};
+const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
 #[test]
 fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {

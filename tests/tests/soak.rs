@@ -33,7 +33,7 @@ fn recorded(model: PlantModel) -> (Config, SetPoint, Vec<Sample>) {
 fn drift_k(model: PlantModel, cycles: u32) -> f32 {
     let (config, set_point, samples) = recorded(model);
     let mut core = Core::new(&config).unwrap();
-    core.set(set_point);
+    core.set(set_point).unwrap();
     let started = Instant::now();
     let mut settled = Vec::with_capacity(CYCLE);
     let mut drift_k = 0.0_f32;

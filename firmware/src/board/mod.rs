@@ -8,8 +8,9 @@ mod float_calls;
 mod rp;
 
 use embassy_time::Duration;
-use model_core::Command;
+use model_core::supervisor::FirstFailure;
 use model_core::wire::Phase;
+use model_core::{Command, Faults};
 
 /// Analog inputs.
 #[cfg(not(feature = "hil"))]
@@ -48,6 +49,8 @@ pub const PWM_DELAY: Duration = Duration::from_micros(250);
 pub trait BlackBox {
     /// Control enters a phase.
     fn note(&mut self, phase: Phase);
+    /// What vented first, and what is latched now.
+    fn record(&mut self, first: Option<FirstFailure>, latched: Faults);
 }
 
 /// Restarts the board when it is not fed.

@@ -28,8 +28,9 @@ use embassy_rp::uart::{
 };
 use embassy_rp::watchdog::{ResetReason, Watchdog};
 use embassy_time::{Duration, Instant};
+use model_core::supervisor::FirstFailure;
 use model_core::wire::{BAUD, Chip, LastReset, Phase};
-use model_core::{Command, Config, Core, Duty};
+use model_core::{AdcCode, Command, Core, Duty, Faults};
 use static_cell::StaticCell;
 
 const CHIP: Chip = if cfg!(feature = "pico2") { Chip::Rp2350 } else { Chip::Rp2040 };
@@ -57,7 +58,7 @@ fn main() -> ! {
         RpValves::new(Pwm::new_output_ab(p.PWM_SLICE0, p.PIN_16, p.PIN_17, RpValves::off()));
 
     let mut watchdog = Watchdog::new(p.WATCHDOG);
-    let last_reset = recall(&mut watchdog);
+    let (last_reset, remembered) = recall(&mut watchdog);
     watchdog.pause_on_debug(true);
     watchdog.start(supervisor::WATCHDOG);
     let [major, minor, patch] = link::FIRMWARE;
@@ -89,7 +90,11 @@ fn main() -> ! {
     let source = source::Host::new(&SHARED);
 
     // SAFETY: control has the scratch registers, the supervisor the rest of the watchdog.
-    let recorder = Recorder(Watchdog::new(unsafe { WATCHDOG::steal() }));
+    let recorder = Recorder {
+        watchdog: Watchdog::new(unsafe { WATCHDOG::steal() }),
+        phase: Phase::Starting,
+        latched: remembered.map_or(Faults::NONE, |(_, latched)| latched),
+    };
     let led = Output::new(p.PIN_25, Level::Low);
     let fault_output = Output::new(p.PIN_15, Level::Low);
     let identity =
@@ -103,7 +108,7 @@ fn main() -> ! {
             send(tx),
             receive(rx, identity),
             supervise(watchdog, led, fault_output, last_reset),
-            step(source, valves, recorder),
+            step(source, valves, recorder, remembered),
         ) else {
             panic!("each task is started once");
         };
@@ -120,10 +125,13 @@ type Source = source::Inputs<converter::Converter, embassy_rp::gpio::Input<'stat
 type Source = source::Host;
 
 #[embassy_executor::task]
-async fn step(source: Source, valves: RpValves, recorder: Recorder) -> ! {
-    let Ok(core) = Core::new(&Config::default()) else {
+async fn step(source: Source, valves: RpValves, recorder: Recorder, remembered: Remembered) -> ! {
+    let Ok(mut core) = Core::unconfigured() else {
         panic!("the default configuration holds");
     };
+    if let Some((first, latched)) = remembered {
+        core.recall(first, latched);
+    }
     control::run(core, source, valves, recorder, &SHARED).await
 }
 
@@ -166,7 +174,7 @@ impl RpValves {
 
     fn off() -> PwmConfig {
         let mut config = PwmConfig::default();
-        config.top = Duty::FULL.0 - 1;
+        config.top = Duty::FULL.ticks() - 1;
         config.enable = false;
         config
     }
@@ -175,7 +183,7 @@ impl RpValves {
     /// every whole number of milliseconds at 125 MHz and at 150 MHz.
     fn divider_sixteenths(steps: u16) -> u64 {
         let clocks = u64::from(clk_sys_freq()) * STEP.as_micros() * u64::from(steps) / 1_000_000;
-        16 * clocks / u64::from(Duty::FULL.0)
+        16 * clocks / u64::from(Duty::FULL.ticks())
     }
 
     /// The divider has eight bits before the point and four behind.
@@ -185,8 +193,8 @@ impl RpValves {
 
     fn set_coils(&mut self, command: Command) {
         let (inlet, outlet) = command.coils();
-        self.config.compare_a = inlet.0;
-        self.config.compare_b = outlet.0;
+        self.config.compare_a = inlet.ticks();
+        self.config.compare_b = outlet.ticks();
     }
 }
 
@@ -196,9 +204,9 @@ impl Valves for RpValves {
         self.pwm.set_config(&self.config);
         self.config.divider =
             fixed::FixedU16::from_bits(Self::divider_sixteenths(period_steps) as u16);
-        let delay = u64::from(Duty::FULL.0) * PWM_DELAY.as_micros()
+        let delay = u64::from(Duty::FULL.ticks()) * PWM_DELAY.as_micros()
             / (u64::from(period_steps.max(1)) * STEP.as_micros());
-        self.pwm.set_counter((u64::from(Duty::FULL.0) - delay.max(1)) as u16);
+        self.pwm.set_counter((u64::from(Duty::FULL.ticks()) - delay.max(1)) as u16);
         self.config.enable = true;
         self.pwm.set_config(&self.config);
         self.drive(command);
@@ -231,12 +239,19 @@ impl super::Watchdog for RpWatchdog {
 }
 
 /// The watchdog's scratch registers outlive every restart but that of the power.
-struct Recorder(Watchdog);
+struct Recorder {
+    watchdog: Watchdog,
+    phase: Phase,
+    latched: Faults,
+}
 
-/// Scratch registers in use, and what stands in [`CAUSE`].
-const PHASE: usize = 0;
-const CAUSE: usize = 1;
-const DETAIL: usize = 2;
+/// Scratch registers in use; the boot ROM reads the upper four. The phase has the lowest byte of
+/// [`STATE`], the cause of a restart the next one, the latched faults the upper half.
+const STATE: usize = 0;
+const DETAIL: usize = 1;
+/// Faults of the first failure, and above them the pressure's code.
+const FAILURE: usize = 2;
+const FAILURE_STEP: usize = 3;
 const PANIC: u32 = 1;
 const HARD_FAULT: u32 = 2;
 
@@ -245,15 +260,30 @@ const PHASES: [Phase; 5] =
 
 impl BlackBox for Recorder {
     fn note(&mut self, phase: Phase) {
-        self.0.set_scratch(PHASE, phase as u32);
+        self.phase = phase;
+        self.watchdog.set_scratch(STATE, phase as u32 | u32::from(self.latched.0) << 16);
+    }
+
+    fn record(&mut self, first: Option<FirstFailure>, latched: Faults) {
+        if let Some(FirstFailure { faults, pressure, step }) = first {
+            let failure = u32::from(faults.0) | u32::from(pressure.0) << 16;
+            self.watchdog.set_scratch(FAILURE, failure);
+            self.watchdog.set_scratch(FAILURE_STEP, step);
+        }
+        self.latched = latched;
+        self.note(self.phase);
     }
 }
 
-/// Why the board started; the registers are then ready for the next time.
-fn recall(watchdog: &mut Watchdog) -> LastReset {
-    let phase = *PHASES.get(watchdog.get_scratch(PHASE) as usize).unwrap_or(&Phase::Starting);
-    let detail = watchdog.get_scratch(DETAIL);
-    let cause = watchdog.get_scratch(CAUSE);
+/// What vented before the restart, and what was latched then.
+type Remembered = Option<(FirstFailure, Faults)>;
+
+/// Why the board started, and what it was latched for; the registers are then ready for the next time.
+fn recall(watchdog: &mut Watchdog) -> (LastReset, Remembered) {
+    let [state, detail, failure, step] =
+        [STATE, DETAIL, FAILURE, FAILURE_STEP].map(|register| watchdog.get_scratch(register));
+    let phase = *PHASES.get((state & 0xff) as usize).unwrap_or(&Phase::Starting);
+    let cause = state >> 8 & 0xff;
     let last_reset = match (watchdog.reset_reason(), cause) {
         (Some(ResetReason::Forced), PANIC) => LastReset::Panic { line: detail, phase },
         (Some(ResetReason::Forced), HARD_FAULT) => LastReset::HardFault { address: detail, phase },
@@ -263,9 +293,13 @@ fn recall(watchdog: &mut Watchdog) -> LastReset {
     if last_reset != LastReset::Power {
         defmt::warn!("restarted in phase {=u32}, cause {=u32}", phase as u32, cause);
     }
-    watchdog.set_scratch(PHASE, Phase::Starting as u32);
-    watchdog.set_scratch(CAUSE, 0);
-    last_reset
+    let faults = Faults(failure as u16);
+    let latched = Faults((state >> 16) as u16);
+    let first = FirstFailure { faults, pressure: AdcCode((failure >> 16) as u16), step };
+    // Power clears the registers.
+    let remembered = (faults != Faults::NONE).then_some((first, latched));
+    watchdog.set_scratch(STATE, Phase::Starting as u32 | state & 0xffff_0000);
+    (last_reset, remembered)
 }
 
 /// Vents, leaves a note for after the restart, restarts.
@@ -276,7 +310,8 @@ fn give_up(cause: u32, detail: u32) -> ! {
         unsafe { (PIN_16::steal(), PIN_17::steal(), WATCHDOG::steal()) };
     let _coils = (Output::new(inlet, Level::Low), Output::new(outlet, Level::Low));
     let mut watchdog = Watchdog::new(watchdog);
-    watchdog.set_scratch(CAUSE, cause);
+    let state = watchdog.get_scratch(STATE);
+    watchdog.set_scratch(STATE, state & 0xffff_00ff | cause << 8);
     watchdog.set_scratch(DETAIL, detail);
     watchdog.trigger_reset();
     loop {

@@ -16,13 +16,15 @@ pub struct Inputs<A, P> {
     adc: A,
     run_line: P,
     due: Instant,
+    /// Steps left out since the last one: kept here, because an order may end a wait early.
+    missed: u32,
 }
 
 impl<A: Adc, P: InputPin> Inputs<A, P> {
     /// `run_line` is high while the emergency stop is not pressed and its wire not broken.
     pub fn new(adc: A, run_line: P) -> Self {
         let now_ms = Instant::now().as_millis();
-        Self { adc, run_line, due: Instant::from_millis(now_ms + 1) }
+        Self { adc, run_line, due: Instant::from_millis(now_ms + 1), missed: 0 }
     }
 
     /// A sum of conversions: averaging costs no division, and the core knows the sum's scale.
@@ -37,26 +39,25 @@ impl<A: Adc, P: InputPin> Inputs<A, P> {
 
 impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
     async fn due(&mut self) -> Option<(Instant, u32)> {
-        let mut missed = 0;
         let now = Instant::now();
         while self.due + STEP <= now {
             self.due += STEP;
-            missed += 1;
+            self.missed = self.missed.saturating_add(1);
         }
         let due = self.due;
         Timer::at(due - LEAD).await;
         while Instant::now() < due {}
         self.due += STEP;
-        Some((due, missed))
+        Some((due, core::mem::take(&mut self.missed)))
     }
 
     fn sample(&mut self) -> Sample {
-        Sample {
-            pressure: self.code(Channel::Pressure),
-            gas: self.code(Channel::Gas),
-            length: self.code(Channel::Length),
-            // A line that cannot be read is a line that is open.
-            emergency_stop: !self.run_line.is_high().unwrap_or(false),
-        }
+        let codes = Sample::new(
+            self.code(Channel::Pressure),
+            self.code(Channel::Gas),
+            self.code(Channel::Length),
+        );
+        // A line that cannot be read is a line that is open.
+        Sample { emergency_stop: !self.run_line.is_high().unwrap_or(false), ..codes }
     }
 }

@@ -23,16 +23,13 @@ const STEP_NS: u32 = 1_000_000;
 const LEAD_NS: u32 = 900_000;
 /// Exchanges after which a board that has not answered will not.
 const PATIENCE: u32 = 200;
+/// Steps between two words of a host that has nothing to ask.
+const ALIVE_STEPS: u32 = 100;
 /// Bytes to the UART in one exchange: what the line carries in it.
 const CHUNK: usize = (BAUD / 10_000) as usize;
 
 /// Healthy inputs, while nobody gives any.
-const IDLE: Sample = Sample {
-    pressure: AdcCode(7770),
-    gas: AdcCode(15_950),
-    length: AdcCode(23_757),
-    emergency_stop: false,
-};
+const IDLE: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
 /// What goes wrong on the board, for tests of what it does about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -91,6 +88,8 @@ pub struct EmulatedBoard {
     shown: Option<Exchange>,
     /// Whether the core has started and not yet judged its sensors.
     judging: bool,
+    /// Steps since the board last heard that its host is there.
+    quiet_steps: u32,
 }
 
 impl EmulatedBoard {
@@ -137,6 +136,7 @@ impl EmulatedBoard {
             from_board: Vec::new(),
             shown: None,
             judging: false,
+            quiet_steps: 0,
         };
         board.response().map_err(|error| match error {
             BoardError::Emulator { message } => BoardError::Image { message },
@@ -146,11 +146,17 @@ impl EmulatedBoard {
         Ok(board)
     }
 
-    /// One millisecond with these inputs.
+    /// One millisecond with these inputs. Where the sample says that the host is heard, it says so now
+    /// and then.
     ///
     /// # Errors
     /// [`BoardError::Emulator`]
     pub fn exchange(&mut self, sample: &Sample) -> Result<Exchange, BoardError> {
+        self.quiet_steps = if sample.heard { self.quiet_steps + 1 } else { 0 };
+        if self.quiet_steps >= ALIVE_STEPS {
+            self.quiet_steps = 0;
+            self.send(HostCommand::Alive);
+        }
         self.run(sample, STEP_NS)
     }
 
@@ -162,6 +168,16 @@ impl EmulatedBoard {
     /// Bytes for the UART, as they are.
     pub fn write(&mut self, bytes: &[u8]) {
         self.to_board.extend_from_slice(bytes);
+    }
+
+    /// Bytes that wait for their turn on the line to the board.
+    pub fn waiting(&self) -> usize {
+        self.to_board.len()
+    }
+
+    /// Takes the bytes back that wait.
+    pub fn discard(&mut self) {
+        self.to_board.clear();
     }
 
     /// A request, whose answer nobody waits for.

@@ -12,7 +12,7 @@ pub mod serial;
 use crate::plant::Actuation;
 use model_core::control::Mode;
 use model_core::wire::{Chip, PROTOCOL, Refusal};
-use model_core::{Command, Config, ConfigError, Core, Sample, SetPoint, Telemetry};
+use model_core::{Command, Config, ConfigError, Core, Sample, SetPoint, SetPointError, Telemetry};
 use std::path::PathBuf;
 use std::{fmt, io};
 
@@ -55,6 +55,8 @@ pub struct BoardStep {
 pub enum BoardError {
     /// The core refuses its configuration.
     Config(ConfigError),
+    /// The core refuses a set point.
+    SetPoint(SetPointError),
     /// A step was asked for before the board was started.
     NotStarted,
     /// Node.js is not there.
@@ -128,6 +130,7 @@ impl fmt::Display for BoardError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
+            Self::SetPoint(error) => write!(f, "the core refuses the set point: {error}"),
             Self::NotStarted => write!(f, "the board was asked for a step before it was started"),
             Self::NoNode => write!(
                 f,
@@ -226,7 +229,7 @@ impl Board for CoreBoard {
 
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError> {
         let mut core = Core::new(config).map_err(BoardError::Config)?;
-        core.set(set_point);
+        core.set(set_point).map_err(BoardError::SetPoint)?;
         self.core = Some(core);
         Ok(())
     }
@@ -244,7 +247,11 @@ impl Board for CoreBoard {
             telemetry = core.step(sample);
         }
         if let Some(set_point) = pending {
-            core.set(set_point);
+            match core.set(set_point) {
+                // What vents, vents: the telemetry says why.
+                Ok(()) | Err(SetPointError::Faults(_)) => (),
+                Err(error) => return Err(BoardError::SetPoint(error)),
+            }
         }
         Ok(BoardStep { telemetry: Some(telemetry), actuation: telemetry.command.into() })
     }

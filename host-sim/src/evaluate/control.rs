@@ -56,7 +56,7 @@ fn trace(
                 DriveKind::Contraction => 1.0 - row.truth.length_m / rest_m,
                 _ => row.truth.pressure_pa,
             },
-            driven: command.inlet.0 > 0 || command.outlet.0 > 0,
+            driven: command.inlet > Duty::ZERO || command.outlet > Duty::ZERO,
             open: command.inlet.max(command.outlet) >= Duty::FULL,
         });
         Ok(())

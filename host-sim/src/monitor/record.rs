@@ -94,12 +94,7 @@ mod tests {
     #[test]
     fn a_row_has_every_column_and_its_numbers_read_back() {
         let config = Config::default();
-        let sample = Sample {
-            pressure: AdcCode(7770),
-            gas: AdcCode(15_950),
-            length: AdcCode(23_757),
-            emergency_stop: false,
-        };
+        let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
         let telemetry = Core::new(&config).unwrap().step(&sample);
         let mut recorder = Recorder::new(Vec::new()).unwrap();
         recorder.write(&config, &telemetry).unwrap();

@@ -48,6 +48,8 @@ pub struct Scenario {
     pub estimator: Estimator,
     /// Controller tuning.
     pub controller: Controller,
+    /// Line between host and board.
+    pub link: Link,
     /// Faults that the run injects.
     pub faults: Faults,
     /// What `thermyo identify` fits.
@@ -742,6 +744,20 @@ pub enum ChannelFault {
     Frozen,
     /// Strong noise on the line, 5 % of the range.
     Noisy,
+}
+
+/// Line between host and board.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Link {
+    /// Silence of the host after which the board vents \[s\]; 0: never.
+    pub timeout_s: f64,
+}
+
+impl Default for Link {
+    fn default() -> Self {
+        Self { timeout_s: 0.5 }
+    }
 }
 
 /// Faults that the run injects.

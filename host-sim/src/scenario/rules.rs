@@ -3,6 +3,7 @@
 use super::model::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::number::number;
 use super::schema::{Limits, fittable, fittable_paths, limits};
+use crate::core_config::pressure_limit_pa;
 use crate::input::nearest;
 
 /// Most steps of a run: more take days.
@@ -183,8 +184,9 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
         }
         (None, DriveKind::MassFlow) => {
             let longest = limits("drive.period_s").max;
-            let shortest = 2.0 * scenario.run.step_s;
-            within("drive.period_s", drive.period_s, (shortest, longest), "at least two steps")
+            let shortest = 4.0 / scenario.valve.pwm_hz;
+            let why = "at least four periods of valve.pwm_hz, two a stroke";
+            within("drive.period_s", drive.period_s, (shortest, longest), why)
         }
         (None, DriveKind::Pressure | DriveKind::Contraction) => {
             let (path, value) = if contraction {
@@ -203,9 +205,8 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
 pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
     match scenario.drive.kind {
         DriveKind::Pressure => (
-            limits("drive.pressure_pa")
-                .between(scenario.ambient.pressure_pa, scenario.supply.pressure_pa),
-            "ambient.pressure_pa to supply.pressure_pa",
+            limits("drive.pressure_pa").between(scenario.ambient.pressure_pa, highest_pa(scenario)),
+            "ambient.pressure_pa to supply.pressure_pa, and within sensor.pressure.range_pa",
         ),
         DriveKind::Contraction => {
             let [shortest, rest] = working_lengths_m(&scenario.muscle);
@@ -220,6 +221,11 @@ pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
             (Limits { min: -1.0, max: 1.0, unit: "" }, "negative: outlet")
         }
     }
+}
+
+/// What the supply gives, and the board does not vent for \[Pa\].
+fn highest_pa(scenario: &Scenario) -> f64 {
+    scenario.supply.pressure_pa.min(pressure_limit_pa(scenario))
 }
 
 /// Shortest length, b/sqrt(3), where the force vanishes, and rest length \[m\].

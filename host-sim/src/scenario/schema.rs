@@ -641,6 +641,17 @@ pub static TABLES: &[Table] = &[
         ],
     },
     Table {
+        name: "link",
+        meaning: "line between host and board",
+        believed: false,
+        keys: &[real(
+            "timeout_s",
+            "s",
+            (0.0, 3600.0),
+            "silence of the host after which the board vents; 0: it goes on alone",
+        )],
+    },
+    Table {
         name: "faults",
         meaning: "faults that the run injects",
         believed: false,
@@ -689,7 +700,8 @@ pub fn limits(path: &str) -> Limits {
 }
 
 /// Tables that describe the run, not the thing that is measured.
-const NOT_PHYSICAL: [&str; 6] = ["run", "drive", "estimator", "controller", "faults", "identify"];
+const NOT_PHYSICAL: [&str; 7] =
+    ["run", "drive", "estimator", "controller", "link", "faults", "identify"];
 /// Beginnings of the names of keys that say how a quantity is recorded.
 const OF_RECORDING: [&str; 2] = ["noise_", "range_"];
 /// Dimensions of the braid, which follow from each other.

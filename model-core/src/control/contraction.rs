@@ -15,7 +15,7 @@
 //! estimated wall temperature, so that it neither chatters at rest nor jumps at a change of mode.
 
 use super::port::{Feedback, Port};
-use crate::config::{Config, ControllerConfig, Load};
+use crate::config::{Config, ControllerConfig};
 use crate::geometry::Geometry;
 use crate::math::{absolute, limit};
 
@@ -128,6 +128,20 @@ pub struct ContractionLoop {
     length_m: f32,
     calm_periods: u8,
     holding: bool,
+    limited: bool,
+}
+
+/// What the loop is to reach.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contracting {
+    /// Share of the rest length \[-\].
+    pub contraction: f32,
+    /// Configured load \[N\].
+    pub load_n: f32,
+    /// What the estimated wall temperature makes of friction \[-\].
+    pub softening: f32,
+    /// Highest pressure to go to \[Pa\].
+    pub most_pa: f32,
 }
 
 impl ContractionLoop {
@@ -137,6 +151,7 @@ impl ContractionLoop {
         gains: &Gains,
         geometry: &Geometry,
         feedback: &Feedback,
+        load_n: f32,
         softening: f32,
     ) -> Self {
         let mut fresh = Self {
@@ -148,9 +163,15 @@ impl ContractionLoop {
             length_m: feedback.length_m,
             calm_periods: 0,
             holding: false,
+            limited: false,
         };
-        fresh.take_over(config, geometry, feedback, softening);
+        fresh.take_over(config, geometry, feedback, load_n, softening);
         fresh
+    }
+
+    /// Whether the load at the goal needs more pressure than there may be.
+    pub fn limited(&self) -> bool {
+        self.limited
     }
 
     /// Whether the muscle is where it should be and the valves rest.
@@ -165,9 +186,9 @@ impl ContractionLoop {
         config: &Config,
         geometry: &Geometry,
         feedback: &Feedback,
+        force_n: f32,
         softening: f32,
     ) {
-        let Load::Isotonic { force_n } = config.load else { return };
         let most_friction_n = config.controller.friction_gain * softening * config.friction.force_n;
         let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
         let holds_n = geometry.force_n(gauge_pa, feedback.length_m) - force_n - self.trim_n;
@@ -180,17 +201,15 @@ impl ContractionLoop {
     }
 
     /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
-    /// `softening` is what the estimated wall temperature makes of friction \[-\].
     pub fn period(
         &mut self,
         config: &Config,
         geometry: &Geometry,
         feedback: &Feedback,
         port: &Port,
-        contraction: f32,
-        softening: f32,
+        wanted: &Contracting,
     ) -> Option<f32> {
-        let Load::Isotonic { force_n: load_n } = config.load else { return None };
+        let Contracting { contraction, load_n, softening, most_pa } = *wanted;
         let tuning = &config.controller;
         let period_s = port.period_s;
         let rest_m = geometry.muscle().rest_length_m;
@@ -207,7 +226,7 @@ impl ContractionLoop {
             }
             self.holding = false;
             self.calm_periods = 0;
-            self.take_over(config, geometry, feedback, softening);
+            self.take_over(config, geometry, feedback, load_n, softening);
         }
         let still = !moves
             && absolute(target_m - self.reference.length_m) <= zone_m
@@ -261,7 +280,8 @@ impl ContractionLoop {
             - tuning.moving_mass_kg * reference.acceleration_m_s2;
         let ambient_pa = config.ambient.pressure_pa;
         let gauge_pa = geometry.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
-        self.pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, config.pressure_limit_pa);
+        self.limited = ambient_pa + gauge_pa > most_pa;
+        self.pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, most_pa);
 
         let gain = self.gains.closes;
         let change_pa = self.pressure_pa - before_pa + gain * (before_pa - feedback.pressure_pa);

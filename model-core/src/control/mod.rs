@@ -15,24 +15,30 @@
 //!
 //! Entering *Pressure* or *Contraction* starts the loop from what is measured (bumpless); the same
 //! kind again keeps what it has learnt. *Holding*: both valves closed, the gas locked in, friction
-//! keeping the muscle where it is. *Contraction* under an isometric load, or of a vessel, holds.
+//! keeping the muscle where it is. No set point is followed beyond the working limit, a little below
+//! the pressure at which the supervisor vents; what asks for more is marked as limited.
 //!
 //! Work is done once per PWM period, at its start; the friction at the estimated wall temperature in
 //! the middle of the period before, because an exponential is dear without an FPU.
 
 mod contraction;
+mod cycle;
 mod port;
 mod pressure;
+mod set_point;
 
 pub use self::port::Feedback;
+pub use self::set_point::{SetPoint, SetPointError, SetPointField, Target, largest_contraction};
 
-use self::contraction::{ContractionLoop, Gains};
+use self::contraction::{Contracting, ContractionLoop, Gains};
+use self::cycle::{Cycle, Strokes};
 use self::port::Port;
 use self::pressure::PressureLoop;
+use self::set_point::Wanted;
 use crate::body::Shape;
-use crate::config::{Config, Reservoir};
+use crate::config::{Config, Load, Reservoir};
 use crate::math::limit;
-use crate::sample::{Command, SetPoint};
+use crate::sample::Command;
 use crate::valve_drive::FlowDrive;
 use serde::{Deserialize, Serialize};
 
@@ -75,6 +81,7 @@ impl Mode {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum ActiveLoop {
     Open,
+    Cycle(Cycle),
     Pressure(PressureLoop),
     Contraction(ContractionLoop),
 }
@@ -83,14 +90,18 @@ enum ActiveLoop {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
     shape: Shape,
-    set_point: SetPoint,
+    target: Target,
     drive: FlowDrive,
     gains: Gains,
     per_k: f32,
     active: ActiveLoop,
     command: Command,
-    /// Steps since the set point was given; the paper's cycle counts in them.
-    age_steps: u32,
+    /// Highest pressure that a set point is followed to \[Pa\].
+    working_limit_pa: f32,
+    /// The set point asks for more than that.
+    limited: bool,
+    /// Steps since the last PWM period began.
+    elapsed_steps: u32,
     /// Steps until the PWM period ends.
     remaining_steps: u16,
     /// What the estimated wall temperature makes of friction \[-\].
@@ -105,13 +116,15 @@ impl Controller {
         let drive = FlowDrive::new(config);
         Self {
             shape: Shape::new(&config.body),
-            set_point: SetPoint::Vent,
+            target: Target::VENT,
             gains: Gains::new(&config.controller, drive.period_s()),
             drive,
             per_k: 1.0 / config.gas.heat_capacity_ratio,
             active: ActiveLoop::Open,
             command: Command::VENT,
-            age_steps: 0,
+            working_limit_pa: config.working_limit_pa(),
+            limited: false,
+            elapsed_steps: 0,
             remaining_steps: 0,
             softening: config.friction.softening(config.ambient.temperature_k),
             length_m: 0.0,
@@ -119,64 +132,110 @@ impl Controller {
     }
 
     /// Changes the set point. The same kind again keeps what its loop has learnt.
-    pub fn set(&mut self, set_point: SetPoint) {
-        if core::mem::discriminant(&set_point) != core::mem::discriminant(&self.set_point) {
+    pub fn set(&mut self, target: Target) {
+        let kind = |target: &Target| core::mem::discriminant(&target.wanted());
+        if kind(&target) != kind(&self.target) {
             self.drive.reset();
             self.active = ActiveLoop::Open;
-            self.age_steps = 0;
         }
-        self.set_point = set_point;
+        self.target = target;
+    }
+
+    /// Vents, in the middle of a PWM period too: venting acts at once.
+    pub fn vent(&mut self) {
+        self.set(Target::VENT);
+        self.command = self.drive.direct(Command::VENT);
+    }
+
+    /// Whether something other than to vent is wanted.
+    pub fn driven(&self) -> bool {
+        self.target != Target::VENT
+    }
+
+    /// Whether the set point asks for more than the working limit gives.
+    pub fn limited(&self) -> bool {
+        self.limited
     }
 
     /// What the controller is doing.
     pub fn mode(&self) -> Mode {
-        match (self.set_point, &self.active) {
-            (SetPoint::Vent, _) => Mode::Vent,
-            (SetPoint::Duty(_), _) => Mode::Duty,
-            (SetPoint::MassFlow { .. } | SetPoint::MassFlowCycle { .. }, _) => Mode::MassFlow,
-            (SetPoint::Pressure { .. }, ActiveLoop::Pressure(active)) if active.holding() => {
+        match (self.target.wanted(), &self.active) {
+            (Wanted::Vent, _) => Mode::Vent,
+            (Wanted::Duty(_), _) => Mode::Duty,
+            (Wanted::MassFlow { .. } | Wanted::MassFlowCycle { .. }, _) => Mode::MassFlow,
+            (Wanted::Pressure { .. }, ActiveLoop::Pressure(active)) if active.holding() => {
                 Mode::PressureHeld
             }
-            (SetPoint::Pressure { .. }, _) => Mode::Pressure,
-            (SetPoint::Contraction { .. }, ActiveLoop::Contraction(active))
-                if !active.holding() =>
-            {
-                Mode::Contraction
+            (Wanted::Pressure { .. }, _) => Mode::Pressure,
+            (Wanted::Contraction { .. }, ActiveLoop::Contraction(active)) if active.holding() => {
+                Mode::ContractionHeld
             }
-            (SetPoint::Contraction { .. }, _) => Mode::ContractionHeld,
+            (Wanted::Contraction { .. }, _) => Mode::Contraction,
         }
     }
 
-    /// Openings for this step. They change at the start of a PWM period only: in between the
-    /// hardware would not take them.
-    pub fn step(&mut self, config: &Config, feedback: &Feedback) -> Command {
+    /// Openings for this step, before which `missed_steps` were left out. They change at the start of a
+    /// PWM period only: in between the hardware would not take them.
+    pub fn step(&mut self, config: &Config, feedback: &Feedback, missed_steps: u8) -> Command {
+        let period_steps = config.drive.period_steps;
+        // The hardware's period went on meanwhile.
+        for _ in 0..missed_steps {
+            self.count(period_steps);
+        }
         if self.remaining_steps == 0 {
-            self.remaining_steps = config.drive.period_steps;
             self.command = self.period(config, feedback);
             self.length_m = feedback.length_m;
-        } else if self.remaining_steps == config.drive.period_steps / 2 {
+            self.elapsed_steps = 0;
+        }
+        if self.remaining_steps == period_steps / 2 {
             self.softening = config.friction.softening(feedback.estimate.wall_k);
         }
-        self.remaining_steps = self.remaining_steps.saturating_sub(1);
-        self.age_steps = self.age_steps.wrapping_add(1);
+        self.count(period_steps);
         self.command
+    }
+
+    /// One step of the PWM period has passed.
+    fn count(&mut self, period_steps: u16) {
+        let before = if self.remaining_steps == 0 { period_steps } else { self.remaining_steps };
+        self.remaining_steps = before.saturating_sub(1);
+        self.elapsed_steps = self.elapsed_steps.saturating_add(1);
     }
 
     fn period(&mut self, config: &Config, feedback: &Feedback) -> Command {
         let muscle =
             Reservoir { pressure_pa: feedback.pressure_pa, temperature_k: feedback.estimate.gas_k };
-        let mass_kg = match self.set_point {
-            SetPoint::Vent => return self.drive.direct(Command::VENT),
-            SetPoint::Duty(command) => return self.drive.direct(command),
-            SetPoint::MassFlow { flow_kg_s } => return self.drive.flow(config, flow_kg_s, muscle),
-            SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
-                let half_steps = limit(0.5 * period_s / config.step_s + 0.5, 1.0, 1.0e9) as u32;
-                let filling = (self.age_steps / half_steps.max(1)).is_multiple_of(2);
-                let flow_kg_s = if filling { flow_kg_s } else { -flow_kg_s };
+        self.limited = false;
+        let wanted = self.target.wanted();
+        match wanted {
+            Wanted::Vent => return self.drive.direct(Command::VENT),
+            Wanted::Duty(command) => return self.drive.direct(command),
+            _ => {}
+        }
+        let port = self.port(config, feedback);
+        let mass_kg = match wanted {
+            // Known above.
+            Wanted::Vent | Wanted::Duty(_) => None,
+            Wanted::MassFlow { flow_kg_s } => {
+                let wanted_kg = flow_kg_s * self.drive.period_s();
+                if self.limited_kg(&port, wanted_kg) < wanted_kg {
+                    return self.drive.closed();
+                }
                 return self.drive.flow(config, flow_kg_s, muscle);
             }
-            SetPoint::Pressure { pressure_pa } => {
-                let port = self.port(config, feedback);
+            Wanted::MassFlowCycle { flow_kg_s, period_s } => {
+                let (mut active, elapsed_steps) = match self.active {
+                    ActiveLoop::Cycle(active) => (active, self.elapsed_steps),
+                    _ => (Cycle::new(port.gas_mass_kg()), 0),
+                };
+                let strokes = Strokes { flow_kg_s, period_s, step_s: config.step_s };
+                let coming_steps = config.drive.period_steps;
+                let mass_kg = active.period(&strokes, &port, elapsed_steps, coming_steps);
+                self.active = ActiveLoop::Cycle(active);
+                Some(mass_kg)
+            }
+            Wanted::Pressure { pressure_pa } => {
+                self.limited = pressure_pa > self.working_limit_pa;
+                let pressure_pa = limit(pressure_pa, 0.0, self.working_limit_pa);
                 let mut active = match self.active {
                     ActiveLoop::Pressure(active) => active,
                     _ => PressureLoop::new(feedback),
@@ -186,9 +245,12 @@ impl Controller {
                 self.active = ActiveLoop::Pressure(active);
                 mass_kg
             }
-            SetPoint::Contraction { contraction } => {
-                let Shape::Muscle(geometry) = self.shape else { return self.drive.closed() };
-                let port = self.port(config, feedback);
+            Wanted::Contraction { contraction } => {
+                let (Shape::Muscle(geometry), Load::Isotonic { force_n }) =
+                    (self.shape, config.load)
+                else {
+                    return self.drive.direct(Command::VENT);
+                };
                 let mut active = match self.active {
                     ActiveLoop::Contraction(active) => active,
                     _ => ContractionLoop::new(
@@ -196,19 +258,41 @@ impl Controller {
                         &self.gains,
                         &geometry,
                         feedback,
+                        force_n,
                         self.softening,
                     ),
                 };
-                let mass_kg =
-                    active.period(config, &geometry, feedback, &port, contraction, self.softening);
+                let wanted = Contracting {
+                    contraction,
+                    load_n: force_n,
+                    softening: self.softening,
+                    most_pa: self.working_limit_pa,
+                };
+                let mass_kg = active.period(config, &geometry, feedback, &port, &wanted);
+                self.limited = active.limited();
                 self.active = ActiveLoop::Contraction(active);
                 mass_kg
             }
         };
         match mass_kg {
-            Some(mass_kg) => self.drive.mass(config, mass_kg, muscle),
+            Some(mass_kg) => {
+                let mass_kg = self.limited_kg(&port, mass_kg);
+                self.drive.mass(config, mass_kg, muscle)
+            }
             None => self.drive.closed(),
         }
+    }
+
+    /// `wanted_kg`, or what of it one period may bring before the pressure is at the working limit, if
+    /// the volume stays as it is \[kg\].
+    fn limited_kg(&mut self, port: &Port, wanted_kg: f32) -> f32 {
+        if !(wanted_kg > 0.0) {
+            return wanted_kg;
+        }
+        let room_pa = self.working_limit_pa - port.pressure_pa;
+        let most_kg = limit(port.mass_kg(room_pa, 0.0), 0.0, 1.0);
+        self.limited |= wanted_kg > most_kg;
+        limit(wanted_kg, 0.0, most_kg)
     }
 
     /// What the volume has changed by over the last period, eq. (11) \[m3\].
@@ -245,7 +329,6 @@ impl Controller {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Body, Load};
     use crate::sample::{Duty, Estimate};
 
     const LENGTH_M: f32 = 0.27;
@@ -259,7 +342,7 @@ mod tests {
     fn periods(controller: &mut Controller, config: &Config, count: u16, now: Feedback) -> Command {
         let mut command = Command::VENT;
         for _ in 0..count * config.drive.period_steps {
-            command = controller.step(config, &now);
+            command = controller.step(config, &now, 0);
         }
         command
     }
@@ -273,7 +356,7 @@ mod tests {
     fn every_set_point() -> [SetPoint; 6] {
         [
             SetPoint::Vent,
-            SetPoint::Duty(Command { inlet: Duty(20_000), outlet: Duty::ZERO }),
+            SetPoint::Duty { inlet: 0.4, outlet: 0.0 },
             SetPoint::MassFlow { flow_kg_s: 1.0e-3 },
             SetPoint::MassFlowCycle { flow_kg_s: 1.0e-3, period_s: 2.0 },
             SetPoint::Pressure { pressure_pa: 4.0e5 },
@@ -281,10 +364,14 @@ mod tests {
         ]
     }
 
+    fn set(controller: &mut Controller, set_point: SetPoint) {
+        controller.set(Target::new(&set_point, &Config::default()).unwrap());
+    }
+
     fn mode_of(set_point: &SetPoint) -> Mode {
         match set_point {
             SetPoint::Vent => Mode::Vent,
-            SetPoint::Duty(_) => Mode::Duty,
+            SetPoint::Duty { .. } => Mode::Duty,
             SetPoint::MassFlow { .. } | SetPoint::MassFlowCycle { .. } => Mode::MassFlow,
             SetPoint::Pressure { .. } => Mode::Pressure,
             SetPoint::Contraction { .. } => Mode::Contraction,
@@ -298,9 +385,9 @@ mod tests {
         for from in every_set_point() {
             for to in every_set_point() {
                 let mut controller = Controller::new(&config);
-                controller.set(from);
+                set(&mut controller, from);
                 periods(&mut controller, &config, 3, feedback(2.0e5, LENGTH_M));
-                controller.set(to);
+                set(&mut controller, to);
                 // Two periods: after the outlet was open to the period's end the inlet waits one.
                 let command = periods(&mut controller, &config, 2, feedback(2.0e5, LENGTH_M));
                 assert_eq!(controller.mode(), mode_of(&to), "{from:?} to {to:?}");
@@ -315,7 +402,7 @@ mod tests {
     fn pressure_rests_and_wakes() {
         let config = Config::default();
         let mut controller = Controller::new(&config);
-        controller.set(SetPoint::Pressure { pressure_pa: 3.0e5 });
+        set(&mut controller, SetPoint::Pressure { pressure_pa: 3.0e5 });
         for (pressure_pa, mode) in [
             (2.9e5, Mode::Pressure),
             (2.992e5, Mode::Pressure),
@@ -329,7 +416,7 @@ mod tests {
             assert_eq!(controller.mode(), mode, "at {pressure_pa} Pa");
             assert!(mode != Mode::PressureHeld || command == Command::CLOSED);
         }
-        controller.set(SetPoint::Pressure { pressure_pa: 3.5e5 });
+        set(&mut controller, SetPoint::Pressure { pressure_pa: 3.5e5 });
         periods(&mut controller, &config, 1, feedback(3.006e5, LENGTH_M));
         assert_eq!(controller.mode(), Mode::Pressure, "another set point of the same kind");
     }
@@ -339,7 +426,7 @@ mod tests {
         let config = Config::default();
         let held = feedback(balance_pa(&config), LENGTH_M);
         let mut controller = Controller::new(&config);
-        controller.set(SetPoint::Contraction { contraction: 0.1 });
+        set(&mut controller, SetPoint::Contraction { contraction: 0.1 });
         // Entered at its goal: nothing moves, and after five calm periods it rests.
         for _ in 0..5 {
             assert_eq!(periods(&mut controller, &config, 1, held), Command::CLOSED);
@@ -353,25 +440,78 @@ mod tests {
         assert_eq!(controller.mode(), Mode::Contraction, "beyond it");
         periods(&mut controller, &config, 8, held);
         assert_eq!(controller.mode(), Mode::ContractionHeld);
-        controller.set(SetPoint::Contraction { contraction: 0.15 });
+        set(&mut controller, SetPoint::Contraction { contraction: 0.15 });
         let command = periods(&mut controller, &config, 1, held);
         assert_eq!(controller.mode(), Mode::Contraction);
         assert!(command.inlet > Duty::ZERO && command.outlet == Duty::ZERO);
     }
 
+    /// What needs more pressure than there may be stops a little below the limit, and says so.
     #[test]
-    fn contraction_holds_what_cannot_move() {
-        let isometric =
-            Config { load: Load::Isometric { length_m: LENGTH_M }, ..Config::default() };
-        let vessel = Config {
-            body: Body::Vessel { section_m2: 0.01, surface_m2: 0.1 },
-            ..Config::default()
-        };
-        for config in [isometric, vessel] {
+    fn the_working_limit_is_not_passed() {
+        let config = Config::default();
+        let limit_pa = config.working_limit_pa();
+        assert!((6.5e5..6.7e5).contains(&limit_pa) && limit_pa < config.pressure_limit_pa);
+        let flow = SetPoint::MassFlow { flow_kg_s: 1.0e-3 };
+        let cycle = SetPoint::MassFlowCycle { flow_kg_s: 1.0e-3, period_s: 2.0 };
+        for filling in [flow, cycle, SetPoint::Pressure { pressure_pa: 6.8e5 }] {
             let mut controller = Controller::new(&config);
-            controller.set(SetPoint::Contraction { contraction: 0.2 });
-            let command = periods(&mut controller, &config, 3, feedback(2.0e5, LENGTH_M));
-            assert_eq!(command, Command::CLOSED);
+            set(&mut controller, filling);
+            let above = feedback(limit_pa + 100.0, LENGTH_M);
+            let command = periods(&mut controller, &config, 1, above);
+            assert_eq!((command.inlet, controller.limited()), (Duty::ZERO, true), "{filling:?}");
+            let mut controller = Controller::new(&config);
+            set(&mut controller, filling);
+            let below = feedback(limit_pa - 2.0e4, LENGTH_M);
+            assert!(periods(&mut controller, &config, 2, below).inlet > Duty::ZERO, "{filling:?}");
+        }
+        let mut controller = Controller::new(&config);
+        set(&mut controller, SetPoint::Contraction { contraction: 0.35 });
+        for _ in 0..200 {
+            periods(&mut controller, &config, 1, feedback(3.0e5, 0.22));
+        }
+        assert!(controller.limited());
+        assert_eq!(
+            periods(&mut controller, &config, 2, feedback(limit_pa, 0.22)).inlet,
+            Duty::ZERO
+        );
+    }
+
+    /// The PWM of the board goes on while steps are left out.
+    #[test]
+    fn missed_steps_do_not_shift_the_period() {
+        let config = Config::default();
+        let now = feedback(2.0e5, LENGTH_M);
+        let mut controller = Controller::new(&config);
+        controller.step(&config, &now, 0);
+        set(&mut controller, SetPoint::Duty { inlet: 0.4, outlet: 0.0 });
+        for _ in 1..5 {
+            assert_eq!(controller.step(&config, &now, 0), Command::VENT);
+        }
+        // Steps 5 to 8 and 9: the tenth begins a period.
+        assert_eq!(controller.step(&config, &now, 4), Command::VENT);
+        assert_ne!(controller.step(&config, &now, 0), Command::VENT);
+        // Over a whole period and into the next.
+        assert_ne!(controller.step(&config, &now, 13), Command::VENT);
+        set(&mut controller, SetPoint::Vent);
+        for step in 25..30 {
+            assert_ne!(controller.step(&config, &now, 0), Command::VENT, "step {step}");
+        }
+        assert_eq!(controller.step(&config, &now, 0), Command::VENT, "step 30");
+    }
+
+    /// Friction softens with the wall whatever the PWM period.
+    #[test]
+    fn softening_follows_the_wall_at_every_period() {
+        for period_steps in [1, 2, 3, 10, 1000] {
+            let mut config = Config::default();
+            config.drive.period_steps = period_steps;
+            let mut controller = Controller::new(&config);
+            let mut warm = feedback(2.0e5, LENGTH_M);
+            warm.estimate.wall_k = 318.0;
+            periods(&mut controller, &config, 2, warm);
+            let expected = config.friction.softening(318.0);
+            assert_eq!(controller.softening, expected, "{period_steps} steps");
         }
     }
 
@@ -382,9 +522,9 @@ mod tests {
         for off_pa in [-4.0e4, -1.0e4, 0.0, 1.0e4, 4.0e4] {
             let now = feedback(balance_pa(&config) + off_pa, LENGTH_M);
             let mut controller = Controller::new(&config);
-            controller.set(SetPoint::Pressure { pressure_pa: now.pressure_pa });
+            set(&mut controller, SetPoint::Pressure { pressure_pa: now.pressure_pa });
             periods(&mut controller, &config, 3, now);
-            controller.set(SetPoint::Contraction { contraction: 0.1 });
+            set(&mut controller, SetPoint::Contraction { contraction: 0.1 });
             for _ in 0..8 {
                 let command = periods(&mut controller, &config, 1, now);
                 assert_eq!(command, Command::CLOSED, "{off_pa} Pa from balance");

@@ -39,6 +39,11 @@ pub struct Port {
 }
 
 impl Port {
+    /// Gas mass at the estimated temperature, eq. (1) \[kg\].
+    pub fn gas_mass_kg(&self) -> f32 {
+        self.pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.gas_k)
+    }
+
     /// Gas mass \[kg\] that a change of pressure \[Pa\] and of volume \[m3\] needs, eq. (6) solved for
     /// it: (V dP/k + P dV)/(R T). T is that of the gas which passes the port: the supply's inwards,
     /// the estimate outwards (the balance (3), where (5) has one T for both).

@@ -1,0 +1,300 @@
+//! What the core is asked to do, and what of it it takes.
+
+use crate::body::Shape;
+use crate::config::{Config, Load};
+use crate::sample::{Command, Duty, Faults};
+use serde::{Deserialize, Serialize};
+
+/// PWM periods in a working cycle, at least: two a stroke, and a thousandth less for rounding. Fewer
+/// show no flow.
+const LEAST_PERIODS: f32 = 3.996;
+/// Longest working cycle \[s\]: a day.
+const LONGEST_CYCLE_S: f32 = 86_400.0;
+/// Largest mass flow \[kg/s\]: hundreds of times what the valves of a muscle pass.
+const LARGEST_FLOW_KG_S: f32 = 1.0;
+
+/// What the core is asked to do. [`crate::Core::set`] says what it takes.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
+pub enum SetPoint {
+    /// Inlet closed, outlet open.
+    #[default]
+    Vent,
+    /// Fixed openings, as shares of the PWM period.
+    Duty {
+        /// Inlet open, 0 to 1 \[-\].
+        inlet: f32,
+        /// Outlet open, 0 to 1 \[-\].
+        outlet: f32,
+    },
+    /// A mass flow into the muscle, negative out of it \[kg/s\].
+    MassFlow {
+        /// Flow, -1 to 1 \[kg/s\].
+        flow_kg_s: f32,
+    },
+    /// The paper's working cycle: half of the period in, half out.
+    MassFlowCycle {
+        /// Flow in either direction, 0 to 1 \[kg/s\].
+        flow_kg_s: f32,
+        /// Period, four PWM periods to a day \[s\].
+        period_s: f32,
+    },
+    /// An absolute pressure \[Pa\].
+    Pressure {
+        /// Pressure, 0 to the configured limit \[Pa\].
+        pressure_pa: f32,
+    },
+    /// A contraction, as a fraction of the rest length \[-\].
+    Contraction {
+        /// Contraction, 0 to what the geometry has \[-\].
+        contraction: f32,
+    },
+}
+
+/// A value of a set point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SetPointField {
+    /// Share for which the inlet is open.
+    Inlet,
+    /// Share for which the outlet is open.
+    Outlet,
+    /// Mass flow.
+    Flow,
+    /// Period of the working cycle.
+    Period,
+    /// Pressure.
+    Pressure,
+    /// Contraction.
+    Contraction,
+}
+
+impl SetPointField {
+    /// Its key, the unit included.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Inlet => "inlet",
+            Self::Outlet => "outlet",
+            Self::Flow => "flow_kg_s",
+            Self::Period => "period_s",
+            Self::Pressure => "pressure_pa",
+            Self::Contraction => "contraction",
+        }
+    }
+}
+
+/// Why a set point is not taken; what held before goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum SetPointError {
+    /// A value is not a number, or out of its range.
+    Range {
+        /// Which one.
+        field: SetPointField,
+        /// What it is, in the unit of its key.
+        value: f32,
+        /// Smallest value allowed.
+        minimum: f32,
+        /// Largest value allowed.
+        maximum: f32,
+    },
+    /// Faults that vent hold, or are latched.
+    Faults(Faults),
+}
+
+impl core::fmt::Display for SetPointError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Range { field, value, minimum, maximum } => {
+                write!(f, "{} = {value}: must be from {minimum} to {maximum}", field.key())
+            }
+            Self::Faults(faults) => write!(f, "vents until this is cleared: {faults}"),
+        }
+    }
+}
+
+impl core::error::Error for SetPointError {}
+
+/// A set point that a core can act on: every value is a number within its range.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target(Wanted);
+
+/// The values of a [`Target`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Wanted {
+    /// Inlet closed, outlet open.
+    Vent,
+    /// Fixed openings.
+    Duty(Command),
+    /// A mass flow \[kg/s\].
+    MassFlow {
+        /// \[kg/s\]
+        flow_kg_s: f32,
+    },
+    /// The working cycle.
+    MassFlowCycle {
+        /// \[kg/s\]
+        flow_kg_s: f32,
+        /// \[s\]
+        period_s: f32,
+    },
+    /// An absolute pressure \[Pa\].
+    Pressure {
+        /// \[Pa\]
+        pressure_pa: f32,
+    },
+    /// A contraction \[-\].
+    Contraction {
+        /// \[-\]
+        contraction: f32,
+    },
+}
+
+impl Target {
+    /// To vent.
+    pub const VENT: Self = Self(Wanted::Vent);
+
+    /// `set_point` for a core of this configuration.
+    ///
+    /// # Errors
+    /// [`SetPointError::Range`] names the first value that is none.
+    pub fn new(set_point: &SetPoint, config: &Config) -> Result<Self, SetPointError> {
+        use SetPointField::{Contraction, Flow, Inlet, Outlet, Period, Pressure};
+        Ok(Self(match *set_point {
+            SetPoint::Vent => Wanted::Vent,
+            SetPoint::Duty { inlet, outlet } => Wanted::Duty(Command {
+                inlet: Duty::from_share(within(Inlet, inlet, 0.0, 1.0)?),
+                outlet: Duty::from_share(within(Outlet, outlet, 0.0, 1.0)?),
+            }),
+            SetPoint::MassFlow { flow_kg_s } => Wanted::MassFlow {
+                flow_kg_s: within(Flow, flow_kg_s, -LARGEST_FLOW_KG_S, LARGEST_FLOW_KG_S)?,
+            },
+            SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
+                let pwm_period_s = f32::from(config.drive.period_steps) * config.step_s;
+                let least_s = LEAST_PERIODS * pwm_period_s;
+                Wanted::MassFlowCycle {
+                    flow_kg_s: within(Flow, flow_kg_s, 0.0, LARGEST_FLOW_KG_S)?,
+                    period_s: within(Period, period_s, least_s, LONGEST_CYCLE_S)?,
+                }
+            }
+            SetPoint::Pressure { pressure_pa } => Wanted::Pressure {
+                pressure_pa: within(Pressure, pressure_pa, 0.0, config.pressure_limit_pa)?,
+            },
+            SetPoint::Contraction { contraction } => Wanted::Contraction {
+                contraction: within(Contraction, contraction, 0.0, largest_contraction(config))?,
+            },
+        }))
+    }
+
+    /// Its values.
+    pub fn wanted(&self) -> Wanted {
+        self.0
+    }
+}
+
+/// Largest contraction that the geometry has, 0 for what does not move \[-\].
+pub fn largest_contraction(config: &Config) -> f32 {
+    match (Shape::new(&config.body), config.load) {
+        (Shape::Muscle(geometry), Load::Isotonic { .. }) => {
+            let rest_m = geometry.muscle().rest_length_m;
+            (rest_m - geometry.limit_length_m(0.0)) / rest_m
+        }
+        _ => 0.0,
+    }
+}
+
+fn within(
+    field: SetPointField,
+    value: f32,
+    minimum: f32,
+    maximum: f32,
+) -> Result<f32, SetPointError> {
+    // Not a number fails both.
+    if value >= minimum && value <= maximum {
+        Ok(value)
+    } else {
+        Err(SetPointError::Range { field, value, minimum, maximum })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Body;
+    use proptest::prelude::*;
+
+    fn refused(set_point: SetPoint) -> (SetPointField, f32, f32) {
+        match Target::new(&set_point, &Config::default()) {
+            Err(SetPointError::Range { field, minimum, maximum, .. }) => (field, minimum, maximum),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn nonsense_is_refused_by_name() {
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -0.01, 0.374] {
+            let (field, minimum, maximum) = refused(SetPoint::Contraction { contraction: value });
+            assert_eq!((field, minimum), (SetPointField::Contraction, 0.0));
+            assert!((0.372..0.374).contains(&maximum), "{maximum}");
+        }
+        let limit_pa = Config::default().pressure_limit_pa;
+        for pressure_pa in [f32::NAN, -1.0, limit_pa * 1.001] {
+            let expected = (SetPointField::Pressure, 0.0, limit_pa);
+            assert_eq!(refused(SetPoint::Pressure { pressure_pa }), expected);
+        }
+        for period_s in [f32::NAN, f32::NEG_INFINITY, -5.0, 0.0, 0.01, 0.0399, 1.0e6] {
+            let cycle = SetPoint::MassFlowCycle { flow_kg_s: 1.0e-4, period_s };
+            let (field, minimum, maximum) = refused(cycle);
+            assert_eq!((field, maximum), (SetPointField::Period, 86_400.0));
+            assert!((0.0399..0.04).contains(&minimum), "{minimum}");
+        }
+        assert_eq!(refused(SetPoint::MassFlow { flow_kg_s: f32::NAN }).0, SetPointField::Flow);
+        assert_eq!(refused(SetPoint::Duty { inlet: 1.01, outlet: 0.0 }).0, SetPointField::Inlet);
+        assert_eq!(refused(SetPoint::Duty { inlet: 0.0, outlet: -0.1 }).0, SetPointField::Outlet);
+    }
+
+    #[test]
+    fn what_does_not_move_takes_no_contraction() {
+        let vessel = Body::Vessel { section_m2: 0.01, surface_m2: 0.1 };
+        let held = Load::Isometric { length_m: 0.27 };
+        for config in [
+            Config { body: vessel, ..Config::default() },
+            Config { load: held, ..Config::default() },
+        ] {
+            let contraction = SetPoint::Contraction { contraction: 0.1 };
+            assert!(Target::new(&contraction, &config).is_err());
+        }
+    }
+
+    #[test]
+    fn a_refusal_says_what_is_allowed() {
+        let set_point = SetPoint::Pressure { pressure_pa: 7.0e5 };
+        let error = Target::new(&set_point, &Config::default()).unwrap_err();
+        let text = std::string::ToString::to_string(&error);
+        assert_eq!(text, "pressure_pa = 700000: must be from 0 to 689500");
+    }
+
+    proptest! {
+        /// Whatever the bits, what is taken is within its range.
+        #[test]
+        fn what_is_taken_holds_no_nonsense(a in any::<u32>(), b in any::<u32>(), kind in 0..5) {
+            let [a, b] = [a, b].map(f32::from_bits);
+            let set_point = match kind {
+                0 => SetPoint::Duty { inlet: a, outlet: b },
+                1 => SetPoint::MassFlow { flow_kg_s: a },
+                2 => SetPoint::MassFlowCycle { flow_kg_s: a, period_s: b },
+                3 => SetPoint::Pressure { pressure_pa: a },
+                _ => SetPoint::Contraction { contraction: a },
+            };
+            if let Ok(target) = Target::new(&set_point, &Config::default()) {
+                let sound = match target.wanted() {
+                    Wanted::MassFlow { flow_kg_s } => flow_kg_s.abs() <= 1.0,
+                    Wanted::MassFlowCycle { flow_kg_s, period_s } => {
+                        (0.0..=1.0).contains(&flow_kg_s) && (0.0399..=86_400.0).contains(&period_s)
+                    }
+                    Wanted::Pressure { pressure_pa } => (0.0..=689_500.0).contains(&pressure_pa),
+                    Wanted::Contraction { contraction } => (0.0..0.374).contains(&contraction),
+                    Wanted::Vent | Wanted::Duty(_) => true,
+                };
+                prop_assert!(sound, "{target:?}");
+            }
+        }
+    }
+}
