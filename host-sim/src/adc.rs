@@ -45,12 +45,13 @@ pub struct Codes {
     pub length: u16,
 }
 
-/// Resistance of a Pt1000 \[Ohm\] at a temperature \[K\], IEC 60751, 73 to 1123 K.
+/// Resistance of a Pt1000 \[Ohm\] at a temperature \[K\], IEC 60751, 73 to 1123 K. The polynomials turn
+/// back far outside: there it is that of the nearer end.
 pub fn pt1000_ohm(temperature_k: f64) -> f64 {
     const A: f64 = 3.9083e-3;
     const B: f64 = -5.775e-7;
     const C: f64 = -4.183e-12;
-    let t = temperature_k - 273.15;
+    let t = temperature_k.clamp(73.0, 1123.0) - 273.15;
     let below_zero = if t < 0.0 { C * (t - 100.0) * t * t * t } else { 0.0 };
     1000.0 * (1.0 + t * (A + t * B) + below_zero)
 }
@@ -259,6 +260,9 @@ mod tests {
             ..truth()
         };
         assert_eq!(adc.convert(&far), Codes { pressure: 32760, gas: 32760, length: 0 });
+        for (kelvin, rail) in [(-1000.0, 0), (1.0e5, 32760)] {
+            assert_eq!(adc.convert(&Truth { sensor_gas_k: kelvin, ..truth() }).gas, rail);
+        }
     }
 
     #[test]

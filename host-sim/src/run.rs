@@ -7,7 +7,7 @@
 use crate::adc::VirtualAdc;
 use crate::board::{Board, BoardError, BoardStep};
 use crate::core_config::core_config;
-use crate::faults::FaultyLines;
+use crate::faults::InjectedFaults;
 use crate::measured::Measured;
 use crate::plant::{self, BuildError, Diverged, Plant, Truth};
 use crate::profile::Profile;
@@ -100,7 +100,7 @@ pub fn run(
     let mut plant =
         plant::build(scenario, loaded.volume_profile.clone()).map_err(RunError::Build)?;
     let mut adc = VirtualAdc::new(scenario);
-    let mut faults = FaultyLines::new(scenario);
+    let mut faults = InjectedFaults::new(scenario);
     let drive = SetPoints::new(loaded);
     let truth = plant.truth();
     let mut model = Model::new(
@@ -136,7 +136,7 @@ pub fn run(
             if let Some(set_point) = drive.acting_from(step + 1, loaded) {
                 board.set(set_point)?;
             }
-            sample = faults.apply(truth.time_s, adc.convert(&truth));
+            sample = faults.apply(truth.time_s, adc.convert(&faults.sensed(&truth)));
             let logged = step % scenario.run.log_every == 0 || step == steps;
             if logged {
                 let elapsed_s = truth.time_s - flows.time_s;
@@ -174,6 +174,7 @@ pub fn run(
             }
         }
         if step < steps {
+            plant.disturb(faults.disturbance(step as f64 * step_s));
             plant.advance(actuation)?;
         }
     }

@@ -541,6 +541,7 @@ fn any_value(allowed: Allowed) -> BoxedStrategy<Option<String>> {
         Allowed::Choice(words) => {
             proptest::sample::select(words).prop_map(|word| Some(format!("{word:?}"))).boxed()
         }
+        Allowed::Switch => proptest::bool::ANY.prop_map(|on| Some(on.to_string())).boxed(),
         Allowed::List => {
             let lists = vec!["[]", "[\"heat.scale\"]", "[\"pressure_pa\"]", "[\"a\\nb\"]"];
             proptest::sample::select(lists).prop_map(|list| Some(list.to_owned())).boxed()
@@ -668,7 +669,9 @@ fn the_core_takes_every_key_at_its_limits() {
             let limits = match key.allowed {
                 Allowed::Real(limits) => [format!("{:?}", limits.min), format!("{:?}", limits.max)],
                 Allowed::Whole { min, max } => [min.to_string(), max.to_string()],
-                Allowed::Choice(_) | Allowed::List | Allowed::Csv { .. } => continue,
+                Allowed::Choice(_) | Allowed::Switch | Allowed::List | Allowed::Csv { .. } => {
+                    continue;
+                }
             };
             for (limit, kind) in
                 limits.iter().flat_map(|limit| ["muscle", "vessel"].map(|kind| (limit, kind)))

@@ -3,7 +3,7 @@
 //!
 //! Integration is of fourth order while the valves stand still. While they move, their opening is
 //! its exact mean over each substep of at most 0.1 ms, so that no part of a pulse is lost.
-//! Books are kept at the muscle's port: the tube is outside.
+//! Books are kept at the muscle's port: the tube is outside. A hole in the muscle is beside the port.
 
 use super::bristle::{Bristle, Drag};
 use super::closure::Closure;
@@ -11,12 +11,14 @@ use super::flow::{Iso6358, Streams};
 use super::heat::InnerHeat;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
+use super::piping::{Disturbance, Piping};
 use super::pull::{Pull, Softening};
 use super::pwm::PwmValve;
 use super::sensors::{Exposure, Sensors};
 use super::zones::Stirring;
 use super::{
-    Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas, check_length, work_through,
+    Actuation, BuildError, Diverged, LEAK_TOO_LARGE, Ledger, Plant, Substeps, Truth, check_gas,
+    check_length, work_through,
 };
 use crate::scenario::{LoadKind, Scenario};
 
@@ -51,7 +53,7 @@ const ZONES: usize = 15;
 #[derive(Debug, Clone)]
 struct Config {
     step_s: f64,
-    substeps: u32,
+    substeps: Substeps,
     zones: usize,
     closure: Closure,
     pull: Pull,
@@ -60,12 +62,10 @@ struct Config {
     bristle: Bristle,
     softening: Softening,
     friction_to_wall: f64,
-    valve: Iso6358,
+    piping: Piping,
     tube: Iso6358,
     tube_m3: f64,
-    supply: (f64, f64),
     droop_pa_s_kg: f64,
-    ambient: (f64, f64),
     heat: InnerHeat,
     stirring: Stirring,
     outer_w_m2_k: f64,
@@ -127,15 +127,11 @@ impl Config {
         drive: &Drive,
         rates: &mut [f64],
     ) {
-        let supply = (self.supply.0 - self.droop_pa_s_kg * y[REGULATOR], self.supply.1);
+        let droop_pa = self.droop_pa_s_kg * y[REGULATOR];
         let mut from_supply = Streams::default();
-        if drive.inlet > 0.0 {
-            from_supply.add(tube, supply, |p, t, q| drive.inlet * self.valve.mass_flow(p, t, q));
-        }
+        self.piping.add_inlet(&mut from_supply, tube, droop_pa, drive.inlet);
         let mut valves = from_supply;
-        if drive.outlet > 0.0 {
-            valves.add(tube, self.ambient, |p, t, q| drive.outlet * self.valve.mass_flow(p, t, q));
-        }
+        self.piping.add_outlet(&mut valves, tube, drive.outlet);
         let into_muscle = port.inflow_temperature - port.outflow * port_k;
         rates[TUBE_MASS] = valves.net() - port.net();
         rates[TUBE_ENERGY] =
@@ -185,8 +181,10 @@ impl Config {
 
         let tube = self.tube_gas(y);
         let port_k = temperature(0);
-        let streams = self.port((pressure, port_k), tube);
-        self.tube_rates(y, tube, &streams, port_k, drive, rates);
+        let port = self.port((pressure, port_k), tube);
+        self.tube_rates(y, tube, &port, port_k, drive, rates);
+        let mut streams = port;
+        self.piping.add_leak(&mut streams, (pressure, port_k));
 
         let (zone_rates, wall_rates) = rates[ZONES..].split_at_mut(zones);
         let (inner_rates, outer_rates) = wall_rates.split_at_mut(zones);
@@ -231,7 +229,7 @@ impl Config {
         let mut to_ambient = 0.0;
         for i in 0..zones {
             let through = self.layers_w_k * (inner[i] - outer[i]);
-            let lost = outer_coefficient * surface * (outer[i] - self.ambient.1);
+            let lost = outer_coefficient * surface * (outer[i] - self.piping.ambient().1);
             to_ambient += lost;
             inner_rates[i] = (inner_rates[i] + implied - through) / self.inner_j_k;
             outer_rates[i] = (through + share * friction_to_wall - lost) / self.outer_j_k;
@@ -308,14 +306,13 @@ impl Full {
         let closure = Closure::new(scenario);
         let gas = &closure.gas;
         let critical_ratio = scenario.valve.critical_ratio;
-        let valve = Iso6358::valve(scenario.valve.conductance_m3_s_pa, critical_ratio, gas);
+        let piping = Piping::new(scenario, gas);
         let tube = Iso6358::tube(scenario.tube.conductance_m3_s_pa, critical_ratio, gas);
         let mass_kg = scenario.load.mass_kg.max(OWN_MASS_KG);
         let bristle = Bristle::new(&scenario.friction, mass_kg);
         let softening = Softening::new(&scenario.friction);
         let pressure = scenario.plant.initial_pressure_pa;
         let temperature = scenario.plant.initial_temperature_k;
-        let supply = (scenario.supply.pressure_pa, scenario.supply.temperature_k);
 
         let coulomb = scenario.friction.force_n * softening.factor(temperature);
         let isometric = scenario.load.kind == LoadKind::Isometric;
@@ -324,19 +321,27 @@ impl Full {
         let excess = pull.force(pressure, length) - pull.load_n;
         let volume = braid.volume(length);
 
-        // Fastest: the tube between open valves and muscle; the bristles with the moving mass.
-        let hottest = supply.1.max(temperature);
-        let steepest = 2.0 * valve.steepest(hottest) + tube.steepest(hottest);
+        // Fastest: the tube between open valves and muscle; the bristles with the moving mass; the
+        // muscle through its largest hole.
+        let hottest = piping.supply().1.max(temperature);
+        let steepest = 2.0 * piping.steepest(hottest) + tube.steepest(hottest);
         let tube_rate = gas.k * gas.r * hottest * steepest / scenario.tube.volume_m3;
         let bristle_rate = bristle.fastest_rate(mass_kg);
-        let (fastest, because) = if tube_rate > bristle_rate {
-            (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube")
-        } else {
-            (bristle_rate, "load.mass_kg is too small for the stiffness and viscosity of friction")
-        };
+        let smallest = braid.volume(rest_length).min(volume);
         let step = scenario.run.step_s;
-        let longest = LONGEST_STEP_S.min(STEP_TIMES_RATE / fastest);
-        let substeps = super::substeps(step, longest, because)?;
+        let substeps = Substeps::new(scenario, &piping, |leak| {
+            let leak_rate = leak * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
+            let (fastest, because) = if leak_rate > tube_rate.max(bristle_rate) {
+                (leak_rate, LEAK_TOO_LARGE)
+            } else if tube_rate > bristle_rate {
+                (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube")
+            } else {
+                let because =
+                    "load.mass_kg is too small for the stiffness and viscosity of friction";
+                (bristle_rate, because)
+            };
+            super::substeps(step, LONGEST_STEP_S.min(STEP_TIMES_RATE / fastest), because)
+        })?;
 
         let wall = &scenario.wall;
         let per_zone = wall.heat_capacity_j_k / zones as f64;
@@ -353,12 +358,10 @@ impl Full {
             bristle,
             softening,
             friction_to_wall: scenario.friction.heat_fraction,
-            valve,
+            piping,
             tube,
             tube_m3: scenario.tube.volume_m3,
-            supply,
             droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
-            ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
             heat: InnerHeat::of(scenario, diameter),
             stirring: Stirring::new(zones, rest_length, diameter),
             outer_w_m2_k: scenario.heat.outer_w_m2_k,
@@ -460,7 +463,8 @@ impl Full {
         let mass: f64 = config.masses(state).iter().sum();
         let port_volume = volume / config.zones as f64;
         let port_k = closure.temperature(pressure, port_volume, config.masses(state)[0]);
-        let streams = config.port((pressure, port_k), config.tube_gas(state));
+        let mut streams = config.port((pressure, port_k), config.tube_gas(state));
+        config.piping.add_leak(&mut streams, (pressure, port_k));
         let wall_k = config.wall_k(state);
         let softening = config.softening.factor(wall_k);
         let drag = config.bristle.drag(state[SPEED], state[BRISTLE], softening);
@@ -484,7 +488,8 @@ impl Full {
 
 impl Plant for Full {
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
-        let step = self.config.step_s / f64::from(self.config.substeps);
+        let substeps = self.config.substeps.now(&self.config.piping);
+        let step = self.config.step_s / f64::from(substeps);
         let start = self.steps as f64 * self.config.step_s;
         self.steps += 1;
         let end = self.steps as f64 * self.config.step_s;
@@ -492,7 +497,7 @@ impl Plant for Full {
         self.outlet.latch(end, actuation.outlet);
         // The wall warms by less than 0.01 K in a step.
         let softening = self.config.softening.factor(self.truth.wall_temperature_k);
-        for i in 0..self.config.substeps {
+        for i in 0..substeps {
             let from = start + f64::from(i) * step;
             let drive = Drive {
                 inlet: self.inlet.advance(from, from + step),
@@ -511,6 +516,10 @@ impl Plant for Full {
         self.sensors.advance(&exposure);
         self.observe();
         Ok(())
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        self.config.piping.disturb(disturbance);
     }
 
     fn truth(&self) -> Truth {

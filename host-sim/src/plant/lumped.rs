@@ -6,14 +6,16 @@
 //! `paper` is the same muscle with eq. (12) for the gas.
 
 use super::closure::Closure;
-use super::flow::{Iso6358, Streams};
+use super::flow::Streams;
 use super::heat::InnerHeat;
 use super::local_power::LocalPower;
 use super::ode::rk4;
+use super::piping::{Disturbance, Piping};
 use super::pull::{Pull, Softening};
 use super::sensors::{Exposure, Sensors};
 use super::{
-    Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas, check_length, work_through,
+    Actuation, BuildError, Diverged, LEAK_TOO_LARGE, Ledger, Plant, Substeps, Truth, check_gas,
+    check_length, work_through,
 };
 use crate::scenario::{LoadKind, Scenario};
 
@@ -43,13 +45,11 @@ const STATES: usize = 11;
 #[derive(Debug, Clone)]
 struct Config {
     step_s: f64,
-    substeps: u32,
+    substeps: Substeps,
     closure: Closure,
     pull: Pull,
     isometric: bool,
-    valve: Iso6358,
-    supply: (f64, f64),
-    ambient: (f64, f64),
+    piping: Piping,
     /// The actuation is the mass flows themselves \[kg/s\], not the openings of the valves.
     given_flows: bool,
     heat: InnerHeat,
@@ -125,17 +125,12 @@ impl Play {
 impl Config {
     fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
         if self.given_flows {
-            return Streams::given(actuation.inlet, self.supply.1, actuation.outlet);
+            return Streams::given(actuation.inlet, self.piping.supply().1, actuation.outlet);
         }
         let mut streams = Streams::default();
-        if actuation.inlet > 0.0 {
-            streams
-                .add(gas, self.supply, |p, t, q| actuation.inlet * self.valve.mass_flow(p, t, q));
-        }
-        if actuation.outlet > 0.0 {
-            streams
-                .add(gas, self.ambient, |p, t, q| actuation.outlet * self.valve.mass_flow(p, t, q));
-        }
+        self.piping.add_inlet(&mut streams, gas, 0.0, actuation.inlet);
+        self.piping.add_outlet(&mut streams, gas, actuation.outlet);
+        self.piping.add_leak(&mut streams, gas);
         streams
     }
 
@@ -175,7 +170,7 @@ impl Config {
         let speed = self.speed(place, w_rate).abs();
         let heat = closure.heat_of_streams(&streams, temperature, convective);
         let outer = self.outer_w_m2_k + self.outer_per_speed * speed;
-        let to_ambient = outer * surface * (y[WALL] - self.ambient.1);
+        let to_ambient = outer * surface * (y[WALL] - self.piping.ambient().1);
         let friction = friction * speed;
         let friction_to_wall = self.friction_to_wall * friction;
         let mut rates = [0.0; STATES];
@@ -218,9 +213,7 @@ impl Lumped {
         let pull = Pull::new(scenario, braid, rest_length);
         let closure = Closure::new(scenario);
         let gas = &closure.gas;
-        let valve =
-            Iso6358::valve(scenario.valve.conductance_m3_s_pa, scenario.valve.critical_ratio, gas);
-        let supply = (scenario.supply.pressure_pa, scenario.supply.temperature_k);
+        let piping = Piping::new(scenario, gas);
         let friction = &scenario.friction;
         let softening = Softening::new(friction);
         let pressure = scenario.plant.initial_pressure_pa;
@@ -233,16 +226,20 @@ impl Lumped {
         };
         let volume = braid.volume(length);
         let heat = InnerHeat::of(scenario, braid.diameter(rest_length));
-        // Fastest: the pressure of the smallest volume through both valves, near equal pressures.
+        // Fastest: the pressure of the smallest volume through both valves and the largest hole, near
+        // equal pressures.
         let smallest = braid.volume(rest_length).min(volume);
-        let hottest = supply.1.max(temperature);
-        let valve_rate = 2.0 * gas.k * gas.r * hottest * valve.steepest(hottest) / smallest;
+        let hottest = piping.supply().1.max(temperature);
         let step = scenario.run.step_s;
-        let substeps = super::substeps(
-            step,
-            LONGEST_STEP_S.min(STEP_TIMES_RATE / valve_rate),
-            "valve.conductance_m3_s_pa is too large for the muscle's volume",
-        )?;
+        let substeps = Substeps::new(scenario, &piping, |leak| {
+            let rate = (2.0 + leak) * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
+            let because = if leak > 2.0 {
+                LEAK_TOO_LARGE
+            } else {
+                "valve.conductance_m3_s_pa is too large for the muscle's volume"
+            };
+            super::substeps(step, LONGEST_STEP_S.min(STEP_TIMES_RATE / rate), because)
+        })?;
         let exponent = closure.exponent();
         let power = volume.powf(-exponent);
         let held =
@@ -253,9 +250,7 @@ impl Lumped {
             closure,
             pull,
             isometric,
-            valve,
-            supply,
-            ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
+            piping,
             given_flows: false,
             heat,
             outer_w_m2_k: scenario.heat.outer_w_m2_k,
@@ -355,8 +350,9 @@ impl Lumped {
 
 impl Plant for Lumped {
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
-        let step = self.config.step_s / f64::from(self.config.substeps);
-        for _ in 0..self.config.substeps {
+        let substeps = self.config.substeps.now(&self.config.piping);
+        let step = self.config.step_s / f64::from(substeps);
+        for _ in 0..substeps {
             self.substep(step, actuation);
         }
         self.steps += 1;
@@ -374,6 +370,10 @@ impl Plant for Lumped {
         });
         self.observe(time, actuation);
         Ok(())
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        self.config.piping.disturb(disturbance);
     }
 
     fn truth(&self) -> Truth {

@@ -14,6 +14,7 @@ mod lag;
 mod local_power;
 mod lumped;
 mod ode;
+mod piping;
 mod pull;
 mod pwm;
 mod sensors;
@@ -23,6 +24,8 @@ mod zones;
 use crate::profile::Profile;
 use crate::scenario::{PlantKind, PlantModel, Scenario};
 use geometry::Geometry;
+use piping::Piping;
+pub use piping::{Disturbance, Travel};
 use serde::Serialize;
 use std::fmt;
 
@@ -173,6 +176,8 @@ pub trait Plant: Send {
     /// # Errors
     /// [`Diverged`] when a state is not finite or leaves the range of the equations.
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged>;
+    /// Breaks, or mends, parts of the plant from the next step on.
+    fn disturb(&mut self, disturbance: Disturbance);
     /// The state now.
     fn truth(&self) -> Truth;
     /// The books since the start.
@@ -186,6 +191,10 @@ pub trait Plant: Send {
 /// Shortest integration step of a muscle, a thousandth of the usual one: a simulated second takes
 /// minutes \[s\].
 const SHORTEST_STEP_S: f64 = 1.0e-7;
+
+/// The key that makes the plant too fast, where it is a hole.
+const LEAK_TOO_LARGE: &str =
+    "leak_conductance_m3_s_pa of [faults] is too large for the muscle's volume";
 
 /// Why a scenario that passed validation still makes no plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -275,6 +284,30 @@ fn substeps(step_s: f64, longest_s: f64, because: &'static str) -> Result<u32, B
     }
     // 10.000000000000002 substeps are 10.
     Ok((step_s / longest_s - 1e-9).ceil().max(1.0) as u32)
+}
+
+/// Integration steps per exchange step. A hole asks for shorter ones, but only while it is there:
+/// until then a run is the same to the bit as one without.
+#[derive(Debug, Clone, Copy)]
+struct Substeps {
+    whole: u32,
+    holed: u32,
+}
+
+impl Substeps {
+    /// `of` gives the number for a hole's conductance, in valves.
+    fn new(
+        scenario: &Scenario,
+        piping: &Piping,
+        of: impl Fn(f64) -> Result<u32, BuildError>,
+    ) -> Result<Self, BuildError> {
+        let largest = piping.in_valves(scenario.faults.largest_leak_m3_s_pa());
+        Ok(Self { whole: of(0.0)?, holed: of(largest)? })
+    }
+
+    fn now(self, piping: &Piping) -> u32 {
+        if piping.is_holed() { self.holed } else { self.whole }
+    }
 }
 
 /// Checks that a gas state is one: finite, positive pressure and mass, 20 to 2000 K. `before` is the

@@ -1,9 +1,10 @@
 //! A vessel: one zone of gas, fixed or prescribed volume, one wall.
 
 use super::closure::Closure;
-use super::flow::{Iso6358, Nozzle, Streams};
+use super::flow::{Nozzle, Streams};
 use super::heat::InnerHeat;
 use super::ode::DormandPrince;
+use super::piping::{Disturbance, Piping};
 use super::sensors::{Exposure, Sensors};
 use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas};
 use crate::profile::Profile;
@@ -29,17 +30,12 @@ const STATES: usize = 10;
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Ports {
     Closed,
-    /// A nozzle to a reservoir (p \[Pa\], T \[K\]), open from the start.
-    Nozzle {
-        nozzle: Nozzle,
-        reservoir: (f64, f64),
-    },
+    /// A nozzle to ambient, open from the start.
+    Discharge(Nozzle),
+    /// A nozzle to the supply, open from the start.
+    Fill(Nozzle),
     /// Inlet and outlet valve, opened by the actuation.
-    Valves {
-        valve: Iso6358,
-        supply: (f64, f64),
-        ambient: (f64, f64),
-    },
+    Valves,
     /// The actuation is the mass flows themselves \[kg/s\], the inflow at that temperature \[K\].
     Given {
         inflow_k: f64,
@@ -53,11 +49,11 @@ struct Config {
     closure: Closure,
     volume: Profile,
     ports: Ports,
+    piping: Piping,
     heat: InnerHeat,
     surface_m2: f64,
     wall_j_k: f64,
     outer_w_k: f64,
-    ambient_k: f64,
     section_m2: f64,
     initial_k: f64,
 }
@@ -79,17 +75,21 @@ impl Config {
         let gas = (pressure, temperature);
         match &self.ports {
             Ports::Closed => {}
-            Ports::Nozzle { nozzle, reservoir } => {
-                streams.add(gas, *reservoir, |p, t, q| nozzle.mass_flow(p, t, q));
+            Ports::Discharge(nozzle) => {
+                streams.add(gas, self.piping.ambient(), |p, t, q| nozzle.mass_flow(p, t, q));
             }
-            Ports::Valves { valve, supply, ambient } => {
-                streams.add(gas, *supply, |p, t, q| actuation.inlet * valve.mass_flow(p, t, q));
-                streams.add(gas, *ambient, |p, t, q| actuation.outlet * valve.mass_flow(p, t, q));
+            Ports::Fill(nozzle) => {
+                streams.add(gas, self.piping.supply(), |p, t, q| nozzle.mass_flow(p, t, q));
+            }
+            Ports::Valves => {
+                self.piping.add_inlet(&mut streams, gas, 0.0, actuation.inlet);
+                self.piping.add_outlet(&mut streams, gas, actuation.outlet);
             }
             Ports::Given { inflow_k } => {
                 streams = Streams::given(actuation.inlet, *inflow_k, actuation.outlet);
             }
         }
+        self.piping.add_leak(&mut streams, gas);
         Instant { volume, pressure, temperature, streams }
     }
 
@@ -107,7 +107,7 @@ impl Config {
         let work = pressure * volume_slope;
         let heat = closure.heat_of_streams(&streams, temperature, convective)
             + closure.heat_per_work() * work;
-        let to_ambient = self.outer_w_k * (y[WALL] - self.ambient_k);
+        let to_ambient = self.outer_w_k * (y[WALL] - self.piping.ambient().1);
         let volume_power = volume.powf(closure.exponent() - 1.0);
         let mut rates = [0.0; STATES];
         rates[MASS] = streams.net();
@@ -151,30 +151,26 @@ impl Vessel {
         }
         let closure = Closure::new(scenario);
         let gas = &closure.gas;
-        let supply = (scenario.supply.pressure_pa, scenario.supply.temperature_k);
-        let ambient = (scenario.ambient.pressure_pa, scenario.ambient.temperature_k);
         let orifice = &scenario.orifice;
         let nozzle = Nozzle::new(orifice.diameter_m, orifice.discharge_coefficient, gas);
-        let valve =
-            Iso6358::valve(scenario.valve.conductance_m3_s_pa, scenario.valve.critical_ratio, gas);
         let ports = match scenario.drive.kind {
             DriveKind::Closed => Ports::Closed,
-            DriveKind::Discharge => Ports::Nozzle { nozzle, reservoir: ambient },
-            DriveKind::Fill => Ports::Nozzle { nozzle, reservoir: supply },
+            DriveKind::Discharge => Ports::Discharge(nozzle),
+            DriveKind::Fill => Ports::Fill(nozzle),
             DriveKind::MassFlow
             | DriveKind::Duty
             | DriveKind::Pressure
-            | DriveKind::Contraction => Ports::Valves { valve, supply, ambient },
+            | DriveKind::Contraction => Ports::Valves,
         };
         let diameter = scenario.vessel.characteristic_length_m;
         let config = Config {
             step_s: scenario.run.step_s,
             ports,
+            piping: Piping::new(scenario, gas),
             heat: InnerHeat::of(scenario, diameter),
             surface_m2: scenario.vessel.surface_m2,
             wall_j_k: scenario.vessel.wall_heat_capacity_j_k,
             outer_w_k: scenario.heat.outer_w_m2_k * scenario.vessel.surface_m2,
-            ambient_k: scenario.ambient.temperature_k,
             section_m2: scenario.vessel.section_m2(),
             initial_k: scenario.plant.initial_temperature_k,
             closure,
@@ -272,6 +268,10 @@ impl Plant for Vessel {
         });
         self.observe(actuation);
         Ok(())
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        self.config.piping.disturb(disturbance);
     }
 
     fn truth(&self) -> Truth {

@@ -2,9 +2,9 @@
 
 use super::load::Loaded;
 use super::model::Scenario;
-use super::schema::{Key, TABLES};
+use super::schema::{Allowed, FAULTS, Key, TABLES, Table};
 use std::fmt::Write;
-use toml::{Table, Value};
+use toml::Value;
 
 /// The dimensions of the muscle, which the core is told all together or not at all: any of them
 /// alone would let the others follow anew.
@@ -17,12 +17,14 @@ pub fn render(loaded: &Loaded) -> String {
     let believed = tree(&loaded.believed);
     let mut text = String::new();
     for table in TABLES {
-        let lines = table
-            .keys
-            .iter()
-            .map(|key| key_line(key, value(&plant, table.name, key.name)))
-            .collect::<String>();
-        push_table(&mut text, table.name, table.meaning, &lines);
+        for path in paths(table, &loaded.plant) {
+            let lines = table
+                .keys
+                .iter()
+                .map(|key| key_line(key, value(&plant, &path, key.name)))
+                .collect::<String>();
+            push_table(&mut text, &path, table.meaning, &lines);
+        }
     }
     for table in TABLES {
         let differs = |key: &&Key| {
@@ -44,6 +46,15 @@ pub fn render(loaded: &Loaded) -> String {
     text
 }
 
+/// Where a scenario has that table: in one place, or once for each window of faults.
+fn paths(table: &Table, scenario: &Scenario) -> Vec<String> {
+    if table.name == FAULTS {
+        scenario.faults.windows().map(|(path, _)| path).collect()
+    } else {
+        vec![table.name.to_owned()]
+    }
+}
+
 fn push_table(text: &mut String, name: &str, meaning: &str, lines: &str) {
     let gap = if text.is_empty() { "" } else { "\n" };
     // Writing into a string cannot fail.
@@ -56,16 +67,19 @@ fn key_line(key: &Key, value: Option<&Value>) -> String {
         // Rust's shortest text that reads back to the same number is TOML too.
         Some(Value::Float(number)) => format!("{} = {number:?}  # {comment}\n", key.name),
         Some(value) => format!("{} = {value}  # {comment}\n", key.name),
-        // Only files have no default.
-        None => format!("# {} = \"FILE.csv\"  # {comment}\n", key.name),
+        None => {
+            let missing =
+                if matches!(key.allowed, Allowed::Csv { .. }) { "\"FILE.csv\"" } else { "NUMBER" };
+            format!("# {} = {missing}  # {comment}\n", key.name)
+        }
     }
 }
 
-fn tree(scenario: &Scenario) -> Table {
-    Table::try_from(scenario).expect("a checked scenario is plain TOML")
+fn tree(scenario: &Scenario) -> toml::Table {
+    toml::Table::try_from(scenario).expect("a checked scenario is plain TOML")
 }
 
-fn value<'a>(tree: &'a Table, table: &str, key: &str) -> Option<&'a Value> {
+fn value<'a>(tree: &'a toml::Table, table: &str, key: &str) -> Option<&'a Value> {
     table.split('.').try_fold(tree, |tree, name| tree.get(name)?.as_table())?.get(key)
 }
 

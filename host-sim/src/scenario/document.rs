@@ -1,6 +1,6 @@
 //! From text to checked entries: every key known, every value of its type and within its range.
 
-use super::schema::{self, Allowed, Key, Table};
+use super::schema::{self, Allowed, Key};
 use crate::input::{InputError, Instead, Problem, line_of, nearest, quoted};
 use std::path::{Path, PathBuf};
 use toml::de::{DeInteger, DeTable, DeValue};
@@ -31,8 +31,8 @@ pub struct Entries {
 /// One key with its value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// The table that it is in.
-    pub table: &'static Table,
+    /// Path of the table that it is in.
+    pub table: String,
     /// What the schema says of it.
     pub key: &'static Key,
     /// Its value, of the type that the schema asks for.
@@ -46,7 +46,7 @@ pub struct Entry {
 impl Entry {
     /// Its path, "muscle.zones".
     pub fn path(&self) -> String {
-        format!("{}.{}", self.table.name, self.key.name)
+        format!("{}.{}", self.table, self.key.name)
     }
 }
 
@@ -59,7 +59,7 @@ impl Entries {
     /// The entry of a path such as "muscle.zones", if the file has it.
     pub fn get(&self, path: &str) -> Option<&Entry> {
         let (table, name) = path.rsplit_once('.')?;
-        self.list.iter().find(|entry| entry.table.name == table && entry.key.name == name)
+        self.list.iter().find(|entry| entry.table == table && entry.key.name == name)
     }
 
     /// The whole path of a key, as it is written in the file.
@@ -113,6 +113,10 @@ impl Document {
         let Some((table, key)) = schema::key(path) else {
             return Err(unknown(full_path, path, false));
         };
+        let place = table_of(path);
+        if schema::is_fault_window(place) && !self.plant.list.iter().any(|e| e.table == place) {
+            return Err(unknown_window(place, "one that the file has"));
+        }
         if is_believed && !table.believed {
             return Err(Problem::NotBelieved { key: full_path.to_owned() });
         }
@@ -123,7 +127,7 @@ impl Document {
                 let taken = whole as f64 == number && (min..=max).contains(&whole);
                 taken.then_some(Value::Integer(whole))
             }
-            Allowed::Choice(_) | Allowed::List | Allowed::Csv { .. } => {
+            Allowed::Choice(_) | Allowed::Switch | Allowed::List | Allowed::Csv { .. } => {
                 let allowed = key.allowed.to_string();
                 return Err(Problem::NotANumber { key: full_path.to_owned(), allowed });
             }
@@ -134,8 +138,8 @@ impl Document {
             return Err(Problem::NotAllowed { key: full_path.to_owned(), value: written, allowed });
         };
         let list = if is_believed { &mut self.believed.list } else { &mut self.plant.list };
-        list.retain(|entry| (entry.table.name, entry.key.name) != (table.name, key.name));
-        list.push(Entry { table, key, value, written, line: None });
+        list.retain(|entry| entry.path() != path);
+        list.push(Entry { table: place.to_owned(), key, value, written, line: None });
         Ok(())
     }
 }
@@ -190,7 +194,8 @@ impl Walk<'_> {
         let written = quoted(self.text.get(value.span()).unwrap_or_default());
         let table = value.get_ref().as_table();
         let (is_believed, path) = split_believed(full_path);
-        if path.is_empty() || schema::is_table(path) {
+        let is_window = table.is_some() && schema::is_fault_window(path);
+        if path.is_empty() || schema::is_table(path) || is_window {
             if is_believed && schema::table(path).is_some_and(|table| !table.believed) {
                 return Err(Problem::NotBelieved { key: full_path.to_owned() });
             }
@@ -199,7 +204,7 @@ impl Walk<'_> {
             self.table(full_path, table);
             return Ok(());
         }
-        let Some((table, key)) = schema::key(path) else {
+        let Some((_, key)) = schema::key(path) else {
             return Err(unknown(full_path, path, table.is_some()));
         };
         // The course of the volume is the plant's; the core measures it.
@@ -215,7 +220,7 @@ impl Walk<'_> {
         };
         let line = Some(line_of(&self.text.as_bytes()[..offset]));
         let entries = if is_believed { &mut self.believed } else { &mut self.plant };
-        entries.list.push(Entry { table, key, value, written, line });
+        entries.list.push(Entry { table: table_of(path).to_owned(), key, value, written, line });
         Ok(())
     }
 }
@@ -239,6 +244,7 @@ fn checked(allowed: Allowed, value: &DeValue<'_>) -> Option<Value> {
             let word = value.as_str()?;
             words.contains(&word).then(|| Value::String(word.to_owned()))
         }
+        Allowed::Switch => value.as_bool().map(Value::Boolean),
         Allowed::List => {
             let word = |item: &Spanned<DeValue<'_>>| {
                 item.get_ref().as_str().map(|word| Value::String(word.to_owned()))
@@ -256,6 +262,17 @@ fn whole(integer: &DeInteger<'_>) -> Option<i64> {
     i64::from_str_radix(integer.as_str(), integer.radix()).ok()
 }
 
+/// Path of the table that a key is in.
+fn table_of(path: &str) -> &str {
+    path.rsplit_once('.').map_or("", |(table, _)| table)
+}
+
+/// The message for what is no window of faults; `name` says what its name may be.
+fn unknown_window(path: &str, name: &str) -> Problem {
+    let known = vec!["[faults]".to_owned(), format!("[faults.NAME], NAME {name}")];
+    Problem::UnknownTable { table: quoted(path), instead: Instead::Known(known) }
+}
+
 /// The message for a path that the schema does not have. `path` is without `believed`.
 fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
     let prefix = full_path.strip_suffix(path).unwrap_or_default();
@@ -267,6 +284,9 @@ fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
         .flat_map(|table| table.keys.iter().map(|key| format!("{}.{}", table.name, key.name)))
         .collect();
     let tables = schema::TABLES.iter().filter(|table| prefix.is_empty() || table.believed);
+    if is_table && path.starts_with(schema::FAULT_WINDOWS) {
+        return unknown_window(full_path, "made of letters, digits, - and _");
+    }
     if is_table {
         let tables: Vec<&str> = tables.map(|table| table.name).collect();
         let with_believed = prefix.is_empty().then_some(BELIEVED);

@@ -28,7 +28,7 @@ pub fn resolve(muscle: &mut Muscle) -> Result<(), Violation> {
     }
 }
 
-fn lone(missing: &'static str, given: &'static str) -> Violation {
+fn lone(missing: &str, given: &str) -> Violation {
     let why =
         format!("{given} needs it; or give rest_length_m, diameter_m and braid_angle_deg instead");
     Violation::missing(missing, given, &why)

@@ -125,7 +125,7 @@ fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenari
     let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
     for entry in entries.iter() {
         let mut table = &mut tree;
-        for name in entry.table.name.split('.') {
+        for name in entry.table.split('.') {
             let next = table.entry(name).or_insert_with(|| Value::Table(Table::new()));
             table = next.as_table_mut().ok_or_else(|| internal(format!("{name} is no table")))?;
         }
@@ -157,8 +157,8 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
 
 /// A rule's violation, as the user has to hear it.
 fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
-    let key = entries.full_path(violation.path);
-    let mut entry = entries.get(violation.path);
+    let key = entries.full_path(&violation.path);
+    let mut entry = entries.get(&violation.path);
     let problem = match violation.fault {
         Fault::NotAllowed { value, allowed } => {
             let value = match entry {
@@ -168,7 +168,7 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
             Problem::NotAllowed { key, value, allowed }
         }
         Fault::Missing { for_path, why } => {
-            entry = entries.get(for_path);
+            entry = entries.get(&for_path);
             Problem::Missing { key, why }
         }
     };

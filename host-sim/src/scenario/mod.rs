@@ -6,6 +6,8 @@
 
 mod check;
 mod document;
+mod fault_rules;
+mod faults;
 mod geometry;
 mod load;
 mod model;
@@ -15,6 +17,7 @@ pub mod schema;
 
 pub use check::render;
 pub use document::Document;
+pub use faults::{ChannelFault, FaultWindow, Faults, LinkFault, ValveFault};
 pub use load::{Loaded, assemble, load, parse};
 pub use model::*;
 pub use number::{number, with_numbers};

@@ -3,6 +3,7 @@
 //! The field names are the TOML keys. [`super::schema`] holds unit, range and meaning of each;
 //! the defaults are here, in the `Default` implementations, and nowhere else.
 
+use super::faults::Faults;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -730,22 +731,6 @@ impl Default for Controller {
     }
 }
 
-/// A fault of one analog channel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ChannelFault {
-    /// Healthy.
-    None,
-    /// The line is open: the code goes to the upper rail.
-    Open,
-    /// The line is shorted to ground: the code goes to the lower rail.
-    Shorted,
-    /// The code stays what it was when the fault began.
-    Frozen,
-    /// Strong noise on the line, 5 % of the range.
-    Noisy,
-}
-
 /// Line between host and board.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -757,34 +742,6 @@ pub struct Link {
 impl Default for Link {
     fn default() -> Self {
         Self { timeout_s: 0.5 }
-    }
-}
-
-/// Faults that the run injects.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Faults {
-    /// Pressure channel.
-    pub pressure: ChannelFault,
-    /// Gas sensor's channel.
-    pub gas: ChannelFault,
-    /// Length channel.
-    pub length: ChannelFault,
-    /// Start of the faults \[s\].
-    pub from_s: f64,
-    /// End of the faults \[s\].
-    pub until_s: f64,
-}
-
-impl Default for Faults {
-    fn default() -> Self {
-        Self {
-            pressure: ChannelFault::None,
-            gas: ChannelFault::None,
-            length: ChannelFault::None,
-            from_s: 0.0,
-            until_s: 1.0e6,
-        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Rules that tie several keys together.
 
+use super::fault_rules;
 use super::model::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::number::number;
 use super::schema::{Limits, fittable, fittable_paths, limits};
@@ -15,7 +16,7 @@ const MOST_PWM_STEPS: f64 = 1000.0;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {
     /// Path of the key.
-    pub path: &'static str,
+    pub path: String,
     /// What is wrong with it.
     pub fault: Fault,
 }
@@ -33,7 +34,7 @@ pub enum Fault {
     /// It has to be there.
     Missing {
         /// The key that needs it.
-        for_path: &'static str,
+        for_path: String,
         /// Why.
         why: String,
     },
@@ -41,27 +42,28 @@ pub enum Fault {
 
 impl Violation {
     /// A number outside of the limits that other keys set.
-    pub fn number(path: &'static str, value: f64, allowed: &Limits, why: &str) -> Self {
+    pub fn number(path: &str, value: f64, allowed: &Limits, why: &str) -> Self {
         Self::value(path, &format!("{value:?}"), format!("{allowed}, {why}"))
     }
 
     /// A key that has to be there.
-    pub fn missing(path: &'static str, for_path: &'static str, why: &str) -> Self {
-        Self { path, fault: Fault::Missing { for_path, why: why.to_owned() } }
+    pub fn missing(path: &str, for_path: &str, why: &str) -> Self {
+        let fault = Fault::Missing { for_path: for_path.to_owned(), why: why.to_owned() };
+        Self { path: path.to_owned(), fault }
     }
 
-    fn value(path: &'static str, value: &str, allowed: String) -> Self {
-        Self { path, fault: Fault::NotAllowed { value: value.to_owned(), allowed } }
+    /// A value that does not fit; `allowed` says why.
+    pub fn value(path: &str, value: &str, allowed: String) -> Self {
+        let fault = Fault::NotAllowed { value: value.to_owned(), allowed };
+        Self { path: path.to_owned(), fault }
     }
 }
 
 /// Checks a number against limits that other keys set.
-fn within(
-    path: &'static str,
-    value: f64,
-    (min, max): (f64, f64),
-    why: &str,
-) -> Result<(), Violation> {
+///
+/// # Errors
+/// When it lies outside.
+pub fn within(path: &str, value: f64, (min, max): (f64, f64), why: &str) -> Result<(), Violation> {
     let allowed = limits(path).between(min, max);
     if allowed.contains(value) {
         Ok(())
@@ -81,6 +83,7 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     within("run.duration_s", run.duration_s, (run.step_s, longest), why)?;
     check_drive(scenario)?;
     check_identify(scenario)?;
+    fault_rules::check(scenario)?;
     if scenario.plant.model == PlantModel::Paper {
         let ratio = scenario.gas.heat_capacity_ratio;
         let paper = &scenario.paper;

@@ -44,6 +44,8 @@ pub enum Allowed {
     },
     /// One of these words.
     Choice(&'static [&'static str]),
+    /// Yes or no.
+    Switch,
     /// A list of words; which ones, the rules say.
     List,
     /// The path of a CSV file with these two columns, relative to the scenario's folder.
@@ -95,6 +97,7 @@ impl fmt::Display for Allowed {
             Self::Real(limits) => limits.fmt(f),
             Self::Whole { min, max } => write!(f, "a whole number from {min} to {max}"),
             Self::Choice(words) => write!(f, "one of {}", Words(words, ", ")),
+            Self::Switch => f.write_str("true or false"),
             Self::List => f.write_str("a list of words, [\"...\", \"...\"]"),
             Self::Csv { columns: [time, value] } => {
                 write!(f, "the path of a CSV file with the columns {time},{value}")
@@ -111,6 +114,7 @@ impl Key {
             Allowed::Real(limits) => format!("{}, {}", limits.unit, limits.range()),
             Allowed::Whole { min, max } => format!("{min} to {max}"),
             Allowed::Choice(words) => Words(words, " | ").to_string(),
+            Allowed::Switch => "true | false".to_owned(),
             Allowed::List => "list of words".to_owned(),
             Allowed::Csv { columns: [time, value] } => format!("CSV file, {time},{value}"),
         };
@@ -180,6 +184,10 @@ const fn choice(name: &'static str, words: &'static [&'static str], meaning: &'s
     Key { name, allowed: Allowed::Choice(words), meaning }
 }
 
+const fn switch(name: &'static str, meaning: &'static str) -> Key {
+    Key { name, allowed: Allowed::Switch, meaning }
+}
+
 const fn list(name: &'static str, meaning: &'static str) -> Key {
     Key { name, allowed: Allowed::List, meaning }
 }
@@ -197,7 +205,8 @@ const COEFFICIENT_W_M2_K: (f64, f64) = (0.0, 1.0e5);
 const CONDUCTANCE_M3_S_PA: (f64, f64) = (1.0e-13, 1.0e-3);
 const LAG_S: (f64, f64) = (0.0, 1000.0);
 const TUNING: (f64, f64) = (0.0, 100.0);
-const FAULTS: &[&str] = &["none", "open", "shorted", "frozen", "noisy"];
+const CHANNEL: &[&str] = &["none", "open", "shorted", "frozen", "noisy", "drifting"];
+const VALVE: &[&str] = &["none", "open", "shut", "leaking"];
 
 /// Every table, in the order of [`super::Scenario`].
 pub static TABLES: &[Table] = &[
@@ -653,14 +662,50 @@ pub static TABLES: &[Table] = &[
     },
     Table {
         name: "faults",
-        meaning: "faults that the run injects",
+        meaning: "faults that the run injects in one window of time; every [faults.NAME] is another",
         believed: false,
         keys: &[
-            choice("pressure", FAULTS, "fault of the pressure channel"),
-            choice("gas", FAULTS, "fault of the gas sensor's channel"),
-            choice("length", FAULTS, "fault of the length channel"),
-            real("from_s", "s", (0.0, 1.0e6), "start of the faults"),
-            real("until_s", "s", (0.0, 1.0e6), "end of the faults"),
+            choice("pressure", CHANNEL, "fault of the pressure channel"),
+            real(
+                "pressure_drift_pa_s",
+                "Pa/s",
+                (-1.0e8, 1.0e8),
+                "drift of its sensor from the start on (drifting)",
+            ),
+            choice("gas", CHANNEL, "fault of the gas sensor's channel"),
+            real(
+                "gas_drift_k_s",
+                "K/s",
+                (-1000.0, 1000.0),
+                "drift of its sensor from the start on (drifting)",
+            ),
+            choice("length", CHANNEL, "fault of the length channel"),
+            real(
+                "length_drift_m_s",
+                "m/s",
+                (-10.0, 10.0),
+                "drift of its sensor from the start on (drifting)",
+            ),
+            choice("inlet", VALVE, "fault of the inlet valve: stuck open, stuck shut, not tight"),
+            real("inlet_leak", "", SHARE, "share of the conductance passed when shut (leaking)"),
+            choice("outlet", VALVE, "fault of the outlet valve: stuck open, stuck shut, not tight"),
+            real("outlet_leak", "", SHARE, "share of the conductance passed when shut (leaking)"),
+            real(
+                "leak_conductance_m3_s_pa",
+                "m3/(s Pa)",
+                (0.0, 1.0e-3),
+                "sonic conductance of a hole from the gas to ambient, large for a burst; 0: none",
+            ),
+            real(
+                "supply_pressure_pa",
+                "Pa",
+                PRESSURE_PA,
+                "in place of the supply's own; below the gas's, gas flows back through an open inlet",
+            ),
+            switch("emergency_stop", "the emergency stop is pressed"),
+            choice("link", &["none", "lost"], "fault of the line to the board: the host is silent"),
+            real("from_s", "s", (0.0, 1.0e6), "start of the window"),
+            real("until_s", "s", (0.0, 1.0e6), "end of the window"),
         ],
     },
     Table {
@@ -676,9 +721,23 @@ pub static TABLES: &[Table] = &[
     },
 ];
 
-/// The table of that path.
+/// The table of that path. A further window of faults has the keys of `[faults]`.
 pub fn table(path: &str) -> Option<&'static Table> {
-    TABLES.iter().find(|table| table.name == path)
+    let name = if is_fault_window(path) { FAULTS } else { path };
+    TABLES.iter().find(|table| table.name == name)
+}
+
+/// The table of the first window of faults.
+pub const FAULTS: &str = "faults";
+/// What the paths of the further ones start with.
+pub const FAULT_WINDOWS: &str = "faults.";
+
+/// Whether `path` is that of a further window of faults, `faults.NAME`. NAME is what TOML takes
+/// without quotes, and no key of `[faults]`.
+pub fn is_fault_window(path: &str) -> bool {
+    let bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    path.strip_prefix(FAULT_WINDOWS)
+        .is_some_and(|name| !name.is_empty() && name.chars().all(bare) && key(path).is_none())
 }
 
 /// The key of that path, "muscle.zones", with its table.
@@ -770,6 +829,17 @@ mod tests {
         }
         scenario.vessel.volume_csv = Some("a.csv".into());
         scenario.drive.profile_csv = Some("b.csv".into());
+        let faults = &mut scenario.faults.own;
+        for number in [
+            &mut faults.pressure_drift_pa_s,
+            &mut faults.gas_drift_k_s,
+            &mut faults.length_drift_m_s,
+            &mut faults.inlet_leak,
+            &mut faults.outlet_leak,
+            &mut faults.supply_pressure_pa,
+        ] {
+            *number = Some(1.0);
+        }
         Value::try_from(scenario).unwrap()
     }
 
@@ -819,6 +889,10 @@ mod tests {
                         let message = with(Value::String("?".to_owned())).unwrap_err();
                         let known: BTreeSet<&str> = message.split('`').skip(3).step_by(2).collect();
                         assert_eq!(known, words.iter().copied().collect(), "{path}: {message}");
+                    }
+                    Allowed::Switch => {
+                        with(Value::Boolean(true)).expect(&path);
+                        assert!(with(Value::Integer(1)).is_err(), "{path}");
                     }
                     Allowed::List => {
                         with(Value::Array(vec![Value::String("word".to_owned())])).expect(&path);
