@@ -1,11 +1,11 @@
 //! `trace.csv` of a real board: the columns of every trace, empty where only a plant would know, and
 //! behind them what `thermyo replay` needs.
 
+use crate::rows::Rows;
 use model_core::front_end::Converter;
 use model_core::{Config, Telemetry};
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
-use std::path::Path;
+use std::io::{self, Write};
 
 const HEADER: &str = "time_s,pressure_pa,volume_m3,length_m,mass_kg,flow_in_kg_s,flow_out_kg_s,\
 gas_temperature_k,wall_temperature_k,sensor_gas_k,sensor_wall_k,estimate_k,estimate_sd_k,duty_in,\
@@ -13,22 +13,9 @@ duty_out,step,code_pressure,code_gas,code_length,emergency_stop,wall_estimate_k,
 sensor_estimate_k,heat_scale,sensor_lag_s,faults";
 
 /// Writes telemetry as rows.
-pub struct Recorder<W: Write = BufWriter<File>> {
-    out: W,
+pub struct Recorder<W: Write = File> {
+    out: Rows<W>,
     rows: u64,
-}
-
-impl Recorder {
-    /// A new file with its header.
-    ///
-    /// # Errors
-    /// Those of the file.
-    pub fn create(path: &Path) -> io::Result<Self> {
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder)?;
-        }
-        Self::new(BufWriter::new(File::create(path)?))
-    }
 }
 
 impl<W: Write> Recorder<W> {
@@ -36,24 +23,22 @@ impl<W: Write> Recorder<W> {
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn new(mut out: W) -> io::Result<Self> {
-        writeln!(out, "{HEADER}")?;
-        Ok(Self { out, rows: 0 })
+    pub fn new(out: W) -> io::Result<Self> {
+        Ok(Self { out: Rows::new(out, HEADER)?, rows: 0 })
     }
 
     /// One row. `Display` of a float is the shortest text that reads back to the same bits.
     ///
     /// # Errors
-    /// Those of the file.
+    /// Those of `out`.
     pub fn write(&mut self, config: &Config, telemetry: &Telemetry) -> io::Result<()> {
         let Telemetry { step, sample, pressure_pa, length_m, estimate, command, faults } =
             telemetry;
         let sensor_k = Converter::new(&config.front_end).gas_k(sample.gas);
+        let time_s = f64::from(*step) * f64::from(config.step_s);
         self.rows += 1;
-        writeln!(
-            self.out,
-            "{},{pressure_pa},,{length_m},{},,,,,{sensor_k},,{},{},{},{},{step},{},{},{},{},{},{},{},{},{}",
-            f64::from(*step) * f64::from(config.step_s),
+        self.out.push(&format!(
+            "{time_s},{pressure_pa},,{length_m},{},,,,,{sensor_k},,{},{},{},{},{step},{},{},{},{},{},{},{},{},{}",
             estimate.mass_kg,
             estimate.gas_k,
             estimate.gas_sd_k,
@@ -68,7 +53,7 @@ impl<W: Write> Recorder<W> {
             estimate.heat_scale,
             estimate.sensor_lag_s,
             faults.0,
-        )
+        ))
     }
 
     /// Rows so far.
@@ -76,12 +61,28 @@ impl<W: Write> Recorder<W> {
         self.rows
     }
 
+    /// Rows that have waited long enough are in the file.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn hand_over_in_time(&mut self) -> io::Result<()> {
+        self.out.hand_over_in_time()
+    }
+
     /// Everything is in the file.
     ///
     /// # Errors
-    /// Those of the file.
-    pub fn flush(&mut self) -> io::Result<()> {
-        self.out.flush()
+    /// Those of `out`.
+    pub fn hand_over(&mut self) -> io::Result<()> {
+        self.out.hand_over()
+    }
+
+    /// Everything is in `out`, and that is given back.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn finish(self) -> io::Result<W> {
+        self.out.finish()
     }
 }
 
@@ -103,7 +104,7 @@ mod tests {
         let telemetry = Core::new(&config).unwrap().step(&sample);
         let mut recorder = Recorder::new(Vec::new()).unwrap();
         recorder.write(&config, &telemetry).unwrap();
-        let text = String::from_utf8(recorder.out).unwrap();
+        let text = String::from_utf8(recorder.finish().unwrap()).unwrap();
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
         assert_eq!(lines.len(), 2);
         assert_eq!(lines[0].len(), lines[1].len());
