@@ -79,6 +79,15 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     assert_eq!(recorded.lines().count() as u64, session.rows() + 1);
     let columns = recorded.lines().next().unwrap().split(',').count();
     assert!(recorded.lines().all(|line| line.split(',').count() == columns));
+    // The second board counts from 0; time goes on.
+    let column = |index: usize| -> Vec<f64> {
+        let cells = recorded.lines().skip(1).map(|line| line.split(',').nth(index).unwrap());
+        cells.map(|cell| cell.parse().unwrap()).collect()
+    };
+    let (times, steps) = (column(0), column(15));
+    assert_eq!(times[0], 0.0);
+    assert!(times.is_sorted_by(|a, b| a < b), "time falls");
+    assert_eq!(steps.windows(2).filter(|pair| pair[1] <= pair[0]).count(), 1, "no restart");
     assert_eq!(session.told().len(), 1, "both boards were told the same");
     std::fs::remove_dir_all(&folder).unwrap();
 }
