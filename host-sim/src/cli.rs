@@ -14,7 +14,7 @@ use crate::board::{Board, CoreBoard};
 use crate::identify;
 use crate::input::InputError;
 use crate::measured::Measured;
-use crate::monitor;
+use crate::monitor::{self, Recorder, Session};
 use crate::output::OutputDir;
 use crate::replay;
 use crate::report::run_page::RunRecorder;
@@ -22,6 +22,7 @@ use crate::reproduce;
 use crate::run::{self, RunError};
 use crate::scenario::{self, Loaded};
 use crate::summary::Summary;
+use crate::table::{self, Table};
 use crate::trace::{COLUMNS, Row, TraceWriter};
 use clap::{Args, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -63,7 +64,7 @@ enum Task {
     Monitor {
         /// Serial port, such as /dev/ttyACM0
         port: String,
-        /// Folder for trace.csv [default: out/monitor]
+        /// Folder for trace.csv and config.json [default: out/monitor]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
@@ -141,17 +142,17 @@ pub fn run<A: Into<OsString> + Clone>(
         }
     };
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
-        Task::Reproduce(args) => reproduce_command(&args, out),
-        Task::Run(args) => run_command(&args, out),
-        Task::Identify(args) => identify_command(&args, out),
-        Task::Sweep(args) => sweep::run(args, out),
-        Task::Tune(args) => tune::run(&args, out),
-        Task::Replay { trace, board } => replay_command(&trace, &board, out),
+        Task::Reproduce(args) => reproduce_command(&args, out, err),
+        Task::Run(args) => run_command(&args, out, err),
+        Task::Identify(args) => identify_command(&args, out, err),
+        Task::Sweep(args) => sweep::run(args, out, err),
+        Task::Tune(args) => tune::run(&args, out, err),
+        Task::Replay { trace, board } => replay_command(&trace, &board, out, err),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
-            monitor::run(&port, &folder.join("trace.csv")).map_err(Failure::Board)
+            monitor_command(&port, &folder, out, err)
         }
-        Task::Evaluate(args) => evaluate::run(&args, out),
+        Task::Evaluate(args) => evaluate::run(&args, out, err),
         Task::Check { scenario } => check_command(&scenario, out),
     };
     match result {
@@ -168,8 +169,13 @@ fn check_command(path: &Path, out: &mut dyn Write) -> Result<(), Failure> {
     print(out, &scenario::render(&loaded))
 }
 
-fn replay_command(trace: &Path, board: &BoardArgs, out: &mut dyn Write) -> Result<(), Failure> {
-    let (config, rows) = replay::read_record(trace)?;
+fn replay_command(
+    trace: &Path,
+    board: &BoardArgs,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    let (config, rows) = replay::read_record(trace, &read_record(trace, err)?)?;
     let outcome = replay::replay(board.open()?.as_mut(), &config, &rows).map_err(Failure::Board)?;
     let json = serde_json::json!({ "steps": outcome.steps, "mismatches": outcome.mismatches });
     print(out, &format!("{json:#}\n"))?;
@@ -189,36 +195,55 @@ fn replay_command(trace: &Path, board: &BoardArgs, out: &mut dyn Write) -> Resul
     }
 }
 
-fn run_command(args: &RunArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+fn run_command(
+    args: &RunArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
     let loaded = scenario::load(&args.scenario)?;
-    let measured =
-        args.measured.as_deref().map(|path| Measured::read(path, &COLUMNS)).transpose()?;
+    let measured = args.measured.as_deref().map(|path| read_measured(path, stderr)).transpose()?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
     let mut board = args.board.open()?;
     let mut recorder = RunRecorder::new(&loaded);
     let mut out = OutputDir::create(&folder)?;
+    let mut rows: u64 = 0;
     let summary =
         record(&loaded, board.as_mut(), measured.as_ref(), &args.output, &mut out, |row| {
+            rows += 1;
             recorder.add(row);
-        })?;
+        });
+    let summary = match summary {
+        // A line that broke, a board that restarted: what it said so far is not said again.
+        Err(failure @ Failure::Run(RunError::Board(_))) if rows > 0 => {
+            let left = out.leave();
+            let _ = writeln!(stderr, "thermyo: the record so far is in {}", left.display());
+            return Err(failure);
+        }
+        other => other?,
+    };
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
-    finish(out, stdout, &loaded, &summary, &page, &args.output)
+    finish(out, stdout, stderr, &summary, &page, &args.output)
 }
 
-fn identify_command(args: &IdentifyArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+fn identify_command(
+    args: &IdentifyArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
     let loaded = scenario::load(&args.config)?;
+    let measured = read_measured(&args.data, stderr)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
     let mut out = OutputDir::create(&folder)?;
-    let identified =
-        identify::identify(&loaded, &args.config, &args.data).map_err(Failure::Identify)?;
+    let identified = identify::identify(&loaded, &args.config, &measured, &args.data)
+        .map_err(Failure::Identify)?;
     let findings = &identified.findings;
     let title = args.data.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     let json = serde_json::to_string_pretty(findings).expect("findings are plain data") + "\n";
-    out.keep_text("summary.json", &json)?;
-    out.keep_text("identified.toml", &scenario::render(&identified.scenario))?;
-    out.keep_text("report.html", &identify::page(&identified, &title))?;
-    out.publish()?;
+    out.text("summary.json", &json)?;
+    out.text("identified.toml", &scenario::render(&identified.scenario))?;
+    out.text("report.html", &identify::page(&identified, &title))?;
+    publish(out, stderr)?;
     if args.output.json {
         print(stdout, &json)?;
     } else {
@@ -228,7 +253,33 @@ fn identify_command(args: &IdentifyArgs, stdout: &mut dyn Write) -> Result<(), F
     findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
 }
 
-fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+fn monitor_command(
+    port: &str,
+    folder: &Path,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    let mut out = OutputDir::create(folder)?;
+    let recorder = Recorder::new(out.file("trace.csv")?)
+        .map_err(|error| out.unwritable("trace.csv", &error))?;
+    let mut session = Session::open(port, recorder).map_err(Failure::Board)?;
+    let outcome = monitor::run(&mut session, &mut out);
+    let rows = session.rows();
+    // The file is closed before it moves.
+    drop(session);
+    if rows > 0 {
+        publish(out, stderr)?;
+        let trace = folder.join("trace.csv");
+        print(stdout, &format!("{rows} rows recorded: {}\n", trace.display()))?;
+    }
+    Ok(outcome?)
+}
+
+fn reproduce_command(
+    args: &ReproduceArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
     let loaded = reproduce::scenario()?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/reproduce"));
     let mut out = OutputDir::create(&folder)?;
@@ -237,14 +288,14 @@ fn reproduce_command(args: &ReproduceArgs, stdout: &mut dyn Write) -> Result<(),
     let summary = record(&loaded, &mut board, None, &args.output, &mut out, |row| study.add(row))?;
     let findings = study.finish(&summary).map_err(Failure::Run)?;
     let page = reproduce::page(&loaded, &findings, &summary);
-    finish(out, stdout, &loaded, &summary, &page, &args.output)?;
+    finish(out, stdout, stderr, &summary, &page, &args.output)?;
     if !args.output.json {
         print(stdout, &findings.text())?;
     }
     findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
 }
 
-/// Runs a scenario with its trace streamed into `out`; every logged row is shown to `each` too.
+/// Runs a scenario, written into `out` with its trace, which is streamed; every logged row is shown to `each` too.
 fn record(
     loaded: &Loaded,
     board: &mut dyn Board,
@@ -253,9 +304,11 @@ fn record(
     out: &mut OutputDir,
     mut each: impl FnMut(&Row),
 ) -> Result<Summary, Failure> {
-    let trace_path = out.path().join("trace.csv");
-    let unwritable = |error: &io::Error| InputError::output(&trace_path, error);
-    let mut writer = TraceWriter::new(out.file()?).map_err(|error| unwritable(&error))?;
+    // First of all: a trace whose program was killed is replayed with it.
+    out.text("scenario.toml", &scenario::render(loaded))?;
+    let file = out.file("trace.csv")?;
+    let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
+    let mut writer = TraceWriter::new(file).map_err(unwritable)?;
     let bar = progress_bar((loaded.plant.run.duration_s * 1000.0) as u64, args.quiet);
     let mut observer = |row: &Row| {
         writer.write(&row.cells())?;
@@ -266,30 +319,52 @@ fn record(
     let result = run::run(loaded, board, measured, &mut observer);
     bar.finish_and_clear();
     let summary = result.map_err(|error| match error {
-        RunError::Output(error) => Failure::Input(unwritable(&error)),
+        RunError::Output(error) => Failure::Input(unwritable(error)),
         other => Failure::Run(other),
     })?;
-    let file = writer.finish().map_err(|error| unwritable(&error))?;
-    out.keep(file, "trace.csv")?;
+    writer.finish().map_err(unwritable)?;
     Ok(summary)
 }
 
-/// Writes summary, scenario and report, and gives all files their names.
+/// Writes summary and report, and puts all files where they belong.
 fn finish(
     mut out: OutputDir,
     stdout: &mut dyn Write,
-    loaded: &Loaded,
+    stderr: &mut dyn Write,
     summary: &Summary,
     page: &str,
     args: &OutputArgs,
 ) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(summary).expect("a summary is plain data") + "\n";
     let folder = out.path().to_path_buf();
-    out.keep_text("summary.json", &json)?;
-    out.keep_text("scenario.toml", &scenario::render(loaded))?;
-    out.keep_text("report.html", page)?;
-    out.publish()?;
+    out.text("summary.json", &json)?;
+    out.text("report.html", page)?;
+    publish(out, stderr)?;
     if args.json { print(stdout, &json) } else { print(stdout, &brief(summary, &folder)) }
+}
+
+/// Puts the results where they belong, and says where an earlier one went.
+fn publish(out: OutputDir, stderr: &mut dyn Write) -> Result<(), Failure> {
+    let folder = out.path().to_path_buf();
+    if let Some(earlier) = out.publish()? {
+        let (folder, earlier) = (folder.display(), earlier.display());
+        // Where nobody reads it any more, nobody misses it.
+        let _ = writeln!(stderr, "thermyo: the earlier result in {folder} is now in {earlier}");
+    }
+    Ok(())
+}
+
+/// A recorded table, read up to where it is damaged; says so.
+fn read_record(path: &Path, stderr: &mut dyn Write) -> Result<Table, Failure> {
+    let table = table::read_record(path)?;
+    if let Some(damage) = table.damage() {
+        let _ = writeln!(stderr, "thermyo: {damage}");
+    }
+    Ok(table)
+}
+
+fn read_measured(path: &Path, stderr: &mut dyn Write) -> Result<Measured, Failure> {
+    Ok(Measured::new(&read_record(path, stderr)?, &COLUMNS)?)
 }
 
 /// The figures that a person looks for first.

@@ -148,6 +148,9 @@ pub enum Problem {
         /// Parameters to fit.
         parameters: usize,
     },
+    /// A file that ends within a line: what it would have said cannot be known.
+    #[error("the last line has no end: it may be cut")]
+    CutLine,
     /// A row that is longer or shorter than the first line.
     #[error("{found} cells in this row: must be {expected}, one per column")]
     CellCount {
@@ -214,12 +217,12 @@ impl fmt::Display for InputError {
     }
 }
 
-/// Reads a whole text file. A byte order mark at its start is dropped.
+/// Reads a whole file.
 ///
 /// # Errors
-/// When it is missing, a folder, unreadable or not UTF-8.
-pub fn read_text(path: &Path) -> Result<String, InputError> {
-    let bytes = std::fs::read(path).map_err(|error| {
+/// When it is missing, a folder or unreadable.
+pub fn read_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
+    std::fs::read(path).map_err(|error| {
         let problem = match error.kind() {
             io::ErrorKind::NotFound => Problem::NotFound,
             io::ErrorKind::IsADirectory => Problem::IsFolder,
@@ -228,8 +231,15 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
             _ => Problem::Unreadable(error.to_string()),
         };
         InputError::file(path, problem)
-    })?;
-    match String::from_utf8(bytes) {
+    })
+}
+
+/// Reads a whole text file. A byte order mark at its start is dropped.
+///
+/// # Errors
+/// As [`read_bytes`], and when it is not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, InputError> {
+    match String::from_utf8(read_bytes(path)?) {
         Ok(text) => Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text)),
         Err(error) => {
             let valid = error.utf8_error().valid_up_to();

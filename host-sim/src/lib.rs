@@ -22,6 +22,7 @@ pub mod profile;
 pub mod replay;
 pub mod report;
 pub mod reproduce;
+pub mod rows;
 pub mod run;
 pub mod scenario;
 pub mod smoother;

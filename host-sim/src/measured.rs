@@ -2,8 +2,7 @@
 
 use crate::input::{InputError, Instead, Problem, nearest, quoted};
 use crate::scenario::schema::Limits;
-use crate::table::{Table, read_table};
-use std::path::Path;
+use crate::table::Table;
 
 /// The column that every other one is over.
 const TIME: &str = "time_s";
@@ -35,16 +34,12 @@ pub struct Column {
 }
 
 impl Measured {
-    /// Reads a CSV file with the column time_s and any of the `known` columns; cells may be empty.
+    /// The column time_s of a table and any of the `known` columns; cells may be empty.
     ///
     /// # Errors
-    /// As [`read_table`]; for a column that is not `known`, for times that are missing or fall, and
-    /// for what cannot have been measured.
-    pub fn read(path: &Path, known: &[&str]) -> Result<Self, InputError> {
-        Self::from_table(&read_table(path)?, known)
-    }
-
-    fn from_table(table: &Table, known: &[&str]) -> Result<Self, InputError> {
+    /// For a column that is not `known`, for times that are missing or fall, and for what cannot have
+    /// been measured.
+    pub fn new(table: &Table, known: &[&str]) -> Result<Self, InputError> {
         for column in table.columns() {
             if column.name != TIME && !known.contains(&column.name.as_str()) {
                 let instead = match nearest(&column.name, known.iter().copied()) {
@@ -96,7 +91,7 @@ mod tests {
 
     fn read(text: &str) -> Result<Measured, String> {
         Table::parse(text, "m.csv".as_ref())
-            .and_then(|table| Measured::from_table(&table, &KNOWN))
+            .and_then(|table| Measured::new(&table, &KNOWN))
             .map_err(|error| error.to_string())
     }
 
@@ -149,16 +144,5 @@ mod tests {
         ] {
             assert_eq!(read(text), Err(message.to_owned()), "{text:?}");
         }
-    }
-
-    #[test]
-    fn missing_files_and_folders_are_named() {
-        let folder = tempfile::tempdir().unwrap();
-        let absent = folder.path().join("absent.csv");
-        let message = Measured::read(&absent, &KNOWN).unwrap_err().to_string();
-        assert_eq!(message, format!("{}: no such file", absent.display()));
-        let message = Measured::read(folder.path(), &KNOWN).unwrap_err().to_string();
-        let expected = format!("{}: is a folder; a file is needed", folder.path().display());
-        assert_eq!(message, expected);
     }
 }

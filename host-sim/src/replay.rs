@@ -5,7 +5,7 @@ use crate::core_config::core_config;
 use crate::input::InputError;
 use crate::run::{MOST_LATE_STEPS, SetPoints};
 use crate::scenario;
-use crate::table::read_table;
+use crate::table::Table;
 use model_core::control::Mode;
 use model_core::{AdcCode, Command, Config, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
 use std::path::Path;
@@ -70,12 +70,11 @@ pub fn replay(board: &mut dyn Board, config: &Config, rows: &[Row]) -> Result<Re
     Ok(outcome)
 }
 
-/// A run's record: its `trace.csv`, with the `scenario.toml` that lies beside it.
+/// A run's record: the `table` of its `trace.csv`, with the `scenario.toml` that lies beside it.
 ///
 /// # Errors
-/// When one of the two cannot be read, or the trace does not hold every step from the first on.
-pub fn read_record(trace: &Path) -> Result<(Config, Vec<Row>), InputError> {
-    let table = read_table(trace)?;
+/// When the scenario cannot be read, or the trace does not hold every step from the first on.
+pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), InputError> {
     let loaded = scenario::load(&trace.with_file_name("scenario.toml"))?;
     let column = |name: &str| table.filled(name);
     let steps = column("step")?;

@@ -1,6 +1,7 @@
 //! Tables of numbers: CSV files whose first line names the columns.
 
-use crate::input::{InputError, Problem, quoted, read_text};
+use crate::input::{InputError, Problem, line_of, quoted, read_bytes, read_text};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// A table of numbers, by column. Cells may be empty.
@@ -10,6 +11,7 @@ pub struct Table {
     columns: Vec<Column>,
     /// The line of each row in the file.
     lines: Vec<u64>,
+    damage: Option<Damage>,
 }
 
 /// One column.
@@ -19,6 +21,29 @@ pub struct Column {
     pub name: String,
     /// Its cells, one per row.
     pub cells: Vec<Option<f64>>,
+}
+
+/// Where a record ends before its file does, and why. Its `Display` is one line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Damage {
+    /// File, line, and what is wrong there.
+    what: String,
+    rows: usize,
+}
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rows = if self.rows == 1 { "row" } else { "rows" };
+        write!(f, "{}; read up to there: {} {rows}", self.what, self.rows)
+    }
+}
+
+/// A row that cannot be taken.
+enum Bad {
+    /// It is no row.
+    Damage(Problem),
+    /// It is one, with a value that nobody can mean.
+    Value(Problem),
 }
 
 /// Reads a CSV file: comma-separated, the first line names the columns. A byte order mark, CRLF,
@@ -31,49 +56,89 @@ pub fn read_table(path: &Path) -> Result<Table, InputError> {
     Table::parse(&read_text(path)?, path)
 }
 
+/// Reads a CSV file that a program recorded, as [`read_table`]. What a power cut or a bad disk leaves
+/// of it is read up to the first line that is no row: see [`Table::damage`].
+///
+/// # Errors
+/// As [`read_table`], but for damage only where no row precedes it.
+pub fn read_record(path: &Path) -> Result<Table, InputError> {
+    Table::parse_record(&read_bytes(path)?, path)
+}
+
 impl Table {
     /// Reads a table's text; `file` is what messages call it.
     ///
     /// # Errors
     /// As [`read_table`].
     pub fn parse(text: &str, file: &Path) -> Result<Self, InputError> {
+        let (table, damage) = Self::rows_of(text.as_bytes(), file)?;
+        damage.map_or_else(|| table.with_rows(), Err)
+    }
+
+    /// Reads what can be read of a record; `file` is what messages call it.
+    ///
+    /// # Errors
+    /// As [`read_record`].
+    pub fn parse_record(bytes: &[u8], file: &Path) -> Result<Self, InputError> {
+        let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
+        // A number cut short is still a number: a line counts once it has its end.
+        let whole =
+            bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
+        let (whole, rest) = bytes.split_at(whole);
+        let cut = || InputError::line(file, line_of(whole), Problem::CutLine);
+        let cut = (!rest.trim_ascii().is_empty()).then(cut);
+        let (mut table, damage) = Self::rows_of(whole, file)?;
+        let Some(damage) = damage.or(cut) else { return table.with_rows() };
+        if table.lines.is_empty() {
+            return Err(damage);
+        }
+        table.damage = Some(Damage { what: damage.to_string(), rows: table.rows() });
+        Ok(table)
+    }
+
+    /// The rows up to the first line that is none, and what is wrong with that.
+    fn rows_of(bytes: &[u8], file: &Path) -> Result<(Self, Option<InputError>), InputError> {
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
             .trim(csv::Trim::All)
-            .from_reader(text.as_bytes());
+            .from_reader(bytes);
         let mut record = csv::StringRecord::new();
-        let mut lines = LineCounter { text: text.as_bytes(), offset: 0, line: 1 };
-        let mut table = Self { file: file.to_path_buf(), columns: Vec::new(), lines: Vec::new() };
+        let mut lines = LineCounter { text: bytes, offset: 0, line: 1 };
+        let mut table =
+            Self { file: file.to_path_buf(), columns: Vec::new(), lines: Vec::new(), damage: None };
         loop {
             let start = reader.position().byte() as usize;
-            match reader.read_record(&mut record) {
-                Ok(true) => {}
-                Ok(false) => break,
-                // The text is UTF-8 and rows may be of any length: nothing is left to fail.
-                Err(error) => {
-                    let problem = Problem::Unreadable(error.to_string());
-                    return Err(InputError::file(file, problem));
-                }
-            }
-            if record.iter().all(str::is_empty) {
-                continue;
-            }
+            let read = reader.read_record(&mut record);
             let line = lines.of_record(start);
-            let added = if table.columns.is_empty() {
-                table.add_header(&record)
-            } else {
-                table.add_row(&record, line)
+            let added = match read {
+                Ok(false) => return Ok((table, None)),
+                Ok(true) if record.iter().all(str::is_empty) => continue,
+                Ok(true) if table.columns.is_empty() => {
+                    table.add_header(&record).map_err(Bad::Value)
+                }
+                Ok(true) => table.add_row(&record, line),
+                // Rows may be of any length, and bytes in memory can be read: nothing else fails.
+                Err(_) => Err(Bad::Damage(Problem::NotUtf8)),
             };
-            added.map_err(|problem| InputError::line(file, line, problem))?;
+            match added {
+                Ok(()) => {}
+                Err(Bad::Damage(problem)) => {
+                    return Ok((table, Some(InputError::line(file, line, problem))));
+                }
+                Err(Bad::Value(problem)) => return Err(InputError::line(file, line, problem)),
+            }
         }
-        if table.columns.is_empty() {
-            return Err(InputError::file(file, Problem::NoHeader));
+    }
+
+    fn with_rows(self) -> Result<Self, InputError> {
+        if self.columns.is_empty() {
+            return Err(self.header_error(Problem::NoHeader));
         }
-        if table.lines.is_empty() {
-            return Err(InputError::file(file, Problem::NoRows));
+        if self.lines.is_empty() {
+            return Err(self.header_error(Problem::NoRows));
         }
-        Ok(table)
+        Ok(self)
     }
 
     fn add_header(&mut self, record: &csv::StringRecord) -> Result<(), Problem> {
@@ -89,28 +154,39 @@ impl Table {
         Ok(())
     }
 
-    fn add_row(&mut self, record: &csv::StringRecord, line: u64) -> Result<(), Problem> {
+    fn add_row(&mut self, record: &csv::StringRecord, line: u64) -> Result<(), Bad> {
         if record.len() != self.columns.len() {
-            return Err(Problem::CellCount { found: record.len(), expected: self.columns.len() });
+            let expected = self.columns.len();
+            return Err(Bad::Damage(Problem::CellCount { found: record.len(), expected }));
         }
-        for (column, cell) in self.columns.iter_mut().zip(record) {
-            let number = match cell {
-                "" => None,
-                cell => match cell.parse::<f64>() {
-                    Ok(number) if number.is_finite() => Some(number),
-                    _ => {
-                        return Err(Problem::Cell {
-                            column: quoted(&column.name),
-                            value: quoted(cell),
-                            allowed: "a finite number".to_owned(),
-                        });
-                    }
-                },
-            };
+        let numbers: Vec<Option<f64>> = self
+            .columns
+            .iter()
+            .zip(record)
+            .map(|(column, cell)| {
+                let problem = || Problem::Cell {
+                    column: quoted(&column.name),
+                    value: quoted(cell),
+                    allowed: "a finite number".to_owned(),
+                };
+                match cell.parse::<f64>() {
+                    _ if cell.is_empty() => Ok(None),
+                    Ok(number) if number.is_finite() => Ok(Some(number)),
+                    Ok(_) => Err(Bad::Value(problem())),
+                    Err(_) => Err(Bad::Damage(problem())),
+                }
+            })
+            .collect::<Result<_, _>>()?;
+        for (column, number) in self.columns.iter_mut().zip(numbers) {
             column.cells.push(number);
         }
         self.lines.push(line);
         Ok(())
+    }
+
+    /// Where the rows end before the file does; of [`read_record`].
+    pub fn damage(&self) -> Option<&Damage> {
+        self.damage.as_ref()
     }
 
     /// The columns, in order of the file.
@@ -227,7 +303,100 @@ mod tests {
         assert_eq!(empty, "t.csv:4: column b = (empty): must be a number");
     }
 
+    fn record(bytes: &[u8]) -> Result<(usize, Option<String>), String> {
+        Table::parse_record(bytes, "t.csv".as_ref())
+            .map(|table| (table.rows(), table.damage().map(Damage::to_string)))
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_record_is_read_up_to_the_damage() {
+        for (bytes, rows, message) in [
+            // As a kill leaves it: the number may be the beginning of another.
+            (&b"a,b\n1,2\n3,4"[..], 1, "t.csv:3: the last line has no end: it may be cut"),
+            (b"a,b\n1,2\n3,4\n5", 2, "t.csv:4: the last line has no end: it may be cut"),
+            (b"a,b\n1,2\n3\n5,6\n", 1, "t.csv:3: 1 cells in this row: must be 2, one per column"),
+            (b"a,b\n1,2\n3,4,5\n5,6", 1, "t.csv:3: 3 cells in this row: must be 2, one per column"),
+            (b"a,b\n1,2\n3,x\n5,6\n", 1, "t.csv:3: column b = x: must be a finite number"),
+            (b"a,b\n1,2\n3,4\n5,\xff6\n", 2, "t.csv:4: is not UTF-8 text"),
+            (b"a,b\n1,2\n3,\0\0\n", 1, "t.csv:3: column b = \\u{0}\\u{0}: must be a finite number"),
+            // A block of zeros in place of what was written, to the end of the file.
+            (b"a,b\n1,2\n3,4\n\0\0\0\0", 2, "t.csv:4: the last line has no end: it may be cut"),
+            (
+                b"a,b\n1,2\n3,4\n\0\0\0\0\n",
+                2,
+                "t.csv:4: 1 cells in this row: must be 2, one per column",
+            ),
+            // A quotation mark that swallows the rest.
+            (
+                b"a,b\n1,2\n3,\"4\n5,6\n7,8\n",
+                1,
+                "t.csv:3: column b = 4\\n5,6\\n7,8: must be a finite number",
+            ),
+        ] {
+            let count = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
+            let said = format!("{message}; read up to there: {count}");
+            assert_eq!(record(bytes), Ok((rows, Some(said))), "{}", bytes.escape_ascii());
+        }
+        let whole = b"\xef\xbb\xbfa,b\r\n1,2\r\n\r\n3,4\r\n \t";
+        assert_eq!(record(whole), Ok((2, None)));
+    }
+
+    #[test]
+    fn a_record_without_a_row_before_the_damage_is_refused() {
+        for (bytes, message) in [
+            (&b""[..], "t.csv: is empty; the first line must name the columns"),
+            (b"a,b\n", "t.csv: has no row below the names of the columns"),
+            (b"a,b", "t.csv:1: the last line has no end: it may be cut"),
+            (b"a,b\n1,2", "t.csv:2: the last line has no end: it may be cut"),
+            (b"\xff\xfea\n1\n", "t.csv:1: is not UTF-8 text"),
+            (b"a,b\n1;2\n3;4\n", "t.csv:2: 1 cells in this row: must be 2, one per column"),
+            // A value that nobody can mean is no damage.
+            (b"a,b\n1,2\n3,NaN\n", "t.csv:3: column b = NaN: must be a finite number"),
+            (b"a,b\n1,2\n3,1e999\n", "t.csv:3: column b = 1e999: must be a finite number"),
+        ] {
+            assert_eq!(record(bytes), Err(message.to_owned()), "{}", bytes.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn missing_files_and_folders_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let absent = folder.path().join("absent.csv");
+        for read in [read_table, read_record] {
+            let message = read(&absent).unwrap_err().to_string();
+            assert_eq!(message, format!("{}: no such file", absent.display()));
+            let message = read(folder.path()).unwrap_err().to_string();
+            let expected = format!("{}: is a folder; a file is needed", folder.path().display());
+            assert_eq!(message, expected);
+        }
+    }
+
     proptest! {
+        #[test]
+        fn no_record_panics_and_a_cut_one_keeps_every_whole_row(
+            rows in 1_usize..20, cut in 0_usize..400, flipped in 0_usize..400, byte in any::<u8>(),
+        ) {
+            let mut bytes = b"time_s,x\n".to_vec();
+            for row in 0..rows {
+                bytes.extend(format!("{row},{}\n", row * 12_345).bytes());
+            }
+            bytes.truncate(cut);
+            let whole = bytes.iter().filter(|byte| **byte == b'\n').count().saturating_sub(1);
+            if let Ok((found, damage)) = record(&bytes) {
+                prop_assert_eq!(found, whole);
+                prop_assert_eq!(damage.is_some(), bytes.last() != Some(&b'\n'));
+            } else {
+                prop_assert_eq!(whole, 0);
+            }
+            if let Some(at) = bytes.get_mut(flipped) {
+                *at = byte;
+            }
+            if let Err(message) = record(&bytes) {
+                prop_assert!(message.lines().count() == 1);
+            }
+        }
+
         #[test]
         fn no_text_panics(text in "[a-z0-9,.\"\r\n \u{feff}-]{0,60}|\\PC{0,40}") {
             if let Err(message) = parse(&text) {

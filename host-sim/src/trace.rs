@@ -1,6 +1,7 @@
 //! `trace.csv`: one row per logged step, streamed while the run goes on.
 
 use crate::plant::Truth;
+use crate::rows::Rows;
 use model_core::{Sample, Telemetry};
 use std::io::{self, Write};
 
@@ -118,7 +119,7 @@ impl Row {
 /// Writes rows as CSV; every number is the shortest text that reads back to the same value.
 #[derive(Debug)]
 pub struct TraceWriter<W: Write> {
-    out: W,
+    rows: Rows<W>,
     line: String,
 }
 
@@ -127,9 +128,9 @@ impl<W: Write> TraceWriter<W> {
     ///
     /// # Errors
     /// What the writer answers.
-    pub fn new(mut out: W) -> io::Result<Self> {
-        writeln!(out, "{}", COLUMNS.join(","))?;
-        Ok(Self { out, line: String::with_capacity(512) })
+    pub fn new(out: W) -> io::Result<Self> {
+        let rows = Rows::new(out, &COLUMNS.join(","))?;
+        Ok(Self { rows, line: String::with_capacity(512) })
     }
 
     /// Writes one row.
@@ -146,16 +147,14 @@ impl<W: Write> TraceWriter<W> {
             let text = buffer.format(*cell);
             self.line.push_str(text.strip_suffix(".0").unwrap_or(text));
         }
-        self.line.push('\n');
-        self.out.write_all(self.line.as_bytes())
+        self.rows.push(&self.line)
     }
 
-    /// Flushes, and gives the writer back.
+    /// Every row is where it belongs.
     ///
     /// # Errors
     /// What the writer answers.
-    pub fn finish(mut self) -> io::Result<W> {
-        self.out.flush()?;
-        Ok(self.out)
+    pub fn finish(self) -> io::Result<()> {
+        self.rows.finish().map(drop)
     }
 }

@@ -8,6 +8,7 @@ use model_core::wire::LastReset;
 use model_core::{AdcCode, Sample};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
+use std::fs::File;
 use std::time::{Duration, Instant};
 use system_tests::skip_emulator;
 
@@ -39,8 +40,8 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     };
 
     let board = plug_in();
-    let mut session =
-        Session::open(port.to_str().unwrap(), Recorder::create(&trace).unwrap()).unwrap();
+    let recorder = Recorder::new(File::create(&trace).unwrap()).unwrap();
+    let mut session = Session::open(port.to_str().unwrap(), recorder).unwrap();
     poll_until(&mut session, |session| session.rows() > 50 && session.timing().is_some());
     assert_eq!(session.status(), Status::Connected);
     assert_eq!(session.last_reset(), Some(LastReset::Power));
@@ -52,6 +53,12 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     {
         assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
     }
+
+    // Who kills the monitor now has what it has shown.
+    let shown = session.rows();
+    poll_until(&mut session, |_| {
+        std::fs::read_to_string(&trace).unwrap().lines().count() as u64 > shown
+    });
 
     drop(board);
     poll_until(&mut session, |session| session.status() == Status::Unplugged);
@@ -67,5 +74,15 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     assert_eq!(recorded.lines().count() as u64, session.rows() + 1);
     let columns = recorded.lines().next().unwrap().split(',').count();
     assert!(recorded.lines().all(|line| line.split(',').count() == columns));
+    // The second board counts from 0; time goes on.
+    let column = |index: usize| -> Vec<f64> {
+        let cells = recorded.lines().skip(1).map(|line| line.split(',').nth(index).unwrap());
+        cells.map(|cell| cell.parse().unwrap()).collect()
+    };
+    let (times, steps) = (column(0), column(15));
+    assert_eq!(times[0], 0.0);
+    assert!(times.is_sorted_by(|a, b| a < b), "time falls");
+    assert_eq!(steps.windows(2).filter(|pair| pair[1] <= pair[0]).count(), 1, "no restart");
+    assert_eq!(session.told().len(), 1, "both boards were told the same");
     std::fs::remove_dir_all(&folder).unwrap();
 }

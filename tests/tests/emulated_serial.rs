@@ -8,7 +8,9 @@ use host_sim::board::serial::SerialBoard;
 use host_sim::board::{Board, BoardError, CoreBoard};
 use host_sim::replay::{Row, replay};
 use model_core::{AdcCode, Config, Sample, SetPoint};
-use system_tests::skip_emulator;
+use std::time::Duration;
+use std::{fs, thread};
+use system_tests::{skip_emulator, thermyo};
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
@@ -47,6 +49,36 @@ fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
     let outcome = replay(&mut CoreBoard::default(), &config, &rows).unwrap();
     assert_eq!((outcome.steps, outcome.mismatches), (500, 0));
     assert!((10.0..300.0).contains(&opened), "the inlet was open for {opened} steps");
+}
+
+#[test]
+fn what_a_board_said_before_its_line_broke_is_kept() {
+    if skip_emulator() {
+        return;
+    }
+    prepare_emulator().unwrap();
+    let image = firmware(Variant::Hil).unwrap();
+    let pty = PtyBoard::new(EmulatedBoard::with_image(&image).unwrap(), HEALTHY).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let long = "[run]\nduration_s = 1000.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
+    fs::write(path("long.toml"), long).unwrap();
+    let [scenario, out] = [path("long.toml"), path("out")].map(|path| path.display().to_string());
+    let board = format!("serial:{}", pty.port());
+    let arguments = ["run", &scenario, "--quiet", "--out", &out, "--board", &board];
+    let trace = path("out/unfinished-1/trace.csv");
+    let outcome = thread::scope(|scope| {
+        let run = scope.spawn(|| thermyo(&arguments));
+        while !run.is_finished() && fs::metadata(&trace).map_or(0, |found| found.len()) < 50_000 {
+            thread::sleep(Duration::from_millis(10));
+        }
+        drop(pty);
+        run.join().unwrap()
+    });
+    assert_eq!(outcome.code, 1, "{}", outcome.err);
+    assert!(outcome.err.contains("the record so far is in "), "{}", outcome.err);
+    let replayed = thermyo(&["replay", &trace.display().to_string()]);
+    assert_eq!((replayed.code, replayed.err.as_str()), (0, ""), "{}", replayed.out);
 }
 
 #[test]

@@ -4,6 +4,11 @@
 //! More seeds: `THERMYO_IDENTIFY_SEEDS=20 cargo test -p system-tests --test identify`. The measured
 //! cases need `THERMYO_DATA`, the folder with `gas_spring` and `hyddown`; without it they are skipped.
 
+use host_sim::board::CoreBoard;
+use host_sim::core_config::core_config;
+use host_sim::monitor::Recorder;
+use host_sim::trace::Row;
+use host_sim::{run, scenario};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -228,6 +233,32 @@ fn the_core_works_with_the_effective_values_of_a_muscle_in_zones() {
         let error_k = run_text(&believed, &[]).figure("rmse_k.estimate");
         println!("record from {from_s} s: the core is wrong by {error_k:.3} K");
         assert!((0.2..0.4).contains(&error_k), "from {from_s} s: {error_k} K");
+    }
+}
+
+/// The board restarted in the middle, and had run for two minutes before the monitor looked.
+#[test]
+fn a_monitors_record_of_a_board_that_restarted_is_taken() {
+    let cycle = "[run]\nduration_s = 60.0\nlog_every = 10\n[plant]\nmodel = \"lumped\"\n";
+    let loaded = scenario::parse(cycle, "cycle.toml".as_ref()).expect("a scenario");
+    let config = core_config(&loaded.believed);
+    let mut recorder = Recorder::new(Vec::new()).expect("memory takes it");
+    let mut observer = |row: &Row| {
+        let mut telemetry = row.telemetry;
+        telemetry.step = telemetry.step.checked_sub(30_000).unwrap_or(telemetry.step + 120_000);
+        recorder.write(&config, &telemetry)
+    };
+    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).expect("it runs");
+    let record = String::from_utf8(recorder.finish().expect("memory takes it")).expect("text");
+    let found = identify_texts(&record, &told("lumped"));
+    assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
+    for (path, truth, certain) in
+        [("heat.inner_w_m2_k", 90.0, 0.01), ("sensor.gas.time_constant_s", 3.0, 0.002)]
+    {
+        let (value, error) = found.parameter(path);
+        println!("{path} {value} ± {error}, true {truth}");
+        assert!(error < certain * value, "{path}: {value} ± {error}");
+        assert!((value - truth).abs() < 4.0 * error, "{path}: {value} ± {error}");
     }
 }
 

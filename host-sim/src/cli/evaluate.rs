@@ -1,6 +1,6 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
-use super::{Failure, print};
+use super::{Failure, print, publish};
 use crate::evaluate::{self, control_page};
 use crate::output::OutputDir;
 use crate::scenario;
@@ -32,7 +32,11 @@ enum Subject {
     Tune,
 }
 
-pub(super) fn run(args: &EvaluateArgs, out: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn run(
+    args: &EvaluateArgs,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
     let EvaluateArgs { what, scenario: path, out: folder } = args;
     if folder.is_some() && !matches!(what, Subject::Control) {
         return Err(Failure::Usage("--out goes with `evaluate control` only".to_owned()));
@@ -51,10 +55,10 @@ pub(super) fn run(args: &EvaluateArgs, out: &mut dyn Write) -> Result<(), Failur
     if let Some(mut files) = drawn {
         let plots = control_page::plots(&nominal)?;
         for plot in &plots {
-            files.keep_text(plot.file, &plot.svg())?;
+            files.text(plot.file, &plot.svg())?;
         }
-        files.keep_text("report.html", &control_page::page(&nominal, &lines, &plots))?;
-        files.publish()?;
+        files.text("report.html", &control_page::page(&nominal, &lines, &plots))?;
+        publish(files, err)?;
     }
     match evaluate::missed(&lines) {
         (0, _) => Ok(()),

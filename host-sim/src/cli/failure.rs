@@ -3,6 +3,7 @@
 use crate::board::BoardError;
 use crate::identify::IdentifyError;
 use crate::input::InputError;
+use crate::monitor::MonitorError;
 use crate::run::RunError;
 use crate::sweep::SweepError;
 use crate::tune::{Refusal, TuneError};
@@ -23,6 +24,8 @@ pub(super) enum Failure {
     Usage(String),
     /// Exit 2: the board cannot be used.
     Board(BoardError),
+    /// Exit 2.
+    Monitor(MonitorError),
     /// Exit 1.
     Run(RunError),
     /// Exit 1: it ran, and a stated check did not hold.
@@ -38,6 +41,7 @@ impl fmt::Display for Failure {
             Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
             Self::Usage(what) => f.write_str(what),
             Self::Board(error) => error.fmt(f),
+            Self::Monitor(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
             Self::Check(what) => f.write_str(what),
         }
@@ -47,6 +51,12 @@ impl fmt::Display for Failure {
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
         Self::Input(error)
+    }
+}
+
+impl From<MonitorError> for Failure {
+    fn from(error: MonitorError) -> Self {
+        Self::Monitor(error)
     }
 }
 
@@ -67,6 +77,7 @@ impl Failure {
             | Self::Sweep(_)
             | Self::Usage(_)
             | Self::Board(_)
+            | Self::Monitor(_)
             | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
             | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
             Self::Identify(IdentifyError::Diverged(_))

@@ -1,13 +1,16 @@
 //! `thermyo sweep`: its arguments, and what it prints and writes.
 
-use super::{Failure, OutputArgs, print, progress_bar};
+use super::{Failure, OutputArgs, print, progress_bar, publish};
 use crate::output::OutputDir;
+use crate::rows::Rows;
+use crate::run::RunError;
 use crate::scenario;
 use crate::sweep::page::page;
 use crate::sweep::{Range, Shard, Sweep};
 use clap::Args;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 /// Arguments of `thermyo sweep`.
 #[derive(Debug, Args)]
@@ -35,22 +38,39 @@ fn tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(super) fn run(args: SweepArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn run(
+    args: SweepArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
     let sweep = Sweep::new(&args.scenario, args.vary, args.shard).map_err(Failure::Sweep)?;
     let folder = args.output.out.unwrap_or_else(|| PathBuf::from("out/sweep"));
     let mut out = OutputDir::create(&folder)?;
     let bar = progress_bar(sweep.count() as u64, args.output.quiet);
-    let outcome = sweep.run(|| bar.inc(1));
+    // In the order in which they are done, until all are there: a point may take minutes.
+    let file = out.file("sweep.csv")?;
+    let unwritable = |error: io::Error| out.unwritable("sweep.csv", &error);
+    let rows = Mutex::new(Rows::new(file, &sweep.csv_header()).map_err(unwritable)?);
+    let outcome = sweep.run(|point| {
+        bar.inc(1);
+        let mut rows = rows.lock().unwrap_or_else(PoisonError::into_inner);
+        rows.push(&point.csv())?;
+        rows.hand_over()
+    });
     bar.finish_and_clear();
-    let outcome = outcome.map_err(Failure::Run)?;
+    let outcome = outcome.map_err(|error| match error {
+        RunError::Output(error) => Failure::Input(unwritable(error)),
+        other => Failure::Run(other),
+    })?;
+    drop(rows);
     let summary = outcome.summary(args.within);
     let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
     let stem = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
-    out.keep_text("sweep.csv", &outcome.csv())?;
-    out.keep_text("summary.json", &json)?;
-    out.keep_text("scenario.toml", &scenario::render(&sweep.base))?;
-    out.keep_text("report.html", &page(&outcome, &format!("Sweep of {stem}"), args.within))?;
-    out.publish()?;
+    out.text("sweep.csv", &outcome.csv())?;
+    out.text("summary.json", &json)?;
+    out.text("scenario.toml", &scenario::render(&sweep.base))?;
+    out.text("report.html", &page(&outcome, &format!("Sweep of {stem}"), args.within))?;
+    publish(out, stderr)?;
     if args.output.json {
         print(stdout, &json)?;
     } else {

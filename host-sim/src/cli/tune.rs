@@ -1,6 +1,6 @@
 //! `thermyo tune`: its arguments, and what it prints and writes.
 
-use super::{BoardArgs, Failure, OutputArgs, print};
+use super::{BoardArgs, Failure, OutputArgs, print, publish};
 use crate::output::OutputDir;
 use crate::{scenario, tune};
 use clap::Args;
@@ -26,7 +26,11 @@ fn pressure(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "must be an absolute pressure in Pa, above 0".to_owned())
 }
 
-pub(super) fn run(args: &TuneArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn run(
+    args: &TuneArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
     let loaded = scenario::load(&args.scenario)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let mut board = args.board.open()?;
@@ -34,10 +38,10 @@ pub(super) fn run(args: &TuneArgs, stdout: &mut dyn Write) -> Result<(), Failure
     let tuned = tune::tune(&loaded, &args.scenario, args.max_pressure, board.as_mut())?;
     let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
-    out.keep_text("summary.json", &json)?;
-    out.keep_text("tuned.toml", &scenario::render(&tuned.scenario))?;
-    out.keep_text("report.html", &tune::page(&tuned, &title))?;
-    out.publish()?;
+    out.text("summary.json", &json)?;
+    out.text("tuned.toml", &scenario::render(&tuned.scenario))?;
+    out.text("report.html", &tune::page(&tuned, &title))?;
+    publish(out, stderr)?;
     if args.output.json {
         print(stdout, &json)
     } else {

@@ -7,7 +7,6 @@ use crate::measured::{Column, Measured};
 use crate::plant::Truth;
 use crate::profile::Profile;
 use crate::scenario::{DriveKind, OBSERVABLE, PlantKind, Scenario, Sensors};
-use crate::trace::COLUMNS;
 use std::path::Path;
 
 /// Relative change above which a column of volumes is a piston's stroke.
@@ -104,13 +103,11 @@ pub struct Data {
 }
 
 impl Data {
-    /// Reads a CSV file with time_s and columns of `trace.csv`, for that scenario.
+    /// What a fit needs of `measured`, for that scenario; `path` is what messages call it.
     ///
     /// # Errors
-    /// As [`Measured::read`]; when the columns that the scenario needs are not there, or hold less
-    /// than it asks for.
-    pub fn read(path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
-        let measured = Measured::read(path, &COLUMNS)?;
+    /// When the columns that the scenario needs are not there, or hold less than it asks for.
+    pub fn new(measured: &Measured, path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
         let column = |name: &str| measured.columns.iter().find(|column| column.name == name);
         let needed = |name: &str| {
             let problem = || Problem::NoValues { column: name.to_owned() };

@@ -25,6 +25,7 @@ pub use page::page;
 
 use crate::core_config::OneZone;
 use crate::input::{InputError, Problem as InputProblem};
+use crate::measured::Measured;
 use crate::plant::{BuildError, Diverged};
 use crate::scenario::schema::{self, fittable};
 use crate::scenario::{Loaded, PlantModel, Scenario, with_numbers};
@@ -58,13 +59,14 @@ pub enum IdentifyError {
     Diverged(Diverged),
 }
 
-/// Fits the parameters that the scenario of `config` names to the measurements in `data`.
+/// Fits the parameters that the scenario of `config` names to what was `measured`, in `data_file`.
 ///
 /// # Errors
 /// [`IdentifyError`]. A search that does not converge is no error: see [`Findings::failed`].
 pub fn identify(
     loaded: &Loaded,
     config: &Path,
+    measured: &Measured,
     data_file: &Path,
 ) -> Result<Identified, IdentifyError> {
     let parameters = Parameter::all(&loaded.plant);
@@ -75,7 +77,7 @@ pub fn identify(
         };
         return Err(InputError::file(config, problem).into());
     }
-    let mut data = Data::read(data_file, &loaded.plant)?;
+    let mut data = Data::new(measured, data_file, &loaded.plant)?;
     let from_data = data.volume.is_some();
     data.volume = data.volume.or_else(|| loaded.volume_profile.clone());
     let data = data;

@@ -8,48 +8,73 @@ mod session;
 mod view;
 
 pub use record::Recorder;
-pub use session::{Session, Status};
+pub use session::{Session, Status, Told};
 pub use view::draw;
 
 use crate::board::BoardError;
+use crate::input::InputError;
+use crate::output::OutputDir;
 use ratatui::crossterm::event::{self, Event, KeyCode};
-use std::path::Path;
+use std::io;
 use std::time::{Duration, Instant};
 
 /// Time between two pictures.
 const FRAME: Duration = Duration::from_millis(100);
 
-/// Shows and records until `q` or Esc is pressed.
+/// Why a monitor ends before it is told to.
+#[derive(Debug, thiserror::Error)]
+pub enum MonitorError {
+    /// The port cannot be opened, or what is behind it speaks another protocol.
+    #[error(transparent)]
+    Board(#[from] BoardError),
+    /// The recording cannot be written.
+    #[error("the recording cannot be written: {0}")]
+    Recording(io::Error),
+    /// Nor what goes with it.
+    #[error(transparent)]
+    Output(#[from] InputError),
+    /// There is nothing to draw on.
+    #[error("the terminal cannot be used: {0}")]
+    Terminal(io::Error),
+}
+
+/// Shows and records until `q` or Esc is pressed; `config.json` in `out` says what the board was told.
 ///
 /// # Errors
-/// [`BoardError`] when the port cannot be opened at the start, or the recording not be written.
-pub fn run(port: &str, trace: &Path) -> Result<(), BoardError> {
-    let mut session = Session::open(port, Recorder::create(trace)?)?;
-    let mut terminal = ratatui::try_init()?;
+/// [`MonitorError`]; the rows until then are recorded.
+pub fn run(session: &mut Session, out: &mut OutputDir) -> Result<(), MonitorError> {
+    let mut terminal = ratatui::try_init().map_err(MonitorError::Terminal)?;
+    let outcome = watch(session, out, &mut terminal);
+    ratatui::restore();
+    outcome.and(session.finish())
+}
+
+fn watch(
+    session: &mut Session,
+    out: &mut OutputDir,
+    terminal: &mut ratatui::DefaultTerminal,
+) -> Result<(), MonitorError> {
     let mut shown: Option<Instant> = None;
-    let outcome = loop {
-        if let Err(error) = session.poll() {
-            break Err(error);
+    let mut written = 0;
+    loop {
+        session.poll()?;
+        if session.told().len() > written {
+            written = session.told().len();
+            let json = serde_json::to_string_pretty(session.told()).expect("plain data") + "\n";
+            out.text("config.json", &json)?;
         }
         if shown.is_none_or(|at| at.elapsed() >= FRAME) {
             shown = Some(Instant::now());
-            if let Err(error) = terminal.draw(|frame| draw(frame, &session)) {
-                break Err(error.into());
-            }
+            terminal.draw(|frame| draw(frame, session)).map_err(MonitorError::Terminal)?;
         }
-        match quit() {
-            Ok(false) => (),
-            Ok(true) => break Ok(()),
-            Err(error) => break Err(error.into()),
+        if quit().map_err(MonitorError::Terminal)? {
+            return Ok(());
         }
-    };
-    ratatui::restore();
-    session.finish()?;
-    outcome
+    }
 }
 
 /// Whether the user wants to leave.
-fn quit() -> std::io::Result<bool> {
+fn quit() -> io::Result<bool> {
     if !event::poll(Duration::ZERO)? {
         return Ok(false);
     }

@@ -1,10 +1,11 @@
 //! What a monitor knows of its board, and how it stays connected.
 
-use super::Recorder;
+use super::{MonitorError, Recorder};
 use crate::board::link::Link;
 use crate::board::{BoardError, serial};
 use model_core::wire::{Answer, HostCommand, LastReset, PROTOCOL, Timing, Version};
 use model_core::{Config, Telemetry};
+use serde::Serialize;
 use serialport::SerialPort;
 use std::collections::VecDeque;
 use std::io::Write;
@@ -30,13 +31,22 @@ pub enum Status {
     Unplugged,
 }
 
+/// What the board was told to be, from some row of the record on.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Told {
+    /// Rows recorded before it was known.
+    pub rows_before: u64,
+    /// What the board says.
+    pub config: Config,
+}
+
 /// A monitor's session with one port.
 pub struct Session {
     name: String,
     port: Option<Box<dyn SerialPort>>,
     link: Link,
     recorder: Recorder,
-    config: Config,
+    told: Vec<Told>,
     version: Option<Version>,
     last_reset: Option<LastReset>,
     timing: Option<Timing>,
@@ -60,7 +70,7 @@ impl Session {
             port: Some(serial::open(name)?),
             link: Link::default(),
             recorder,
-            config: Config::default(),
+            told: Vec::new(),
             version: None,
             last_reset: None,
             timing: None,
@@ -77,7 +87,8 @@ impl Session {
     ///
     /// # Errors
     /// [`BoardError::Protocol`], and those of the recording. A line that breaks is no error.
-    pub fn poll(&mut self) -> Result<(), BoardError> {
+    pub fn poll(&mut self) -> Result<(), MonitorError> {
+        self.recorder.hand_over_in_time().map_err(MonitorError::Recording)?;
         let Some(port) = &mut self.port else {
             self.reopen();
             return Ok(());
@@ -91,7 +102,8 @@ impl Session {
         self.take_answers()?;
         while let Some(telemetry) = self.link.take_telemetry() {
             self.heard = Instant::now();
-            self.recorder.write(&self.config, &telemetry)?;
+            let config = self.config();
+            self.recorder.write(&config, &telemetry).map_err(MonitorError::Recording)?;
             self.history.push_back(telemetry);
             if self.history.len() > HISTORY {
                 self.history.pop_front();
@@ -146,13 +158,19 @@ impl Session {
                     return Err(BoardError::Protocol { board: version.protocol });
                 }
                 Some(Answer::Version(version)) => self.version = Some(version),
-                Some(Answer::Config(config)) => self.config = config,
+                Some(Answer::Config(config)) => self.take_config(config),
                 Some(Answer::LastReset(last_reset)) => self.last_reset = Some(last_reset),
                 Some(Answer::Timing(timing)) => self.timing = Some(timing),
                 _ => (),
             }
         }
         Ok(())
+    }
+
+    fn take_config(&mut self, config: Config) {
+        if self.told.last().is_none_or(|told| told.config != config) {
+            self.told.push(Told { rows_before: self.recorder.rows(), config });
+        }
     }
 
     /// State of the connection.
@@ -174,9 +192,14 @@ impl Session {
         self.connections
     }
 
-    /// The board's configuration.
-    pub fn config(&self) -> &Config {
-        &self.config
+    /// The board's configuration; the usual one until it says.
+    pub fn config(&self) -> Config {
+        self.told.last().map_or_else(Config::default, |told| told.config)
+    }
+
+    /// Every configuration that the board has had, the oldest first.
+    pub fn told(&self) -> &[Told] {
+        &self.told
     }
 
     /// Who the board is.
@@ -208,7 +231,7 @@ impl Session {
     ///
     /// # Errors
     /// Those of the file.
-    pub fn finish(&mut self) -> Result<(), BoardError> {
-        Ok(self.recorder.flush()?)
+    pub fn finish(&mut self) -> Result<(), MonitorError> {
+        self.recorder.hand_over().map_err(MonitorError::Recording)
     }
 }

@@ -54,7 +54,7 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
 }
 
 fn draw_gauges(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Telemetry) {
-    let front_end = &session.config().front_end;
+    let front_end = session.config().front_end;
     let faults: Vec<&str> = Faults::NAMES
         .iter()
         .filter(|(fault, _)| telemetry.faults.intersects(*fault))

@@ -26,6 +26,7 @@ use crate::run::RunError;
 use crate::scenario::schema::{self, Allowed};
 use crate::scenario::{Document, Loaded, assemble};
 use range::MOST_POINTS;
+use std::io;
 use std::path::Path;
 
 /// Most keys of a sweep: more could not be drawn.
@@ -118,17 +119,21 @@ impl Sweep {
         self.points.len()
     }
 
-    /// Runs every point of the shard on all cores; `done` is called after each.
+    /// Runs every point of the shard on all cores; `done` is shown each as soon as it is there.
     ///
     /// # Errors
-    /// A run that could not be made. A plant that diverges is no error: see [`Outcome::failed`].
-    pub fn run(&self, done: impl Fn() + Sync) -> Result<Outcome<'_>, RunError> {
+    /// A run that could not be made, and those of `done`. A plant that diverges is no error: see
+    /// [`Outcome::failed`].
+    pub fn run(
+        &self,
+        done: impl Fn(&Point) -> io::Result<()> + Sync,
+    ) -> Result<Outcome<'_>, RunError> {
         let rows = parallel::map(&self.points, |(point, loaded)| {
-            let row = self.row(*point, loaded);
-            done();
-            row
+            let row = self.row(*point, loaded)?;
+            done(&row).map_err(RunError::Output)?;
+            Ok(row)
         });
-        Ok(Outcome::new(self, rows.into_iter().collect::<Result<_, _>>()?))
+        Ok(Outcome::new(self, rows.into_iter().collect::<Result<_, RunError>>()?))
     }
 
     /// Points of the whole grid.

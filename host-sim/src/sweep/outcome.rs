@@ -73,32 +73,9 @@ impl<'a> Outcome<'a> {
     /// `sweep.csv`. The tables of all shards together, sorted by the first column and with one
     /// header, are the table of the whole grid, to the byte.
     pub fn csv(&self) -> String {
-        let mut text = String::from("point");
-        for range in &self.sweep.ranges {
-            text = text + "," + &range.key;
-        }
-        text += ",seed,settled_s";
-        for (_, column, _) in WAYS {
-            text = text + "," + column;
-        }
-        text += ",estimate_within_2sd\n";
+        let mut text = self.sweep.csv_header() + "\n";
         for row in &self.rows {
-            // Writing into a string cannot fail. A number's text is the shortest that reads back to it.
-            let _ = write!(text, "{}", row.point + 1);
-            for value in &row.values {
-                let _ = write!(text, ",{value}");
-            }
-            let _ = write!(text, ",{},{}", row.seed, row.settled_s);
-            match &row.figures {
-                Ok(figures) => {
-                    for (_, _, error) in WAYS {
-                        let _ = write!(text, ",{}", error(&figures.rmse_k));
-                    }
-                    let _ = write!(text, ",{}", figures.within_2sd);
-                }
-                Err(_) => text += &",".repeat(WAYS.len() + 1),
-            }
-            text.push('\n');
+            text = text + &row.csv() + "\n";
         }
         text
     }
@@ -220,6 +197,38 @@ impl<'a> Outcome<'a> {
         };
         let ranges = &self.sweep.ranges;
         (0..ranges.len()).filter(flat).map(|key| ranges[key].key.clone()).collect()
+    }
+}
+
+impl Sweep {
+    /// Names of the columns of `sweep.csv`.
+    pub fn csv_header(&self) -> String {
+        let keys = self.ranges.iter().map(|range| range.key.as_str());
+        let errors = WAYS.iter().map(|(_, column, _)| *column);
+        let all = ["point"].into_iter().chain(keys).chain(["seed", "settled_s"]).chain(errors);
+        all.chain(["estimate_within_2sd"]).collect::<Vec<&str>>().join(",")
+    }
+}
+
+impl Point {
+    /// Its row of `sweep.csv`. A number's text is the shortest that reads back to it.
+    pub fn csv(&self) -> String {
+        let mut text = (self.point + 1).to_string();
+        // Writing into a string cannot fail.
+        for value in &self.values {
+            let _ = write!(text, ",{value}");
+        }
+        let _ = write!(text, ",{},{}", self.seed, self.settled_s);
+        match &self.figures {
+            Ok(figures) => {
+                for (_, _, error) in WAYS {
+                    let _ = write!(text, ",{}", error(&figures.rmse_k));
+                }
+                let _ = write!(text, ",{}", figures.within_2sd);
+            }
+            Err(_) => text += &",".repeat(WAYS.len() + 1),
+        }
+        text
     }
 }
 

@@ -1,0 +1,93 @@
+//! Every file of the repository that a document names is there.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const FOLDERS: [&str; 6] = ["docs", "firmware", "host-sim", "model-core", "scenarios", "tests"];
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn documents() -> Vec<PathBuf> {
+    let docs = fs::read_dir(repository().join("docs")).unwrap();
+    let docs = docs.map(|entry| entry.unwrap().path());
+    let pages = docs.filter(|path| path.extension().is_some_and(|extension| extension == "md"));
+    ["README.md", "firmware/README.md"]
+        .map(|name| repository().join(name))
+        .into_iter()
+        .chain(pages)
+        .collect()
+}
+
+/// Names of all source files.
+fn sources() -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    let mut folders: Vec<PathBuf> = FOLDERS.iter().map(|name| repository().join(name)).collect();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
+            let name = entry.file_name().into_string().unwrap();
+            if name == "node_modules" || name == "target" {
+                continue;
+            }
+            if entry.file_type().unwrap().is_dir() {
+                folders.push(entry.path());
+            } else if name.ends_with(".rs") {
+                names.insert(name);
+            }
+        }
+    }
+    names
+}
+
+/// Targets of Markdown's links, but for those that leave the repository or stay on the page.
+fn links(text: &str) -> impl Iterator<Item = &str> {
+    text.split("](")
+        .skip(1)
+        .filter_map(|rest| rest.split([')', '#']).next())
+        .filter(|target| !target.is_empty() && !target.contains("://"))
+}
+
+/// Words that can only be a path of the repository, wherever they stand.
+fn paths(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !(c.is_ascii_alphanumeric() || "_-./".contains(c)))
+        .map(|word| word.trim_end_matches('.'))
+        .filter(|word| match word.split_once('/') {
+            // "src" is a package's own; what a build makes is not in the repository.
+            Some((first, _)) => FOLDERS.contains(&first) || first == "src",
+            None => word.ends_with(".rs"),
+        })
+}
+
+/// What a document in `folder` names in vain.
+fn missing(text: &str, folder: &Path, sources: &BTreeSet<String>) -> Vec<String> {
+    let linked = links(text).filter(|target| !folder.join(target).exists());
+    let named = paths(text).filter(|path| {
+        let below = |place: &Path| path.contains('/') && place.join(path).exists();
+        !(below(folder) || below(&repository()) || sources.contains(*path))
+    });
+    linked.chain(named).map(str::to_owned).collect()
+}
+
+#[test]
+fn what_the_documents_name_is_there() {
+    let sources = sources();
+    let mut count = 0;
+    for document in documents() {
+        let text = fs::read_to_string(&document).unwrap();
+        count += links(&text).count() + paths(&text).count();
+        let missing = missing(&text, document.parent().unwrap(), &sources);
+        assert!(missing.is_empty(), "{} names {missing:?}", document.display());
+    }
+    assert!(count > 50, "only {count} names were found");
+}
+
+#[test]
+fn what_is_not_there_is_found() {
+    let text = "See `docs/gone.md`, scenarios/nominal.toml, `step.rs`, `gone.rs`, [a plot](gone.svg), \
+                [another](docs/control.md#tuning), [far](https://example.org/gone), out/run/gone.csv, \
+                `cargo run -- run scenarios/gone.toml`. It is in `model-core/src/`.";
+    let expected = ["gone.svg", "docs/gone.md", "gone.rs", "scenarios/gone.toml"];
+    assert_eq!(missing(text, &repository(), &sources()), expected);
+}

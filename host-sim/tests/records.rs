@@ -1,0 +1,214 @@
+//! Nothing is lost: what a killed run has recorded is read, damage is said and costs what lies behind it
+//! only, and no result is overwritten.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+const RUN: &str = "[run]\nduration_s = 0.5\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
+
+fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_thermyo"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+fn thermyo(arguments: &[&str]) -> Output {
+    command(arguments).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn name(path: &Path) -> String {
+    path.display().to_string()
+}
+
+/// A folder with a scenario, and the folder for its results.
+fn place(scenario: &str) -> (TempDir, String, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("given.toml");
+    fs::write(&file, scenario).unwrap();
+    let out = folder.path().join("out");
+    (folder, name(&file), out)
+}
+
+/// Starts a command and kills it, by surprise, once the file has so many bytes.
+fn killed(arguments: &[&str], file: &Path, bytes: u64) {
+    let mut child: Child = command(arguments).stderr(Stdio::null()).spawn().unwrap();
+    let start = Instant::now();
+    while fs::metadata(file).map_or(0, |metadata| metadata.len()) < bytes {
+        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
+        assert!(start.elapsed() < Duration::from_secs(60), "{}: nothing comes", file.display());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn a_killed_run_is_replayed_to_its_last_row() {
+    let (_folder, scenario, out) = place(&RUN.replace("0.5", "100000.0"));
+    let trace = out.join("unfinished-1/trace.csv");
+    killed(&["run", &scenario, "--quiet", "--out", &name(&out)], &trace, 400_000);
+    let text = fs::read_to_string(&trace).unwrap();
+    let rows = text.matches('\n').count() - 1;
+    assert!(rows > 1000, "{rows} rows");
+    let output = thermyo(&["replay", &name(&trace)]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let printed = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(printed.contains(&format!("\"steps\": {rows}")), "{rows} rows, {printed}");
+    assert_eq!(said(&output).is_empty(), text.ends_with('\n'), "{}", said(&output));
+}
+
+#[test]
+fn a_killed_sweep_keeps_the_points_that_are_done() {
+    let (_folder, scenario, out) = place("[run]\nduration_s = 2.0\n");
+    let table = out.join("unfinished-1/sweep.csv");
+    let arguments = ["sweep", &scenario, "--quiet", "--vary", "run.seed=1:1000:1000"];
+    killed(&[&arguments[..], &["--out", &name(&out)]].concat(), &table, 1000);
+    let text = fs::read_to_string(&table).unwrap();
+    let cells = text.lines().next().unwrap().split(',').count();
+    let whole = text.lines().filter(|line| line.split(',').count() == cells).count();
+    assert!(whole > 3 && text.ends_with('\n'), "{text}");
+}
+
+#[test]
+fn a_damaged_record_is_read_up_to_the_damage() {
+    let (_folder, scenario, out) = place(RUN);
+    assert!(thermyo(&["run", &scenario, "--out", &name(&out)]).status.success());
+    let trace = out.join("trace.csv");
+    let whole = fs::read(&trace).unwrap();
+    let ends: Vec<usize> = (0..whole.len()).filter(|i| whole[*i] == b'\n').collect();
+    assert_eq!(ends.len(), 502);
+
+    let mut torn = whole.clone();
+    // Within the last number of row 300, which is a number without its last digits too.
+    torn.truncate(ends[300] - 1);
+    let mut holed = whole.clone();
+    holed[ends[200] + 5..ends[205]].fill(0);
+    let mut burnt = whole.clone();
+    burnt[ends[100] + 3] = 0xff;
+    for (bytes, rows, message) in [
+        (torn, 299, "trace.csv:301: the last line has no end: it may be cut; "),
+        (holed, 200, "trace.csv:202: 2 cells in this row: must be 32, one per column; "),
+        (burnt, 100, "trace.csv:102: is not UTF-8 text; "),
+    ] {
+        fs::write(&trace, bytes).unwrap();
+        let again = out.join("again");
+        let measured = ["run", &scenario, "--measured", &name(&trace), "--out", &name(&again)];
+        for (arguments, printed) in [
+            (&["replay", &name(&trace)][..], format!("\"steps\": {rows}")),
+            (&measured[..], "measured pressure_pa: RMS difference".to_owned()),
+        ] {
+            let output = thermyo(arguments);
+            assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", said(&output));
+            let expected = format!("{message}read up to there: {rows} rows");
+            let first = said(&output).lines().next().unwrap_or_default().to_owned();
+            assert!(first.ends_with(&expected), "{arguments:?}: {first}");
+            assert!(String::from_utf8_lossy(&output.stdout).contains(&printed), "{arguments:?}");
+        }
+    }
+
+    // Nothing to read is no record.
+    fs::write(&trace, &whole[..ends[0] + 20]).unwrap();
+    let output = thermyo(&["replay", &name(&trace)]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said(&output).contains("trace.csv:2: the last line has no end"), "{}", said(&output));
+}
+
+#[test]
+fn identify_takes_what_is_whole_and_refuses_what_nobody_can_mean() {
+    let closed = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
+                  parameters = [\"heat.inner_w_m2_k\"]\n";
+    let (folder, config, out) = place(closed);
+    let rows: String = (0..50).map(|i| format!("{i},{}\n", 5.0e5 - 1.0e3 * f64::from(i))).collect();
+    let data = folder.path().join("data.csv");
+    let identify = |text: &str| {
+        fs::write(&data, text).unwrap();
+        let out = name(&out);
+        thermyo(&["identify", &name(&data), "--config", &config, "--out", &out, "--quiet"])
+    };
+    let output = identify(&format!("time_s,pressure_pa\n{rows}50,4500"));
+    assert_ne!(output.status.code(), Some(2), "{}", said(&output));
+    let expected =
+        "data.csv:52: the last line has no end: it may be cut; read up to there: 50 rows";
+    assert!(said(&output).lines().next().unwrap().ends_with(expected), "{}", said(&output));
+
+    // A pressure of 4.5 bar, told in bar.
+    let output = identify(&format!("time_s,pressure_pa\n{rows}50,4.5\n51,4.4\n"));
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    let expected = "data.csv:52: column pressure_pa = 4.5: must be a number from 1000 to 1e8 Pa";
+    assert!(said(&output).contains(expected), "{}", said(&output));
+}
+
+#[test]
+fn a_result_is_never_overwritten() {
+    let (_folder, scenario, out) = place(RUN);
+    let read = |file: &str| fs::read_to_string(out.join(file)).unwrap();
+    let run = |seed: &str| {
+        fs::write(&scenario, RUN.replace("0.5", &format!("0.5\nseed = {seed}"))).unwrap();
+        thermyo(&["run", &scenario, "--out", &name(&out)])
+    };
+    assert_eq!(said(&run("1")), "");
+    let (first, summary) = (read("trace.csv"), read("summary.json"));
+
+    // A run that fails leaves it where it is.
+    let output = run("\"x\"");
+    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(read("trace.csv"), first);
+
+    let output = run("2");
+    assert_eq!(output.status.code(), Some(0));
+    let message = said(&output);
+    assert!(
+        message.contains("the earlier result in ") && message.contains("/earlier-1"),
+        "{message}"
+    );
+    assert_eq!(message.lines().count(), 1);
+    assert_ne!(read("trace.csv"), first);
+    assert_eq!((read("earlier-1/trace.csv"), read("earlier-1/summary.json")), (first, summary));
+    assert!(read("earlier-1/scenario.toml").contains("seed = 1 "));
+    assert!(read("scenario.toml").contains("seed = 2 "));
+    assert!(read("report.html").len() > 1000 && read("earlier-1/report.html").len() > 1000);
+    // An earlier result is a record as any other.
+    let trace = name(&out.join("earlier-1/trace.csv"));
+    assert_eq!(thermyo(&["replay", &trace]).status.code(), Some(0));
+}
+
+#[test]
+fn a_monitor_that_finds_no_board_leaves_the_last_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let trace = folder.path().join("trace.csv");
+    fs::write(&trace, "time_s\n1\n").unwrap();
+    let output = thermyo(&["monitor", "/dev/no-such-port", "--out", &name(folder.path())]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said(&output).contains("/dev/no-such-port"), "{}", said(&output));
+    assert_eq!(fs::read_to_string(&trace).unwrap(), "time_s\n1\n");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "something else is left");
+}
+
+/// A limit on the size of files stands for a disk that is full.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_leaves_the_earlier_result() {
+    let (_folder, scenario, out) = place(RUN);
+    assert!(thermyo(&["run", &scenario, "--out", &name(&out)]).status.success());
+    let first = fs::read_to_string(out.join("summary.json")).unwrap();
+    fs::write(&scenario, RUN.replace("0.5", "20.0")).unwrap();
+    let output = Command::new("bash")
+        .arg("-c")
+        .arg("trap '' XFSZ; ulimit -f 300; exec \"$0\" run \"$1\" --out \"$2\"")
+        .arg(env!("CARGO_BIN_EXE_thermyo"))
+        .args([&scenario, &name(&out)])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("out/trace.csv: cannot be written"), "{}", said(&output));
+    assert_eq!(said(&output).lines().count(), 1);
+    assert_eq!(fs::read_to_string(out.join("summary.json")).unwrap(), first);
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 4, "something half is left");
+}
