@@ -1,5 +1,7 @@
 //! What the system tests share: running `thermyo` in this process and reading what it wrote.
 
+pub mod float_pairs;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;

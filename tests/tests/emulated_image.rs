@@ -29,10 +29,10 @@ fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
 
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     assert!(names.iter().any(|name| name.contains("aeabi_fmul")), "no symbols to look at");
-    let unwanted: Vec<_> = names
-        .iter()
-        .filter(|name| name.contains("__aeabi_d") || name.contains("__rust_alloc"))
-        .collect();
+    // The last are embassy's functions on the divider, which the division of `float.s` has for itself.
+    let never = ["__aeabi_d", "__rust_alloc", "_erphal_"];
+    let unwanted: Vec<_> =
+        names.iter().filter(|name| never.iter().any(|part| name.contains(part))).collect();
     assert!(unwanted.is_empty(), "{unwanted:?}");
 }
 

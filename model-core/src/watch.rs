@@ -1,0 +1,243 @@
+//! What the gas and the muscle do, against what valves and load can make of them.
+//!
+//! Pressure and length tell, by the energy balance (3), how much gas came or went:
+//!
+//! ```text
+//! H = dU + P dV + heat        U = P V/(k-1)      (4)
+//! gained = H/(cp T m)         share of the gas
+//! ```
+//!
+//! A wrong heat transfer makes an error of that, too, but a bounded one: it can never be more than the
+//! gas is warmer or colder than its wall, a tenth or so. A hole is not bounded. So shares are added up,
+//! and what passes [`TRIP`] has another cause than heat:
+//!
+//! - *shut*: both valves are shut, and the gas grows more or less;
+//! - *no inflow*, *no outflow*: a valve is driven, and less than a third of what it must pass does.
+//!
+//! The conductance may be wrong by a factor of three, a pulse by [`PULSE_S`], the supply by a tenth.
+//! Drift of less than [`FORGOTTEN_PER_S`] is not told from what warms and cools with the day.
+//!
+//! And the force that pressure and length stand for is that of the load, give or take a factor of three
+//! and friction: a muscle that pulls a third of its load, or three times it, for a second has a sensor
+//! that has drifted.
+
+use crate::body::Shape;
+use crate::config::{Config, Load};
+use crate::estimator::{Balance, INTERVAL_STEPS};
+use crate::math::{absolute, limit};
+use crate::sample::{Command, Duty, Faults};
+use crate::valve::NORMAL_DENSITY_KG_M3;
+
+/// Share of the gas that has to be missing, or too much \[-\].
+const TRIP: f32 = 0.25;
+/// Share of the gas that is forgotten in a second \[1/s\].
+const FORGOTTEN_PER_S: f32 = 0.02;
+/// A loss faster than that is a burst, or an outlet that stands open; a slower one a leak \[1/s\].
+const BURST_PER_S: f32 = 1.0;
+/// Smoothing of the rate of a loss: five windows.
+const RATE_SHARE: f32 = 0.2;
+/// How wrong a believed conductance may be \[-\].
+const WRONG: f32 = 3.0;
+/// What a pulse opens a valve for may differ from its duty by so much \[s\].
+const PULSE_S: f32 = 0.004;
+/// Share of the believed supply that is there at least \[-\].
+const SUPPLY: f32 = 0.9;
+/// The muscle counts as empty up to this multiple of the ambient pressure \[-\].
+const EMPTY: f32 = 1.15;
+/// Windows for which a force must be impossible: a second at 1 kHz.
+const IMPOSSIBLE_WINDOWS: u16 = 50;
+/// Part of the rest length near either stop that is left out, and the way in a window that is no rest \[-\].
+const NEAR_STOP: f32 = 0.02;
+const AT_REST: f32 = 0.002;
+/// What the force law may be wrong by, share of the force at the rest length \[-\].
+const LAW: f32 = 0.15;
+/// Windows for which a leak is shown after it was found: ten seconds at 1 kHz.
+const SHOWN_WINDOWS: u16 = 500;
+
+/// What the configuration makes of it, worked out once.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Limits {
+    window_s: f32,
+    /// A PWM period that does not go into a window whole: its pulse may fall into another one \[s\].
+    misplaced_s: f32,
+    /// Least flow per pressure of an open valve \[kg/(s Pa)\].
+    least_kg_s_pa: f32,
+    supply_pa: f32,
+    empty_pa: f32,
+    ambient_pa: f32,
+    /// Seconds of a window that one tick of a duty stands for \[s\].
+    tick_s: f32,
+    /// The load, and what friction may add \[N\]; none where the force is not known.
+    load_n: Option<(f32, f32)>,
+}
+
+/// State of the watch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Watch {
+    limits: Limits,
+    /// Ticks for which the valves were driven in this window.
+    inlet_ticks: u32,
+    outlet_ticks: u32,
+    driven_before: bool,
+    /// Shares of the gas \[-\].
+    shut: f32,
+    no_inflow: f32,
+    no_outflow: f32,
+    lost_per_s: f32,
+    length_m: f32,
+    impossible_windows: u16,
+    leak_windows: u16,
+}
+
+impl Watch {
+    /// One that has seen nothing.
+    pub fn new(config: &Config) -> Self {
+        let window_steps = INTERVAL_STEPS;
+        let period_steps = config.drive.period_steps;
+        let whole = window_steps.checked_rem(period_steps) == Some(0);
+        let misplaced_s =
+            if whole { 0.0 } else { f32::from(period_steps) * config.step_s };
+        let load_n = match config.load {
+            Load::Isotonic { force_n } => Some((force_n, 2.0 * config.friction.force_n)),
+            Load::Isometric { .. } => None,
+        };
+        Self {
+            limits: Limits {
+                window_s: f32::from(window_steps) * config.step_s,
+                misplaced_s,
+                least_kg_s_pa: config.valve.conductance_m3_s_pa * NORMAL_DENSITY_KG_M3 / WRONG,
+                supply_pa: SUPPLY * config.supply.pressure_pa,
+                empty_pa: EMPTY * config.ambient.pressure_pa,
+                ambient_pa: config.ambient.pressure_pa,
+                tick_s: config.step_s / f32::from(Duty::FULL.ticks()),
+                load_n,
+            },
+            inlet_ticks: 0,
+            outlet_ticks: 0,
+            driven_before: true,
+            shut: 0.0,
+            no_inflow: 0.0,
+            no_outflow: 0.0,
+            lost_per_s: 0.0,
+            length_m: 0.0,
+            impossible_windows: 0,
+            leak_windows: 0,
+        }
+    }
+
+    /// The valves are driven like this for one step.
+    pub fn drive(&mut self, command: Command) {
+        self.inlet_ticks = self.inlet_ticks.saturating_add(command.inlet.ticks().into());
+        self.outlet_ticks = self.outlet_ticks.saturating_add(command.outlet.ticks().into());
+    }
+
+    /// Takes the balance of one interval of the estimator; returns what it finds, each fault once but
+    /// for a leak, which is shown for a while. `length_m`: measured, `None` where it is not trusted.
+    pub fn add(&mut self, shape: &Shape, balance: &Balance, length_m: Option<f32>) -> Faults {
+        let limits = self.limits;
+        let inlet_s = core::mem::take(&mut self.inlet_ticks) as f32 * limits.tick_s;
+        let outlet_s = core::mem::take(&mut self.outlet_ticks) as f32 * limits.tick_s;
+        let Balance { gained, pressure_pa, mass_kg } = *balance;
+        let driven = inlet_s > 0.0 || outlet_s > 0.0;
+        let shut = !driven && !core::mem::replace(&mut self.driven_before, driven);
+        self.lost_per_s -= RATE_SHARE * (gained / limits.window_s + self.lost_per_s);
+
+        // Open for that long at least, and so much of the gas passes for each pascal \[1/Pa\].
+        let least = |driven_s: f32| {
+            let whole = driven_s > 0.99 * limits.window_s;
+            let open_s = driven_s - PULSE_S - if whole { 0.0 } else { limits.misplaced_s };
+            limit(open_s, 0.0, limits.window_s) * limits.least_kg_s_pa / mass_kg
+        };
+        let forgotten = FORGOTTEN_PER_S * limits.window_s;
+        let fade = |sum: f32| limit(sum - forgotten, 0.0, f32::MAX);
+        if shut {
+            self.shut += gained;
+        }
+        self.shut = if self.shut > 0.0 { fade(self.shut) } else { -fade(-self.shut) };
+        self.no_inflow = fade(self.no_inflow);
+        self.no_outflow = fade(self.no_outflow);
+        match (inlet_s > 0.0, outlet_s > 0.0) {
+            (true, false) => {
+                let due = least(inlet_s) * limit(limits.supply_pa - pressure_pa, 0.0, 1.0e9);
+                self.no_inflow = limit(self.no_inflow + due - gained, 0.0, 1.0);
+            }
+            (false, true) => {
+                // At the mean of a subsonic flow: phi >= 1 - p_ambient/p (ISO 6358).
+                let over_pa = if pressure_pa > limits.empty_pa {
+                    pressure_pa - limits.ambient_pa
+                } else {
+                    0.0
+                };
+                let due = least(outlet_s) * over_pa;
+                self.no_outflow = limit(self.no_outflow + due + gained, 0.0, 1.0);
+            }
+            _ => {}
+        }
+        self.force(shape, pressure_pa, length_m);
+        self.findings()
+    }
+
+    /// Counts windows in which pressure and length stand for a force that cannot be.
+    fn force(&mut self, shape: &Shape, pressure_pa: f32, length_m: Option<f32>) {
+        let (Shape::Muscle(geometry), Some((load_n, friction_n)), Some(length_m)) =
+            (shape, self.limits.load_n, length_m)
+        else {
+            self.impossible_windows = 0;
+            return;
+        };
+        let moved_m = length_m - core::mem::replace(&mut self.length_m, length_m);
+        let rest_m = geometry.muscle().rest_length_m;
+        let free_m = NEAR_STOP * rest_m;
+        let free = length_m > geometry.shortest_m() + free_m && length_m < rest_m - free_m;
+        if !free || absolute(moved_m) > AT_REST * rest_m {
+            self.impossible_windows = self.impossible_windows.saturating_sub(1);
+            return;
+        }
+        let gauge_pa = pressure_pa - self.limits.ambient_pa;
+        let force_n = geometry.force_n(gauge_pa, length_m);
+        let tolerance_n = friction_n + LAW * absolute(geometry.force_n(gauge_pa, rest_m));
+        let possible = force_n > load_n / WRONG - tolerance_n && force_n < load_n * WRONG + tolerance_n;
+        self.impossible_windows = if possible {
+            self.impossible_windows.saturating_sub(1)
+        } else {
+            self.impossible_windows.saturating_add(1)
+        };
+    }
+
+    /// What has passed its limit; it is counted anew from there.
+    fn findings(&mut self) -> Faults {
+        let mut found = Faults::NONE;
+        let burst = self.lost_per_s > BURST_PER_S;
+        if self.shut > TRIP {
+            found = found.with(Faults::GAS_GAINED);
+        }
+        if self.shut < -TRIP {
+            if burst {
+                found = found.with(Faults::BURST);
+            } else {
+                self.leak_windows = SHOWN_WINDOWS;
+            }
+        }
+        if self.no_inflow > TRIP {
+            found = found.with(if burst { Faults::BURST } else { Faults::NO_INFLOW });
+        }
+        if self.no_outflow > TRIP {
+            found = found.with(Faults::NO_OUTFLOW);
+        }
+        if self.impossible_windows > IMPOSSIBLE_WINDOWS {
+            found = found.with(Faults::FORCE);
+            self.impossible_windows = 0;
+        }
+        if absolute(self.shut) > TRIP {
+            self.shut = 0.0;
+        }
+        if found != Faults::NONE {
+            (self.no_inflow, self.no_outflow) = (0.0, 0.0);
+        }
+        self.leak_windows = self.leak_windows.saturating_sub(1);
+        if self.leak_windows > 0 {
+            found = found.with(Faults::LEAK);
+        }
+        found
+    }
+}
