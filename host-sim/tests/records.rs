@@ -94,7 +94,7 @@ fn a_damaged_record_is_read_up_to_the_damage() {
     burnt[ends[100] + 3] = 0xff;
     for (bytes, rows, message) in [
         (torn, 299, "trace.csv:301: the last line has no end: it may be cut; "),
-        (holed, 200, "trace.csv:202: 2 cells in this row: must be 32, one per column; "),
+        (holed, 200, "trace.csv:202: 2 cells in this row: must be 37, one per column; "),
         (burnt, 100, "trace.csv:102: is not UTF-8 text; "),
     ] {
         fs::write(&trace, bytes).unwrap();

@@ -40,6 +40,7 @@ mod step;
 pub mod supervisor;
 pub mod valve;
 pub mod valve_drive;
+pub mod watch;
 pub mod wire;
 
 pub use config::{Config, ConfigError};

@@ -161,8 +161,23 @@ impl Faults {
     /// The host asks more than the board carries out.
     pub const LINK_FLOODED: Self = Self(1 << 8);
 
+    /// Gas comes while both valves are shut: an inlet that leaks or stands open, or a pressure sensor
+    /// that drifts.
+    pub const GAS_GAINED: Self = Self(1 << 9);
+    /// Gas is lost fast: a burst muscle, or an outlet that stands open.
+    pub const BURST: Self = Self(1 << 10);
+    /// Gas is lost slowly while both valves are shut: muscle, fittings or outlet leak, or a pressure
+    /// sensor drifts.
+    pub const LEAK: Self = Self(1 << 11);
+    /// The inlet is driven and no gas comes: it is stuck shut, or the supply is lost.
+    pub const NO_INFLOW: Self = Self(1 << 12);
+    /// The outlet is driven and the gas stays: it is stuck shut, or the inlet stands open.
+    pub const NO_OUTFLOW: Self = Self(1 << 13);
+    /// Pressure and length stand for a force that cannot be the load's: one of the two has drifted.
+    pub const FORCE: Self = Self(1 << 14);
+
     /// Every fault and its name, in the order of the bits.
-    pub const NAMES: [(Self, &'static str); 9] = [
+    pub const NAMES: [(Self, &'static str); 15] = [
         (Self::EMERGENCY_STOP, "emergency stop"),
         (Self::PRESSURE_SENSOR, "pressure sensor"),
         (Self::OVERPRESSURE, "overpressure"),
@@ -172,6 +187,12 @@ impl Faults {
         (Self::MISSED_STEPS, "missed steps"),
         (Self::NOT_CONFIGURED, "not configured"),
         (Self::LINK_FLOODED, "link flooded"),
+        (Self::GAS_GAINED, "gas gained while shut"),
+        (Self::BURST, "burst"),
+        (Self::LEAK, "leak"),
+        (Self::NO_INFLOW, "no inflow"),
+        (Self::NO_OUTFLOW, "no outflow"),
+        (Self::FORCE, "force"),
     ];
 
     /// Both together.

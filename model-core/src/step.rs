@@ -7,6 +7,7 @@ use crate::estimator::{Estimator, Measurement, Openings};
 use crate::front_end::{self, Converter};
 use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
 use crate::supervisor::{Activity, FirstFailure, Supervisor};
+use crate::watch::Watch;
 
 /// Model, estimator, controller and supervisor of one muscle.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +18,8 @@ pub struct Core {
     supervisor: Supervisor,
     estimator: Estimator,
     controller: Controller,
+    watch: Watch,
+    found: Faults,
     command: Command,
     /// The last step's openings were others than those of the one before.
     turned: bool,
@@ -40,6 +43,8 @@ impl Core {
             supervisor: Supervisor::new(config, true),
             estimator: Estimator::new(config),
             controller: Controller::new(config),
+            watch: Watch::new(config),
+            found: Faults::NONE,
             command: Command::VENT,
             turned: false,
             inlet_steps: 0,
@@ -119,6 +124,7 @@ impl Core {
             filling: self.inlet_steps > 0,
             driven: self.controller.driven(),
             step: self.step,
+            found: core::mem::replace(&mut self.found, Faults::NONE),
         };
         let faults = self.supervisor.step(sample, pressure_pa, activity);
         let length_m = self.length_m(sample, pressure_pa, faults);
@@ -162,8 +168,12 @@ impl Core {
                 discharging: self.outlet_steps > 0,
             },
         });
-        let frozen = self.estimator.sensor_frozen();
-        let faults = if frozen { faults.with(Faults::GAS_SENSOR) } else { faults };
+        if let Some(balance) = self.estimator.take_balance() {
+            let length_m = (!faults.intersects(Faults::LENGTH_SENSOR)).then_some(length_m);
+            self.found = self.watch.add(&self.shape, &balance, length_m);
+        }
+        let implausible = self.estimator.sensor_implausible();
+        let faults = if implausible { faults.with(Faults::GAS_SENSOR) } else { faults };
         self.follow(command);
         let telemetry = Telemetry {
             step: self.step,
@@ -187,6 +197,7 @@ impl Core {
         let passing = |duty: Duty, steps: u16| {
             if duty > Duty::ZERO { period.saturating_add(1) } else { steps.saturating_sub(1) }
         };
+        self.watch.drive(command);
         self.inlet_steps = passing(command.inlet, self.inlet_steps);
         self.outlet_steps = passing(command.outlet, self.outlet_steps);
         self.command = command;

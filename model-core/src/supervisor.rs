@@ -8,13 +8,17 @@
 //! | pressure sensor's code stands still while the inlet is driven | for [`FROZEN_STEPS`] such steps | vent, latched |
 //! | overpressure | for [`PATIENCE_STEPS`] steps | vent, latched |
 //! | gas sensor at a rail | at once | shown while it lasts; the estimator goes on without it |
+//! | gas sensor noisier than its lag allows | ten jerks within forty steps | the same |
 //! | gas sensor's code stands still | when its element must have moved | the same |
+//! | gas sensor contradicts the model | by five deviations over half a second | shown for ten seconds; the estimator starts anew |
 //! | length sensor at a rail | at once | shown while it lasts; length from pressure and load |
 //! | length sensor noisier than a muscle can move | ten jerks within forty steps | the same |
 //! | length sensor's code stands still while the inlet is driven | for [`FROZEN_STEPS`] such steps | the same |
 //! | link lost | no request of the host for `link_timeout_s`, while a set point holds | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
 //! | not configured | at the start of a board that nobody has told its configuration | vent until it is told |
+//! | gas gained while shut, burst, no inflow, no outflow, force | as [`crate::watch`] says | vent, latched |
+//! | leak | the same | shown for ten seconds |
 //! | link flooded | the board drops requests | shown while it lasts |
 //!
 //! While the pressure is not to be trusted there is no estimate.
@@ -62,7 +66,12 @@ const LATCHING: Faults = Faults::EMERGENCY_STOP
     .with(Faults::PRESSURE_SENSOR)
     .with(Faults::OVERPRESSURE)
     .with(Faults::LINK_LOST)
-    .with(Faults::MISSED_STEPS);
+    .with(Faults::MISSED_STEPS)
+    .with(Faults::GAS_GAINED)
+    .with(Faults::BURST)
+    .with(Faults::NO_INFLOW)
+    .with(Faults::NO_OUTFLOW)
+    .with(Faults::FORCE);
 /// Faults that vent.
 const VENTING: Faults = LATCHING.with(Faults::NOT_CONFIGURED);
 
@@ -122,6 +131,8 @@ pub struct Activity {
     pub driven: bool,
     /// Number of the step.
     pub step: u32,
+    /// What the watch has found.
+    pub found: Faults,
 }
 
 /// What the configuration makes of the supervisor.
@@ -146,6 +157,7 @@ pub struct Supervisor {
     silent_steps: u32,
     late: u16,
     pressure: Line,
+    gas: Line,
     length: Line,
 }
 
@@ -165,6 +177,7 @@ impl Supervisor {
             silent_steps: 0,
             late: 0,
             pressure: Line::default(),
+            gas: Line::default(),
             length: Line::default(),
         }
     }
@@ -198,7 +211,7 @@ impl Supervisor {
 
     /// Looks at the inputs of one step; returns the faults that hold.
     pub fn step(&mut self, sample: &Sample, pressure_pa: f32, activity: Activity) -> Faults {
-        let Activity { filling, driven, step } = activity;
+        let Activity { filling, driven, step, found } = activity;
         self.judging_steps = self.judging_steps.saturating_sub(1);
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
@@ -210,17 +223,19 @@ impl Supervisor {
         let missed = u16::from(sample.missed_steps).saturating_mul(LATE_WEIGHT);
         self.late = self.late.saturating_sub(1).saturating_add(missed).min(LATEST);
         self.pressure.add(sample.pressure, filling);
+        // The sensor's lag keeps its code still longer than that: the estimator knows when it is frozen.
+        self.gas.add(sample.gas, false);
         self.length.add(sample.length, filling);
         let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
             || self.pressure.frozen()
             || self.pressure.noisy();
         let length_lost = at_rail(sample.length) || self.length.frozen() || self.length.noisy();
-        let mut present = Faults::NONE;
+        let mut present = found;
         for (condition, fault) in [
             (sample.emergency_stop, Faults::EMERGENCY_STOP),
             (pressure_lost, Faults::PRESSURE_SENSOR),
             (self.overpressure_steps >= PATIENCE_STEPS, Faults::OVERPRESSURE),
-            (at_rail(sample.gas), Faults::GAS_SENSOR),
+            (at_rail(sample.gas) || self.gas.noisy(), Faults::GAS_SENSOR),
             (length_lost, Faults::LENGTH_SENSOR),
             (
                 self.limits.silent_steps.is_some_and(|steps| self.silent_steps >= steps),
@@ -269,8 +284,8 @@ mod tests {
     use super::*;
 
     const HEALTHY: Sample = Sample::new(AdcCode(10_000), AdcCode(16_000), AdcCode(20_000));
-    const IDLE: Activity = Activity { filling: false, driven: false, step: 0 };
-    const FILLING: Activity = Activity { filling: true, driven: true, step: 0 };
+    const IDLE: Activity = Activity { filling: false, driven: false, step: 0, found: Faults::NONE };
+    const FILLING: Activity = Activity { filling: true, driven: true, ..IDLE };
 
     /// One that has judged its healthy sensors.
     fn judged() -> Supervisor {

@@ -17,6 +17,11 @@ const SQRT_REFERENCE_K: f32 = 17.121_624;
 /// root's slope is infinite at no flow, a real valve's is not (laminar flow, ISO 6358-1 annex).
 pub const LAMINAR_RATIO: f32 = 0.999;
 
+/// Density at the reference atmosphere \[kg/m3\].
+pub fn reference_density_kg_m3(gas: &Gas) -> f32 {
+    REFERENCE_PRESSURE_PA / (gas.gas_constant_j_kg_k * REFERENCE_TEMPERATURE_K)
+}
+
 /// A valve, fully open.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Valve {
@@ -56,8 +61,7 @@ impl Valve {
         if !(upstream_pa > downstream_pa && upstream_k > 0.0) {
             return 0.0;
         }
-        let reference_density =
-            REFERENCE_PRESSURE_PA / (gas.gas_constant_j_kg_k * REFERENCE_TEMPERATURE_K);
+        let reference_density = reference_density_kg_m3(gas);
         self.conductance_m3_s_pa
             * upstream_pa
             * reference_density
@@ -91,7 +95,7 @@ mod tests {
 
     /// Litres per minute at the reference atmosphere.
     fn anr_l_min(gas: &Gas, flow_kg_s: f32) -> f32 {
-        let density = REFERENCE_PRESSURE_PA / (gas.gas_constant_j_kg_k * REFERENCE_TEMPERATURE_K);
+        let density = reference_density_kg_m3(gas);
         flow_kg_s / density * 60_000.0
     }
 

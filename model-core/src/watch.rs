@@ -26,7 +26,7 @@ use crate::config::{Config, Load};
 use crate::estimator::{Balance, INTERVAL_STEPS};
 use crate::math::{absolute, limit};
 use crate::sample::{Command, Duty, Faults};
-use crate::valve::NORMAL_DENSITY_KG_M3;
+use crate::valve::reference_density_kg_m3;
 
 /// Share of the gas that has to be missing, or too much \[-\].
 const TRIP: f32 = 0.25;
@@ -95,8 +95,7 @@ impl Watch {
         let window_steps = INTERVAL_STEPS;
         let period_steps = config.drive.period_steps;
         let whole = window_steps.checked_rem(period_steps) == Some(0);
-        let misplaced_s =
-            if whole { 0.0 } else { f32::from(period_steps) * config.step_s };
+        let misplaced_s = if whole { 0.0 } else { f32::from(period_steps) * config.step_s };
         let load_n = match config.load {
             Load::Isotonic { force_n } => Some((force_n, 2.0 * config.friction.force_n)),
             Load::Isometric { .. } => None,
@@ -105,7 +104,9 @@ impl Watch {
             limits: Limits {
                 window_s: f32::from(window_steps) * config.step_s,
                 misplaced_s,
-                least_kg_s_pa: config.valve.conductance_m3_s_pa * NORMAL_DENSITY_KG_M3 / WRONG,
+                least_kg_s_pa: config.valve.conductance_m3_s_pa
+                    * reference_density_kg_m3(&config.gas)
+                    / WRONG,
                 supply_pa: SUPPLY * config.supply.pressure_pa,
                 empty_pa: EMPTY * config.ambient.pressure_pa,
                 ambient_pa: config.ambient.pressure_pa,
@@ -196,7 +197,8 @@ impl Watch {
         let gauge_pa = pressure_pa - self.limits.ambient_pa;
         let force_n = geometry.force_n(gauge_pa, length_m);
         let tolerance_n = friction_n + LAW * absolute(geometry.force_n(gauge_pa, rest_m));
-        let possible = force_n > load_n / WRONG - tolerance_n && force_n < load_n * WRONG + tolerance_n;
+        let possible =
+            force_n > load_n / WRONG - tolerance_n && force_n < load_n * WRONG + tolerance_n;
         self.impossible_windows = if possible {
             self.impossible_windows.saturating_sub(1)
         } else {

@@ -61,15 +61,22 @@ pub const INTERVAL_STEPS: u16 = 20;
 
 /// Share of a step's inflow in the inflow that stirs the gas: five milliseconds of averaging.
 const INFLOW_SHARE: f32 = 0.2;
-/// How far the element must have moved, in codes of 12 bit, for a code that has stood still
-/// meanwhile to be a frozen one: more than a code of erratum RP2040-E11 is wide.
-const FROZEN_LSB: f32 = 20.0;
+/// How far the element must have moved, in codes of 12 bit, for a code that has stood still meanwhile to
+/// be a frozen one: three times what a code of erratum RP2040-E11 is wide, so that an element three
+/// times as slow as believed has left it.
+const FROZEN_LSB: f32 = 30.0;
+/// Nearer than this, and twice the stated deviation, the gas need not move its element \[K\].
+const UNMOVED_K: f32 = 0.3;
+/// Intervals for which a gas sensor that contradicts the model is told: ten seconds at 1 kHz.
+const CONTRADICTED_INTERVALS: u16 = 500;
 /// Pressures beyond which no gas in a muscle or vessel lies \[Pa\].
 const LOWEST_PA: f32 = 5.0e3;
 const HIGHEST_PA: f32 = 1.0e9;
 /// Innovations that stay beyond so many deviations of the reading, averaged over half a second, say
 /// that the state is wrong and not the reading.
 const CONTRADICTION: f32 = 5.0;
+/// Gas mass that stands for none \[kg\].
+const LEAST_KG: f32 = 1.0e-9;
 /// Temperatures beyond which neither gas nor wall lies \[K\].
 const COLDEST_K: f32 = 100.0;
 const HOTTEST_K: f32 = 1000.0;
@@ -132,8 +139,22 @@ struct Interval {
     heat_j: f32,
     readings: CodeSum,
     flowing_steps: u16,
+    /// Work of the gas, and its measured internal energy at the start \[J\].
+    work_j: f32,
+    start_j: f32,
     /// A step of it had no pressure.
     void: bool,
+}
+
+/// What an interval's pressures and lengths say of the gas, whatever the valves were asked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Balance {
+    /// Gas that came in over the interval, share of what is there \[-\].
+    pub gained: f32,
+    /// Absolute pressure at its end \[Pa\].
+    pub pressure_pa: f32,
+    /// Gas mass \[kg\].
+    pub mass_kg: f32,
 }
 
 /// Work that the end of an interval leaves for the next steps, one part each. A part carries what the
@@ -204,6 +225,8 @@ pub struct Estimator {
     // Since the last step.
     pressure_pa: f32,
     volume_m3: f32,
+    /// Internal energy as pressure and volume of the last step say \[J\].
+    measured_j: f32,
     energy: Energy,
     /// Length whose noise is averaged \[m\].
     followed_m: f32,
@@ -213,14 +236,18 @@ pub struct Estimator {
     entering: bool,
     missing_steps: u16,
     gas_code: AdcCode,
-    /// The element when the code last changed \[K\].
-    code_changed_k: f32,
+    /// What the last readings said \[K\].
+    reading_k: f32,
+    /// By how much the element must have moved since the code last changed \[K\].
+    unmoved_k: f32,
     frozen: bool,
+    contradicted_intervals: u16,
     // Since the last interval.
     length_m: f32,
     still_j_k: f32,
     stirred_j_k_kg: f32,
     interval: Interval,
+    balance: Option<Balance>,
     pending: Pending,
     started: bool,
 }
@@ -289,6 +316,7 @@ impl Estimator {
             gas_sd_k: sd.initial_sd_k,
             pressure_pa: 0.0,
             volume_m3: 0.0,
+            measured_j: 0.0,
             energy: Energy::new(0.0),
             followed_m: 0.0,
             motion: Trend::REST,
@@ -297,11 +325,14 @@ impl Estimator {
             missing_steps: 0,
             gas_code: AdcCode(0),
             frozen: false,
-            code_changed_k: config.ambient.temperature_k,
+            reading_k: config.ambient.temperature_k,
+            unmoved_k: 0.0,
+            contradicted_intervals: 0,
             length_m: 0.0,
             still_j_k: 0.0,
             stirred_j_k_kg: 0.0,
             interval: Interval::default(),
+            balance: None,
             pending: Pending { gas_k: config.ambient.temperature_k, ..Pending::default() },
             started: false,
         }
@@ -345,7 +376,7 @@ impl Estimator {
         if let Some(code) = measurement.gas {
             if code != self.gas_code {
                 self.gas_code = code;
-                self.code_changed_k = self.sensor_k;
+                self.unmoved_k = 0.0;
                 self.frozen = false;
             }
             if !self.frozen {
@@ -353,6 +384,34 @@ impl Estimator {
             }
         }
         self.advance_covariance(measurement.length_m);
+        if !self.is_sound() {
+            self.heal();
+        }
+    }
+
+    /// Whether every figure is one that gas, wall and sensor can have.
+    fn is_sound(&self) -> bool {
+        let temperatures_k = [self.gas_k, self.wall_k, self.housing_k, self.sensor_k];
+        let mass_kg = self.mass_kg.value();
+        temperatures_k.iter().all(|t| *t >= COLDEST_K && *t <= HOTTEST_K)
+            && mass_kg > 0.0
+            && mass_kg < f32::MAX
+            && self.scale > 0.0
+            && self.scale < f32::MAX
+            && self.lag_s > 0.0
+            && self.lag_s < f32::MAX
+    }
+
+    /// Starts anew from nothing: whatever made the state what nothing can be is forgotten.
+    fn heal(&mut self) {
+        let ambient_k = self.config.ambient.temperature_k;
+        self.gas_k = ambient_k;
+        self.wall_k = ambient_k;
+        self.housing_k = ambient_k;
+        self.sensor_k = ambient_k;
+        self.mass_kg = CompensatedSum::new(LEAST_KG);
+        self.interval = Interval { steps: self.interval.steps, void: true, ..Interval::default() };
+        self.give_up();
     }
 
     /// Without pressure there is nothing to go by. A few disturbed steps are left out; after
@@ -384,10 +443,15 @@ impl Estimator {
         self.gas_sd_k = self.gas_k * sqrt(LARGEST_GAS);
     }
 
-    /// Whether the gas sensor's code stands still while its element must have moved: the readings are
-    /// left out until it changes.
-    pub fn sensor_frozen(&self) -> bool {
-        self.frozen
+    /// The balance of an interval that has just ended.
+    pub fn take_balance(&mut self) -> Option<Balance> {
+        self.balance.take()
+    }
+
+    /// Whether the gas sensor's code stands still while its element must have moved, so that the readings
+    /// are left out until it changes, or has contradicted the model within the last ten seconds.
+    pub fn sensor_implausible(&self) -> bool {
+        self.frozen || self.contradicted_intervals > 0
     }
 
     /// The work of an interval, one part a step, kept clear of those in which the valves' PWM period
@@ -425,6 +489,7 @@ impl Estimator {
                 self.agreement.add(innovation_k, self.lag_s, self.pending.moved);
                 let expected_k2 = self.lasting_k2 + self.covariance.sensor_sensor;
                 if self.agreement.smooth_k2() > CONTRADICTION * CONTRADICTION * expected_k2 {
+                    self.contradicted_intervals = CONTRADICTED_INTERVALS;
                     self.give_up();
                 }
             }
@@ -444,9 +509,10 @@ impl Estimator {
             self.housing_k = reading_k;
             self.sensor_k = reading_k;
         }
-        self.code_changed_k = self.sensor_k;
+        self.unmoved_k = 0.0;
         let energy_j = pressure_pa * volume_m3 * self.per_k_minus_1;
         self.energy = Energy::new(energy_j);
+        self.measured_j = energy_j;
         self.mass_kg = CompensatedSum::new(energy_j * self.per_cv / self.gas_k);
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
@@ -472,7 +538,13 @@ impl Estimator {
             Doubt::Noise(self.noise_pa * per_pa)
         };
         let openings = measurement.openings;
-        let enthalpy_j = self.energy.step(closed_j, pressure_pa * per_pa, doubt, openings);
+        let measured_j = pressure_pa * per_pa;
+        let enthalpy_j = self.energy.step(closed_j, measured_j, doubt, openings);
+        if self.interval.steps == 0 {
+            self.interval.start_j = self.measured_j;
+        }
+        self.measured_j = measured_j;
+        self.interval.work_j += work_j;
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.interval.steps += 1;
@@ -553,6 +625,12 @@ impl Estimator {
         let inner_j_k = self.scale * inner_w_k * duration_s;
         let flowing = f32::from(interval.flowing_steps) / steps;
         let per_mass = 1.0 / self.mass_kg.value();
+        let enthalpy_j = self.measured_j - interval.start_j + interval.work_j + interval.heat_j;
+        self.balance = Some(Balance {
+            gained: enthalpy_j * self.per_cp * per_mass / gas_k,
+            pressure_pa: self.pressure_pa,
+            mass_kg: self.mass_kg.value(),
+        });
         // Limited where there is next to no gas: its temperature is the wall's.
         let exchange = limit(inner_j_k * per_mass * self.per_cp * flowing, 0.0, 0.5);
         self.pending.gas_k = gas_k;
@@ -576,14 +654,18 @@ impl Estimator {
         self.wall_k = limit(self.wall_k + warming_k, COLDEST_K, HOTTEST_K);
         let sensor_change_k = lag_share * (self.housing_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
-        self.frozen |= absolute(self.sensor_k - self.code_changed_k) > self.frozen_k;
+        let away_k = absolute(self.housing_k - self.reading_k) - UNMOVED_K - 2.0 * self.gas_sd_k;
+        self.unmoved_k += lag_share * limit(away_k, 0.0, HOTTEST_K);
+        self.frozen |= self.unmoved_k > self.frozen_k;
+        self.contradicted_intervals = self.contradicted_intervals.saturating_sub(1);
         self.set_conductance(surface_m2);
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag.
         let middle_k = self.sensor_k - 0.5 * sensor_change_k;
-        self.pending.innovation_k =
-            self.converter.mean_gas_k(&interval.readings).map(|reading_k| reading_k - middle_k);
+        let reading_k = self.converter.mean_gas_k(&interval.readings);
+        self.reading_k = reading_k.unwrap_or(self.reading_k);
+        self.pending.innovation_k = reading_k.map(|reading_k| reading_k - middle_k);
     }
 
     fn add_drift(&mut self) {
@@ -636,7 +718,8 @@ impl Estimator {
         let noise = self.pressure_sd_pa / self.pressure_pa;
         let left = self.energy.noise_left() + NOT_AVERAGED;
         let share = self.agreement.share(self.lag_s);
-        self.gas_sd_k = self.gas_k * sqrt(share * self.covariance.gas_gas + left * noise * noise);
+        let relative = sqrt(share * self.covariance.gas_gas + left * noise * noise);
+        self.gas_sd_k = self.gas_k * limit(relative, 1.0e-6, 1.0);
     }
 }
 
