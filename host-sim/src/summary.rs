@@ -97,6 +97,8 @@ pub struct CoreFigures {
     pub steps: u64,
     /// Steps in which a sensor's code lay at a rail.
     pub saturations: u64,
+    /// Steps in which the set point asked for more pressure than there may be.
+    pub limited: u64,
     /// Every fault bit that was ever set.
     pub faults: u16,
 }
@@ -153,6 +155,7 @@ pub struct Accumulator {
     squares: Errors,
     within_2sd: u64,
     saturations: u64,
+    limited: u64,
     faults: u16,
     control: ControlSums,
     comparisons: Vec<Comparison>,
@@ -276,6 +279,7 @@ impl Accumulator {
             squares: Errors { sensor_gas: 0.0, sensor_wall: 0.0, model: 0.0, estimate: 0.0 },
             within_2sd: 0,
             saturations: 0,
+            limited: 0,
             faults: 0,
             control: ControlSums {
                 largest_set_point: f64::NEG_INFINITY,
@@ -309,6 +313,7 @@ impl Accumulator {
         if at_rail(sample.pressure) || at_rail(sample.gas) || at_rail(sample.length) {
             self.saturations += 1;
         }
+        self.limited += u64::from(telemetry.limited);
         self.faults |= telemetry.faults.0;
         if let Some(value) = controlled {
             self.add_control(truth, row.set_point, value);
@@ -393,6 +398,7 @@ impl Accumulator {
             core: CoreFigures {
                 steps: self.steps,
                 saturations: self.saturations,
+                limited: self.limited,
                 faults: self.faults,
             },
             control,

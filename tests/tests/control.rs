@@ -4,7 +4,7 @@
 use host_sim::board::CoreBoard;
 use host_sim::evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
 use host_sim::evaluate::pid::PidBoard;
-use host_sim::scenario::{LoadKind, Loaded, Scenario};
+use host_sim::scenario::{DriveKind, LoadKind, Loaded, PlantModel, Scenario};
 
 fn nominal() -> Loaded {
     full(&host_sim::evaluate::nominal().unwrap())
@@ -103,5 +103,72 @@ fn temperature_compensation_earns_its_place() {
         let mut usual = PidBoard::new(USUAL_GAINS, 0.3);
         let usual = sine(&loaded, 0.5, 0.15, &mut usual).unwrap().rms_percent;
         assert_within("usual practice, times", usual / compensated, (3.0, 15.0));
+    }
+}
+
+/// Rows of a run on the core in this process.
+fn rows(loaded: &Loaded) -> Vec<host_sim::trace::Row> {
+    let mut rows = Vec::new();
+    let mut observer = |row: &host_sim::trace::Row| {
+        rows.push(*row);
+        Ok(())
+    };
+    host_sim::run::run(loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    rows
+}
+
+/// Highest pressure of the plant between two times \[Pa\].
+fn peak_pa(rows: &[host_sim::trace::Row], from_s: f64, until_s: f64) -> f64 {
+    let within = rows.iter().filter(|row| (from_s..until_s).contains(&row.truth.time_s));
+    within.map(|row| row.truth.pressure_pa).fold(0.0, f64::max)
+}
+
+/// The paper's cycle neither climbs nor falls from stroke to stroke, whatever is believed of supply and
+/// valves, and whether or not a stroke is a whole number of PWM periods.
+#[test]
+fn the_working_cycle_stays_where_it_is() {
+    for model in [PlantModel::Lumped, PlantModel::Full] {
+        for period_s in [1.25, 0.777] {
+            for (supply_pa, conductance) in
+                [(7.0e5, 1.0), (6.65e5, 1.0), (7.35e5, 0.7), (7.0e5, 1.3)]
+            {
+                let mut loaded = both(host_sim::evaluate::nominal().unwrap(), |s| {
+                    s.drive.period_s = period_s;
+                    s.run.duration_s = 30.0;
+                    s.run.log_every = 1;
+                })
+                .with_model(model);
+                loaded.believed.supply.pressure_pa = supply_pa;
+                loaded.believed.valve.conductance_m3_s_pa *= conductance;
+                let rows = rows(&loaded);
+                let (early_pa, late_pa) = (peak_pa(&rows, 3.0, 6.0), peak_pa(&rows, 27.0, 30.0));
+                let climb = late_pa / early_pa - 1.0;
+                let what =
+                    format!("{model:?}, {period_s} s, {supply_pa} Pa, {conductance}: {climb}");
+                assert!(climb.abs() < 0.02, "{what}");
+                assert!((1.3e5..2.2e5).contains(&late_pa), "{late_pa} Pa, {what}");
+                assert!(rows.iter().all(|row| row.telemetry.faults.0 == 0), "{what}");
+            }
+        }
+    }
+}
+
+/// A set point that the load makes unreachable ends below the limit, says so, and trips nothing.
+#[test]
+fn an_unreachable_contraction_stops_below_the_limit() {
+    for model in [PlantModel::Lumped, PlantModel::Full] {
+        let loaded = both(nominal(), |s| {
+            s.load.force_n = 150.0;
+            s.drive.profile_csv = None;
+            s.drive.kind = DriveKind::Contraction;
+            s.drive.contraction = 0.35;
+            s.run.duration_s = 5.0;
+        })
+        .with_model(model);
+        let rows = rows(&Loaded { drive_profile: None, ..loaded });
+        let peak_pa = peak_pa(&rows, 0.0, 6.0);
+        assert!((6.5e5..6.7e5).contains(&peak_pa), "{peak_pa} Pa");
+        let last = rows.last().unwrap().telemetry;
+        assert!(last.limited && last.faults.0 == 0, "{last:?}");
     }
 }

@@ -3,6 +3,7 @@
 use super::{MonitorError, Recorder};
 use crate::board::link::Link;
 use crate::board::{BoardError, serial};
+use model_core::control::Mode;
 use model_core::wire::{Answer, HostCommand, LastReset, PROTOCOL, Timing, Version};
 use model_core::{Config, Telemetry};
 use serde::Serialize;
@@ -103,6 +104,10 @@ impl Session {
         while let Some(telemetry) = self.link.take_telemetry() {
             self.heard = Instant::now();
             let config = self.config();
+            // While it judges its sensors after a start, the core counts no step.
+            if telemetry.mode == Mode::Judging {
+                continue;
+            }
             self.recorder.write(&config, &telemetry).map_err(MonitorError::Recording)?;
             self.history.push_back(telemetry);
             if self.history.len() > HISTORY {

@@ -1,6 +1,7 @@
 //! One picture of a session.
 
 use super::{Session, Status};
+use model_core::control::Mode;
 use model_core::front_end::Converter;
 use model_core::wire::LastReset;
 use model_core::{Faults, Telemetry};
@@ -39,13 +40,14 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
     };
     let timing = session.timing().map_or(String::new(), |timing| {
         format!(
-            "step {:.0} us mean, {} us worst; start {} us late at worst; {} missed, {} dropped, {} malformed",
+            "step {:.0} us mean, {} us worst; start {} us late at worst; {} missed, {} dropped, {} malformed, {} flooded",
             f64::from(timing.step_mean_ns) / 1000.0,
             timing.step_worst_us,
             timing.jitter_worst_us,
             timing.missed_steps,
             timing.dropped_telemetry,
             timing.malformed_frames,
+            timing.dropped_requests,
         )
     });
     let title = format!(" thermyo monitor {} - {} rows - q quits ", session.port(), session.rows());
@@ -55,12 +57,15 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
 
 fn draw_gauges(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Telemetry) {
     let front_end = session.config().front_end;
-    let faults: Vec<&str> = Faults::NAMES
-        .iter()
-        .filter(|(fault, _)| telemetry.faults.intersects(*fault))
-        .map(|&(_, name)| name)
-        .collect();
-    let faults = if faults.is_empty() { "no fault".to_owned() } else { faults.join(", ") };
+    let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
+    let mode = mode.map_or("", |(_, name)| name);
+    let limited = if telemetry.limited { ", limited" } else { "" };
+    let faults = if telemetry.faults == Faults::NONE {
+        "no fault".to_owned()
+    } else {
+        telemetry.faults.to_string()
+    };
+    let faults = format!("{mode}{limited}: {faults}");
     let (pressure, length) = (telemetry.pressure_pa, telemetry.length_m);
     let (inlet, outlet) = (telemetry.command.inlet.share(), telemetry.command.outlet.share());
     let gauges = [

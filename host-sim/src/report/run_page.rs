@@ -141,6 +141,7 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
         row("Energy balance error", summary.energy_balance_error, ""),
         row("Steps of the core", summary.core.steps as f64, ""),
         row("Steps with a sensor at a rail", summary.core.saturations as f64, ""),
+        row("Steps limited below the pressure limit", summary.core.limited as f64, ""),
     ];
     if let Some(control) = &summary.control {
         rows.push(row("Set point, RMS error", control.rms_error, ""));

@@ -71,7 +71,7 @@ pub enum Refusal {
         needed_pa: f64,
     },
     /// A sensor failed, or the emergency stop was pressed.
-    #[error("faults during the experiment: {}", names(*.0))]
+    #[error("faults during the experiment: {0}")]
     Faulty(Faults),
     /// The pressure stayed below what was asked for.
     #[error(
@@ -159,11 +159,6 @@ pub enum Refusal {
         /// RMS error after \[%\].
         after: f64,
     },
-}
-
-fn names(faults: Faults) -> String {
-    let held = Faults::NAMES.iter().filter(|(fault, _)| faults.intersects(*fault));
-    held.map(|(_, name)| *name).collect::<Vec<_>>().join(", ")
 }
 
 /// Why there is no result.
