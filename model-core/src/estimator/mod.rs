@@ -75,6 +75,8 @@ const HIGHEST_PA: f32 = 1.0e9;
 /// Innovations that stay beyond so many deviations of the reading, averaged over half a second, say
 /// that the state is wrong and not the reading.
 const CONTRADICTION: f32 = 5.0;
+/// Smallest deviation that is stated \[K\].
+const LEAST_SD_K: f32 = 1.0e-3;
 /// Gas mass that stands for none \[kg\].
 const LEAST_KG: f32 = 1.0e-9;
 /// Temperatures beyond which neither gas nor wall lies \[K\].
@@ -313,7 +315,7 @@ impl Estimator {
             lag_s: config.gas_sensor.time_constant_s,
             covariance: initial_covariance(config),
             agreement: Agreement::new(config.gas_sensor.time_constant_s),
-            gas_sd_k: sd.initial_sd_k,
+            gas_sd_k: limit(sd.initial_sd_k, LEAST_SD_K, HOTTEST_K),
             pressure_pa: 0.0,
             volume_m3: 0.0,
             measured_j: 0.0,
@@ -503,7 +505,7 @@ impl Estimator {
         self.followed_m = measurement.length_m;
         self.motion = Trend::REST;
         if let Some(code) = measurement.gas {
-            let reading_k = self.converter.gas_k(code);
+            let reading_k = limit(self.converter.gas_k(code), COLDEST_K, HOTTEST_K);
             self.gas_k = reading_k;
             self.wall_k = reading_k;
             self.housing_k = reading_k;
@@ -775,6 +777,19 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_sensor_beyond_what_gas_can_be_starts_within_it() {
+        let mut config = Config::default();
+        config.front_end.gas_min_k = 73.0;
+        config.front_end.gas_max_k = 74.0;
+        config.estimator.initial_sd_k = 0.0;
+        let mut estimator = Estimator::new(&config);
+        assert!(estimator.estimate().gas_sd_k > 0.0);
+        estimator.step(&measurement(2.0e5, 0.28, 16_000, 0));
+        let Estimate { gas_k, wall_k, .. } = estimator.estimate();
+        assert!([gas_k, wall_k].iter().all(|t| (COLDEST_K..100.1).contains(t)), "{gas_k} {wall_k}");
     }
 
     proptest! {
