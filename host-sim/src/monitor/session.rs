@@ -4,6 +4,7 @@ use super::{MonitorError, Recorder};
 use crate::board::link::Link;
 use crate::board::{BoardError, serial};
 use model_core::control::Mode;
+use model_core::supervisor::FirstFailure;
 use model_core::wire::{Answer, HostCommand, LastReset, PROTOCOL, Timing, Version};
 use model_core::{Config, Telemetry};
 use serde::Serialize;
@@ -50,6 +51,7 @@ pub struct Session {
     told: Vec<Told>,
     version: Option<Version>,
     last_reset: Option<LastReset>,
+    first_failure: Option<FirstFailure>,
     timing: Option<Timing>,
     questions: Vec<u8>,
     asked: Option<Instant>,
@@ -74,6 +76,7 @@ impl Session {
             told: Vec::new(),
             version: None,
             last_reset: None,
+            first_failure: None,
             timing: None,
             questions: Vec::new(),
             asked: None,
@@ -143,6 +146,7 @@ impl Session {
             HostCommand::Version,
             HostCommand::ReadConfig,
             HostCommand::LastReset,
+            HostCommand::FirstFailure,
             HostCommand::TelemetryDivider(DIVIDER),
             HostCommand::Timing,
         ] {
@@ -165,6 +169,7 @@ impl Session {
                 Some(Answer::Version(version)) => self.version = Some(version),
                 Some(Answer::Config(config)) => self.take_config(config),
                 Some(Answer::LastReset(last_reset)) => self.last_reset = Some(last_reset),
+                Some(Answer::FirstFailure(first)) => self.first_failure = first,
                 Some(Answer::Timing(timing)) => self.timing = Some(timing),
                 _ => (),
             }
@@ -210,6 +215,11 @@ impl Session {
     /// Who the board is.
     pub fn version(&self) -> Option<Version> {
         self.version
+    }
+
+    /// What vented first since faults were last cleared.
+    pub fn first_failure(&self) -> Option<FirstFailure> {
+        self.first_failure
     }
 
     /// Why the board started last.

@@ -38,6 +38,9 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
         None | Some(LastReset::Power) => String::new(),
         Some(reason) => format!("last restart: {reason:?}"),
     };
+    let first = session.first_failure().map_or(String::new(), |first| {
+        format!("first failure: {} at step {}", first.faults, first.step)
+    });
     let timing = session.timing().map_or(String::new(), |timing| {
         format!(
             "step {:.0} us mean, {} us worst; start {} us late at worst; {} missed, {} dropped, {} malformed, {} flooded",
@@ -51,7 +54,7 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
         )
     });
     let title = format!(" thermyo monitor {} - {} rows - q quits ", session.port(), session.rows());
-    let lines = vec![status, Line::raw(format!("{board}  {restart}")), Line::raw(timing)];
+    let lines = vec![status, Line::raw(format!("{board}  {restart}  {first}")), Line::raw(timing)];
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
 }
 
