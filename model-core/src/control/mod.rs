@@ -34,11 +34,10 @@ use self::contraction::{Contracting, ContractionLoop, Gains};
 use self::cycle::{Cycle, Strokes};
 use self::port::Port;
 use self::pressure::PressureLoop;
-use self::set_point::Wanted;
 use crate::body::Shape;
 use crate::config::{Config, Load, Reservoir};
 use crate::math::limit;
-use crate::sample::Command;
+use crate::sample::{Command, Duty};
 use crate::valve_drive::FlowDrive;
 use serde::{Deserialize, Serialize};
 
@@ -133,7 +132,7 @@ impl Controller {
 
     /// Changes the set point. The same kind again keeps what its loop has learnt.
     pub fn set(&mut self, target: Target) {
-        let kind = |target: &Target| core::mem::discriminant(&target.wanted());
+        let kind = |target: &Target| core::mem::discriminant(&target.set_point());
         if kind(&target) != kind(&self.target) {
             self.drive.reset();
             self.active = ActiveLoop::Open;
@@ -159,18 +158,18 @@ impl Controller {
 
     /// What the controller is doing.
     pub fn mode(&self) -> Mode {
-        match (self.target.wanted(), &self.active) {
-            (Wanted::Vent, _) => Mode::Vent,
-            (Wanted::Duty(_), _) => Mode::Duty,
-            (Wanted::MassFlow { .. } | Wanted::MassFlowCycle { .. }, _) => Mode::MassFlow,
-            (Wanted::Pressure { .. }, ActiveLoop::Pressure(active)) if active.holding() => {
+        match (self.target.set_point(), &self.active) {
+            (SetPoint::Vent, _) => Mode::Vent,
+            (SetPoint::Duty { .. }, _) => Mode::Duty,
+            (SetPoint::MassFlow { .. } | SetPoint::MassFlowCycle { .. }, _) => Mode::MassFlow,
+            (SetPoint::Pressure { .. }, ActiveLoop::Pressure(active)) if active.holding() => {
                 Mode::PressureHeld
             }
-            (Wanted::Pressure { .. }, _) => Mode::Pressure,
-            (Wanted::Contraction { .. }, ActiveLoop::Contraction(active)) if active.holding() => {
+            (SetPoint::Pressure { .. }, _) => Mode::Pressure,
+            (SetPoint::Contraction { .. }, ActiveLoop::Contraction(active)) if active.holding() => {
                 Mode::ContractionHeld
             }
-            (Wanted::Contraction { .. }, _) => Mode::Contraction,
+            (SetPoint::Contraction { .. }, _) => Mode::Contraction,
         }
     }
 
@@ -205,24 +204,27 @@ impl Controller {
         let muscle =
             Reservoir { pressure_pa: feedback.pressure_pa, temperature_k: feedback.estimate.gas_k };
         self.limited = false;
-        let wanted = self.target.wanted();
-        match wanted {
-            Wanted::Vent => return self.drive.direct(Command::VENT),
-            Wanted::Duty(command) => return self.drive.direct(command),
+        let set_point = self.target.set_point();
+        match set_point {
+            SetPoint::Vent => return self.drive.direct(Command::VENT),
+            SetPoint::Duty { inlet, outlet } => {
+                let [inlet, outlet] = [inlet, outlet].map(Duty::from_share);
+                return self.drive.direct(Command { inlet, outlet });
+            }
             _ => {}
         }
         let port = self.port(config, feedback);
-        let mass_kg = match wanted {
+        let mass_kg = match set_point {
             // Known above.
-            Wanted::Vent | Wanted::Duty(_) => None,
-            Wanted::MassFlow { flow_kg_s } => {
+            SetPoint::Vent | SetPoint::Duty { .. } => None,
+            SetPoint::MassFlow { flow_kg_s } => {
                 let wanted_kg = flow_kg_s * self.drive.period_s();
                 if self.limited_kg(&port, wanted_kg) < wanted_kg {
                     return self.drive.closed();
                 }
                 return self.drive.flow(config, flow_kg_s, muscle);
             }
-            Wanted::MassFlowCycle { flow_kg_s, period_s } => {
+            SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
                 let (mut active, elapsed_steps) = match self.active {
                     ActiveLoop::Cycle(active) => (active, self.elapsed_steps),
                     _ => (Cycle::new(port.gas_mass_kg()), 0),
@@ -233,7 +235,7 @@ impl Controller {
                 self.active = ActiveLoop::Cycle(active);
                 Some(mass_kg)
             }
-            Wanted::Pressure { pressure_pa } => {
+            SetPoint::Pressure { pressure_pa } => {
                 self.limited = pressure_pa > self.working_limit_pa;
                 let pressure_pa = limit(pressure_pa, 0.0, self.working_limit_pa);
                 let mut active = match self.active {
@@ -245,7 +247,7 @@ impl Controller {
                 self.active = ActiveLoop::Pressure(active);
                 mass_kg
             }
-            Wanted::Contraction { contraction } => {
+            SetPoint::Contraction { contraction } => {
                 let (Shape::Muscle(geometry), Load::Isotonic { force_n }) =
                     (self.shape, config.load)
                 else {
@@ -329,7 +331,7 @@ impl Controller {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sample::{Duty, Estimate};
+    use crate::sample::Estimate;
 
     const LENGTH_M: f32 = 0.27;
 

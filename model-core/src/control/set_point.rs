@@ -2,7 +2,7 @@
 
 use crate::body::Shape;
 use crate::config::{Config, Load};
-use crate::sample::{Command, Duty, Faults};
+use crate::sample::Faults;
 use serde::{Deserialize, Serialize};
 
 /// PWM periods in a working cycle, at least: two a stroke, and a thousandth less for rounding. Fewer
@@ -114,42 +114,11 @@ impl core::error::Error for SetPointError {}
 
 /// A set point that a core can act on: every value is a number within its range.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Target(Wanted);
-
-/// The values of a [`Target`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Wanted {
-    /// Inlet closed, outlet open.
-    Vent,
-    /// Fixed openings.
-    Duty(Command),
-    /// A mass flow \[kg/s\].
-    MassFlow {
-        /// \[kg/s\]
-        flow_kg_s: f32,
-    },
-    /// The working cycle.
-    MassFlowCycle {
-        /// \[kg/s\]
-        flow_kg_s: f32,
-        /// \[s\]
-        period_s: f32,
-    },
-    /// An absolute pressure \[Pa\].
-    Pressure {
-        /// \[Pa\]
-        pressure_pa: f32,
-    },
-    /// A contraction \[-\].
-    Contraction {
-        /// \[-\]
-        contraction: f32,
-    },
-}
+pub struct Target(SetPoint);
 
 impl Target {
     /// To vent.
-    pub const VENT: Self = Self(Wanted::Vent);
+    pub const VENT: Self = Self(SetPoint::Vent);
 
     /// `set_point` for a core of this configuration.
     ///
@@ -157,34 +126,32 @@ impl Target {
     /// [`SetPointError::Range`] names the first value that is none.
     pub fn new(set_point: &SetPoint, config: &Config) -> Result<Self, SetPointError> {
         use SetPointField::{Contraction, Flow, Inlet, Outlet, Period, Pressure};
-        Ok(Self(match *set_point {
-            SetPoint::Vent => Wanted::Vent,
-            SetPoint::Duty { inlet, outlet } => Wanted::Duty(Command {
-                inlet: Duty::from_share(within(Inlet, inlet, 0.0, 1.0)?),
-                outlet: Duty::from_share(within(Outlet, outlet, 0.0, 1.0)?),
-            }),
-            SetPoint::MassFlow { flow_kg_s } => Wanted::MassFlow {
-                flow_kg_s: within(Flow, flow_kg_s, -LARGEST_FLOW_KG_S, LARGEST_FLOW_KG_S)?,
-            },
+        match *set_point {
+            SetPoint::Vent => {}
+            SetPoint::Duty { inlet, outlet } => {
+                within(Inlet, inlet, 0.0, 1.0)?;
+                within(Outlet, outlet, 0.0, 1.0)?;
+            }
+            SetPoint::MassFlow { flow_kg_s } => {
+                within(Flow, flow_kg_s, -LARGEST_FLOW_KG_S, LARGEST_FLOW_KG_S)?;
+            }
             SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
                 let pwm_period_s = f32::from(config.drive.period_steps) * config.step_s;
-                let least_s = LEAST_PERIODS * pwm_period_s;
-                Wanted::MassFlowCycle {
-                    flow_kg_s: within(Flow, flow_kg_s, 0.0, LARGEST_FLOW_KG_S)?,
-                    period_s: within(Period, period_s, least_s, LONGEST_CYCLE_S)?,
-                }
+                within(Flow, flow_kg_s, 0.0, LARGEST_FLOW_KG_S)?;
+                within(Period, period_s, LEAST_PERIODS * pwm_period_s, LONGEST_CYCLE_S)?;
             }
-            SetPoint::Pressure { pressure_pa } => Wanted::Pressure {
-                pressure_pa: within(Pressure, pressure_pa, 0.0, config.pressure_limit_pa)?,
-            },
-            SetPoint::Contraction { contraction } => Wanted::Contraction {
-                contraction: within(Contraction, contraction, 0.0, largest_contraction(config))?,
-            },
-        }))
+            SetPoint::Pressure { pressure_pa } => {
+                within(Pressure, pressure_pa, 0.0, config.pressure_limit_pa)?;
+            }
+            SetPoint::Contraction { contraction } => {
+                within(Contraction, contraction, 0.0, largest_contraction(config))?;
+            }
+        }
+        Ok(Self(*set_point))
     }
 
-    /// Its values.
-    pub fn wanted(&self) -> Wanted {
+    /// The set point.
+    pub fn set_point(&self) -> SetPoint {
         self.0
     }
 }
@@ -205,10 +172,10 @@ fn within(
     value: f32,
     minimum: f32,
     maximum: f32,
-) -> Result<f32, SetPointError> {
+) -> Result<(), SetPointError> {
     // Not a number fails both.
     if value >= minimum && value <= maximum {
-        Ok(value)
+        Ok(())
     } else {
         Err(SetPointError::Range { field, value, minimum, maximum })
     }
@@ -284,14 +251,17 @@ mod tests {
                 _ => SetPoint::Contraction { contraction: a },
             };
             if let Ok(target) = Target::new(&set_point, &Config::default()) {
-                let sound = match target.wanted() {
-                    Wanted::MassFlow { flow_kg_s } => flow_kg_s.abs() <= 1.0,
-                    Wanted::MassFlowCycle { flow_kg_s, period_s } => {
+                let sound = match target.set_point() {
+                    SetPoint::Duty { inlet, outlet } => {
+                        (0.0..=1.0).contains(&inlet) && (0.0..=1.0).contains(&outlet)
+                    }
+                    SetPoint::MassFlow { flow_kg_s } => flow_kg_s.abs() <= 1.0,
+                    SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
                         (0.0..=1.0).contains(&flow_kg_s) && (0.0399..=86_400.0).contains(&period_s)
                     }
-                    Wanted::Pressure { pressure_pa } => (0.0..=689_500.0).contains(&pressure_pa),
-                    Wanted::Contraction { contraction } => (0.0..0.374).contains(&contraction),
-                    Wanted::Vent | Wanted::Duty(_) => true,
+                    SetPoint::Pressure { pressure_pa } => (0.0..=689_500.0).contains(&pressure_pa),
+                    SetPoint::Contraction { contraction } => (0.0..0.374).contains(&contraction),
+                    SetPoint::Vent => true,
                 };
                 prop_assert!(sound, "{target:?}");
             }
