@@ -351,7 +351,7 @@ mod tests {
                 _ => {}
             }
             // It fills, halts in a code that is too wide, rests, and empties.
-            let filled = step.min(50) + step.clamp(60, 100) - 60 - step.clamp(150, 200) + 150;
+            let filled = 150 + step.min(50) + step.clamp(60, 100) - 60 - step.clamp(150, 200);
             let wide_length = (20..25).contains(&step);
             let (gas_lost, pressure_lost) = ((30..35).contains(&step), (70..73).contains(&step));
             let sample = Sample::new(
@@ -508,6 +508,16 @@ mod tests {
             });
             let seen = faults.fold(Faults::NONE, Faults::with);
             assert_eq!(seen == Faults::GAS_SENSOR, shown, "{seen}");
+        }
+    }
+
+    #[test]
+    fn a_silent_host_vents_what_it_drives() {
+        let silent = Sample { heard: false, ..HEALTHY };
+        for (set_point, after) in [(CLOSED, Some(499)), (SetPoint::Vent, None)] {
+            let mut core = judged_core(&Config::default(), set_point, &HEALTHY);
+            let lost = (0..2000).find(|_| core.step(&silent).faults == Faults::LINK_LOST);
+            assert_eq!(lost, after, "{set_point:?}");
         }
     }
 }
