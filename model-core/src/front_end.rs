@@ -292,4 +292,46 @@ mod tests {
             prop_assert_eq!(converter.mean_gas_k(&CodeSum::default()), None);
         }
     }
+
+    /// What one code of 12 bit is worth is what the converter makes of eight of a sum.
+    #[test]
+    fn a_code_is_worth_what_the_converter_makes_of_it() {
+        let front_end = FrontEnd { wide_code_lsb: 0.0, ..FRONT_END };
+        let converter = Converter::new(&front_end);
+        let [low, high] = [0.05_f32, 0.95].map(|share| AdcCode((share * 32_768.0) as u16));
+        let codes = f32::from(high.0 - low.0) / 8.0;
+        let worth = |value: fn(&Converter, AdcCode) -> f32| {
+            (value(&converter, high) - value(&converter, low)) / codes
+        };
+        for (stated, made) in [
+            (front_end.pressure_code_pa(), worth(Converter::pressure_pa)),
+            (front_end.length_code_m(), worth(Converter::length_m)),
+            (front_end.gas_code_k(), worth(Converter::gas_k)),
+        ] {
+            assert!((stated / made - 1.0).abs() < 1e-3, "{stated} for {made}");
+        }
+    }
+
+    /// 2 % of eight conversions of 4095, at either end.
+    #[test]
+    fn a_fiftieth_of_the_range_is_a_rail_at_either_end() {
+        for (code, rail) in [
+            (0, true),
+            (654, true),
+            (655, false),
+            (16_000, false),
+            (32_105, false),
+            (32_106, true),
+            (32_760, true),
+        ] {
+            assert_eq!(at_rail(AdcCode(code)), rail, "{code}");
+        }
+    }
+
+    /// 512, 1536, 2560 and 3584, each eight times in a row.
+    #[test]
+    fn four_codes_are_wide() {
+        let wide: Vec<u16> = (0..=CODE_MAX).filter(|&code| is_wide(AdcCode(code))).collect();
+        assert_eq!(wide, [4096, 12_288, 20_480, 28_672]);
+    }
 }

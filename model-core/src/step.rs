@@ -239,6 +239,7 @@ mod tests {
     /// The first telemetry after the sensors have been judged.
     fn judged(core: &mut Core, sample: &Sample) -> Telemetry {
         core::iter::repeat_with(|| core.step(sample))
+            .take(1000)
             .find(|telemetry| telemetry.mode != Mode::Judging)
             .unwrap()
     }
@@ -246,7 +247,7 @@ mod tests {
     #[test]
     fn a_start_judges_the_sensors_before_it_counts() {
         let mut core = core_with(HALF);
-        let judging = (0..).map(|_| core.step(&HEALTHY)).take_while(|telemetry| {
+        let judging = (0..1000).map(|_| core.step(&HEALTHY)).take_while(|telemetry| {
             assert_eq!(telemetry.step, 0);
             let judging = telemetry.mode == Mode::Judging;
             assert_eq!(judging, telemetry.command == Command::VENT);
@@ -321,5 +322,202 @@ mod tests {
         let commands = [17, 18, 19, 20].map(|_| core.step(&HEALTHY).command);
         assert_eq!(commands[..3], [Command::VENT; 3], "the period of step 10 goes on");
         assert_ne!(commands[3], Command::VENT, "step 20 begins a period");
+    }
+
+    const CLOSED: SetPoint = SetPoint::Duty { inlet: 0.0, outlet: 0.0 };
+
+    /// A core with this configuration and set point that has judged such samples.
+    fn judged_core(config: &Config, set_point: SetPoint, sample: &Sample) -> Core {
+        let mut core = Core::new(config).unwrap();
+        core.set(set_point).unwrap();
+        for _ in 1..crate::supervisor::JUDGING_STEPS {
+            core.step(sample);
+        }
+        core
+    }
+
+    /// The openings that a sample has seen are those of the step before, and what a pulse moves after
+    /// its duty comes for one PWM period. An estimator that is told so by hand says the same.
+    #[test]
+    fn the_estimator_is_told_of_the_openings_that_a_sample_has_seen() {
+        let start = Sample::new(AdcCode(11_538), AdcCode(16_200), AdcCode(20_500));
+        let mut core = judged_core(&Config::default(), HALF, &start);
+        let mut estimator = Estimator::new(&Config::default());
+        for step in 0..300_u16 {
+            // Each acts from the next multiple of ten on.
+            match step {
+                95 | 195 => core.set(CLOSED).unwrap(),
+                145 => core.set(SetPoint::Duty { inlet: 0.0, outlet: 0.5 }).unwrap(),
+                _ => {}
+            }
+            // It fills, halts in a code that is too wide, rests, and empties.
+            let filled = 150 + step.min(50) + step.clamp(60, 100) - 60 - step.clamp(150, 200);
+            let wide_length = (20..25).contains(&step);
+            let (gas_lost, pressure_lost) = ((30..35).contains(&step), (70..73).contains(&step));
+            let sample = Sample::new(
+                AdcCode(if pressure_lost { 0 } else { 11_538 + 15 * filled }),
+                AdcCode(if gas_lost { 0 } else { 16_200 + step }),
+                AdcCode(if wide_length { 20_480 } else { 20_500 - step % 3 }),
+            );
+            let telemetry = core.step(&sample);
+            estimator.step(&Measurement {
+                pressure_pa: (!pressure_lost).then_some(telemetry.pressure_pa),
+                length_m: telemetry.length_m,
+                wide_pressure: (50..=60).contains(&step) || step == 190,
+                wide_length,
+                gas: (!gas_lost).then_some(sample.gas),
+                openings: Openings {
+                    turned: [1, 101, 151, 201].contains(&step),
+                    driven: (0..=100).contains(&step) || (151..=200).contains(&step),
+                    charging: (1..=110).contains(&step),
+                    discharging: (0..=10).contains(&step) || (151..=210).contains(&step),
+                },
+            });
+            assert_eq!(telemetry.estimate, estimator.estimate(), "step {step}");
+        }
+    }
+
+    /// A pulse counts as filling for the period after its duty: in the 61st step with a standing
+    /// code that is one too few, in the 60th it is enough.
+    #[test]
+    fn a_code_that_stands_still_while_the_inlet_passes_gas_is_frozen() {
+        let frozen_after = |driven_steps: u16| {
+            let mut core = judged_core(&Config::default(), HALF, &HEALTHY);
+            (0..200_u16).find(|&step| {
+                if step == driven_steps {
+                    core.vent();
+                }
+                core.step(&HEALTHY).faults.intersects(Faults::PRESSURE_SENSOR)
+            })
+        };
+        let whole = crate::supervisor::FROZEN_STEPS;
+        assert_eq!(frozen_after(200), Some(whole), "driven for long");
+        assert_eq!(frozen_after(whole - 10), Some(whole), "the pulse's end included");
+        assert_eq!(frozen_after(whole - 11), None, "one step less");
+    }
+
+    #[test]
+    fn what_is_asked_to_vent_vents_in_the_middle_of_a_period() {
+        let mut core = judged_core(&Config::default(), HALF, &HEALTHY);
+        for _ in 0..3 {
+            assert_ne!(core.step(&HEALTHY).command, Command::VENT);
+        }
+        core.vent();
+        assert_eq!(core.step(&HEALTHY).command, Command::VENT);
+        assert_eq!(core.step(&HEALTHY).mode, Mode::Vent);
+    }
+
+    #[test]
+    fn while_a_fault_vents_nothing_else_is_taken() {
+        let mut core = judged_core(&Config::default(), HALF, &HEALTHY);
+        core.step(&Sample { emergency_stop: true, ..HEALTHY });
+        let refused = Err(SetPointError::Faults(Faults::EMERGENCY_STOP));
+        assert_eq!(core.set(HALF), refused);
+        assert_eq!(core.set(SetPoint::Vent), Ok(()));
+        core.clear_faults();
+        assert_eq!(core.set(HALF), refused, "the line is still open");
+        core.step(&HEALTHY);
+        core.clear_faults();
+        assert_eq!(core.step(&HEALTHY).command, Command::VENT, "nothing moves by itself");
+        assert_eq!(core.set(HALF), Ok(()));
+    }
+
+    #[test]
+    fn what_vented_before_the_board_restarted_vents_after_it() {
+        let mut before = judged_core(&Config::default(), HALF, &HEALTHY);
+        before.step(&Sample { emergency_stop: true, ..HEALTHY });
+        let first = before.supervisor().first_failure().unwrap();
+        let mut core = core_with(HALF);
+        core.recall(first, before.supervisor().latched());
+        assert_eq!(judged(&mut core, &HEALTHY).command, Command::VENT);
+        assert_eq!(core.supervisor().first_failure(), Some(first));
+    }
+
+    #[test]
+    fn a_board_that_nobody_has_configured_vents() {
+        let mut core = Core::unconfigured().unwrap();
+        let telemetry = judged(&mut core, &HEALTHY);
+        assert_eq!((telemetry.command, telemetry.faults), (Command::VENT, Faults::NOT_CONFIGURED));
+        assert_eq!(core.set(HALF), Err(SetPointError::Faults(Faults::NOT_CONFIGURED)));
+        core.restart_as(core_with(HALF));
+        assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
+    }
+
+    /// 2.5 bar at 0.27 m.
+    const INFLATED: Sample = Sample::new(AdcCode(12_688), AdcCode(15_950), AdcCode(21_545));
+
+    /// Without its sensor the length is the one at which the muscle pulls its load, the one at which it
+    /// is held, or what there is of it.
+    #[test]
+    fn a_lost_length_is_that_of_the_load() {
+        let config = Config::default();
+        let lost = Sample { length: AdcCode(0), ..INFLATED };
+        let length_m = |config: &Config, sample: &Sample| {
+            let mut core = Core::new(config).unwrap();
+            let telemetry = core.step(sample);
+            (telemetry.pressure_pa, telemetry.length_m)
+        };
+        let (pressure_pa, free_m) = length_m(&config, &lost);
+        let Shape::Muscle(geometry) = Shape::new(&config.body) else { panic!("a muscle") };
+        let force_n = geometry.force_n(pressure_pa - 101_325.0, free_m);
+        assert!((force_n - 100.0).abs() < 0.1, "{force_n} N at {free_m} m");
+        assert!((length_m(&config, &INFLATED).1 - 0.27).abs() < 5e-4, "measured");
+        let held = Config { load: Load::Isometric { length_m: 0.25 }, ..config };
+        assert_eq!(length_m(&held, &lost).1, 0.25);
+        let body = crate::config::Body::Vessel { section_m2: 0.01, surface_m2: 0.1 };
+        assert_eq!(length_m(&Config { body, ..config }, &lost).1, 1.0e-6, "no less than that");
+    }
+
+    #[test]
+    fn a_pressure_that_climbs_while_both_valves_are_shut_vents() {
+        let mut core = judged_core(&Config::default(), CLOSED, &INFLATED);
+        let faults: Vec<_> = (0..600_u16)
+            .map(|step| {
+                let pressure = AdcCode(12_688 + 10 * step);
+                core.step(&Sample { pressure, ..INFLATED }).faults
+            })
+            .collect();
+        // 2 % of the pressure in every 20 ms, 1/k of it more gas.
+        let found = faults.iter().position(|&faults| faults == Faults::GAS_GAINED);
+        assert!(found.is_some_and(|step| (300..600).contains(&step)), "{found:?}");
+        assert_eq!(core.step(&INFLATED).command, Command::VENT);
+    }
+
+    /// 6 bar would hold four times the load there; where the length is lost, it is made of the load.
+    #[test]
+    fn an_impossible_force_is_found_where_the_length_is_trusted() {
+        let strong = Sample { pressure: AdcCode(25_746), ..INFLATED };
+        let lost = Sample { length: AdcCode(0), ..strong };
+        for (sample, found) in [(strong, true), (lost, false)] {
+            let mut core = judged_core(&Config::default(), CLOSED, &sample);
+            let force = (0..3000).any(|_| core.step(&sample).faults.intersects(Faults::FORCE));
+            assert_eq!(force, found, "length code {:?}", sample.length);
+        }
+    }
+
+    #[test]
+    fn a_gas_sensor_that_contradicts_the_model_is_shown_and_vents_nothing() {
+        let mut core = judged_core(&Config::default(), CLOSED, &INFLATED);
+        // 16 K warmer from one step to the next, though nothing happens.
+        for (gas, shown) in [(15_950, false), (23_950, true)] {
+            let faults = (0..3000_u16).map(|step| {
+                let gas = AdcCode(gas + step % 2);
+                let telemetry = core.step(&Sample { gas, ..INFLATED });
+                assert_eq!(telemetry.command, Command::CLOSED);
+                telemetry.faults
+            });
+            let seen = faults.fold(Faults::NONE, Faults::with);
+            assert_eq!(seen == Faults::GAS_SENSOR, shown, "{seen}");
+        }
+    }
+
+    #[test]
+    fn a_silent_host_vents_what_it_drives() {
+        let silent = Sample { heard: false, ..HEALTHY };
+        for (set_point, after) in [(CLOSED, Some(499)), (SetPoint::Vent, None)] {
+            let mut core = judged_core(&Config::default(), set_point, &HEALTHY);
+            let lost = (0..2000).find(|_| core.step(&silent).faults == Faults::LINK_LOST);
+            assert_eq!(lost, after, "{set_point:?}");
+        }
     }
 }

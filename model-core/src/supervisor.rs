@@ -482,4 +482,64 @@ mod tests {
         }
         assert!(supervisor.pressure_trusted() && must_vent(&supervisor));
     }
+
+    /// To and fro by a share of the range at every step: what a step changes changes by twice that.
+    #[test]
+    fn a_jerk_is_two_percent_of_the_range() {
+        let faults_at = |percent: f32| {
+            let swing = (f32::from(CODE_MAX) * percent / 100.0) as u16;
+            let mut supervisor = judged();
+            for step in 0..200 {
+                let by = swing * (step % 2);
+                let sample =
+                    Sample::new(AdcCode(10_000 + by), AdcCode(16_000 + by), AdcCode(20_000 + by));
+                supervisor.step(&sample, 2.0e5, IDLE);
+            }
+            supervisor.faults()
+        };
+        let every = Faults::PRESSURE_SENSOR.with(Faults::GAS_SENSOR).with(Faults::LENGTH_SENSOR);
+        assert_eq!([0.95, 1.05].map(faults_at), [Faults::NONE, every]);
+    }
+
+    /// A board that was late for long is late for a hundred steps more, and no longer.
+    #[test]
+    fn lateness_is_forgotten_after_a_hundred_steps_in_time() {
+        for (steps, late) in [(95, true), (105, false)] {
+            let mut supervisor = judged();
+            for _ in 0..10 {
+                supervisor.step(&Sample { missed_steps: 255, ..HEALTHY }, 2.0e5, IDLE);
+            }
+            stand(&mut supervisor, &HEALTHY, steps, false);
+            supervisor.clear();
+            assert_eq!(must_vent(&supervisor), late, "after {steps} steps");
+        }
+    }
+
+    /// A restart takes the limits of the new configuration, and gives the host its time anew.
+    #[test]
+    fn a_restart_takes_the_new_limits() {
+        let pressure_limit_pa = 3.0e5;
+        let lower = Config { pressure_limit_pa, link_timeout_s: 0.3, ..Config::default() };
+        let restarted = judged().after_restart(&Supervisor::new(&lower, true));
+        let mut supervisor = restarted;
+        for _ in 0..PATIENCE_STEPS {
+            supervisor.step(&HEALTHY, 3.0e5, IDLE);
+        }
+        assert_eq!(supervisor.faults(), Faults::NONE, "at the limit");
+        for _ in 0..PATIENCE_STEPS {
+            supervisor.step(&HEALTHY, 3.01e5, IDLE);
+        }
+        assert_eq!(supervisor.faults(), Faults::OVERPRESSURE);
+        let silent = Sample { heard: false, ..HEALTHY };
+        let driven = Activity { driven: true, ..IDLE };
+        let mut supervisor = restarted;
+        for _ in 0..2 {
+            for _ in 1..300 {
+                assert_eq!(supervisor.step(&silent, 2.0e5, driven), Faults::NONE);
+            }
+            let again = supervisor.after_restart(&Supervisor::new(&lower, true));
+            assert_eq!(supervisor.step(&silent, 2.0e5, driven), Faults::LINK_LOST);
+            supervisor = again;
+        }
+    }
 }

@@ -281,4 +281,125 @@ mod tests {
         assert!(!drive.saturated());
         assert_eq!(drive.in_flight_kg(), 0.0);
     }
+
+    const MUSCLE: Reservoir = Reservoir { pressure_pa: 3.0e5, temperature_k: 298.0 };
+
+    /// Mass that the open inlet, and the open outlet, pass in one period of 10 ms \[kg\].
+    fn full_kg() -> (f32, f32) {
+        let config = Config::default();
+        let flow = |up_pa, down_pa| config.valve.mass_flow_kg_s(&config.gas, up_pa, 298.0, down_pa);
+        (0.01 * flow(7.0e5, 3.0e5), 0.01 * flow(3.0e5, 101_325.0))
+    }
+
+    /// Both ways: mass of a pulse in shares of an open period, and whether it is more than that.
+    #[test]
+    fn more_than_an_open_valve_passes_is_marked() {
+        let config = Config::default();
+        let (inlet_kg, outlet_kg) = full_kg();
+        for full_kg in [inlet_kg, -outlet_kg] {
+            let mut drive = FlowDrive::new(&config);
+            for (share, saturated) in [(0.5, false), (1.5, true), (0.98, false), (1.02, true)] {
+                let command = drive.mass(&config, share * full_kg, MUSCLE);
+                assert_eq!(drive.saturated(), saturated, "{share} of {full_kg} kg");
+                let open = if full_kg > 0.0 { command.inlet } else { command.outlet };
+                assert_eq!(open == Duty::FULL, saturated);
+            }
+            drive.closed();
+            assert!(!drive.saturated());
+            // The other valve has to wait for the end of that pulse, and is asked too much all the same.
+            drive.mass(&config, 1.5 * full_kg, MUSCLE);
+            assert_eq!(drive.mass(&config, -10.0 * full_kg, MUSCLE), Command::CLOSED);
+            assert!(drive.saturated());
+        }
+    }
+
+    /// A valve that closes within its period lets the other one open in the next; one that does not
+    /// makes it wait for one period, whoever drove it.
+    #[test]
+    fn after_a_pulse_to_the_end_of_its_period_the_other_valve_waits_for_one() {
+        let config = Config::default();
+        let (inlet_kg, outlet_kg) = full_kg();
+        let fill = Command { inlet: Duty::FULL, outlet: Duty::ZERO };
+        for (mass_kg, back_kg, direct) in
+            [(inlet_kg, -0.5 * outlet_kg, fill), (-outlet_kg, 0.5 * inlet_kg, Command::VENT)]
+        {
+            let mut drive = FlowDrive::new(&config);
+            let mut waits = |before: &dyn Fn(&mut FlowDrive)| {
+                before(&mut drive);
+                let [first, second] = [(); 2].map(|()| drive.mass(&config, back_kg, MUSCLE));
+                assert_ne!(second, Command::CLOSED);
+                first == Command::CLOSED
+            };
+            // It takes 2 ms to close.
+            assert!(!waits(&|drive| _ = drive.mass(&config, 0.79 * mass_kg, MUSCLE)));
+            assert!(waits(&|drive| _ = drive.mass(&config, 0.82 * mass_kg, MUSCLE)));
+            assert!(waits(&|drive| _ = drive.direct(direct)));
+            assert!(!waits(&|drive| _ = drive.direct(Command::CLOSED)));
+            assert!(!waits(&|drive| {
+                drive.direct(direct);
+                drive.closed();
+            }));
+        }
+    }
+
+    /// Flow that no valve passes is owed for two periods of an open one; another set point owes none.
+    #[test]
+    fn what_cannot_be_moved_is_owed_for_two_periods() {
+        let config = Config::default();
+        let (inlet_kg, outlet_kg) = full_kg();
+        for flow_kg_s in [1000.0 * inlet_kg, -1000.0 * outlet_kg] {
+            let mut drive = FlowDrive::new(&config);
+            for _ in 0..10 {
+                drive.flow(&config, flow_kg_s, MUSCLE);
+            }
+            let owed = [(); 3].map(|()| drive.flow(&config, 0.0, MUSCLE));
+            let open = if flow_kg_s > 0.0 { owed.map(|c| c.inlet) } else { owed.map(|c| c.outlet) };
+            assert_eq!(open[0], Duty::FULL);
+            assert!(
+                open[1] > Duty::from_share(0.99) && open[2] < Duty::from_share(0.1),
+                "{open:?}"
+            );
+            drive.flow(&config, flow_kg_s, MUSCLE);
+            drive.reset();
+            assert_eq!(drive.flow(&config, 0.0, MUSCLE), Command::CLOSED, "forgotten");
+        }
+    }
+
+    /// A poppet of 2 ms opens half a millisecond's worth in a pulse of one, the shortest.
+    #[test]
+    fn a_mass_that_is_too_little_for_a_pulse_is_not_moved() {
+        let config = Config::default();
+        let (inlet_kg, outlet_kg) = full_kg();
+        for full_kg in [inlet_kg, -outlet_kg] {
+            let mut drive = FlowDrive::new(&config);
+            assert_eq!(drive.mass(&config, 0.049 * full_kg, MUSCLE), Command::CLOSED);
+            let command = drive.mass(&config, 0.051 * full_kg, MUSCLE);
+            let pulse_s = 0.01 * command.inlet.max(command.outlet).share();
+            assert!((0.001..0.00102).contains(&pulse_s), "{pulse_s} s");
+            assert_eq!(drive.in_flight_kg(), 0.0);
+        }
+    }
+
+    #[test]
+    fn where_no_pressure_drives_it_no_valve_opens() {
+        let config = Config::default();
+        for (pressure_pa, mass_kg) in [(7.0e5, 1.0e-5), (101_325.0, -1.0e-5)] {
+            let mut drive = FlowDrive::new(&config);
+            let muscle = Reservoir { pressure_pa, ..MUSCLE };
+            assert_eq!(drive.mass(&config, mass_kg, muscle), Command::CLOSED);
+            assert_eq!(drive.mass(&config, 0.0, muscle), Command::CLOSED);
+        }
+    }
+
+    #[test]
+    fn what_leaves_after_its_period_is_in_flight_too() {
+        let config = Config::default();
+        let (_, outlet_kg) = full_kg();
+        let mut drive = FlowDrive::new(&config);
+        drive.mass(&config, -1.0, MUSCLE);
+        // 2 ms of the 10 that are in a period, outwards.
+        assert!((drive.in_flight_kg() / (-0.2 * outlet_kg) - 1.0).abs() < 1e-4);
+        drive.direct(Command::VENT);
+        assert_eq!(drive.in_flight_kg(), 0.0, "not known");
+    }
 }

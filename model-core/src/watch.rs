@@ -140,7 +140,8 @@ impl Watch {
         let outlet_s = core::mem::take(&mut self.outlet_ticks) as f32 * limits.tick_s;
         let Balance { gained, pressure_pa, mass_kg } = *balance;
         let driven = inlet_s > 0.0 || outlet_s > 0.0;
-        let shut = !driven && !core::mem::replace(&mut self.driven_before, driven);
+        let driven_before = core::mem::replace(&mut self.driven_before, driven);
+        let shut = !driven && !driven_before;
         self.lost_per_s -= RATE_SHARE * (gained / limits.window_s + self.lost_per_s);
 
         // Open for that long at least, and so much of the gas passes for each pascal \[1/Pa\].
@@ -241,5 +242,293 @@ impl Watch {
             found = found.with(Faults::LEAK);
         }
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MASS_KG: f32 = 6.0e-4;
+    const PRESSURE_PA: f32 = 3.0e5;
+    const LENGTH_M: f32 = 0.27;
+    /// Windows after which nothing more is to be expected.
+    const FOREVER: u32 = 20_000;
+
+    fn inlet(share: f32) -> Command {
+        Command { inlet: Duty::from_share(share), outlet: Duty::ZERO }
+    }
+
+    fn outlet(share: f32) -> Command {
+        Command { inlet: Duty::ZERO, outlet: Duty::from_share(share) }
+    }
+
+    fn gas(gained: f32, pressure_pa: f32) -> Balance {
+        Balance { gained, pressure_pa, mass_kg: MASS_KG }
+    }
+
+    /// A watch and what it looks at.
+    struct Bench {
+        shape: Shape,
+        watch: Watch,
+    }
+
+    impl Bench {
+        fn new(config: &Config) -> Self {
+            Self { shape: Shape::new(&config.body), watch: Watch::new(config) }
+        }
+
+        fn nominal() -> Self {
+            Self::new(&Config::default())
+        }
+
+        fn window(&mut self, command: Command, balance: Balance, length_m: Option<f32>) -> Faults {
+            for _ in 0..INTERVAL_STEPS {
+                self.watch.drive(command);
+            }
+            self.watch.add(&self.shape, &balance, length_m)
+        }
+
+        /// Windows until something is found, and what.
+        fn finds(&mut self, command: Command, balance: Balance) -> Option<(u32, Faults)> {
+            (1..FOREVER).find_map(|count| {
+                let found = self.window(command, balance, None);
+                (found != Faults::NONE).then_some((count, found))
+            })
+        }
+    }
+
+    /// Windows in which a share per window comes to what trips, less what is forgotten.
+    fn windows_to_trip(share: f32) -> u32 {
+        let forgotten = FORGOTTEN_PER_S * WINDOW_S;
+        (TRIP / (share - forgotten)).ceil() as u32
+    }
+
+    /// Twenty steps of a millisecond.
+    const WINDOW_S: f32 = 0.02;
+
+    fn close(found: Option<(u32, Faults)>, windows: u32, fault: Faults) {
+        let (count, faults) = found.unwrap();
+        assert_eq!(faults, fault);
+        let rounding = 1 + windows / 200;
+        assert!(count.abs_diff(windows) <= rounding, "{count} windows, expected {windows}");
+    }
+
+    #[test]
+    fn gas_that_comes_while_shut_is_found_and_counted_anew() {
+        let mut bench = Bench::nominal();
+        let share = 0.02;
+        // What the last pulse moves after its end falls into the first window that is shut.
+        for _ in 0..100 {
+            assert_eq!(bench.window(inlet(0.9), gas(0.2, PRESSURE_PA), None), Faults::NONE);
+            assert_eq!(bench.window(Command::CLOSED, gas(0.2, PRESSURE_PA), None), Faults::NONE);
+        }
+        for _ in 0..3 {
+            let found = bench.finds(Command::CLOSED, gas(share, PRESSURE_PA));
+            close(found, windows_to_trip(share), Faults::GAS_GAINED);
+        }
+    }
+
+    #[test]
+    fn a_slow_loss_is_shown_as_a_leak_and_a_fast_one_is_a_burst() {
+        let share = BURST_PER_S * WINDOW_S;
+        let mut bench = Bench::nominal();
+        let slow = gas(-0.8 * share, PRESSURE_PA);
+        close(bench.finds(Command::CLOSED, slow), 1 + windows_to_trip(0.8 * share), Faults::LEAK);
+        let shown = (1..FOREVER)
+            .take_while(|_| {
+                bench.window(Command::CLOSED, gas(0.0, PRESSURE_PA), None) == Faults::LEAK
+            })
+            .count();
+        assert!(shown.abs_diff(SHOWN_WINDOWS.into()) <= 2, "{shown} windows");
+        let fast = gas(-1.3 * share, PRESSURE_PA);
+        let found = Bench::nominal().finds(Command::CLOSED, fast);
+        close(found, 1 + windows_to_trip(1.3 * share), Faults::BURST);
+    }
+
+    /// A muscle that warms and cools over minutes neither leaks nor gains; twice as much does.
+    #[test]
+    fn what_drifts_more_slowly_than_is_forgotten_is_not_found() {
+        let forgotten = FORGOTTEN_PER_S * WINDOW_S;
+        for (sign, fault) in [(1.0, Faults::GAS_GAINED), (-1.0, Faults::LEAK)] {
+            let share = |times: f32| gas(sign * times * forgotten, PRESSURE_PA);
+            assert_eq!(Bench::nominal().finds(Command::CLOSED, share(0.9)), None);
+            let found = Bench::nominal().finds(Command::CLOSED, share(2.0));
+            close(found, 1 + windows_to_trip(2.0 * forgotten), fault);
+        }
+    }
+
+    /// Share of the gas in a window that an open valve must pass, however wrong its conductance is
+    /// believed, for so long and from or to so much pressure.
+    fn due(open_s: f32, over_pa: f32) -> f32 {
+        let config = Config::default();
+        // 4e-9 m3/(s Pa) of air of 1.1884 kg/m3.
+        assert_eq!(config.valve.conductance_m3_s_pa, 4.0e-9);
+        4.0e-9 * 1.1884 / WRONG * open_s * over_pa / MASS_KG
+    }
+
+    #[test]
+    fn an_inlet_that_passes_nothing_is_found_the_later_the_shorter_it_is_driven() {
+        let over_pa = SUPPLY * 7.0e5 - PRESSURE_PA;
+        for share in [1.0, 0.5, 0.3] {
+            let due = due(share * WINDOW_S - PULSE_S, over_pa);
+            let nothing = gas(0.0, PRESSURE_PA);
+            let found = Bench::nominal().finds(inlet(share), nothing);
+            close(found, windows_to_trip(due), Faults::NO_INFLOW);
+            let half = Bench::nominal().finds(inlet(share), gas(0.5 * due, PRESSURE_PA));
+            close(half, windows_to_trip(0.5 * due), Faults::NO_INFLOW);
+            assert_eq!(Bench::nominal().finds(inlet(share), gas(due, PRESSURE_PA)), None);
+        }
+        let too_short = inlet(0.9 * PULSE_S / WINDOW_S);
+        assert_eq!(Bench::nominal().finds(too_short, gas(0.0, PRESSURE_PA)), None);
+        let full = gas(0.0, 1.01 * SUPPLY * 7.0e5);
+        assert_eq!(Bench::nominal().finds(inlet(1.0), full), None, "the supply gives no more");
+    }
+
+    #[test]
+    fn an_outlet_that_passes_nothing_is_found_until_the_muscle_is_empty() {
+        let ambient_pa = 101_325.0;
+        for (share, pressure_pa) in [(1.0, PRESSURE_PA), (0.4, PRESSURE_PA), (1.0, 1.3e5)] {
+            let due = due(share * WINDOW_S - PULSE_S, pressure_pa - ambient_pa);
+            let found = Bench::nominal().finds(outlet(share), gas(0.0, pressure_pa));
+            close(found, windows_to_trip(due), Faults::NO_OUTFLOW);
+            let half = Bench::nominal().finds(outlet(share), gas(-0.5 * due, pressure_pa));
+            close(half, windows_to_trip(0.5 * due), Faults::NO_OUTFLOW);
+            assert_eq!(Bench::nominal().finds(outlet(share), gas(-due, pressure_pa)), None);
+        }
+        let empty = gas(0.0, 0.99 * EMPTY * ambient_pa);
+        assert_eq!(Bench::nominal().finds(Command::VENT, empty), None);
+    }
+
+    /// Found once, then counted anew; a muscle that bursts while it is filled gets gas and keeps none.
+    #[test]
+    fn a_loss_while_filling_is_a_burst() {
+        let mut bench = Bench::nominal();
+        let due = due(WINDOW_S - PULSE_S, SUPPLY * 7.0e5 - PRESSURE_PA);
+        for _ in 0..3 {
+            let found = bench.finds(inlet(1.0), gas(0.0, PRESSURE_PA));
+            close(found, windows_to_trip(due), Faults::NO_INFLOW);
+        }
+        let share = 1.5 * BURST_PER_S * WINDOW_S;
+        let found = Bench::nominal().finds(inlet(1.0), gas(-share, PRESSURE_PA));
+        close(found, windows_to_trip(due + share), Faults::BURST);
+    }
+
+    /// Where PWM periods do not go into a window whole, one of its pulses may fall into the next.
+    #[test]
+    fn a_pulse_that_may_fall_into_the_next_window_is_not_counted() {
+        let mut config = Config::default();
+        config.drive.period_steps = 7;
+        let over_pa = SUPPLY * 7.0e5 - PRESSURE_PA;
+        for (share, open_s) in [(0.8, 0.8 * WINDOW_S - PULSE_S - 0.007), (1.0, WINDOW_S - PULSE_S)]
+        {
+            let found = Bench::new(&config).finds(inlet(share), gas(0.0, PRESSURE_PA));
+            close(found, windows_to_trip(due(open_s, over_pa)), Faults::NO_INFLOW);
+        }
+    }
+
+    /// Both valves open: what comes and goes is anybody's guess.
+    #[test]
+    fn nothing_is_concluded_while_both_valves_are_driven() {
+        let both = Command { inlet: Duty::FULL, outlet: Duty::FULL };
+        for gained in [-0.1, 0.0, 0.1] {
+            assert_eq!(Bench::nominal().finds(both, gas(gained, PRESSURE_PA)), None);
+        }
+    }
+
+    /// A muscle at rest with this load, gauge pressure and length: windows until its force is found
+    /// impossible.
+    fn force_found(load_n: f32, gauge_pa: f32, length_m: f32) -> Option<u32> {
+        let load = Load::Isotonic { force_n: load_n };
+        let mut bench = Bench::new(&Config { load, ..Config::default() });
+        let balance = gas(0.0, 101_325.0 + gauge_pa);
+        (1..2000).find(|_| {
+            let found = bench.window(Command::CLOSED, balance, Some(length_m));
+            assert!(found == Faults::NONE || found == Faults::FORCE);
+            found == Faults::FORCE
+        })
+    }
+
+    #[test]
+    fn a_force_is_impossible_beyond_three_times_the_load_or_below_a_third_of_it() {
+        let Shape::Muscle(geometry) = Shape::new(&Config::default().body) else { unreachable!() };
+        let gauge_pa = 3.0e5;
+        let force_n = geometry.force_n(gauge_pa, LENGTH_M);
+        // Friction of 15 N either way, and what the law is wrong by.
+        let tolerance_n = 2.0 * 15.0 + LAW * geometry.force_n(gauge_pa, 0.3);
+        let least_n = (force_n - tolerance_n) / WRONG;
+        let most_n = (force_n + tolerance_n) * WRONG;
+        let windows = Some(u32::from(IMPOSSIBLE_WINDOWS) + 2);
+        assert_eq!(force_found(0.98 * least_n, gauge_pa, LENGTH_M), windows);
+        for load_n in [1.02 * least_n, force_n, 0.98 * most_n] {
+            assert_eq!(force_found(load_n, gauge_pa, LENGTH_M), None, "{load_n} N");
+        }
+        assert_eq!(force_found(1.02 * most_n, gauge_pa, LENGTH_M), windows);
+    }
+
+    /// On its stops the load says nothing: 100 mbar do not hold 300 N, and need not there.
+    #[test]
+    fn the_force_on_a_stop_is_not_judged() {
+        let Shape::Muscle(geometry) = Shape::new(&Config::default().body) else { unreachable!() };
+        let margin_m = NEAR_STOP * 0.3;
+        for (stop_m, inwards) in [(geometry.shortest_m(), 1.0), (0.3, -1.0)] {
+            let at =
+                |margins: f32| force_found(300.0, 1.0e4, stop_m + inwards * margins * margin_m);
+            assert_eq!([at(0.0), at(0.9)], [None; 2], "at {stop_m} m");
+            assert!(at(1.1).is_some(), "near {stop_m} m");
+        }
+    }
+
+    #[test]
+    fn a_force_is_judged_at_rest_and_not_in_motion() {
+        for (share, found) in [(1.1, false), (0.9, true)] {
+            let mut bench = Bench::nominal();
+            let step_m = share * AT_REST * 0.3;
+            let judged = (0..1000_u16).any(|window| {
+                let there_m = LENGTH_M + step_m * f32::from(window % 2);
+                let balance = gas(0.0, 6.0e5);
+                bench.window(Command::CLOSED, balance, Some(there_m)) == Faults::FORCE
+            });
+            assert_eq!(judged, found, "{share} of what counts as rest");
+        }
+    }
+
+    /// An impossible force has to last: what is possible in between counts against it, and a length
+    /// that is not trusted starts anew.
+    #[test]
+    fn an_impossible_force_has_to_last() {
+        let found_after = |between: u16, length_m: Option<f32>, pressure_pa: f32| {
+            let mut bench = Bench::nominal();
+            let mut windows = |count: u16, length_m, pressure_pa| {
+                (0..count)
+                    .map(|_| bench.window(Command::CLOSED, gas(0.0, pressure_pa), length_m))
+                    .filter(|&found| found == Faults::FORCE)
+                    .count()
+            };
+            // The first one has moved there.
+            assert_eq!(windows(1 + IMPOSSIBLE_WINDOWS, Some(LENGTH_M), 6.0e5), 0);
+            assert_eq!(windows(between, length_m, pressure_pa), 0);
+            assert_eq!(windows(between, Some(LENGTH_M), 6.0e5), 0);
+            windows(1, Some(LENGTH_M), 6.0e5)
+        };
+        assert_eq!(found_after(20, Some(LENGTH_M), 2.0e5), 1, "possible for as long");
+        assert_eq!(found_after(20, Some(0.2999), 6.0e5), 0, "there, and back again");
+        assert_eq!(found_after(20, None, 6.0e5), 0, "without a length it starts anew");
+    }
+
+    #[test]
+    fn what_does_not_move_has_no_force_to_judge() {
+        let vessel = crate::config::Body::Vessel { section_m2: 0.01, surface_m2: 0.1 };
+        let held = Load::Isometric { length_m: LENGTH_M };
+        for config in [
+            Config { body: vessel, ..Config::default() },
+            Config { load: held, ..Config::default() },
+        ] {
+            let mut bench = Bench::new(&config);
+            for _ in 0..1000 {
+                let found = bench.window(Command::CLOSED, gas(0.0, 6.0e5), Some(LENGTH_M));
+                assert_eq!(found, Faults::NONE);
+            }
+        }
     }
 }

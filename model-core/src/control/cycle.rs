@@ -102,18 +102,7 @@ mod tests {
                 starts_kg.push(mass_kg);
                 strokes_begun += 1;
             }
-            let port = Port {
-                period_s: 0.01,
-                pwm_hz: 100.0,
-                pressure_pa: mass_kg * 287.05 * 298.0 / VOLUME_M3,
-                volume_m3: VOLUME_M3,
-                in_flight_kg: 0.0,
-                saturated: false,
-                inflow_k: 298.0,
-                gas_k: 298.0,
-                per_k: 1.0 / 1.4,
-                gas_constant_j_kg_k: 287.05,
-            };
+            let port = port(mass_kg, 0.0);
             let steps = if period == 0 { 0 } else { 10 };
             mass_kg += moved_kg(cycle.period(strokes, &port, steps, 10));
             most_kg = most_kg.max(mass_kg);
@@ -158,5 +147,58 @@ mod tests {
     fn the_phase_stays_within_the_period() {
         assert_eq!([3, 10, 19, 20, 1_234_567].map(|phase| wrapped(phase, 10)), [3, 0, 9, 0, 7]);
         assert_eq!(wrapped(5, 0), 0);
+    }
+
+    /// 1 mg a period in and out, a stroke of ten periods each way, 0.2 g at its start.
+    const STROKES: Strokes = Strokes { flow_kg_s: 1.0e-4, period_s: 0.2, step_s: 0.001 };
+
+    /// A port behind which there is so much gas.
+    fn port(mass_kg: f32, in_flight_kg: f32) -> Port {
+        Port {
+            period_s: 0.01,
+            pwm_hz: 100.0,
+            pressure_pa: mass_kg * 287.05 * 298.0 / VOLUME_M3,
+            volume_m3: VOLUME_M3,
+            in_flight_kg,
+            saturated: false,
+            inflow_k: 298.0,
+            gas_k: 298.0,
+            per_k: 1.0 / 1.4,
+            gas_constant_j_kg_k: 287.05,
+        }
+    }
+
+    /// The first period after so many steps, with so much gas more than at the start \[mg\].
+    fn first_mg(steps: u32, more_mg: f32, in_flight_mg: f32) -> f32 {
+        let port = port(2.0e-4 + more_mg * 1.0e-6, in_flight_mg * 1.0e-6);
+        1.0e6 * Cycle::new(2.0e-4).period(&STROKES, &port, steps, 10)
+    }
+
+    /// What is off the reference is closed by half; what is in flight counts as there.
+    #[test]
+    fn a_period_moves_its_flow_and_half_of_what_is_missing() {
+        for (steps, more_mg, in_flight_mg, expected_mg) in [
+            (0, 0.0, 0.0, 1.0),
+            (0, -1.0, 0.0, 1.5),
+            (0, 1.0, 0.0, 0.5),
+            (0, -1.0, 0.4, 1.3),
+            (50, 5.0, 0.0, 1.0),
+            (100, 10.0, 0.0, -1.0),
+            (150, 4.0, 0.0, -0.5),
+            (150, 5.0, -0.4, -0.8),
+            (190, 1.0, 0.0, -1.0),
+            (200, 0.0, 0.0, 1.0),
+            (450, 5.0, 0.0, 1.0),
+            // The turn in the middle of the period: in, and out again.
+            (95, 9.5, 0.0, 0.0),
+        ] {
+            let mg = first_mg(steps, more_mg, in_flight_mg);
+            assert!((mg - expected_mg).abs() < 1e-2, "step {steps}, {more_mg} mg: {mg} mg");
+        }
+    }
+
+    #[test]
+    fn a_stroke_never_goes_the_other_way() {
+        assert_eq!([first_mg(0, 50.0, 0.0), first_mg(150, -50.0, 0.0)], [0.0; 2]);
     }
 }

@@ -556,4 +556,74 @@ mod tests {
         assert!(change_m3 > 1.0e-6, "it contracts");
         assert!((rate * port.period_s / 5_000.0 - 1.0).abs() < 1e-3, "{rate} Pa/s");
     }
+
+    /// The cycle of 0.2 s turns every ten PWM periods, on a muscle whose gas follows it.
+    #[test]
+    fn a_cycle_turns_in_the_middle_and_at_the_end_of_its_period() {
+        let config = Config::default();
+        let mut controller = Controller::new(&config);
+        set(&mut controller, SetPoint::MassFlowCycle { flow_kg_s: 1.0e-3, period_s: 0.2 });
+        let volume_m3 = controller.shape.volume_m3(LENGTH_M);
+        for period in 0..60_u16 {
+            let phase = period % 20;
+            let moved_kg = 1.0e-5 * f32::from(phase.min(20 - phase));
+            let pressure_pa = 3.0e5 + moved_kg * 287.05 * 298.0 / volume_m3;
+            let command = periods(&mut controller, &config, 1, feedback(pressure_pa, LENGTH_M));
+            let (fills, empties) = (command.inlet > Duty::ZERO, command.outlet > Duty::ZERO);
+            assert_eq!((fills, empties), (phase < 10, phase >= 10), "period {period}");
+        }
+    }
+
+    /// A piston in a cylinder of 0.01 m2 that gives way by a millimetre takes 10 ml more.
+    #[test]
+    fn a_volume_that_grows_is_filled_up() {
+        let body = crate::config::Body::Vessel { section_m2: 0.01, surface_m2: 0.1 };
+        let config = Config { body, ..Config::default() };
+        let mut controller = Controller::new(&config);
+        let at = |length_m| feedback(3.0e5, length_m);
+        assert_eq!(controller.volume_change_m3(&at(0.3)), 0.0, "nothing to compare with");
+        periods(&mut controller, &config, 1, at(0.3));
+        for (length_m, expected_m3) in [(0.301, 1.0e-5), (0.298, -2.0e-5)] {
+            let change_m3 = controller.volume_change_m3(&at(length_m));
+            assert!((change_m3 / expected_m3 - 1.0).abs() < 1e-3, "{change_m3} m3");
+        }
+        let muscle = Controller::new(&Config::default());
+        assert_eq!(muscle.volume_change_m3(&at(0.3)), 0.0);
+    }
+
+    /// What comes in has the supply's temperature, what leaves the gas's: warm gas takes less of it.
+    #[test]
+    fn gas_passes_the_port_at_the_temperature_it_comes_with() {
+        let mut config = Config::default();
+        config.supply.temperature_k = 280.0;
+        let controller = Controller::new(&config);
+        let mut now = feedback(3.0e5, LENGTH_M);
+        now.estimate.gas_k = 330.0;
+        let port = controller.port(&config, &now);
+        let energy_j = port.volume_m3 * 1.0e4 / 1.4;
+        for (change_pa, port_k) in [(1.0e4, 280.0), (-1.0e4, 330.0)] {
+            let expected_kg = (change_pa / 1.0e4) * energy_j / (287.05 * port_k);
+            let mass_kg = port.mass_kg(change_pa, 0.0);
+            assert!((mass_kg / expected_kg - 1.0).abs() < 1e-4, "{mass_kg} kg");
+        }
+        let gas_kg = 3.0e5 * port.volume_m3 / (287.05 * 330.0);
+        assert!((port.gas_mass_kg() / gas_kg - 1.0).abs() < 1e-4);
+    }
+
+    /// One period brings no more than leads to the working limit, and says that it was asked more.
+    #[test]
+    fn a_period_brings_no_more_than_leads_to_the_working_limit() {
+        let config = Config::default();
+        let mut controller = Controller::new(&config);
+        let port =
+            controller.port(&config, &feedback(config.working_limit_pa() - 5000.0, LENGTH_M));
+        let room_kg = port.mass_kg(5000.0, 0.0);
+        for (wanted, brought, limited) in
+            [(-2.0, -2.0, false), (0.5, 0.5, false), (1.5, 1.0, true), (0.5, 0.5, true)]
+        {
+            let kg = controller.limited_kg(&port, wanted * room_kg);
+            assert!((kg / room_kg - brought).abs() < 1e-3, "{kg} kg");
+            assert_eq!(controller.limited(), limited, "limited stays until the next period");
+        }
+    }
 }

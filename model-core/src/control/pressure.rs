@@ -75,3 +75,124 @@ impl PressureLoop {
 const LEARNING_BAND: f32 = 0.05;
 /// Largest bias: the gas that this share of the pressure is, per second \[1/s\].
 const LARGEST_BIAS: f32 = 1.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::Estimate;
+
+    /// 0.18 l of air at 298 K: what a pascal of it weighs is eq. (6) without motion \[kg/Pa\].
+    const VOLUME_M3: f32 = 1.8e-4;
+    const KG_PER_PA: f32 = VOLUME_M3 / (1.4 * 287.05 * 298.0);
+    /// A period of 10 ms closes that much of an error, the loop's time being 14 ms.
+    const GAIN: f32 = 0.01 / 0.014;
+
+    fn feedback(pressure_pa: f32) -> Feedback {
+        Feedback { pressure_pa, length_m: 0.27, estimate: Estimate::default() }
+    }
+
+    fn port(pressure_pa: f32) -> Port {
+        Port {
+            period_s: 0.01,
+            pwm_hz: 100.0,
+            pressure_pa,
+            volume_m3: VOLUME_M3,
+            in_flight_kg: 0.0,
+            saturated: false,
+            inflow_k: 298.0,
+            gas_k: 298.0,
+            per_k: 1.0 / 1.4,
+            gas_constant_j_kg_k: 287.05,
+        }
+    }
+
+    /// What a period at this pressure moves \[Pa\] for a set point.
+    fn moved_pa(active: &mut PressureLoop, port: &Port, set_point_pa: f32) -> Option<f32> {
+        active
+            .period(&Config::default(), &feedback(port.pressure_pa), port, 0.0, set_point_pa)
+            .map(|kg| kg / KG_PER_PA)
+    }
+
+    fn close(moved_pa: Option<f32>, expected_pa: f32) {
+        let moved_pa = moved_pa.unwrap();
+        assert!((moved_pa - expected_pa).abs() < 20.0, "{moved_pa} Pa, expected {expected_pa}");
+    }
+
+    /// Beyond a twentieth of the pressure, or with the valve fully open, nothing is learnt.
+    #[test]
+    fn a_period_closes_its_share_of_the_error() {
+        let started = PressureLoop::new(&feedback(3.0e5));
+        for error_pa in [-4.0e4, -1.6e4, 1.6e4, 4.0e4] {
+            close(moved_pa(&mut started.clone(), &port(3.0e5), 3.0e5 + error_pa), GAIN * error_pa);
+        }
+        let saturated = Port { saturated: true, ..port(3.0e5) };
+        let mut active = started;
+        for _ in 0..10 {
+            close(moved_pa(&mut active, &saturated, 3.1e5), GAIN * 1.0e4);
+        }
+        let in_flight = Port { in_flight_kg: 3000.0 * KG_PER_PA, ..port(3.0e5) };
+        close(moved_pa(&mut started.clone(), &in_flight, 3.2e5), GAIN * 2.0e4 - 3000.0);
+        assert!(moved_pa(&mut started.clone(), &in_flight, 3.0e5).is_some(), "no rest in flight");
+        // What the volume has grown by is filled up: k P dV/V.
+        let moved_kg = started.clone().period(
+            &Config::default(),
+            &feedback(3.0e5),
+            &port(3.0e5),
+            1.8e-6,
+            3.2e5,
+        );
+        close(moved_kg.map(|kg| kg / KG_PER_PA), GAIN * 2.0e4 + 1.4 * 3.0e5 * 0.01);
+    }
+
+    /// A leak: the error stays, and in every period the loop adds its share over the reset time, up to
+    /// the gas that there is per second.
+    #[test]
+    fn a_lasting_error_is_learnt_up_to_a_limit() {
+        for error_pa in [-1.4e4, 1.4e4] {
+            let mut active = PressureLoop::new(&feedback(3.0e5));
+            let learnt_pa = GAIN * error_pa * 0.01 / 0.3;
+            for periods in [1.0, 2.0, 3.0] {
+                let moved_pa = moved_pa(&mut active, &port(3.0e5), 3.0e5 + error_pa);
+                close(moved_pa, GAIN * error_pa + periods * learnt_pa);
+            }
+            for _ in 0..100 {
+                moved_pa(&mut active, &port(3.0e5), 3.0e5 + error_pa);
+            }
+            let most_pa = 3.0e5 * 0.01 * error_pa.signum();
+            close(moved_pa(&mut active, &port(3.0e5), 3.0e5 + error_pa), GAIN * error_pa + most_pa);
+        }
+    }
+
+    /// 1e7 Pa/s are 1 bar in a period; it goes neither below the ambient pressure nor above the limit.
+    #[test]
+    fn the_set_point_is_approached_at_its_rate_and_within_its_bounds() {
+        for (start_pa, goal_pa, ways_pa) in [
+            (3.0e5, 5.5e5, [1.0e5, 2.0e5, 2.5e5]),
+            (5.5e5, 3.0e5, [-1.0e5, -2.0e5, -2.5e5]),
+            (2.0e5, 0.0, [101_325.0 - 2.0e5; 3]),
+            (6.2e5, 9.0e5, [689_500.0 - 6.2e5; 3]),
+        ] {
+            let mut active = PressureLoop::new(&feedback(start_pa));
+            for way_pa in ways_pa {
+                close(moved_pa(&mut active, &port(start_pa), goal_pa), GAIN * way_pa);
+            }
+        }
+    }
+
+    /// It rests once it is within half of its dead zone of 15 mbar, and acts again beyond the whole.
+    #[test]
+    fn a_set_point_that_moves_is_followed_within_the_dead_zone_too() {
+        let mut active = PressureLoop::new(&feedback(3.0e5));
+        assert_eq!(moved_pa(&mut active, &port(3.0e5), 3.0e5), None);
+        assert!(active.holding());
+        assert!(moved_pa(&mut active, &port(3.0e5), 3.005e5).is_some(), "it has moved");
+        assert!(!active.holding());
+        assert_eq!(moved_pa(&mut active, &port(3.0e5), 3.005e5), None);
+        for (pressure_pa, holds) in
+            [(2.9905e5, true), (2.9895e5, false), (2.997e5, false), (2.998e5, true)]
+        {
+            moved_pa(&mut active, &port(pressure_pa), 3.005e5);
+            assert_eq!(active.holding(), holds, "at {pressure_pa} Pa");
+        }
+    }
+}

@@ -230,12 +230,31 @@ mod tests {
         }
     }
 
+    /// The ends of a range are within it.
+    #[test]
+    fn what_lies_at_the_end_of_its_range_is_taken() {
+        let config = Config::default();
+        for pressure_pa in [0.0, config.pressure_limit_pa] {
+            let target = Target::new(&SetPoint::Pressure { pressure_pa }, &config).unwrap();
+            assert_eq!(target.wanted(), Wanted::Pressure { pressure_pa });
+        }
+        // From 300 mm at rest to b/sqrt(3) = 188.2 mm.
+        assert!((largest_contraction(&config) - 0.3728).abs() < 1e-4);
+        let key = |field: SetPointField| field.key();
+        let keys =
+            [SetPointField::Inlet, SetPointField::Period, SetPointField::Contraction].map(key);
+        assert_eq!(keys, ["inlet", "period_s", "contraction"]);
+    }
+
     #[test]
     fn a_refusal_says_what_is_allowed() {
         let set_point = SetPoint::Pressure { pressure_pa: 7.0e5 };
         let error = Target::new(&set_point, &Config::default()).unwrap_err();
         let text = std::string::ToString::to_string(&error);
         assert_eq!(text, "pressure_pa = 700000: must be from 0 to 689500");
+        let faults = Faults::EMERGENCY_STOP.with(Faults::LINK_LOST);
+        let text = std::string::ToString::to_string(&SetPointError::Faults(faults));
+        assert_eq!(text, "vents until this is cleared: emergency stop, link lost");
     }
 
     proptest! {
