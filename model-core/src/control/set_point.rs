@@ -236,7 +236,7 @@ mod tests {
         let config = Config::default();
         for pressure_pa in [0.0, config.pressure_limit_pa] {
             let target = Target::new(&SetPoint::Pressure { pressure_pa }, &config).unwrap();
-            assert_eq!(target.wanted(), Wanted::Pressure { pressure_pa });
+            assert_eq!(target.set_point(), SetPoint::Pressure { pressure_pa });
         }
         // From 300 mm at rest to b/sqrt(3) = 188.2 mm.
         assert!((largest_contraction(&config) - 0.3728).abs() < 1e-4);
