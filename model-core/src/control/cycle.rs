@@ -13,9 +13,10 @@
 use super::port::Port;
 use crate::math::limit;
 
-/// Share of an error of the mass that one PWM period closes: what a pulse moves after its end shows one
-/// period later, and with half of the error that does not ring.
-const CLOSES: f32 = 0.5;
+/// Share of an error of the mass that one PWM period closes. More would follow the noise of the mass, and
+/// a pulse that changes makes the estimator begin another line; less would let a pulse that moves too
+/// much carry a stroke further.
+const CLOSES: f32 = 0.2;
 /// Time is counted in these parts of a step, so that no rounding adds up.
 const PARTS: f32 = 65_536.0;
 const PART_BITS: u32 = 16;
