@@ -69,7 +69,6 @@ impl Core {
         *self = Self {
             supervisor: self.supervisor.after_restart(&other.supervisor),
             inlet_steps: self.inlet_steps,
-            outlet_steps: self.outlet_steps,
             ..other
         };
     }
@@ -350,8 +349,8 @@ mod tests {
                 145 => core.set(SetPoint::Duty { inlet: 0.0, outlet: 0.5 }).unwrap(),
                 _ => {}
             }
-            // It fills, halts in a code that is too wide, rests, and empties.
-            let filled = 150 + step.min(50) + step.clamp(60, 100) - 60 - step.clamp(150, 200);
+            // It fills, halts in a code that is too wide, rests, and empties down to that code.
+            let filled = 150 + step.min(50) + step.clamp(60, 100) - 60 - step.clamp(150, 190);
             let wide_length = (20..25).contains(&step);
             let (gas_lost, pressure_lost) = ((30..35).contains(&step), (70..73).contains(&step));
             let sample = Sample::new(
@@ -363,7 +362,7 @@ mod tests {
             estimator.step(&Measurement {
                 pressure_pa: (!pressure_lost).then_some(telemetry.pressure_pa),
                 length_m: telemetry.length_m,
-                wide_pressure: (50..=60).contains(&step) || step == 190,
+                wide_pressure: (50..=60).contains(&step) || step >= 190,
                 wide_length,
                 gas: (!gas_lost).then_some(sample.gas),
                 openings: Openings {
@@ -394,6 +393,22 @@ mod tests {
         assert_eq!(frozen_after(200), Some(whole), "driven for long");
         assert_eq!(frozen_after(whole - 10), Some(whole), "the pulse's end included");
         assert_eq!(frozen_after(whole - 11), None, "one step less");
+    }
+
+    /// Nor does a restart end a pulse that is still to end, here one of a slow PWM.
+    #[test]
+    fn a_restart_does_not_forget_a_pulse_that_still_ends() {
+        let mut config = Config::default();
+        config.drive.period_steps = 100;
+        let mut core = judged_core(&config, HALF, &HEALTHY);
+        for _ in 0..10 {
+            core.step(&HEALTHY);
+        }
+        core.restart_as(Core::new(&config).unwrap());
+        let frozen = (10..500)
+            .find(|_| core.step(&HEALTHY).faults.intersects(Faults::PRESSURE_SENSOR))
+            .unwrap();
+        assert_eq!(frozen, crate::supervisor::FROZEN_STEPS);
     }
 
     #[test]

@@ -458,6 +458,40 @@ mod tests {
         assert_eq!(decoder.malformed(), 1);
     }
 
+    /// Up to the longest that a frame holds with its checksum, whatever COBS makes of the bytes.
+    #[test]
+    fn every_length_arrives_or_is_refused() {
+        type Bytes = heapless::Vec<u8, 600>;
+        for byte in [0, 1, 255] {
+            for length in 0..600 {
+                let mut bytes = Bytes::new();
+                bytes.resize(length, byte).unwrap();
+                // The length itself goes before it, in seven bits a byte.
+                let payload = length + if length < 128 { 1 } else { 2 };
+                let Ok(frame) = encode(&bytes) else {
+                    assert!(payload + 4 > 508, "{length} bytes refused");
+                    continue;
+                };
+                assert!(payload + 4 <= 508 && frame.len() <= MAX_FRAME, "{length} bytes taken");
+                assert_eq!(decode_all::<Bytes>(&mut Decoder::new(), &frame), [bytes]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_refusal_says_why() {
+        let refused = crate::control::SetPoint::Pressure { pressure_pa: -1.0 };
+        let error = crate::control::Target::new(&refused, &Config::default()).unwrap_err();
+        for (refusal, text) in [
+            (error.into(), "pressure_pa = -1: must be from 0 to 689500"),
+            (Refusal::Step { board_us: 1000 }, "the board's step is 1000 us"),
+        ] {
+            assert_eq!(std::string::ToString::to_string(&refusal), text);
+        }
+        let config = Config { step_s: 0.0, ..Config::default() };
+        assert_eq!(Refusal::from(config.check().unwrap_err()), Refusal::Config);
+    }
+
     proptest! {
         #[test]
         fn telemetry_arrives_to_the_bit(

@@ -296,3 +296,296 @@ fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
     let most_n = coulomb_n + absolute(way_n);
     if most_n > 0.0 { (friction_n + way_n) * coulomb_n / most_n } else { 0.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::Shape;
+    use crate::sample::Estimate;
+
+    const LENGTH_M: f32 = 0.27;
+    const PERIOD_S: f32 = 0.01;
+    const LOAD_N: f32 = 100.0;
+    const AMBIENT_PA: f32 = 101_325.0;
+
+    fn muscle() -> Geometry {
+        let Shape::Muscle(geometry) = Shape::new(&Config::default().body) else {
+            panic!("a muscle")
+        };
+        geometry
+    }
+
+    fn feedback(pressure_pa: f32, length_m: f32) -> Feedback {
+        Feedback { pressure_pa, length_m, estimate: Estimate::default() }
+    }
+
+    fn port(feedback: &Feedback) -> Port {
+        Port {
+            period_s: PERIOD_S,
+            pwm_hz: 1.0 / PERIOD_S,
+            pressure_pa: feedback.pressure_pa,
+            volume_m3: muscle().volume_m3(feedback.length_m),
+            in_flight_kg: 0.0,
+            saturated: false,
+            inflow_k: 298.0,
+            gas_k: 298.0,
+            per_k: 1.0 / 1.4,
+            gas_constant_j_kg_k: 287.05,
+        }
+    }
+
+    /// Absolute pressure at which the muscle pulls so much at [`LENGTH_M`].
+    fn pressure_pa(force_n: f32) -> f32 {
+        AMBIENT_PA + muscle().gauge_pressure_for_force_pa(force_n, LENGTH_M)
+    }
+
+    fn started(config: &Config, feedback: &Feedback) -> ContractionLoop {
+        let gains = Gains::new(&config.controller, PERIOD_S);
+        ContractionLoop::new(config, &gains, &muscle(), feedback, LOAD_N, 1.0)
+    }
+
+    fn wanted(length_m: f32) -> Contracting {
+        let contraction = (0.3 - length_m) / 0.3;
+        Contracting { contraction, load_n: LOAD_N, softening: 1.0, most_pa: 6.6e5 }
+    }
+
+    /// A reference at rest at 0.25 m, and its next values for these targets.
+    fn references(targets_m: impl Iterator<Item = f32>) -> Vec<Reference> {
+        let config = Config::default();
+        let gains = Gains::new(&config.controller, PERIOD_S);
+        let mut reference = Reference::at(&muscle(), 0.25);
+        let port = port(&feedback(3.0e5, 0.25));
+        targets_m
+            .map(|target_m| {
+                reference.advance(&config.controller, &gains, &muscle(), target_m, &port);
+                reference
+            })
+            .collect()
+    }
+
+    /// Both poles of backward Euler lie at r = 1/(1 + w T): the error is (1 + n (1 - r)) r^n of the step.
+    #[test]
+    fn a_small_step_is_followed_critically_damped() {
+        let r = 1.0 / (1.0 + 90.0 * PERIOD_S);
+        for step_m in [-3.0e-3_f32, 3.0e-3] {
+            for (n, reference) in (1..).zip(references([0.25 + step_m; 20].into_iter())) {
+                let error = (0.25 + step_m - reference.length_m) / step_m;
+                let expected = (1.0 + n as f32 * (1.0 - r)) * r.powi(n);
+                assert!((error - expected).abs() < 1e-3, "{error} after {n} periods");
+                assert_eq!(reference.volume_m3, muscle().volume_m3(reference.length_m));
+            }
+        }
+    }
+
+    /// Slower than the rate limit, a set point is led to where it will be at the end of the period.
+    #[test]
+    fn a_ramp_is_followed_without_lag() {
+        for speed_m_s in [-0.1_f32, 0.1] {
+            let target_m = |period: u16| 0.25 + speed_m_s * PERIOD_S * f32::from(period);
+            let references = references((1..=40).map(target_m));
+            let last = references.last().unwrap();
+            assert!((last.length_m - target_m(41)).abs() < 1e-5, "{} m", last.length_m);
+            assert!((last.speed_m_s - speed_m_s).abs() < 1e-4);
+            assert!(last.acceleration_m_s2.abs() < 1e-2);
+        }
+    }
+
+    /// 30/s2 and 0.7/s of 0.3 m: at most 9 m/s2 while it gains speed, at most 0.21 m/s, and not past
+    /// its target.
+    #[test]
+    fn a_large_step_is_followed_at_the_limits_of_speed_and_acceleration() {
+        for step_m in [-0.05_f32, 0.05] {
+            let references = references([0.25 + step_m; 60].into_iter());
+            let sign = step_m.signum();
+            for (reference, (speed_m_s, acceleration_m_s2)) in
+                references.iter().zip([(0.09, 9.0), (0.18, 9.0), (0.21, 3.0), (0.21, 0.0)])
+            {
+                assert!((sign * reference.speed_m_s - speed_m_s).abs() < 1e-4);
+                assert!((sign * reference.acceleration_m_s2 - acceleration_m_s2).abs() < 1e-2);
+            }
+            let past_m = |reference: &Reference| sign * (reference.length_m - 0.25 - step_m);
+            assert!(references.iter().all(|reference| past_m(reference) < 1e-5));
+            assert!(past_m(references.last().unwrap()).abs() < 1e-5);
+        }
+    }
+
+    /// Each way of a tenth of F/k leaves 1/1.1 of what friction lacks of the Coulomb force.
+    #[test]
+    fn friction_builds_up_along_the_way() {
+        for way_n in [-1.5, 1.5_f32] {
+            let mut friction_n = 0.0;
+            for n in 1..60 {
+                friction_n = slide(friction_n, way_n, 15.0);
+                let expected_n = way_n.signum() * 15.0 * (1.0 - 1.1_f32.powi(-n));
+                assert!((friction_n - expected_n).abs() < 1e-3, "{friction_n} N, {expected_n} N");
+            }
+            let turned_n = slide(friction_n, -way_n, 15.0);
+            assert!((turned_n / friction_n - 0.9 / 1.1).abs() < 1e-2, "{turned_n} N after a turn");
+        }
+        assert_eq!([slide(0.0, 0.0, 0.0), slide(5.0, 1.0, 0.0)], [0.0; 2], "no friction at all");
+    }
+
+    /// 1.03 times 15 N of friction explain a measured force that is none of the load; a learnt load, up to
+    /// its limit, the rest. On the stop the load is unknown.
+    #[test]
+    fn a_start_takes_the_measured_force_for_the_one_wanted() {
+        let mut config = Config::default();
+        config.controller.load_limit_n = 30.0;
+        for (force_n, friction_n, trim_n) in [
+            (100.0, 0.0, 0.0),
+            (110.0, 10.0, 0.0),
+            (90.0, -10.0, 0.0),
+            (140.0, 15.45, 24.55),
+            (60.0, -15.45, -24.55),
+            (200.0, 15.45, 30.0),
+            (20.0, -15.45, -30.0),
+        ] {
+            let now = feedback(pressure_pa(force_n), LENGTH_M);
+            let active = started(&config, &now);
+            assert!((active.friction_n - friction_n).abs() < 0.05, "{force_n} N: {active:?}");
+            assert!((active.trim_n - trim_n).abs() < 0.05, "{force_n} N: {active:?}");
+            assert_eq!(active.pressure_pa, now.pressure_pa);
+        }
+        for (length_m, learns) in [(0.3, false), (0.2998, false), (0.2996, true)] {
+            let active = started(&config, &feedback(AMBIENT_PA + 2.0e5, length_m));
+            assert_eq!(active.trim_n > 0.0, learns, "at {length_m} m");
+        }
+    }
+
+    /// Mass \[kg\] for a change of pressure and of volume, eq. (6) in f64.
+    fn mass_kg(now: &Feedback, change_pa: f32, change_m3: f32) -> f64 {
+        let [volume_m3, change_pa, change_m3, pressure_pa] =
+            [muscle().volume_m3(now.length_m), change_pa, change_m3, now.pressure_pa]
+                .map(f64::from);
+        (volume_m3 * change_pa / 1.4 + pressure_pa * change_m3) / (287.05 * 298.0)
+    }
+
+    fn close(kg: f32, expected_kg: f64) {
+        let off_kg = f64::from(kg) - expected_kg;
+        assert!(off_kg.abs() < 5e-3 * expected_kg.abs() + 2e-9, "{kg} kg, expected {expected_kg}");
+    }
+
+    /// On a muscle that follows at once: each period moves what the next state has more, until the
+    /// muscle is where it should be and pulls its load and friction.
+    #[test]
+    fn the_gas_of_the_reference_is_what_is_moved() {
+        let config = Config::default();
+        for (goal_m, friction_n) in [(0.25, 15.45), (0.28, -15.45)] {
+            let mut now = feedback(pressure_pa(LOAD_N), LENGTH_M);
+            let mut active = started(&config, &now);
+            for _ in 0..60 {
+                let asked = active.period(&config, &muscle(), &now, &port(&now), &wanted(goal_m));
+                let Some(kg) = asked else { break };
+                let change_m3 = active.reference.volume_m3 - muscle().volume_m3(now.length_m);
+                // It is ahead of what is measured where the speed changes: damping.
+                let change_pa = active.pressure_pa - now.pressure_pa;
+                if active.reference.acceleration_m_s2.abs() < 1e-3 {
+                    close(kg, mass_kg(&now, change_pa, change_m3));
+                }
+                now = feedback(active.pressure_pa, active.reference.length_m);
+            }
+            assert!(active.holding(), "{active:?}");
+            assert!((now.length_m - goal_m).abs() < 5e-4, "{} m", now.length_m);
+            let force_n = muscle().force_n(now.pressure_pa - AMBIENT_PA, now.length_m);
+            assert!((force_n - LOAD_N - friction_n).abs() < 0.5, "{force_n} N");
+        }
+    }
+
+    /// Pressure and length that are off at rest: 10 of 14 ms of the gas that is missing, with the length
+    /// taken where it will be 10 ms later, less what the last pulse still moves.
+    #[test]
+    fn missing_gas_is_closed_by_its_share() {
+        let mut config = Config::default();
+        config.controller.load_gain_n_m_s = 0.0;
+        let balance = feedback(pressure_pa(LOAD_N), LENGTH_M);
+        let gain = 0.01 / 0.014_f32;
+        for (off_pa, off_m, in_flight_kg) in [
+            (1.0e4, 0.0, 0.0),
+            (-1.0e4, 0.0, 0.0),
+            (0.0, 4.0e-4, 0.0),
+            (0.0, -4.0e-4, 0.0),
+            (-1.0e4, 0.0, 3.0e-6),
+        ] {
+            let mut active = started(&config, &balance);
+            let now = feedback(balance.pressure_pa + off_pa, LENGTH_M + off_m);
+            let port = Port { in_flight_kg, ..port(&now) };
+            let kg = active.period(&config, &muscle(), &now, &port, &wanted(LENGTH_M)).unwrap();
+            let missing_m3 = 2.0 * (muscle().volume_m3(LENGTH_M) - port.volume_m3);
+            let expected_kg = mass_kg(&now, -gain * off_pa, gain * missing_m3);
+            let off_kg = f64::from(kg + in_flight_kg) - expected_kg;
+            assert!(off_kg.abs() < 0.02 * expected_kg.abs(), "{kg} kg, expected {expected_kg}");
+        }
+    }
+
+    /// Load learnt in one period from an error of length at rest \[N\].
+    fn learnt_n(config: &Config, error_m: f32, saturated: bool, goal_m: f32) -> f32 {
+        let mut active = started(config, &feedback(pressure_pa(LOAD_N), LENGTH_M));
+        let now = feedback(pressure_pa(LOAD_N), LENGTH_M + error_m);
+        // Once under way.
+        if goal_m != LENGTH_M {
+            active.reference.target_m = goal_m;
+            active.reference.speed_m_s = -0.1;
+        }
+        let before_n = active.trim_n;
+        let port = Port { saturated, ..port(&now) };
+        active.period(config, &muscle(), &now, &port, &wanted(goal_m));
+        active.trim_n - before_n
+    }
+
+    /// 40 kN/(m s) over 10 ms: 0.4 N for a millimetre. Beyond the dead zone of 0.45 mm a muscle at rest
+    /// sticks, and counts 0.9 mm more; more than 1.5 mm is not learnt from.
+    #[test]
+    fn the_load_is_learnt_from_the_error_of_length() {
+        let config = Config::default();
+        for sign in [-1.0, 1.0] {
+            for (error_m, expected_n) in
+                [(0.3e-3, 0.12), (0.44e-3, 0.176), (0.5e-3, 0.56), (1.0e-3, 0.6), (9.0e-3, 0.6)]
+            {
+                let trim_n = sign * learnt_n(&config, sign * error_m, false, LENGTH_M);
+                assert!((trim_n - expected_n).abs() < 5e-3, "{error_m} m: {trim_n} N");
+                assert_eq!(learnt_n(&config, sign * error_m, true, LENGTH_M), 0.0, "saturated");
+            }
+            let moving_n = sign * learnt_n(&config, sign * 1.0e-3, false, 0.25);
+            assert!((moving_n - 0.4).abs() < 5e-3, "under way it does not stick: {moving_n} N");
+            let mut little = config;
+            little.controller.load_limit_n = 0.3;
+            let trim_n = sign * learnt_n(&little, sign * 9.0e-3, false, LENGTH_M);
+            assert!((trim_n - 0.3).abs() < 5e-3, "{trim_n} N");
+        }
+    }
+
+    /// Friction against the motion, softened; viscous friction with the speed; the mass with the
+    /// acceleration: a muscle that starts to contract has to pull more for each.
+    #[test]
+    fn the_pressure_is_that_of_load_friction_speed_and_acceleration() {
+        let mut config = Config::default();
+        config.controller.viscous_n_s_m = 100.0;
+        config.controller.moving_mass_kg = 2.0;
+        for (goal_m, way) in [(0.22, 1.0), (0.29, -1.0)] {
+            let now = feedback(pressure_pa(LOAD_N), LENGTH_M);
+            let mut active = started(&config, &now);
+            let goal = Contracting { softening: 0.5, ..wanted(goal_m) };
+            active.period(&config, &muscle(), &now, &port(&now), &goal);
+            let Reference { length_m, .. } = active.reference;
+            let force_n = muscle().force_n(active.pressure_pa - AMBIENT_PA, length_m);
+            // 9 m/s2 for 10 ms are 0.09 m/s, and 0.9 mm of 100 kN/m.
+            let coulomb_n = 0.5 * 1.03 * 15.0;
+            let friction_n = 90.0 * coulomb_n / (coulomb_n + 90.0);
+            let expected_n = LOAD_N + way * (friction_n + 0.5 * 100.0 * 0.09 + 2.0 * 9.0);
+            assert!((force_n - expected_n).abs() < 0.3, "{force_n} N, expected {expected_n} N");
+        }
+    }
+
+    #[test]
+    fn what_needs_more_pressure_than_there_may_be_is_limited() {
+        let now = feedback(pressure_pa(LOAD_N), LENGTH_M);
+        for (off_pa, limited) in [(-2000.0, true), (2000.0, false)] {
+            let mut active = started(&Config::default(), &now);
+            let most_pa = now.pressure_pa + off_pa;
+            let goal = Contracting { most_pa, ..wanted(LENGTH_M) };
+            active.period(&Config::default(), &muscle(), &now, &port(&now), &goal);
+            assert_eq!(active.limited(), limited, "{off_pa} Pa");
+            assert!((active.pressure_pa - now.pressure_pa.min(most_pa)).abs() < 50.0);
+        }
+    }
+}

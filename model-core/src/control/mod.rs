@@ -593,7 +593,7 @@ mod tests {
 
     /// What comes in has the supply's temperature, what leaves the gas's: warm gas takes less of it.
     #[test]
-    fn gas_passes_the_port_at_the_temperature_it_comes_with() {
+    fn gas_passes_the_port_at_its_own_temperature() {
         let mut config = Config::default();
         config.supply.temperature_k = 280.0;
         let controller = Controller::new(&config);
@@ -606,6 +606,7 @@ mod tests {
             let mass_kg = port.mass_kg(change_pa, 0.0);
             assert!((mass_kg / expected_kg - 1.0).abs() < 1e-4, "{mass_kg} kg");
         }
+        assert!((port.period_s * 100.0 - 1.0).abs() < 1e-6 && (port.pwm_hz - 100.0).abs() < 1e-3);
         let gas_kg = 3.0e5 * port.volume_m3 / (287.05 * 330.0);
         assert!((port.gas_mass_kg() / gas_kg - 1.0).abs() < 1e-4);
     }
