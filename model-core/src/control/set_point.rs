@@ -2,6 +2,7 @@
 
 use crate::body::Shape;
 use crate::config::{Config, Load};
+use crate::math::absolute;
 use crate::sample::{Command, Duty, Faults};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,10 @@ const LEAST_PERIODS: f32 = 3.996;
 const LONGEST_CYCLE_S: f32 = 86_400.0;
 /// Largest mass flow \[kg/s\]: hundreds of times what the valves of a muscle pass.
 const LARGEST_FLOW_KG_S: f32 = 1.0;
+
+/// What is smaller is zero, in any unit: nothing that is worked out of a set point is so small that it
+/// would be zero only where a processor flushes subnormal numbers.
+const SMALLEST: f32 = 1.0e-20;
 
 /// What the core is asked to do. [`crate::Core::set`] says what it takes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
@@ -206,6 +211,7 @@ fn within(
     minimum: f32,
     maximum: f32,
 ) -> Result<f32, SetPointError> {
+    let value = if absolute(value) < SMALLEST { 0.0 } else { value };
     // Not a number fails both.
     if value >= minimum && value <= maximum {
         Ok(value)
@@ -248,6 +254,18 @@ mod tests {
         assert_eq!(refused(SetPoint::MassFlow { flow_kg_s: f32::NAN }).0, SetPointField::Flow);
         assert_eq!(refused(SetPoint::Duty { inlet: 1.01, outlet: 0.0 }).0, SetPointField::Inlet);
         assert_eq!(refused(SetPoint::Duty { inlet: 0.0, outlet: -0.1 }).0, SetPointField::Outlet);
+    }
+
+    #[test]
+    fn what_is_next_to_nothing_is_nothing() {
+        let taken =
+            |flow_kg_s| Target::new(&SetPoint::MassFlow { flow_kg_s }, &Config::default()).unwrap();
+        for flow_kg_s in [1.0e-40, -1.0e-40, f32::MIN_POSITIVE, -1.0e-21] {
+            assert_eq!(taken(flow_kg_s), taken(0.0));
+            let duty = SetPoint::Duty { inlet: flow_kg_s, outlet: 0.0 };
+            assert!(Target::new(&duty, &Config::default()).is_ok());
+        }
+        assert_ne!(taken(1.0e-19), taken(0.0));
     }
 
     #[test]
