@@ -151,6 +151,9 @@ pub enum Problem {
     /// A file that ends within a line: what it would have said cannot be known.
     #[error("the last line has no end: it may be cut")]
     CutLine,
+    /// Quotation marks without an end: what is within may be the rest of the file.
+    #[error("a quotation mark is not closed")]
+    OpenQuote,
     /// A row that is longer or shorter than the first line.
     #[error("{found} cells in this row: must be {expected}, one per column")]
     CellCount {

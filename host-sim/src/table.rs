@@ -113,6 +113,9 @@ impl Table {
             let line = lines.of_record(start);
             let added = match read {
                 Ok(false) => return Ok((table, None)),
+                Ok(true) if open_to_the_end(bytes, start, reader.position()) => {
+                    Err(Bad::Damage(Problem::OpenQuote))
+                }
                 Ok(true) if record.iter().all(str::is_empty) => continue,
                 Ok(true) if table.columns.is_empty() => {
                     table.add_header(&record).map_err(Bad::Value)
@@ -240,6 +243,13 @@ impl Table {
     }
 }
 
+/// Whether the record that begins at `start` ends only because the text does: within quotation marks.
+fn open_to_the_end(text: &[u8], start: usize, end: &csv::Position) -> bool {
+    let record = text.get(start..).unwrap_or_default();
+    end.byte() as usize >= text.len()
+        && record.iter().filter(|byte| **byte == b'"').count() % 2 == 1
+}
+
 /// Counts lines up to growing offsets.
 struct LineCounter<'a> {
     text: &'a [u8],
@@ -328,11 +338,9 @@ mod tests {
                 "t.csv:4: 1 cells in this row: must be 2, one per column",
             ),
             // A quotation mark that swallows the rest.
-            (
-                b"a,b\n1,2\n3,\"4\n5,6\n7,8\n",
-                1,
-                "t.csv:3: column b = 4\\n5,6\\n7,8: must be a finite number",
-            ),
+            (b"a,b\n1,2\n3,\"4\n5,6\n7,8\n", 1, "t.csv:3: a quotation mark is not closed"),
+            // What follows it may be cut.
+            (b"a,b\n1,2\n3,\"\n", 1, "t.csv:3: a quotation mark is not closed"),
         ] {
             let count = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
             let said = format!("{message}; read up to there: {count}");

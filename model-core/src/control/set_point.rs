@@ -2,6 +2,7 @@
 
 use crate::body::Shape;
 use crate::config::{Config, Load};
+use crate::math::absolute;
 use crate::sample::Faults;
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,10 @@ const LEAST_PERIODS: f32 = 3.996;
 const LONGEST_CYCLE_S: f32 = 86_400.0;
 /// Largest mass flow \[kg/s\]: hundreds of times what the valves of a muscle pass.
 const LARGEST_FLOW_KG_S: f32 = 1.0;
+
+/// What is smaller is zero, in any unit: nothing that is worked out of a set point is so small that it
+/// would be zero only where a processor flushes subnormal numbers.
+const SMALLEST: f32 = 1.0e-20;
 
 /// What the core is asked to do. [`crate::Core::set`] says what it takes.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
@@ -126,28 +131,29 @@ impl Target {
     /// [`SetPointError::Range`] names the first value that is none.
     pub fn new(set_point: &SetPoint, config: &Config) -> Result<Self, SetPointError> {
         use SetPointField::{Contraction, Flow, Inlet, Outlet, Period, Pressure};
-        match *set_point {
-            SetPoint::Vent => {}
-            SetPoint::Duty { inlet, outlet } => {
-                within(Inlet, inlet, 0.0, 1.0)?;
-                within(Outlet, outlet, 0.0, 1.0)?;
-            }
-            SetPoint::MassFlow { flow_kg_s } => {
-                within(Flow, flow_kg_s, -LARGEST_FLOW_KG_S, LARGEST_FLOW_KG_S)?;
-            }
+        Ok(Self(match *set_point {
+            SetPoint::Vent => SetPoint::Vent,
+            SetPoint::Duty { inlet, outlet } => SetPoint::Duty {
+                inlet: within(Inlet, inlet, 0.0, 1.0)?,
+                outlet: within(Outlet, outlet, 0.0, 1.0)?,
+            },
+            SetPoint::MassFlow { flow_kg_s } => SetPoint::MassFlow {
+                flow_kg_s: within(Flow, flow_kg_s, -LARGEST_FLOW_KG_S, LARGEST_FLOW_KG_S)?,
+            },
             SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
-                let pwm_period_s = f32::from(config.drive.period_steps) * config.step_s;
-                within(Flow, flow_kg_s, 0.0, LARGEST_FLOW_KG_S)?;
-                within(Period, period_s, LEAST_PERIODS * pwm_period_s, LONGEST_CYCLE_S)?;
+                let least_s = LEAST_PERIODS * f32::from(config.drive.period_steps) * config.step_s;
+                SetPoint::MassFlowCycle {
+                    flow_kg_s: within(Flow, flow_kg_s, 0.0, LARGEST_FLOW_KG_S)?,
+                    period_s: within(Period, period_s, least_s, LONGEST_CYCLE_S)?,
+                }
             }
-            SetPoint::Pressure { pressure_pa } => {
-                within(Pressure, pressure_pa, 0.0, config.pressure_limit_pa)?;
-            }
-            SetPoint::Contraction { contraction } => {
-                within(Contraction, contraction, 0.0, largest_contraction(config))?;
-            }
-        }
-        Ok(Self(*set_point))
+            SetPoint::Pressure { pressure_pa } => SetPoint::Pressure {
+                pressure_pa: within(Pressure, pressure_pa, 0.0, config.pressure_limit_pa)?,
+            },
+            SetPoint::Contraction { contraction } => SetPoint::Contraction {
+                contraction: within(Contraction, contraction, 0.0, largest_contraction(config))?,
+            },
+        }))
     }
 
     /// The set point.
@@ -172,10 +178,11 @@ fn within(
     value: f32,
     minimum: f32,
     maximum: f32,
-) -> Result<(), SetPointError> {
+) -> Result<f32, SetPointError> {
+    let value = if absolute(value) < SMALLEST { 0.0 } else { value };
     // Not a number fails both.
     if value >= minimum && value <= maximum {
-        Ok(())
+        Ok(value)
     } else {
         Err(SetPointError::Range { field, value, minimum, maximum })
     }
@@ -215,6 +222,18 @@ mod tests {
         assert_eq!(refused(SetPoint::MassFlow { flow_kg_s: f32::NAN }).0, SetPointField::Flow);
         assert_eq!(refused(SetPoint::Duty { inlet: 1.01, outlet: 0.0 }).0, SetPointField::Inlet);
         assert_eq!(refused(SetPoint::Duty { inlet: 0.0, outlet: -0.1 }).0, SetPointField::Outlet);
+    }
+
+    #[test]
+    fn what_is_next_to_nothing_is_nothing() {
+        let taken =
+            |flow_kg_s| Target::new(&SetPoint::MassFlow { flow_kg_s }, &Config::default()).unwrap();
+        for flow_kg_s in [1.0e-40, -1.0e-40, f32::MIN_POSITIVE, -1.0e-21] {
+            assert_eq!(taken(flow_kg_s), taken(0.0));
+            let duty = SetPoint::Duty { inlet: flow_kg_s, outlet: 0.0 };
+            assert!(Target::new(&duty, &Config::default()).is_ok());
+        }
+        assert_ne!(taken(1.0e-19), taken(0.0));
     }
 
     #[test]
