@@ -7,7 +7,7 @@ use crate::estimator::{Estimator, Measurement, Openings};
 use crate::front_end::{self, Converter};
 use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
 use crate::supervisor::{Activity, FirstFailure, Supervisor};
-use crate::watch::Watch;
+use crate::watch::{EMPTY, Watch};
 
 /// Model, estimator, controller and supervisor of one muscle.
 #[derive(Debug, Clone, PartialEq)]
@@ -120,9 +120,11 @@ impl Core {
     /// counts: step 0 is the first after it.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
+        let driven = self.controller.driven();
+        let full = pressure_pa > EMPTY * self.config.ambient.pressure_pa;
         let activity = Activity {
-            filling: self.inlet_steps > 0,
-            driven: self.controller.driven(),
+            flowing: self.inlet_steps > 0 || (self.outlet_steps > 0 && driven && full),
+            driven,
             step: self.step,
             found: core::mem::replace(&mut self.found, Faults::NONE),
         };

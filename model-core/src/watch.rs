@@ -12,9 +12,13 @@
 //! and what passes [`TRIP`] has another cause than heat:
 //!
 //! - *shut*: both valves are shut, and the gas grows more or less;
-//! - *no inflow*, *no outflow*: a valve is driven, and less than a third of what it must pass does.
+//! - *no inflow*, *no outflow*: a valve is driven, and less than a third of what it must pass does;
+//! - *fed*, *spilt*: a loop that makes up for a leak drives its valve in every period, and neither of the
+//!   others sees it. Pulses however short add up: gas that goes in and never comes to be there is lost,
+//!   gas that goes out and is not missed has come in elsewhere.
 //!
-//! The conductance may be wrong by a factor of three, a pulse by [`PULSE_S`], the supply by a tenth.
+//! The conductance may be wrong by a factor of three, a pulse by [`PULSE_S`], the supply by a tenth;
+//! where pulses are added up, both together by a factor of five.
 //! Drift of less than [`FORGOTTEN_PER_S`] is not told from what warms and cools with the day.
 //!
 //! And the force that pressure and length stand for is that of the load, give or take a factor of three
@@ -38,12 +42,14 @@ const BURST_PER_S: f32 = 1.0;
 const RATE_SHARE: f32 = 0.2;
 /// How wrong a believed conductance may be \[-\].
 const WRONG: f32 = 3.0;
+/// The same of a flow in pulses, however short \[-\].
+const WRONG_PULSES: f32 = 5.0;
 /// What a pulse opens a valve for may differ from its duty by so much \[s\].
 const PULSE_S: f32 = 0.004;
 /// Share of the believed supply that is there at least \[-\].
 const SUPPLY: f32 = 0.9;
 /// The muscle counts as empty up to this multiple of the ambient pressure \[-\].
-const EMPTY: f32 = 1.15;
+pub const EMPTY: f32 = 1.15;
 /// Windows for which a force must be impossible: a second at 1 kHz.
 const IMPOSSIBLE_WINDOWS: u16 = 50;
 /// Part of the rest length near either stop that is left out, and the way in a window that is no rest \[-\].
@@ -83,7 +89,11 @@ pub struct Watch {
     shut: f32,
     no_inflow: f32,
     no_outflow: f32,
+    fed: f32,
+    spilt: f32,
     lost_per_s: f32,
+    /// What is lost if the inlet gives what is believed \[1/s\].
+    spent_per_s: f32,
     length_m: f32,
     impossible_windows: u16,
     leak_windows: u16,
@@ -119,7 +129,10 @@ impl Watch {
             shut: 0.0,
             no_inflow: 0.0,
             no_outflow: 0.0,
+            fed: 0.0,
+            spilt: 0.0,
             lost_per_s: 0.0,
+            spent_per_s: 0.0,
             length_m: 0.0,
             impossible_windows: 0,
             leak_windows: 0,
@@ -133,11 +146,17 @@ impl Watch {
     }
 
     /// Takes the balance of one interval of the estimator; returns what it finds, each fault once but
-    /// for a leak, which is shown for a while. `length_m`: measured, `None` where it is not trusted.
+    /// for a leak, which is shown for a while. `length_m`: measured, `None` where it is not trusted, and
+    /// with it the volume: such an interval says nothing.
     pub fn add(&mut self, shape: &Shape, balance: &Balance, length_m: Option<f32>) -> Faults {
         let limits = self.limits;
         let inlet_s = core::mem::take(&mut self.inlet_ticks) as f32 * limits.tick_s;
         let outlet_s = core::mem::take(&mut self.outlet_ticks) as f32 * limits.tick_s;
+        let Some(length_m) = length_m else {
+            self.driven_before = true;
+            self.impossible_windows = 0;
+            return Faults::NONE;
+        };
         let Balance { gained, pressure_pa, mass_kg } = *balance;
         let driven = inlet_s > 0.0 || outlet_s > 0.0;
         let shut = !driven && !core::mem::replace(&mut self.driven_before, driven);
@@ -157,10 +176,17 @@ impl Watch {
         self.shut = if self.shut > 0.0 { fade(self.shut) } else { -fade(-self.shut) };
         self.no_inflow = fade(self.no_inflow);
         self.no_outflow = fade(self.no_outflow);
+        self.fed = fade(self.fed);
+        self.spilt = fade(self.spilt);
+        let believed = |driven_s: f32| driven_s * WRONG * limits.least_kg_s_pa / mass_kg;
+        let mut inflow = 0.0;
         match (inlet_s > 0.0, outlet_s > 0.0) {
             (true, false) => {
-                let due = least(inlet_s) * limit(limits.supply_pa - pressure_pa, 0.0, 1.0e9);
+                let under_pa = limit(limits.supply_pa - pressure_pa, 0.0, 1.0e9);
+                let due = least(inlet_s) * under_pa;
                 self.no_inflow = limit(self.no_inflow + due - gained, 0.0, 1.0);
+                inflow = believed(inlet_s) * under_pa;
+                self.fed = limit(self.fed + inflow / WRONG_PULSES - gained, 0.0, 1.0);
             }
             (false, true) => {
                 // At the mean of a subsonic flow: phi >= 1 - p_ambient/p (ISO 6358).
@@ -171,19 +197,20 @@ impl Watch {
                 };
                 let due = least(outlet_s) * over_pa;
                 self.no_outflow = limit(self.no_outflow + due + gained, 0.0, 1.0);
+                let outflow = believed(outlet_s) * over_pa;
+                self.spilt = limit(self.spilt + outflow / WRONG_PULSES + gained, 0.0, 1.0);
             }
             _ => {}
         }
+        self.spent_per_s += RATE_SHARE * ((inflow - gained) / limits.window_s - self.spent_per_s);
         self.force(shape, pressure_pa, length_m);
         self.findings()
     }
 
     /// Counts windows in which pressure and length stand for a force that cannot be.
-    fn force(&mut self, shape: &Shape, pressure_pa: f32, length_m: Option<f32>) {
-        let (Shape::Muscle(geometry), Some((load_n, friction_n)), Some(length_m)) =
-            (shape, self.limits.load_n, length_m)
+    fn force(&mut self, shape: &Shape, pressure_pa: f32, length_m: f32) {
+        let (Shape::Muscle(geometry), Some((load_n, friction_n))) = (shape, self.limits.load_n)
         else {
-            self.impossible_windows = 0;
             return;
         };
         let moved_m = length_m - core::mem::replace(&mut self.length_m, length_m);
@@ -210,8 +237,16 @@ impl Watch {
     fn findings(&mut self) -> Faults {
         let mut found = Faults::NONE;
         let burst = self.lost_per_s > BURST_PER_S;
-        if self.shut > TRIP {
+        if self.shut > TRIP || self.spilt > TRIP {
             found = found.with(Faults::GAS_GAINED);
+        }
+        if self.fed > TRIP {
+            if self.spent_per_s > BURST_PER_S {
+                found = found.with(Faults::BURST);
+            } else {
+                self.leak_windows = SHOWN_WINDOWS;
+            }
+            self.fed = 0.0;
         }
         if self.shut < -TRIP {
             if burst {
@@ -235,6 +270,7 @@ impl Watch {
         }
         if found != Faults::NONE {
             (self.no_inflow, self.no_outflow) = (0.0, 0.0);
+            (self.fed, self.spilt) = (0.0, 0.0);
         }
         self.leak_windows = self.leak_windows.saturating_sub(1);
         if self.leak_windows > 0 {

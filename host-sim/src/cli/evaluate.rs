@@ -30,6 +30,8 @@ enum Subject {
     Control,
     /// What `thermyo tune` finds of a muscle told wrong, and what that is worth
     Tune,
+    /// What breaks, whether it is found in time, and what follows; and that nothing else is
+    Faults,
 }
 
 pub(super) fn run(
@@ -50,6 +52,7 @@ pub(super) fn run(
         Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
         Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
         Subject::Tune => evaluate::tune::evaluate(&nominal)?,
+        Subject::Faults => evaluate::faults::evaluate().map_err(Failure::Run)?,
     };
     print(out, &evaluate::table(&lines))?;
     if let Some(mut files) = drawn {

@@ -3,6 +3,7 @@
 pub mod control;
 pub mod control_page;
 pub mod estimator;
+pub mod faults;
 pub mod pid;
 pub mod tune;
 

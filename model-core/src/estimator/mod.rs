@@ -242,6 +242,8 @@ pub struct Estimator {
     unmoved_k: f32,
     frozen: bool,
     contradicted_intervals: u16,
+    /// It is the sensor that is wrong: its readings correct nothing.
+    distrusted: bool,
     // Since the last interval.
     length_m: f32,
     still_j_k: f32,
@@ -328,6 +330,7 @@ impl Estimator {
             reading_k: config.ambient.temperature_k,
             unmoved_k: 0.0,
             contradicted_intervals: 0,
+            distrusted: false,
             length_m: 0.0,
             still_j_k: 0.0,
             stirred_j_k_kg: 0.0,
@@ -483,17 +486,28 @@ impl Estimator {
             Work::Correction => {
                 self.pending.work = Work::Deviation;
                 let innovation_k = self.pending.innovation_k.take();
-                if let Some(innovation_k) = innovation_k {
+                if let (Some(innovation_k), false) = (innovation_k, self.distrusted) {
                     self.correct(innovation_k);
                 }
                 self.agreement.add(innovation_k, self.lag_s, self.pending.moved);
                 let expected_k2 = self.lasting_k2 + self.covariance.sensor_sensor;
                 if self.agreement.smooth_k2() > CONTRADICTION * CONTRADICTION * expected_k2 {
                     self.contradicted_intervals = CONTRADICTED_INTERVALS;
-                    self.give_up();
+                    self.judge_contradiction();
                 }
             }
             Work::Deviation => self.update_deviation(),
+        }
+    }
+
+    /// Sensor and state cannot both be right. What is in a muscle goes back to its surroundings within
+    /// seconds, and so does the element: the one that is further from them is wrong.
+    fn judge_contradiction(&mut self) {
+        let ambient_k = self.config.ambient.temperature_k;
+        self.distrusted =
+            absolute(self.reading_k - ambient_k) > absolute(self.sensor_k - ambient_k);
+        if !self.distrusted {
+            self.give_up();
         }
     }
 
@@ -658,6 +672,7 @@ impl Estimator {
         self.unmoved_k += lag_share * limit(away_k, 0.0, HOTTEST_K);
         self.frozen |= self.unmoved_k > self.frozen_k;
         self.contradicted_intervals = self.contradicted_intervals.saturating_sub(1);
+        self.distrusted &= self.contradicted_intervals > 0;
         self.set_conductance(surface_m2);
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
