@@ -121,9 +121,13 @@ impl Core {
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
         let driven = self.controller.driven();
-        let full = pressure_pa > EMPTY * self.config.ambient.pressure_pa;
+        // A muscle that is not empty, and that a set point lets out.
+        let let_out = driven
+            && !self.supervisor.judging()
+            && self.command.outlet > Duty::ZERO
+            && pressure_pa > EMPTY * self.config.ambient.pressure_pa;
         let activity = Activity {
-            flowing: self.inlet_steps > 0 || (self.outlet_steps > 0 && driven && full),
+            flowing: self.inlet_steps > 0 || let_out,
             driven,
             step: self.step,
             found: core::mem::replace(&mut self.found, Faults::NONE),
@@ -303,6 +307,28 @@ mod tests {
         core.clear_faults();
         core.restart_as(core_with(HALF));
         assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
+    }
+
+    /// A code that stands still shows while gas is let out too, but not in a muscle that vents anyway.
+    #[test]
+    fn a_frozen_pressure_shows_while_gas_is_let_out() {
+        let full = Sample { pressure: AdcCode(15_000), ..HEALTHY };
+        let first = |set_point| {
+            let mut core = core_with(set_point);
+            judged(&mut core, &full);
+            let frozen = |core: &mut Core| {
+                let telemetry = core.step(&Sample {
+                    length: AdcCode(full.length.0 + core.step as u16 % 2),
+                    ..full
+                });
+                telemetry.faults.intersects(Faults::PRESSURE_SENSOR)
+            };
+            (0..200).position(|_| frozen(&mut core))
+        };
+        let steps = first(SetPoint::Duty { inlet: 0.0, outlet: 0.3 }).unwrap();
+        assert!((50..=60).contains(&steps), "{steps}");
+        assert_eq!(first(SetPoint::Vent), None);
+        assert_eq!(first(SetPoint::Duty { inlet: 0.0, outlet: 0.0 }), None);
     }
 
     #[test]

@@ -125,7 +125,7 @@ pub struct FirstFailure {
 /// What the core is doing while a step's inputs are looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Activity {
-    /// Gas has flowed since the last step: in, or out of a muscle that is not empty.
+    /// Gas has flowed since the last step: in, or out of a muscle that is not empty, as a set point asks.
     pub flowing: bool,
     /// A set point other than to vent holds.
     pub driven: bool,

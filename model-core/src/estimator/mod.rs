@@ -767,6 +767,33 @@ mod tests {
         assert_eq!([still.course(false), still.course(true)], [Course::Shut, Course::Open]);
     }
 
+    /// Ten seconds at rest at 25 degC with a gas sensor that says 25 degC and then `reads_k`; the last
+    /// estimate.
+    fn contradicted(ambient_k: f32, reads_k: f32) -> (Estimator, Estimate) {
+        let mut config = Config::default();
+        config.ambient.temperature_k = ambient_k;
+        let converter = Converter::new(&config.front_end);
+        let code = |k: f32| (0..32_760).find(|code| converter.gas_k(AdcCode(*code)) > k).unwrap();
+        let (before, after) = (code(298.0), code(reads_k));
+        let mut estimator = Estimator::new(&config);
+        for step in 0..30_000_u16 {
+            let code = if step < 20_000 { before } else { after };
+            estimator.step(&measurement(2.0e5, 0.28, code + step % 2, 0));
+        }
+        let estimate = estimator.estimate();
+        (estimator, estimate)
+    }
+
+    #[test]
+    fn of_two_that_contradict_the_one_further_from_ambient_is_wrong() {
+        let (estimator, estimate) = contradicted(298.0, 318.0);
+        assert!(estimator.sensor_implausible());
+        assert!((297.0..300.0).contains(&estimate.gas_k), "the sensor: {estimate:?}");
+        let (estimator, estimate) = contradicted(318.0, 318.0);
+        assert!(estimator.sensor_implausible());
+        assert!((315.0..320.0).contains(&estimate.gas_k), "the state: {estimate:?}");
+    }
+
     /// A loss of the pressure, whenever it comes and however long it is, leaves either the covariance
     /// of before or a fresh one: nothing that is sure of what it cannot know.
     #[test]

@@ -14,8 +14,12 @@ const LIFTED: [f64; 2] = [0.05, 0.35];
 const LOADS_N: [f64; 2] = [20.0, 400.0];
 /// Pressures of holds and steps, absolute \[Pa\].
 const PRESSURES_PA: [f64; 2] = [1.6e5, 5.0e5];
-/// Contractions well between the stops \[-\].
-const MIDDLE: [f64; 2] = [0.05, 0.2];
+/// Conductance per volume, in those of the nominal muscle: it vents any of them within a second, see
+/// [`super::vent`] \[-\].
+const VALVES: [f64; 2] = [2.0, 3.5];
+/// Range of the gas sensor's front end \[K\]: an element with a lag of a second follows the gas of a
+/// fast fill out of the nominal one, which is then a rail.
+const RANGE_K: [f64; 2] = [230.0, 390.0];
 /// Times between two steps \[s\].
 const BETWEEN_STEPS_S: [f64; 2] = [0.5, 2.5];
 /// Sizes of the nominal muscle \[m\].
@@ -69,8 +73,6 @@ pub enum Task {
     ContractionSteps,
     /// The paper's working cycle.
     Cycle,
-    /// One pressure, held, at which the muscle is between its stops.
-    PressureBetweenStops,
     /// The inlet open, whatever the pressure, behind a supply of 6 bar.
     Filling,
 }
@@ -86,8 +88,20 @@ impl Task {
     ];
     /// Those in which gas flows again and again.
     pub const MOVING: [Self; 3] = [Self::PressureSteps, Self::ContractionSteps, Self::Cycle];
-    /// Those that come to rest with both valves shut.
+    /// Those that come to rest.
     pub const HOLDING: [Self; 2] = [Self::PressureHold, Self::ContractionHold];
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PressureHold => "pressure held",
+            Self::PressureSteps => "pressure steps",
+            Self::ContractionHold => "contraction held",
+            Self::ContractionSteps => "contraction steps",
+            Self::Cycle => "working cycle",
+            Self::Filling => "inlet told open",
+        }
+    }
 }
 
 /// A random muscle on `model`, told what it is, that does `task` for `duration_s`.
@@ -105,7 +119,7 @@ pub fn random(draw: &mut Draw, model: PlantModel, task: Task, duration_s: f64) -
     let load_n = draw.factor([LOADS_N[0].max(lifted_n[0]), LOADS_N[1].min(lifted_n[1])]);
     let ambient_k = draw.between([283.0, 313.0]);
     let lag_s = draw.factor([1.0, 5.0]);
-    let valves = draw.factor([1.0, 2.5]);
+    let valves = draw.factor(VALVES);
     let seed = draw.0.next_u64() >> 1;
     let wide = diameter_m / NOMINAL_DIAMETER_M;
     let long = rest_m / NOMINAL_LENGTH_M;
@@ -120,6 +134,7 @@ pub fn random(draw: &mut Draw, model: PlantModel, task: Task, duration_s: f64) -
         s.load.force_n = load_n;
         s.load.mass_kg *= load_n / 100.0;
         s.sensor.gas.time_constant_s = lag_s;
+        [s.sensor.gas.range_min_k, s.sensor.gas.range_max_k] = RANGE_K;
         // Bladder and braid of the same kind, valves, tube and regulator to match.
         s.muscle.bladder_stiffness_n_m *= wide / long;
         s.muscle.dead_volume_m3 *= volume;
@@ -143,17 +158,11 @@ pub fn random(draw: &mut Draw, model: PlantModel, task: Task, duration_s: f64) -
     loaded
 }
 
-/// Force at [`LIFTING_PA`] and the rest length \[N\].
+/// Force at the rest length and [`LIFTING_PA`] \[N\]: F = P pi D^2/4 (3 cos^2 - 1)/sin^2.
 fn rest_force_n(s: &Scenario) -> f64 {
-    force_n(s, 0.0)
-}
-
-/// Force at [`LIFTING_PA`], without the bladder \[N\]: F = P pi D^2/4 (3 cos^2 - 1)/sin^2, D and sine
-/// those at rest.
-fn force_n(s: &Scenario, contraction: f64) -> f64 {
     let (diameter_m, angle) = braid(s);
-    let cos = (1.0 - contraction) * angle.cos();
-    LIFTING_PA * PI / 4.0 * (diameter_m / angle.sin()).powi(2) * (3.0 * cos * cos - 1.0)
+    let sin2 = angle.sin().powi(2);
+    LIFTING_PA * PI / 4.0 * diameter_m * diameter_m * (2.0 - 3.0 * sin2) / sin2
 }
 
 fn braid(s: &Scenario) -> (f64, f64) {
@@ -172,11 +181,6 @@ fn lifted_contraction(s: &Scenario) -> f64 {
 
 fn give(draw: &mut Draw, loaded: &mut Loaded, task: Task, volume: f64) {
     let duration_s = loaded.plant.run.duration_s;
-    let ambient_pa = loaded.plant.ambient.pressure_pa;
-    let between_stops_pa = MIDDLE.map(|contraction| {
-        let share = loaded.plant.load.force_n / force_n(&loaded.plant, contraction);
-        (ambient_pa + LIFTING_PA * share).min(PRESSURES_PA[1])
-    });
     let contractions = [0.03, 0.75 * lifted_contraction(&loaded.plant)];
     let mut steps = |kind, range| {
         let (mut time_s, mut value) = (0.0, draw.between(range));
@@ -192,7 +196,7 @@ fn give(draw: &mut Draw, loaded: &mut Loaded, task: Task, volume: f64) {
     let (kind, profile) = match task {
         Task::PressureSteps => steps(DriveKind::Pressure, PRESSURES_PA),
         Task::ContractionSteps => steps(DriveKind::Contraction, contractions),
-        Task::PressureHold | Task::PressureBetweenStops => (DriveKind::Pressure, None),
+        Task::PressureHold => (DriveKind::Pressure, None),
         Task::ContractionHold => (DriveKind::Contraction, None),
         Task::Cycle => (DriveKind::MassFlow, None),
         Task::Filling => (DriveKind::Fill, None),
@@ -200,10 +204,7 @@ fn give(draw: &mut Draw, loaded: &mut Loaded, task: Task, volume: f64) {
     loaded.drive_profile = profile;
     let drive = &mut loaded.plant.drive;
     drive.kind = kind;
-    drive.pressure_pa = draw.between(match task {
-        Task::PressureBetweenStops => between_stops_pa,
-        _ => PRESSURES_PA,
-    });
+    drive.pressure_pa = draw.between(PRESSURES_PA);
     drive.contraction = draw.between(contractions);
     drive.period_s = draw.factor([1.5, 8.0]);
     let moved_kg = draw.between([0.5, 0.9]) * volume * NOMINAL_MOVED_KG;

@@ -6,7 +6,7 @@ use super::muscle::{self, Draw};
 use crate::board::{Board, BoardError, BoardStep, CoreBoard};
 use crate::core_config::pressure_limit_pa;
 use crate::run::{self, RunError};
-use crate::scenario::{FaultWindow, PlantModel};
+use crate::scenario::{FaultWindow, Loaded, PlantModel};
 use crate::trace::Row;
 use model_core::control::Mode;
 use model_core::{Command, Config, Core, Faults, Sample, SetPoint};
@@ -14,7 +14,7 @@ use model_core::{Command, Config, Core, Faults, Sample, SetPoint};
 /// Below this pressure a muscle is vented \[Pa\].
 pub const VENTED_PA: f64 = 1.2e5;
 /// When a fault comes \[s\].
-const COMES_S: [f64; 2] = [4.0, 7.0];
+pub const COMES_S: [f64; 2] = [4.0, 7.0];
 /// Above what was there when a fault was found, the pressure of a muscle that vents in vain does not
 /// rise: gas in the tube, and noise \[-\].
 const NO_RISE: f64 = 1.02;
@@ -22,8 +22,10 @@ const NO_RISE: f64 = 1.02;
 /// What one run gave.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outcome {
-    /// Time until it was found: as it counts, and since it came \[s\].
-    pub found: Option<(f64, f64)>,
+    /// Time until it was found, as it counts \[s\].
+    pub found_s: Option<f64>,
+    /// The same since it came \[s\].
+    pub since_s: f64,
     /// What was shown before the fault came.
     pub before: Faults,
     /// What was shown after it came.
@@ -112,7 +114,23 @@ struct Judge<'a> {
     squares_k2: f64,
 }
 
-impl Judge<'_> {
+impl<'a> Judge<'a> {
+    fn new(trial: &'a Trial) -> Self {
+        Self {
+            fault: &trial.fault,
+            from_s: trial.from_s,
+            limit_pa: pressure_limit_pa(&trial.loaded.plant),
+            counted_steps: 0,
+            step_s: trial.loaded.plant.run.step_s,
+            found_s: None,
+            found_pa: 0.0,
+            outcome: Outcome::default(),
+            fails: false,
+            steps: 0,
+            squares_k2: 0.0,
+        }
+    }
+
     fn add(&mut self, row: &Row) {
         let Row { truth, telemetry, .. } = row;
         let faults = telemetry.faults;
@@ -132,7 +150,8 @@ impl Judge<'_> {
             self.counted_steps += u64::from(self.fault.counted.counts(telemetry, above));
             if faults.intersects(self.fault.found) {
                 let counted_s = self.counted_steps as f64 * self.step_s;
-                outcome.found = Some((counted_s, truth.time_s - self.from_s + self.step_s));
+                outcome.found_s = Some(counted_s);
+                outcome.since_s = truth.time_s - self.from_s + self.step_s;
                 self.found_s = Some(truth.time_s);
                 self.found_pa = truth.pressure_pa;
             }
@@ -149,6 +168,7 @@ impl Judge<'_> {
             }
             Reaction::Shown => telemetry.mode == Mode::Vent,
             Reaction::ShownOrVents => truth.pressure_pa > self.limit_pa,
+            Reaction::NotStated => false,
         };
     }
 
@@ -161,58 +181,73 @@ impl Judge<'_> {
     }
 }
 
-/// Run number `number` with that fault; odd ones are on `full`.
-///
-/// # Errors
-/// When the run could not be finished.
-pub fn run(fault: &Fault, number: u64) -> Result<Outcome, RunError> {
-    let name = fault.name.bytes().fold(0_u64, |sum, byte| 31 * sum % (1 << 40) + u64::from(byte));
-    let mut draw = Draw::new(name ^ (number << 40));
-    let model = [PlantModel::Lumped, PlantModel::Full][(number % 2) as usize];
-    let task = draw.of(fault.tasks);
-    let comes_s = (draw.between(COMES_S) * 1000.0).round() / 1000.0;
-    let from_s = if matches!(fault.inject, Inject::Unconfigured) { 0.0 } else { comes_s };
-    let duration_s = from_s + fault.observed_s + VENTED_S + 0.3;
-    let mut loaded = muscle::random(&mut draw, model, task, duration_s);
-    let mut board = FailingBoard::default();
-    match fault.inject {
-        Inject::Window(window) => {
-            let mut broken = FaultWindow { from_s, ..FaultWindow::default() };
-            window(&mut draw, &loaded.plant, &mut broken);
-            loaded.plant.faults.own = broken;
+/// A run with a fault, ready to go.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// The fault.
+    pub fault: Fault,
+    /// The muscle, with the fault in its window.
+    pub loaded: Loaded,
+    /// When it comes \[s\].
+    pub from_s: f64,
+    missed: Option<Missed>,
+}
+
+impl Trial {
+    /// Run number `number` with that fault, which comes between two times \[s\]; every fourth is on
+    /// `full`.
+    pub fn random(fault: &Fault, number: u64, comes_s: [f64; 2]) -> Self {
+        let name = fault.name.bytes().fold(0, |sum, byte| (31 * sum + u64::from(byte)) % (1 << 40));
+        let mut draw = Draw::new(name ^ (number << 40));
+        let model = if number % 4 == 3 { PlantModel::Full } else { PlantModel::Lumped };
+        let task = draw.of(fault.tasks);
+        let comes_s = (draw.between(comes_s) * 1000.0).round() / 1000.0;
+        let from_s = if matches!(fault.inject, Inject::Unconfigured) { 0.0 } else { comes_s };
+        let duration_s = from_s + fault.observed_s + VENTED_S + 0.3;
+        let mut loaded = muscle::random(&mut draw, model, task, duration_s);
+        let mut missed = None;
+        match fault.inject {
+            Inject::Window(inject) => {
+                let mut window = FaultWindow { from_s, ..FaultWindow::default() };
+                inject(&mut draw, &loaded.plant, &mut window);
+                loaded.plant.faults.own = window;
+            }
+            Inject::MissedSteps => {
+                let from_step = (from_s / loaded.plant.run.step_s).round() as u64;
+                missed = Some(Missed::random(&mut draw, from_step));
+            }
+            Inject::Unconfigured => {}
         }
-        Inject::MissedSteps => {
-            let from_step = (from_s / loaded.plant.run.step_s).round() as u64;
-            board.missed = Some(Missed::random(&mut draw, from_step));
-        }
-        Inject::Unconfigured => {
-            board.unconfigured = Some(Core::unconfigured().map_err(RunError::Config)?);
-        }
+        Self { fault: *fault, loaded, from_s, missed }
     }
-    let mut judge = Judge {
-        fault,
-        from_s,
-        limit_pa: pressure_limit_pa(&loaded.plant),
-        counted_steps: 0,
-        step_s: loaded.plant.run.step_s,
-        found_s: None,
-        found_pa: 0.0,
-        outcome: Outcome::default(),
-        fails: false,
-        steps: 0,
-        squares_k2: 0.0,
-    };
-    let mut observer = |row: &Row| {
-        judge.add(row);
-        Ok(())
-    };
-    run::run(&loaded, &mut board, None, &mut observer)?;
-    let outcome = judge.outcome();
-    if std::env::var_os("DEBUG_TRIALS").is_some() {
-        eprintln!("{:26} {number:3} {model:?} {task:?} D {:.3} L {:.2} F {:.0} before [{}] shown [{}] found {:?} reacted {} highest {:.0} err {:.2} {:?}", fault.name,
-            loaded.plant.muscle.diameter_m.unwrap(), loaded.plant.muscle.rest_length_m.unwrap(), loaded.plant.load.force_n,
-            outcome.before, outcome.shown, outcome.found, outcome.reacted, outcome.highest_pa, outcome.error_k,
-            (loaded.plant.faults.own.pressure_drift_pa_s, loaded.plant.faults.own.gas_drift_k_s, loaded.plant.faults.own.length_drift_m_s, loaded.plant.faults.own.inlet_leak, loaded.plant.faults.own.outlet_leak));
+
+    /// Runs it with the core in this process.
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    pub fn run(&self) -> Result<Outcome, RunError> {
+        let unconfigured = matches!(self.fault.inject, Inject::Unconfigured)
+            .then(Core::unconfigured)
+            .transpose()
+            .map_err(RunError::Config)?;
+        self.run_on(&mut FailingBoard {
+            missed: self.missed,
+            unconfigured,
+            ..FailingBoard::default()
+        })
     }
-    Ok(outcome)
+
+    /// Runs it on a board, which is told its configuration and leaves out no step.
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    pub fn run_on(&self, board: &mut dyn Board) -> Result<Outcome, RunError> {
+        let mut judge = Judge::new(self);
+        let mut observer = |row: &Row| {
+            judge.add(row);
+            Ok(())
+        };
+        run::run(&self.loaded, board, None, &mut observer)?;
+        Ok(judge.outcome())
+    }
 }
