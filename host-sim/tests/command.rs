@@ -33,7 +33,7 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["replay", env!("CARGO_MANIFEST_DIR")], "is a folder; a file is needed"),
         (vec!["tune", &missing], "missing.toml: no such file"),
         (vec!["tune", &unknown, "--max-pressure", "nan"], "must be an absolute pressure"),
-        (vec!["evaluate", "tune"], "--out goes with `evaluate control` only"),
+        (vec!["evaluate", "tune"], "--out goes with `evaluate control` and `evaluate faults` only"),
     ] {
         let mut all = arguments.clone();
         let place = out.display().to_string();

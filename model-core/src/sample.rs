@@ -161,12 +161,12 @@ impl Faults {
     /// The host asks more than the board carries out.
     pub const LINK_FLOODED: Self = Self(1 << 8);
 
-    /// Gas comes while both valves are shut: an inlet that leaks or stands open, or a pressure sensor
-    /// that drifts.
+    /// Gas comes while both valves are shut, or as fast as the outlet lets it out: an inlet that leaks or
+    /// stands open, or a pressure sensor that drifts.
     pub const GAS_GAINED: Self = Self(1 << 9);
     /// Gas is lost fast: a burst muscle, or an outlet that stands open.
     pub const BURST: Self = Self(1 << 10);
-    /// Gas is lost slowly while both valves are shut: muscle, fittings or outlet leak, or a pressure
+    /// Gas is lost slowly, while both valves are shut or as fast as the inlet makes up for it: muscle, fittings or outlet leak, or a pressure
     /// sensor drifts.
     pub const LEAK: Self = Self(1 << 11);
     /// The inlet is driven and no gas comes: it is stuck shut, or the supply is lost.
@@ -187,7 +187,7 @@ impl Faults {
         (Self::MISSED_STEPS, "missed steps"),
         (Self::NOT_CONFIGURED, "not configured"),
         (Self::LINK_FLOODED, "link flooded"),
-        (Self::GAS_GAINED, "gas gained while shut"),
+        (Self::GAS_GAINED, "gas gained"),
         (Self::BURST, "burst"),
         (Self::LEAK, "leak"),
         (Self::NO_INFLOW, "no inflow"),

@@ -7,7 +7,7 @@ use crate::estimator::{Estimator, Measurement, Openings};
 use crate::front_end::{self, Converter};
 use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
 use crate::supervisor::{Activity, FirstFailure, Supervisor};
-use crate::watch::Watch;
+use crate::watch::{EMPTY, Watch};
 
 /// Model, estimator, controller and supervisor of one muscle.
 #[derive(Debug, Clone, PartialEq)]
@@ -119,9 +119,15 @@ impl Core {
     /// counts: step 0 is the first after it.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
+        let driven = self.controller.driven();
+        // A muscle that is not empty, and that a set point lets out.
+        let let_out = driven
+            && !self.supervisor.judging()
+            && self.command.outlet > Duty::ZERO
+            && pressure_pa > EMPTY * self.config.ambient.pressure_pa;
         let activity = Activity {
-            filling: self.inlet_steps > 0,
-            driven: self.controller.driven(),
+            flowing: self.inlet_steps > 0 || let_out,
+            driven,
             step: self.step,
             found: core::mem::replace(&mut self.found, Faults::NONE),
         };
@@ -301,6 +307,28 @@ mod tests {
         core.clear_faults();
         core.restart_as(core_with(HALF));
         assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
+    }
+
+    /// A code that stands still shows while gas is let out too, but not in a muscle that vents anyway.
+    #[test]
+    fn a_frozen_pressure_shows_while_gas_is_let_out() {
+        let full = Sample { pressure: AdcCode(15_000), ..HEALTHY };
+        let first = |set_point| {
+            let mut core = core_with(set_point);
+            judged(&mut core, &full);
+            let frozen = |core: &mut Core| {
+                let telemetry = core.step(&Sample {
+                    length: AdcCode(full.length.0 + core.step as u16 % 2),
+                    ..full
+                });
+                telemetry.faults.intersects(Faults::PRESSURE_SENSOR)
+            };
+            (0..200).position(|_| frozen(&mut core))
+        };
+        let steps = first(SetPoint::Duty { inlet: 0.0, outlet: 0.3 }).unwrap();
+        assert!((50..=60).contains(&steps), "{steps}");
+        assert_eq!(first(SetPoint::Vent), None);
+        assert_eq!(first(SetPoint::Duty { inlet: 0.0, outlet: 0.0 }), None);
     }
 
     #[test]

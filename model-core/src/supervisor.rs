@@ -5,19 +5,19 @@
 //! | emergency stop | at once | vent, latched |
 //! | pressure sensor at a rail | for [`PATIENCE_STEPS`] steps | vent, latched |
 //! | pressure sensor noisier than gas can be | ten jerks within forty steps | vent, latched |
-//! | pressure sensor's code stands still while the inlet is driven | for [`FROZEN_STEPS`] such steps | vent, latched |
+//! | pressure sensor's code stands still while gas flows | for [`FROZEN_STEPS`] such steps | vent, latched |
 //! | overpressure | for [`PATIENCE_STEPS`] steps | vent, latched |
 //! | gas sensor at a rail | at once | shown while it lasts; the estimator goes on without it |
 //! | gas sensor noisier than its lag allows | ten jerks within forty steps | the same |
 //! | gas sensor's code stands still | when its element must have moved | the same |
-//! | gas sensor contradicts the model | by five deviations over half a second | shown for ten seconds; the estimator starts anew |
+//! | gas sensor contradicts the model | by five deviations over half a second | shown for ten seconds; the one that is further from ambient is wrong: the sensor is left out, or the estimator starts anew |
 //! | length sensor at a rail | at once | shown while it lasts; length from pressure and load |
 //! | length sensor noisier than a muscle can move | ten jerks within forty steps | the same |
-//! | length sensor's code stands still while the inlet is driven | for [`FROZEN_STEPS`] such steps | the same |
+//! | length sensor's code stands still while gas flows | for [`FROZEN_STEPS`] such steps | the same |
 //! | link lost | no request of the host for `link_timeout_s`, while a set point holds | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
 //! | not configured | at the start of a board that nobody has told its configuration | vent until it is told |
-//! | gas gained while shut, burst, no inflow, no outflow, force | as [`crate::watch`] says | vent, latched |
+//! | gas gained, burst, no inflow, no outflow, force | as [`crate::watch`] says | vent, latched |
 //! | leak | the same | shown for ten seconds |
 //! | link flooded | the board drops requests | shown while it lasts |
 //!
@@ -41,7 +41,7 @@ pub const PATIENCE_STEPS: u16 = 10;
 /// the limit or noisy shows by then.
 pub const JUDGING_STEPS: u16 = 50;
 
-/// Steps with a driven inlet for which a code may stand still. The noise of eight summed conversions
+/// Steps with gas flowing for which a code may stand still. The noise of eight summed conversions
 /// moves it at almost every step, and so does gas that flows; only in a code of erratum RP2040-E11
 /// neither is seen.
 pub const FROZEN_STEPS: u16 = 60;
@@ -86,7 +86,7 @@ struct Line {
 
 impl Line {
     /// Takes the next code.
-    fn add(&mut self, code: AdcCode, filling: bool) {
+    fn add(&mut self, code: AdcCode, flowing: bool) {
         let [now, last, before] = [code.0, self.last, self.before].map(i32::from);
         self.jerks = if (now - 2 * last + before).abs() > JERK {
             (self.jerks + JERK_WEIGHT).min(MOST_NOISY)
@@ -95,7 +95,7 @@ impl Line {
         };
         if now != last || is_wide(code) {
             self.still_steps = 0;
-        } else if filling {
+        } else if flowing {
             self.still_steps = self.still_steps.saturating_add(1);
         }
         self.before = self.last;
@@ -125,8 +125,8 @@ pub struct FirstFailure {
 /// What the core is doing while a step's inputs are looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Activity {
-    /// The inlet has been open since the last step.
-    pub filling: bool,
+    /// Gas has flowed since the last step: in, or out of a muscle that is not empty, as a set point asks.
+    pub flowing: bool,
     /// A set point other than to vent holds.
     pub driven: bool,
     /// Number of the step.
@@ -211,7 +211,7 @@ impl Supervisor {
 
     /// Looks at the inputs of one step; returns the faults that hold.
     pub fn step(&mut self, sample: &Sample, pressure_pa: f32, activity: Activity) -> Faults {
-        let Activity { filling, driven, step, found } = activity;
+        let Activity { flowing, driven, step, found } = activity;
         self.judging_steps = self.judging_steps.saturating_sub(1);
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
@@ -222,10 +222,10 @@ impl Supervisor {
         self.silent_steps = if silent { self.silent_steps.saturating_add(1) } else { 0 };
         let missed = u16::from(sample.missed_steps).saturating_mul(LATE_WEIGHT);
         self.late = self.late.saturating_sub(1).saturating_add(missed).min(LATEST);
-        self.pressure.add(sample.pressure, filling);
+        self.pressure.add(sample.pressure, flowing);
         // The sensor's lag keeps its code still longer than that: the estimator knows when it is frozen.
         self.gas.add(sample.gas, false);
-        self.length.add(sample.length, filling);
+        self.length.add(sample.length, flowing);
         let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
             || self.pressure.frozen()
             || self.pressure.noisy();
@@ -284,8 +284,8 @@ mod tests {
     use super::*;
 
     const HEALTHY: Sample = Sample::new(AdcCode(10_000), AdcCode(16_000), AdcCode(20_000));
-    const IDLE: Activity = Activity { filling: false, driven: false, step: 0, found: Faults::NONE };
-    const FILLING: Activity = Activity { filling: true, driven: true, ..IDLE };
+    const IDLE: Activity = Activity { flowing: false, driven: false, step: 0, found: Faults::NONE };
+    const FLOWING: Activity = Activity { flowing: true, driven: true, ..IDLE };
 
     /// One that has judged its healthy sensors.
     fn judged() -> Supervisor {
@@ -410,16 +410,16 @@ mod tests {
         assert_eq!(supervisor.step(&HEALTHY, 2.0e5, IDLE), Faults::NONE);
     }
 
-    /// So many steps with a driven inlet, or without; the faults after them.
-    fn stand(supervisor: &mut Supervisor, sample: &Sample, steps: u16, filling: bool) -> Faults {
+    /// So many steps with gas flowing, or without; the faults after them.
+    fn stand(supervisor: &mut Supervisor, sample: &Sample, steps: u16, flowing: bool) -> Faults {
         for _ in 0..steps {
-            supervisor.step(sample, 2.0e5, if filling { FILLING } else { IDLE });
+            supervisor.step(sample, 2.0e5, if flowing { FLOWING } else { IDLE });
         }
         supervisor.faults()
     }
 
     #[test]
-    fn a_frozen_pressure_vents_while_the_muscle_fills() {
+    fn a_frozen_pressure_vents_while_gas_flows() {
         let mut supervisor = judged();
         let moved = |by: u16| Sample {
             pressure: AdcCode(10_000 + by),
@@ -462,7 +462,7 @@ mod tests {
                 length: AdcCode(30_000 - code),
                 ..HEALTHY
             };
-            assert_eq!(supervisor.step(&sample, 2.0e5, FILLING), Faults::NONE);
+            assert_eq!(supervisor.step(&sample, 2.0e5, FLOWING), Faults::NONE);
         }
         for step in 0..40_u32 {
             let noise = (step * 7919 % 3000) as u16;

@@ -71,3 +71,37 @@ fn the_estimate_does_not_drift_in_a_day() {
         assert!(drift_k < 0.02, "{model:?}: {drift_k} K");
     }
 }
+
+/// RMS error of the estimate and mean stated deviation of each hour of the nominal cycle \[K\].
+fn hours_k(hours: usize) -> Vec<(f64, f64)> {
+    const HOUR_S: f64 = 3600.0;
+    let mut loaded = evaluate::nominal().unwrap().with_model(PlantModel::Lumped);
+    loaded.plant.run.duration_s = hours as f64 * HOUR_S;
+    let mut sums = vec![(0.0, 0.0, 0.0); hours];
+    let mut observer = |row: &Row| {
+        let hour = (row.truth.time_s / HOUR_S) as usize;
+        // The first 500 s are the estimator's to learn in.
+        if let Some(sum) = sums.get_mut(hour)
+            && row.truth.time_s > 500.0
+        {
+            let estimate = &row.telemetry.estimate;
+            sum.0 += (f64::from(estimate.gas_k) - row.truth.gas_temperature_k).powi(2);
+            sum.1 += f64::from(estimate.gas_sd_k);
+            sum.2 += 1.0;
+        }
+        assert_eq!(row.telemetry.faults, model_core::Faults::NONE, "{} s", row.truth.time_s);
+        Ok(())
+    };
+    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    sums.iter().map(|(squares, sd, count)| ((squares / count).sqrt(), sd / count)).collect()
+}
+
+#[test]
+#[ignore = "ten simulated hours in closed loop; fast only in release, as the day"]
+fn the_last_of_ten_hours_is_like_the_first() {
+    let hours = hours_k(10);
+    println!("error and stated deviation per hour, K: {hours:.4?}");
+    let (first, last) = (hours[0], hours[9]);
+    assert!((0.8..1.25).contains(&(last.0 / first.0)), "error: {hours:?}");
+    assert!((0.9..1.1).contains(&(last.1 / first.1)), "deviation: {hours:?}");
+}

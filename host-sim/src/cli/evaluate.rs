@@ -1,7 +1,7 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
-use super::{Failure, print, publish};
-use crate::evaluate::{self, control_page};
+use super::{Failure, print, progress_bar, publish};
+use crate::evaluate::{self, control_page, faults};
 use crate::output::OutputDir;
 use crate::scenario;
 use clap::{Args, ValueEnum};
@@ -17,9 +17,23 @@ pub(super) struct EvaluateArgs {
     /// Nominal scenario [default: scenarios/nominal.toml as built in]
     #[arg(long, value_name = "FILE.toml")]
     scenario: Option<PathBuf>,
-    /// Folder for report.html and the plots of docs/control.md; of `control`
+    /// Folder for report.html, and the plots of docs/control.md; of `control` and `faults`
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Print the table as JSON on standard output
+    #[arg(long)]
+    json: bool,
+    /// No progress bar
+    #[arg(long)]
+    quiet: bool,
+    /// Simulated hours of healthy muscles; of `faults` [default: 1]
+    #[arg(long, value_name = "HOURS", value_parser = hours)]
+    hours: Option<f64>,
+}
+
+fn hours(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| (0.0..=10_000.0).contains(value));
+    value.ok_or_else(|| "must be hours from 0 to 10000".to_owned())
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -30,6 +44,8 @@ enum Subject {
     Control,
     /// What `thermyo tune` finds of a muscle told wrong, and what that is worth
     Tune,
+    /// What breaks, whether it is found in time, and what follows; and that nothing else is
+    Faults,
 }
 
 pub(super) fn run(
@@ -37,9 +53,13 @@ pub(super) fn run(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let EvaluateArgs { what, scenario: path, out: folder } = args;
-    if folder.is_some() && !matches!(what, Subject::Control) {
-        return Err(Failure::Usage("--out goes with `evaluate control` only".to_owned()));
+    let EvaluateArgs { what, scenario: path, out: folder, json, quiet, hours } = args;
+    if folder.is_some() && !matches!(what, Subject::Control | Subject::Faults) {
+        let usage = "--out goes with `evaluate control` and `evaluate faults` only";
+        return Err(Failure::Usage(usage.to_owned()));
+    }
+    if hours.is_some() && !matches!(what, Subject::Faults) {
+        return Err(Failure::Usage("--hours goes with `evaluate faults` only".to_owned()));
     }
     let drawn = folder.as_deref().map(OutputDir::create).transpose()?;
     let nominal = match path {
@@ -50,14 +70,31 @@ pub(super) fn run(
         Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
         Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
         Subject::Tune => evaluate::tune::evaluate(&nominal)?,
-    };
-    print(out, &evaluate::table(&lines))?;
-    if let Some(mut files) = drawn {
-        let plots = control_page::plots(&nominal)?;
-        for plot in &plots {
-            files.text(plot.file, &plot.svg())?;
+        Subject::Faults => {
+            let evaluation = faults::Evaluation::new(&nominal, hours.unwrap_or(faults::HOURS));
+            let bar = progress_bar(evaluation.runs(), *quiet);
+            let lines = evaluation.evaluate(&|| bar.inc(1)).map_err(Failure::Run)?;
+            bar.finish_and_clear();
+            lines
         }
-        files.text("report.html", &control_page::page(&nominal, &lines, &plots))?;
+    };
+    if *json {
+        let json = serde_json::to_string_pretty(&lines).expect("a table is plain data") + "\n";
+        print(out, &json)?;
+    } else {
+        print(out, &evaluate::table(&lines))?;
+    }
+    if let Some(mut files) = drawn {
+        let page = if let Subject::Faults = what {
+            faults::page::page(&nominal, &lines)
+        } else {
+            let plots = control_page::plots(&nominal)?;
+            for plot in &plots {
+                files.text(plot.file, &plot.svg())?;
+            }
+            control_page::page(&nominal, &lines, &plots)
+        };
+        files.text("report.html", &page)?;
         publish(files, err)?;
     }
     match evaluate::missed(&lines) {

@@ -2,12 +2,11 @@
 //! its own too, and a page with all of them.
 
 use super::control::{self, Change, ambient, load, pressure_step_traces, sine_trace, told};
-use super::{Line, tune};
+use super::{Line, figures, tune};
 use crate::board::CoreBoard;
 use crate::report::Colour;
 use crate::report::chart::{Axis, Chart, Panel};
-use crate::report::number::significant;
-use crate::report::page::{Page, Section, Table};
+use crate::report::page::{Page, Section};
 use crate::scenario::{self, Loaded};
 use crate::tune::{TuneError, check_chart};
 
@@ -45,18 +44,6 @@ pub fn plots(nominal: &Loaded) -> Result<Vec<Plot>, TuneError> {
 
 /// The page.
 pub fn page(nominal: &Loaded, lines: &[Line], plots: &[Plot]) -> String {
-    let rows = lines.iter().flat_map(|line| {
-        line.figures.iter().map(|figure| {
-            let mark = if figure.holds() { "✓" } else { "✗ missed" };
-            let value = significant(figure.value, 3);
-            vec![line.case.clone(), figure.name.to_owned(), value, figure.target(), mark.to_owned()]
-        })
-    });
-    let table = Table {
-        caption: "Targets and figures".to_owned(),
-        columns: ["Case", "Figure", "Value", "Target", ""].map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    };
     let lead = "Where the muscle goes when it is told to, on the plant with everything that the core \
                 leaves out.";
     let drawn = plots.iter().fold(Section::new("Plots"), |section, plot| {
@@ -64,7 +51,7 @@ pub fn page(nominal: &Loaded, lines: &[Line], plots: &[Plot]) -> String {
     });
     Page::new("Control, evaluated", lead, &scenario::render(&control::full(nominal)))
         .section(drawn)
-        .section(Section::new("Figures").table(table))
+        .section(Section::new("Figures").table(figures(lines)))
         .render()
 }
 

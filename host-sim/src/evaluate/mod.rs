@@ -3,11 +3,15 @@
 pub mod control;
 pub mod control_page;
 pub mod estimator;
+pub mod faults;
 pub mod pid;
 pub mod tune;
 
 use crate::input::InputError;
+use crate::report::number::significant;
+use crate::report::page::Table;
 use crate::scenario::{self, Loaded};
+use serde::Serialize;
 
 /// The nominal scenario.
 ///
@@ -19,7 +23,7 @@ pub fn nominal() -> Result<Loaded, InputError> {
 }
 
 /// One line of the table.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Line {
     /// What was run.
     pub case: String,
@@ -28,7 +32,7 @@ pub struct Line {
 }
 
 /// A figure and where it has to lie.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figure {
     /// What it is, with its unit.
     pub name: &'static str,
@@ -97,6 +101,22 @@ pub fn table(lines: &[Line]) -> String {
             format!("{:width$}  {}\n", line.case, figures.join("  "))
         })
         .collect()
+}
+
+/// The table, for a page.
+pub fn figures(lines: &[Line]) -> Table {
+    let rows = lines.iter().flat_map(|line| {
+        line.figures.iter().map(|figure| {
+            let mark = if figure.holds() { "✓" } else { "✗ missed" };
+            let value = significant(figure.value, 3);
+            vec![line.case.clone(), figure.name.to_owned(), value, figure.target(), mark.to_owned()]
+        })
+    });
+    Table {
+        caption: "Targets and figures".to_owned(),
+        columns: ["Case", "Figure", "Value", "Target", ""].map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    }
 }
 
 /// How many figures missed their target, of how many.

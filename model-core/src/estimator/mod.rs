@@ -244,6 +244,8 @@ pub struct Estimator {
     unmoved_k: f32,
     frozen: bool,
     contradicted_intervals: u16,
+    /// It is the sensor that is wrong: its readings correct nothing.
+    distrusted: bool,
     // Since the last interval.
     length_m: f32,
     still_j_k: f32,
@@ -330,6 +332,7 @@ impl Estimator {
             reading_k: config.ambient.temperature_k,
             unmoved_k: 0.0,
             contradicted_intervals: 0,
+            distrusted: false,
             length_m: 0.0,
             still_j_k: 0.0,
             stirred_j_k_kg: 0.0,
@@ -485,17 +488,28 @@ impl Estimator {
             Work::Correction => {
                 self.pending.work = Work::Deviation;
                 let innovation_k = self.pending.innovation_k.take();
-                if let Some(innovation_k) = innovation_k {
+                if let (Some(innovation_k), false) = (innovation_k, self.distrusted) {
                     self.correct(innovation_k);
                 }
                 self.agreement.add(innovation_k, self.lag_s, self.pending.moved);
                 let expected_k2 = self.lasting_k2 + self.covariance.sensor_sensor;
                 if self.agreement.smooth_k2() > CONTRADICTION * CONTRADICTION * expected_k2 {
                     self.contradicted_intervals = CONTRADICTED_INTERVALS;
-                    self.give_up();
+                    self.judge_contradiction();
                 }
             }
             Work::Deviation => self.update_deviation(),
+        }
+    }
+
+    /// Sensor and state cannot both be right. What is in a muscle goes back to its surroundings within
+    /// seconds, and so does the element: the one that is further from them is wrong.
+    fn judge_contradiction(&mut self) {
+        let ambient_k = self.config.ambient.temperature_k;
+        self.distrusted =
+            absolute(self.reading_k - ambient_k) > absolute(self.sensor_k - ambient_k);
+        if !self.distrusted {
+            self.give_up();
         }
     }
 
@@ -660,6 +674,7 @@ impl Estimator {
         self.unmoved_k += lag_share * limit(away_k, 0.0, HOTTEST_K);
         self.frozen |= self.unmoved_k > self.frozen_k;
         self.contradicted_intervals = self.contradicted_intervals.saturating_sub(1);
+        self.distrusted &= self.contradicted_intervals > 0;
         self.set_conductance(surface_m2);
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
@@ -752,6 +767,33 @@ mod tests {
         let turned = Openings { turned: true, ..still };
         assert_eq!([false, true].map(|flowing| turned.course(flowing)), [Course::Turned; 2]);
         assert_eq!([still.course(false), still.course(true)], [Course::Shut, Course::Open]);
+    }
+
+    /// Ten seconds at rest at 25 degC with a gas sensor that says 25 degC and then `reads_k`; the last
+    /// estimate.
+    fn contradicted(ambient_k: f32, reads_k: f32) -> (Estimator, Estimate) {
+        let mut config = Config::default();
+        config.ambient.temperature_k = ambient_k;
+        let converter = Converter::new(&config.front_end);
+        let code = |k: f32| (0..32_760).find(|code| converter.gas_k(AdcCode(*code)) > k).unwrap();
+        let (before, after) = (code(298.0), code(reads_k));
+        let mut estimator = Estimator::new(&config);
+        for step in 0..30_000_u16 {
+            let code = if step < 20_000 { before } else { after };
+            estimator.step(&measurement(2.0e5, 0.28, code + step % 2, 0));
+        }
+        let estimate = estimator.estimate();
+        (estimator, estimate)
+    }
+
+    #[test]
+    fn of_two_that_contradict_the_one_further_from_ambient_is_wrong() {
+        let (estimator, estimate) = contradicted(298.0, 318.0);
+        assert!(estimator.sensor_implausible());
+        assert!((297.0..300.0).contains(&estimate.gas_k), "the sensor: {estimate:?}");
+        let (estimator, estimate) = contradicted(318.0, 318.0);
+        assert!(estimator.sensor_implausible());
+        assert!((315.0..320.0).contains(&estimate.gas_k), "the state: {estimate:?}");
     }
 
     /// A loss of the pressure, whenever it comes and however long it is, leaves either the covariance

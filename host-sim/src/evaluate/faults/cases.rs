@@ -1,0 +1,512 @@
+//! Every fault that is judged: what is injected and where, which bits count as found, how soon, and
+//! what follows.
+
+use super::muscle::{Draw, Task};
+use crate::scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
+use model_core::{Command, Duty, Faults, Telemetry};
+
+/// What has to follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reaction {
+    /// The muscle vents, latched: below 1.2 bar within [`super::VENTED_S`], and it stays there.
+    Vents,
+    /// It vents, latched, but the fault itself keeps gas in, or lets it in: what software can do is that
+    /// the pressure rises no more.
+    VentsInVain,
+    /// It is shown, and control goes on.
+    Shown,
+    /// It is shown, and control goes on until it vents: the pressure stays below its limit.
+    ShownOrVents,
+    /// Nothing is stated: the pressure may rise to the supply's. What that does is for a relief valve.
+    NotStated,
+}
+
+/// When the time until a fault is found counts: where it can be seen at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Counted {
+    /// From the start of the fault on.
+    Always,
+    /// While a valve is driven.
+    Driven,
+    /// While the inlet is driven and the outlet is not.
+    Inlet,
+    /// While the outlet is driven and the inlet is not.
+    Outlet,
+    /// While the pressure is above the limit.
+    Above,
+}
+
+impl Counted {
+    /// Whether a step counts.
+    pub fn counts(self, telemetry: &Telemetry, above: bool) -> bool {
+        let Command { inlet, outlet } = telemetry.command;
+        let [inlet, outlet] = [inlet, outlet].map(|duty| duty > Duty::ZERO);
+        match self {
+            Self::Always => true,
+            Self::Driven => inlet || outlet,
+            Self::Inlet => inlet && !outlet,
+            Self::Outlet => outlet && !inlet,
+            Self::Above => above,
+        }
+    }
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Always => "since it came",
+            Self::Driven => "of driven valves",
+            Self::Inlet => "of the inlet driven alone",
+            Self::Outlet => "of the outlet driven alone",
+            Self::Above => "above the limit",
+        }
+    }
+}
+
+/// Where a fault sits.
+#[derive(Debug, Clone, Copy)]
+pub enum Inject {
+    /// In a window of the scenario.
+    Window(fn(&mut Draw, &Scenario, &mut FaultWindow)),
+    /// The board leaves out steps.
+    MissedSteps,
+    /// The board is not told its configuration.
+    Unconfigured,
+}
+
+/// A fault.
+#[derive(Debug, Clone, Copy)]
+pub struct Fault {
+    /// What it is called in the table.
+    pub name: &'static str,
+    /// What is injected, in words.
+    pub size: &'static str,
+    /// What the muscle is doing meanwhile.
+    pub tasks: &'static [Task],
+    /// What is injected.
+    pub inject: Inject,
+    /// One of them counts as found.
+    pub found: Faults,
+    /// When the time counts.
+    pub counted: Counted,
+    /// It is found within that time \[s\].
+    pub within_s: f64,
+    /// What follows.
+    pub reaction: Reaction,
+    /// How long is looked for it after its start \[s\].
+    pub observed_s: f64,
+}
+
+impl Fault {
+    /// The largest error of the estimate while it is shown, RMS; none where nothing is stated \[K\].
+    pub fn error_k(&self) -> f64 {
+        match self.found {
+            // A reading that runs away pulls the estimate along until it is found.
+            GAS if self.observed_s > 10.0 => 15.0,
+            GAS => 2.0,
+            LENGTH => 4.0,
+            _ => f64::INFINITY,
+        }
+    }
+}
+
+impl Reaction {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vents => "vents, latched",
+            Self::VentsInVain => "vents, latched, as far as it can; no pressure rises",
+            Self::Shown => "shown, control goes on",
+            Self::ShownOrVents => "shown or vents; the pressure stays below its limit",
+            Self::NotStated => "none stated",
+        }
+    }
+}
+
+const PRESSURE: Faults = Faults::PRESSURE_SENSOR;
+const LENGTH: Faults = Faults::LENGTH_SENSOR;
+const GAS: Faults = Faults::GAS_SENSOR;
+const FORCE: Faults = Faults::FORCE;
+const BURST: Faults = Faults::BURST;
+/// Gas that valves do not explain.
+const FLOW: Faults =
+    Faults::GAS_GAINED.with(Faults::NO_INFLOW).with(Faults::NO_OUTFLOW).with(BURST);
+
+/// Every fault.
+pub fn all() -> Vec<Fault> {
+    use Reaction::{NotStated, Shown, ShownOrVents, Vents, VentsInVain};
+    let fault = |name, size, inject, found, within_s, reaction| Fault {
+        name,
+        size,
+        tasks: &Task::ALL,
+        inject: Inject::Window(inject),
+        found,
+        counted: Counted::Always,
+        within_s,
+        reaction,
+        observed_s: 1.0,
+    };
+    let at = |counted, tasks, observed_s, fault| Fault { counted, tasks, observed_s, ..fault };
+    let moving = &Task::MOVING[..];
+    let holding = &Task::HOLDING[..];
+    vec![
+        fault(
+            "pressure sensor open",
+            "code 32760",
+            |_, _, w| w.pressure = ChannelFault::Open,
+            PRESSURE,
+            0.011,
+            Vents,
+        ),
+        fault(
+            "pressure sensor shorted",
+            "code 0",
+            |_, _, w| w.pressure = ChannelFault::Shorted,
+            PRESSURE,
+            0.011,
+            Vents,
+        ),
+        at(
+            Counted::Driven,
+            moving,
+            6.0,
+            fault(
+                "pressure sensor frozen",
+                "the code of that moment",
+                |_, _, w| w.pressure = ChannelFault::Frozen,
+                PRESSURE,
+                0.1,
+                Vents,
+            ),
+        ),
+        fault(
+            "pressure sensor noisy",
+            "5 % of the range",
+            |_, _, w| w.pressure = ChannelFault::Noisy,
+            PRESSURE,
+            0.05,
+            Vents,
+        ),
+        at(
+            Counted::Always,
+            &Task::ALL,
+            32.0,
+            fault(
+                "pressure sensor drifting up",
+                "10 to 30 kPa/s",
+                |draw, _, w| {
+                    w.pressure = ChannelFault::Drifting;
+                    w.pressure_drift_pa_s = Some(draw.factor([1.0e4, 3.0e4]));
+                },
+                PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE),
+                30.0,
+                Vents,
+            ),
+        ),
+        at(
+            Counted::Always,
+            &Task::ALL,
+            32.0,
+            fault(
+                "pressure sensor drifting down",
+                "10 to 30 kPa/s",
+                |draw, _, w| {
+                    w.pressure = ChannelFault::Drifting;
+                    w.pressure_drift_pa_s = Some(-draw.factor([1.0e4, 3.0e4]));
+                },
+                PRESSURE.with(FLOW).with(FORCE),
+                f64::INFINITY,
+                NotStated,
+            ),
+        ),
+        fault(
+            "gas sensor open",
+            "code 32760",
+            |_, _, w| w.gas = ChannelFault::Open,
+            GAS,
+            0.001,
+            Shown,
+        ),
+        fault(
+            "gas sensor shorted",
+            "code 0",
+            |_, _, w| w.gas = ChannelFault::Shorted,
+            GAS,
+            0.001,
+            Shown,
+        ),
+        at(
+            Counted::Always,
+            moving,
+            8.0,
+            fault(
+                "gas sensor frozen",
+                "the code of that moment",
+                |_, _, w| w.gas = ChannelFault::Frozen,
+                GAS,
+                6.0,
+                Shown,
+            ),
+        ),
+        fault(
+            "gas sensor noisy",
+            "5 % of the range",
+            |_, _, w| w.gas = ChannelFault::Noisy,
+            GAS,
+            0.05,
+            Shown,
+        ),
+        at(
+            Counted::Always,
+            &Task::ALL,
+            17.0,
+            fault(
+                "gas sensor drifting",
+                "0.5 to 3 K/s, up or down",
+                |draw, _, w| {
+                    w.gas = ChannelFault::Drifting;
+                    w.gas_drift_k_s = Some(draw.sign() * draw.factor([0.5, 3.0]));
+                },
+                GAS,
+                15.0,
+                Shown,
+            ),
+        ),
+        fault(
+            "length sensor open",
+            "code 32760",
+            |_, _, w| w.length = ChannelFault::Open,
+            LENGTH,
+            0.001,
+            Shown,
+        ),
+        fault(
+            "length sensor shorted",
+            "code 0",
+            |_, _, w| w.length = ChannelFault::Shorted,
+            LENGTH,
+            0.001,
+            Shown,
+        ),
+        at(
+            Counted::Driven,
+            moving,
+            6.0,
+            fault(
+                "length sensor frozen",
+                "the code of that moment",
+                |_, _, w| w.length = ChannelFault::Frozen,
+                LENGTH,
+                0.1,
+                Shown,
+            ),
+        ),
+        fault(
+            "length sensor noisy",
+            "5 % of the range",
+            |_, _, w| w.length = ChannelFault::Noisy,
+            LENGTH,
+            0.05,
+            Shown,
+        ),
+        at(
+            Counted::Always,
+            &Task::ALL,
+            22.0,
+            fault(
+                "length sensor drifting",
+                "2 to 10 % of the rest length per second, up or down",
+                |draw, s, w| {
+                    w.length = ChannelFault::Drifting;
+                    let rest_m = s.muscle.rest_length_m.unwrap_or_default();
+                    w.length_drift_m_s = Some(draw.sign() * draw.factor([0.02, 0.1]) * rest_m);
+                },
+                LENGTH.with(FORCE).with(FLOW),
+                20.0,
+                ShownOrVents,
+            ),
+        ),
+        at(
+            Counted::Above,
+            &[Task::Filling],
+            6.0,
+            fault(
+                "overpressure",
+                "inlet told open, supply of 7.5 to 10 bar",
+                |draw, _, w| w.supply_pressure_pa = Some(draw.between([7.5e5, 1.0e6])),
+                Faults::OVERPRESSURE,
+                0.015,
+                Vents,
+            ),
+        ),
+        at(
+            Counted::Always,
+            &Task::ALL,
+            3.0,
+            fault(
+                "inlet stuck open",
+                "its full conductance",
+                |_, _, w| w.inlet = ValveFault::Open,
+                FLOW.with(Faults::OVERPRESSURE),
+                1.0,
+                VentsInVain,
+            ),
+        ),
+        at(
+            Counted::Inlet,
+            moving,
+            8.0,
+            fault(
+                "inlet stuck shut",
+                "no flow",
+                |_, _, w| w.inlet = ValveFault::Shut,
+                Faults::NO_INFLOW,
+                1.0,
+                Vents,
+            ),
+        ),
+        at(
+            Counted::Always,
+            holding,
+            22.0,
+            fault(
+                "inlet leaking",
+                "5 to 20 % of its conductance",
+                |draw, _, w| {
+                    w.inlet = ValveFault::Leaking;
+                    w.inlet_leak = Some(draw.factor([0.05, 0.2]));
+                },
+                FLOW.with(Faults::OVERPRESSURE),
+                20.0,
+                VentsInVain,
+            ),
+        ),
+        at(
+            Counted::Always,
+            &Task::ALL,
+            3.0,
+            fault(
+                "outlet stuck open",
+                "its full conductance",
+                |_, _, w| w.outlet = ValveFault::Open,
+                FLOW,
+                2.0,
+                Vents,
+            ),
+        ),
+        at(
+            Counted::Outlet,
+            moving,
+            8.0,
+            fault(
+                "outlet stuck shut",
+                "no flow",
+                |_, _, w| w.outlet = ValveFault::Shut,
+                Faults::NO_OUTFLOW,
+                2.0,
+                VentsInVain,
+            ),
+        ),
+        at(
+            Counted::Always,
+            holding,
+            22.0,
+            fault(
+                "outlet leaking",
+                "5 to 20 % of its conductance",
+                |draw, _, w| {
+                    w.outlet = ValveFault::Leaking;
+                    w.outlet_leak = Some(draw.factor([0.05, 0.2]));
+                },
+                Faults::LEAK.with(BURST),
+                20.0,
+                ShownOrVents,
+            ),
+        ),
+        at(
+            Counted::Always,
+            holding,
+            22.0,
+            fault(
+                "muscle leaks",
+                "a hole of 5 to 20 % of a valve",
+                |draw, s, w| {
+                    let share = draw.factor([0.05, 0.2]);
+                    w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
+                },
+                Faults::LEAK.with(BURST),
+                20.0,
+                ShownOrVents,
+            ),
+        ),
+        at(
+            Counted::Always,
+            &Task::ALL,
+            3.0,
+            fault(
+                "muscle bursts",
+                "a hole of two to five valves",
+                |draw, s, w| {
+                    let share = draw.factor([2.0, 5.0]);
+                    w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
+                },
+                FLOW,
+                1.0,
+                Vents,
+            ),
+        ),
+        at(
+            Counted::Inlet,
+            moving,
+            8.0,
+            fault(
+                "supply lost",
+                "the ambient's pressure in its place",
+                |_, s, w| w.supply_pressure_pa = Some(s.ambient.pressure_pa),
+                Faults::NO_INFLOW.with(BURST),
+                1.0,
+                Vents,
+            ),
+        ),
+        fault(
+            "emergency stop",
+            "pressed for 1 to 100 ms",
+            |draw, _, w| {
+                w.emergency_stop = true;
+                w.until_s = w.from_s + draw.between([0.001, 0.1]);
+            },
+            Faults::EMERGENCY_STOP,
+            0.001,
+            Vents,
+        ),
+        fault(
+            "link lost",
+            "the host goes silent; link.timeout_s = 0.5",
+            |_, _, w| w.link = LinkFault::Lost,
+            Faults::LINK_LOST,
+            0.501,
+            Vents,
+        ),
+        Fault {
+            inject: Inject::MissedSteps,
+            ..fault(
+                "missed steps",
+                "5 to 200 left out together, or one in ten",
+                |_, _, _| (),
+                Faults::MISSED_STEPS,
+                0.2,
+                Vents,
+            )
+        },
+        Fault {
+            inject: Inject::Unconfigured,
+            ..fault(
+                "not configured",
+                "a board that nobody has told its muscle",
+                |_, _, _| (),
+                Faults::NOT_CONFIGURED,
+                0.001,
+                Vents,
+            )
+        },
+    ]
+}

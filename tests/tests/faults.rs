@@ -1,0 +1,94 @@
+//! What breaks is found in time, and what is healthy is left alone: a few runs each of what
+//! `thermyo evaluate faults` runs a hundred times. And the same on the emulated board.
+
+use host_sim::board::emulated::EmulatedBoard;
+use host_sim::evaluate::faults::cases::{self, Inject};
+use host_sim::evaluate::faults::muscle::Task;
+use host_sim::evaluate::faults::trial::Trial;
+use host_sim::evaluate::faults::{alarms, table, vent};
+use host_sim::evaluate::{missed, nominal};
+use host_sim::parallel;
+use host_sim::scenario::{Faults as Injected, PlantModel};
+use model_core::Faults;
+use system_tests::skip_emulator;
+
+/// Runs of each fault, the last of them on `full`.
+const RUNS: u64 = 4;
+
+#[test]
+fn every_fault_is_found_in_time_and_what_has_to_follow_does() {
+    let lines = table(&cases::all(), RUNS, &|| ()).unwrap();
+    print!("{}", host_sim::evaluate::table(&lines));
+    assert_eq!(missed(&lines).0, 0);
+    assert_eq!(lines.len(), 30);
+}
+
+/// The same runs without their fault: what is found is found because of it.
+#[test]
+fn without_its_fault_no_run_shows_it() {
+    let mut trials: Vec<Trial> = cases::all()
+        .iter()
+        .filter(|fault| matches!(fault.inject, Inject::Window(_)))
+        // An inlet that is told open to 6 bar comes to no fault, nor to anything else.
+        .filter(|fault| fault.tasks != [Task::Filling])
+        .map(|fault| Trial::random(fault, 0, [2.0, 3.0]))
+        .collect();
+    for trial in &mut trials {
+        trial.loaded.plant.faults = Injected::default();
+    }
+    for (trial, outcome) in trials.iter().zip(parallel::map(&trials, Trial::run)) {
+        let outcome = outcome.unwrap();
+        let name = trial.fault.name;
+        assert_eq!((outcome.found_s, outcome.shown), (None, Faults::NONE), "{name}");
+    }
+}
+
+#[test]
+fn venting_takes_a_second_where_the_valve_is_large_enough() {
+    for model in [PlantModel::Lumped, PlantModel::Full] {
+        let muscle = nominal().unwrap().with_model(model);
+        let vented = vent::vent(&muscle).unwrap();
+        assert!((1.2..1.5).contains(&vented.time_s), "{model:?}: {vented:?}");
+        assert!((18.0..25.0).contains(&vented.needed_s_mpa()), "{model:?}: {vented:?}");
+        let mut larger = muscle.clone();
+        for scenario in [&mut larger.plant, &mut larger.believed] {
+            scenario.valve.conductance_m3_s_pa *= 1.6;
+        }
+        let vented = vent::vent(&larger).unwrap();
+        assert!((0.7..1.0).contains(&vented.time_s), "{model:?}: {vented:?}");
+    }
+}
+
+#[test]
+fn what_is_healthy_is_left_alone() {
+    let told_wrong = alarms::told_wrong(0.2);
+    let muscles = alarms::muscles();
+    let healthy: Vec<_> = told_wrong.iter().chain(&muscles[..6]).collect();
+    for (healthy, shown) in healthy.iter().zip(parallel::map(&healthy, |run| alarms::shown(run))) {
+        assert_eq!(shown.unwrap(), Faults::NONE, "{}", healthy.name);
+    }
+}
+
+/// Every fault that the pins of the board show, one run each: as soon as in this process.
+#[test]
+fn the_emulated_board_finds_what_the_core_in_this_process_finds() {
+    if skip_emulator() {
+        return;
+    }
+    for fault in cases::all() {
+        // A drift takes too long, and the host's silence and missed steps are no pins' affair.
+        let short = fault.observed_s <= 3.0 || fault.name.ends_with("frozen");
+        let at_pins = matches!(fault.inject, Inject::Window(_)) && fault.name != "link lost";
+        if !short || !at_pins {
+            continue;
+        }
+        let mut trial = Trial::random(&fault, 0, [1.0, 1.5]);
+        let here = trial.run().unwrap();
+        let found_s = here.since_s;
+        trial.loaded.plant.run.duration_s = trial.from_s + found_s + 0.1;
+        let there = trial.run_on(&mut EmulatedBoard::new().unwrap()).unwrap();
+        println!("{}: {} s here, {} s there", fault.name, found_s, there.since_s);
+        assert!(here.found_s.is_some() && there.found_s.is_some(), "{}", fault.name);
+        assert!((there.since_s - found_s).abs() < 0.05, "{}: {there:?}", fault.name);
+    }
+}
