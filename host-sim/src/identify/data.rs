@@ -199,7 +199,7 @@ impl Data {
     }
 
     /// Measured values in all columns.
-    pub fn len(&self) -> usize {
+    pub fn values(&self) -> usize {
         self.observed.iter().map(|observed| observed.points.len()).sum()
     }
 }

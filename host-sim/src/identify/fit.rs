@@ -66,7 +66,7 @@ impl Problem<'_> {
     }
 
     fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
-        let len = self.data.len();
+        let len = self.data.values();
         let Ok(mut residuals) = self.residuals(place) else {
             return DVector::from_element(len, HOPELESS);
         };

@@ -20,6 +20,7 @@ mod parameter;
 mod simulate;
 mod uncertainty;
 
+pub use data::Data;
 pub use findings::{Findings, Fitted};
 pub use page::page;
 
@@ -29,7 +30,7 @@ use crate::measured::Measured;
 use crate::plant::{BuildError, Diverged};
 use crate::scenario::schema::{self, fittable};
 use crate::scenario::{Loaded, PlantModel, Scenario, with_numbers};
-use data::{Data, Input};
+use data::Input;
 use fit::{End, Problem};
 use nalgebra::{DMatrix, DVector};
 use parameter::Parameter;
@@ -104,7 +105,7 @@ pub fn identify(
         Failed::Build(error) => IdentifyError::Build(error),
         Failed::Diverged(error) => IdentifyError::Diverged(error),
     })?;
-    let freedom = 1.0 - parameters.len() as f64 / data.len() as f64;
+    let freedom = 1.0 - parameters.len() as f64 / data.values() as f64;
     let mut misfits = Vec::new();
     let mut columns = Vec::new();
     let mut first = 0;

@@ -1,0 +1,259 @@
+//! Configurations that `Config::check` allows, over the whole of what it allows.
+
+use crate::any::{self, Choices, byte};
+use arbitrary::Unstructured;
+use model_core::Config;
+use model_core::config::{Body, ConfigError, Load};
+use model_core::wire::MAX_FRAME;
+use std::sync::OnceLock;
+
+/// A kind of body and load, with the number of each field.
+struct Kind {
+    base: Config,
+    /// Body and load, in the order in which serde has them.
+    variants: [u32; 2],
+    numbers: Vec<f32>,
+    /// Name of each number.
+    names: Vec<&'static str>,
+}
+
+/// How far from a usual configuration.
+#[derive(Clone, Copy, PartialEq)]
+enum Spread {
+    /// It is the usual one.
+    Usual,
+    /// These alone are anywhere.
+    Some([usize; 3]),
+    /// Everything is within a factor of two.
+    Near,
+    /// A quarter of the numbers is anywhere.
+    Quarter,
+    /// Every number is anywhere.
+    All,
+}
+
+/// A configuration. No bytes: the default one.
+pub fn from_bytes(bytes: &mut Unstructured) -> Config {
+    let kinds = kinds();
+    let kind = any::one_of(bytes, kinds);
+    let spread = match byte(bytes) % 8 {
+        0 => Spread::Usual,
+        1..=3 => Spread::Some([(); 3].map(|()| bytes.one_of(kind.names.len() as u32) as usize)),
+        4 => Spread::Near,
+        5 | 6 => Spread::Quarter,
+        _ => Spread::All,
+    };
+    if spread == Spread::Usual {
+        return kind.base;
+    }
+    filled(kind, |slot, error| {
+        let usual = kind.numbers[slot];
+        let drawn = match spread {
+            Spread::Usual => usual,
+            Spread::Some(slots) if !slots.contains(&slot) => usual,
+            Spread::Quarter if byte(bytes) % 4 != 3 => usual,
+            Spread::Near => usual * 2.0_f32.powf(share(bytes) * 2.0 - 1.0),
+            Spread::Some(_) | Spread::Quarter | Spread::All => anywhere(bytes, usual, error),
+        };
+        drawn.clamp(error.minimum, error.maximum)
+    })
+}
+
+/// A share of 1, in 2^16 parts.
+fn share(bytes: &mut Unstructured) -> f32 {
+    bytes.whole(16) as f32 / 65_535.0
+}
+
+fn anywhere(bytes: &mut Unstructured, usual: f32, allowed: &ConfigError) -> f32 {
+    let ConfigError { minimum, maximum, .. } = *allowed;
+    match byte(bytes) % 7 {
+        0 => usual,
+        1 => minimum,
+        2 => maximum,
+        3 => minimum + (maximum - minimum) * share(bytes),
+        // As often between 1e-7 and 1e-6 as between 0.1 and 1.
+        _ => {
+            let least = minimum.max(maximum * 1.0e-12);
+            least * (maximum / least).powf(share(bytes))
+        }
+    }
+}
+
+/// The configuration whose numbers are what `number` says, asked in the order in which they are checked.
+fn filled(kind: &Kind, mut number: impl FnMut(usize, &ConfigError) -> f32) -> Config {
+    let mut numbers = vec![f32::NAN; kind.numbers.len()];
+    loop {
+        let config = config_of(kind.variants, &numbers);
+        let Err(error) = config.check() else { return config };
+        let slot = kind.names.iter().position(|name| *name == error.field);
+        let slot = slot.unwrap_or_else(|| panic!("{error}: of no number"));
+        assert!(numbers[slot].is_nan(), "{error}: was to be allowed");
+        numbers[slot] = number(slot, &error);
+    }
+}
+
+/// The names and values of what differs from a usual configuration.
+pub fn differences(config: &Config) -> String {
+    let variants = variants(config);
+    let kinds = kinds();
+    let kind = kinds.iter().find(|kind| kind.variants == variants).expect("all kinds are there");
+    let differing = numbers(config).into_iter().enumerate().filter_map(|(slot, number)| {
+        let usual = kind.numbers[slot];
+        (number != usual).then(|| format!("{} = {number:e}, not {usual:e}", kind.names[slot]))
+    });
+    let differing: Vec<String> = differing.collect();
+    let [body, load] = [
+        ["muscle", "vessel"][variants[0] as usize],
+        ["isotonic", "isometric"][variants[1] as usize],
+    ];
+    format!("{body}, {load}: {}", differing.join("; "))
+}
+
+fn kinds() -> &'static [Kind; 4] {
+    static KINDS: OnceLock<[Kind; 4]> = OnceLock::new();
+    KINDS.get_or_init(|| {
+        let muscle = Config::default();
+        let body = Body::Vessel { section_m2: 0.0314, surface_m2: 0.386 };
+        let vessel = Config { body, ..muscle };
+        let load = Load::Isometric { length_m: 0.28 };
+        [muscle, Config { load, ..muscle }, vessel, Config { load, ..vessel }].map(kind)
+    })
+}
+
+/// Which number is which, `check` says: the one that it complains of changes.
+fn kind(base: Config) -> Kind {
+    let variants = variants(&base);
+    let usual = numbers(&base);
+    let mut names = vec![""; usual.len()];
+    let mut tried = vec![f32::NAN; usual.len()];
+    while let Err(error) = config_of(variants, &tried).check() {
+        let slot = (0..usual.len()).find(|slot| {
+            let mut other = tried.clone();
+            other[*slot] = f32::MAX;
+            let changed = config_of(variants, &other).check();
+            changed.is_err_and(|changed| {
+                changed.field == error.field && changed.value.to_bits() != error.value.to_bits()
+            })
+        });
+        let slot = slot.unwrap_or_else(|| panic!("{error}: of no number"));
+        names[slot] = error.field;
+        tried[slot] = usual[slot];
+    }
+    assert!(names.iter().all(|name| !name.is_empty()), "a number that is not checked: {names:?}");
+    Kind { base, variants, numbers: usual, names }
+}
+
+/// The numbers of a configuration, one after the other.
+struct Numbers<'a> {
+    variants: std::array::IntoIter<u32, 2>,
+    numbers: std::slice::Iter<'a, f32>,
+}
+
+impl Choices for Numbers<'_> {
+    fn real(&mut self) -> f32 {
+        self.numbers.next().copied().unwrap_or_default()
+    }
+
+    fn whole(&mut self, _: u32) -> u64 {
+        self.real() as u64
+    }
+
+    fn one_of(&mut self, _: u32) -> u32 {
+        self.variants.next().unwrap_or_default()
+    }
+}
+
+fn config_of(variants: [u32; 2], numbers: &[f32]) -> Config {
+    let mut choices = Numbers { variants: variants.into_iter(), numbers: numbers.iter() };
+    any::value(&mut choices).expect("numbers make a configuration")
+}
+
+fn variants(config: &Config) -> [u32; 2] {
+    [
+        u32::from(matches!(config.body, Body::Vessel { .. })),
+        u32::from(matches!(config.load, Load::Isometric { .. })),
+    ]
+}
+
+/// The numbers of `config`, read from its bytes on the wire.
+fn numbers(config: &Config) -> Vec<f32> {
+    let mut buffer = [0; MAX_FRAME];
+    let bytes = postcard::to_slice(config, &mut buffer).expect("it fits a frame");
+    let mut read = Read { bytes, numbers: Vec::new() };
+    any::value::<Config>(&mut read).expect("it is one");
+    read.numbers
+}
+
+struct Read<'a> {
+    bytes: &'a [u8],
+    numbers: Vec<f32>,
+}
+
+impl Read<'_> {
+    fn next<T: for<'de> serde::Deserialize<'de>>(&mut self) -> T {
+        let (value, rest) = postcard::take_from_bytes(self.bytes).expect("it was sent");
+        self.bytes = rest;
+        value
+    }
+}
+
+impl Choices for Read<'_> {
+    fn real(&mut self) -> f32 {
+        let number = self.next();
+        self.numbers.push(number);
+        number
+    }
+
+    fn whole(&mut self, _: u32) -> u64 {
+        let number = self.next();
+        self.numbers.push(number as f32);
+        number
+    }
+
+    fn one_of(&mut self, _: u32) -> u32 {
+        self.next()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_xoshiro::Xoshiro256PlusPlus;
+    use rand_xoshiro::rand_core::{Rng, SeedableRng};
+
+    #[test]
+    fn no_bytes_are_the_default() {
+        assert_eq!(from_bytes(&mut Unstructured::new(&[])), Config::default());
+        assert_eq!(differences(&Config::default()), "muscle, isotonic: ");
+    }
+
+    #[test]
+    fn every_number_reaches_both_ends_of_its_range() {
+        let kinds = kinds();
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+        let mut seen =
+            kinds.each_ref().map(|kind| vec![[f32::INFINITY, f32::NEG_INFINITY]; kind.names.len()]);
+        for _ in 0..5_000 {
+            let mut bytes = [0; 512];
+            random.fill_bytes(&mut bytes);
+            let config = from_bytes(&mut Unstructured::new(&bytes));
+            config.check().unwrap();
+            let kind = kinds.iter().position(|kind| kind.variants == variants(&config)).unwrap();
+            for (seen, number) in seen[kind].iter_mut().zip(numbers(&config)) {
+                *seen = [seen[0].min(number), seen[1].max(number)];
+            }
+        }
+        for (kind, seen) in kinds.iter().zip(seen) {
+            for (slot, name) in kind.names.iter().enumerate() {
+                // Those whose range another number sets.
+                if ["muscle.rest_length_m", "sensor.gas.range_max_k"].contains(name) {
+                    continue;
+                }
+                let mut numbers = kind.numbers.clone();
+                numbers[slot] = f32::MAX;
+                let allowed = config_of(kind.variants, &numbers).check().unwrap_err();
+                assert_eq!(seen[slot], [allowed.minimum, allowed.maximum], "{name}");
+            }
+        }
+    }
+}

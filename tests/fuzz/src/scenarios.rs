@@ -1,0 +1,162 @@
+//! Scenario files: any text, and text made of the keys that there are.
+
+use crate::any::{self, Choices, byte};
+use arbitrary::Unstructured;
+use host_sim::core_config::core_config;
+use host_sim::input::InputError;
+use host_sim::scenario::schema::{Allowed, Key, TABLES, Table, fittable_paths};
+use host_sim::scenario::{self, Loaded, OBSERVABLE};
+use model_core::Core;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::LazyLock;
+
+/// Keys of one case.
+const MOST_KEYS: usize = 24;
+/// In no folder that exists, so that no CSV file is found.
+const ORIGIN: &str = "nowhere/scenario.toml";
+
+/// Loads a scenario; returns 1.
+///
+/// # Panics
+/// Where something does not hold.
+pub fn run(bytes: &[u8]) -> u64 {
+    let mut bytes = Unstructured::new(bytes);
+    let text = match byte(&mut bytes) % 4 {
+        0 => String::from_utf8_lossy(bytes.take_rest()).into_owned(),
+        _ => made(&mut bytes),
+    };
+    match scenario::parse(&text, Path::new(ORIGIN)) {
+        Ok(loaded) => loads(&loaded, &text),
+        Err(error) => says_where(&error, ORIGIN),
+    }
+    1
+}
+
+/// What is loaded, the core takes, and it is the same once it is printed.
+fn loads(loaded: &Loaded, text: &str) {
+    for told in [&loaded.plant, &loaded.believed] {
+        if let Err(error) = Core::new(&core_config(told)) {
+            panic!("the core does not take what is loaded: {error}\n{text}");
+        }
+    }
+    let printed = scenario::render(loaded);
+    match scenario::parse(&printed, Path::new(ORIGIN)) {
+        Ok(again) => assert_eq!(&again, loaded, "what is printed is another:\n{text}"),
+        Err(error) => panic!("what is printed is refused: {error}\n{text}"),
+    }
+}
+
+/// One line that begins with the file.
+pub fn says_where(error: &InputError, file: &str) {
+    let said = error.to_string();
+    let rest = said.strip_prefix(file).and_then(|rest| rest.strip_prefix(':'));
+    assert!(rest.is_some_and(|rest| rest.len() > 4), "names no file: {said:?}");
+    assert!(!said.contains(char::is_control), "more than one line: {said:?}");
+    assert!(said.len() < 4000, "{} bytes: {said}", said.len());
+}
+
+/// A scenario of the repository, or none, with some keys changed.
+fn made(bytes: &mut Unstructured) -> String {
+    static SHIPPED: LazyLock<Vec<BTreeMap<String, String>>> = LazyLock::new(|| {
+        [
+            "",
+            include_str!("../../../scenarios/reproduce.toml"),
+            include_str!("../../../scenarios/sensor.toml"),
+            include_str!("../../../scenarios/air_discharge.toml"),
+            include_str!("../../../scenarios/gas_spring.toml"),
+        ]
+        .map(flat)
+        .into()
+    });
+    static KEYS: LazyLock<Vec<(&Table, &Key)>> = LazyLock::new(|| {
+        TABLES.iter().flat_map(|table| table.keys.iter().map(move |key| (table, key))).collect()
+    });
+    let mut lines = any::one_of(bytes, &SHIPPED).clone();
+    for _ in 0..MOST_KEYS {
+        if bytes.is_empty() {
+            break;
+        }
+        let (table, key) = any::one_of(bytes, &KEYS);
+        let path = match byte(bytes) {
+            // Whether `[believed]` may have it or not.
+            0..64 => format!("believed.{}.{}", table.name, key.name),
+            64..80 if table.name == "faults" => format!("faults.later.{}", key.name),
+            80..84 => format!("{}.{}x", table.name, key.name),
+            84..86 => table.name.to_owned(),
+            _ => format!("{}.{}", table.name, key.name),
+        };
+        lines.insert(path, value(bytes, &key.allowed));
+    }
+    lines.iter().map(|(path, value)| format!("{path} = {value}\n")).collect()
+}
+
+/// Path and value of every key, as they are written.
+fn flat(text: &str) -> BTreeMap<String, String> {
+    fn add(lines: &mut BTreeMap<String, String>, path: &str, value: &toml::Value) {
+        match value {
+            toml::Value::Table(table) => {
+                for (name, value) in table {
+                    let separator = if path.is_empty() { "" } else { "." };
+                    add(lines, &format!("{path}{separator}{name}"), value);
+                }
+            }
+            _ => drop(lines.insert(path.to_owned(), value.to_string())),
+        }
+    }
+    let mut lines = BTreeMap::new();
+    add(&mut lines, "", &toml::Value::Table(text.parse().expect("it is shipped")));
+    lines
+}
+
+fn value(bytes: &mut Unstructured, allowed: &Allowed) -> String {
+    const WRONG: [&str; 12] = [
+        "nan",
+        "-inf",
+        "\"\"",
+        "[]",
+        "{}",
+        "true",
+        "1e999",
+        "1979-05-27",
+        "-1",
+        "0",
+        "1",
+        "'\\n\u{7f}'",
+    ];
+    if byte(bytes) % 16 == 15 {
+        return (*any::one_of(bytes, &WRONG)).to_owned();
+    }
+    match *allowed {
+        Allowed::Real(limits) => {
+            let share = bytes.whole(16) as f64 / 65_535.0;
+            let number = match byte(bytes) % 8 {
+                0 => limits.min,
+                1 => limits.max,
+                2 => limits.min + (limits.max - limits.min) * share,
+                3..=6 => {
+                    let least = limits.min.max(limits.max * 1e-12);
+                    (least * (limits.max / least).powf(share)).clamp(limits.min, limits.max)
+                }
+                _ => f64::from_bits(bytes.whole(64)),
+            };
+            format!("{number:?}").replace("NaN", "nan")
+        }
+        Allowed::Whole { min, max } => match byte(bytes) % 8 {
+            0 => min.to_string(),
+            1 => max.to_string(),
+            2..=6 => (min + bytes.whole(16) as i64 % (max - min + 1)).to_string(),
+            _ => (bytes.whole(64) as i64).to_string(),
+        },
+        Allowed::Choice(words) => format!("{:?}", any::one_of(bytes, words)),
+        Allowed::Switch => (bytes.one_of(2) == 0).to_string(),
+        Allowed::List => {
+            let known: Vec<String> =
+                OBSERVABLE.iter().map(|name| (*name).to_owned()).chain(fittable_paths()).collect();
+            let words: Vec<String> =
+                (0..byte(bytes) % 4).map(|_| format!("{:?}", any::one_of(bytes, &known))).collect();
+            format!("[{}]", words.join(", "))
+        }
+        Allowed::Csv { .. } => "\"absent.csv\"".to_owned(),
+    }
+}

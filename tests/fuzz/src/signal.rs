@@ -1,0 +1,81 @@
+//! ADC codes over many steps, from a few bytes.
+
+use crate::any::{Choices, byte};
+use arbitrary::Unstructured;
+use model_core::sample::CODE_MAX;
+use model_core::{AdcCode, Command};
+use rand_xoshiro::Xoshiro128PlusPlus;
+use rand_xoshiro::rand_core::Rng;
+
+/// How a channel's code goes on.
+#[derive(Debug, Clone, Copy)]
+enum Course {
+    /// It follows what the valves let in and out, by so much a step, and stays within a usual range.
+    Follow(f32),
+    Still,
+    /// By so much a step.
+    Ramp(f32),
+    /// To and fro by so much.
+    Toggle(u16),
+    /// Anything at any step.
+    Random,
+}
+
+/// One channel.
+#[derive(Debug, Clone, Copy)]
+pub struct Signal {
+    course: Course,
+    code: f32,
+    /// Largest noise, either way.
+    noise: u16,
+    odd: bool,
+}
+
+impl Signal {
+    /// One that stands at a usual code, with the noise of eight summed conversions.
+    pub fn usual(code: u16) -> Self {
+        Self { course: Course::Still, code: f32::from(code), noise: 6, odd: false }
+    }
+
+    /// Another course from here, or from elsewhere.
+    pub fn change(&mut self, bytes: &mut Unstructured) {
+        let slope = (f32::from(byte(bytes)) - 128.0) / 4.0;
+        match byte(bytes) % 16 {
+            0..=5 => self.course = Course::Follow(slope),
+            6..=8 => self.course = Course::Still,
+            9 | 10 => self.course = Course::Ramp(slope),
+            11 => self.course = Course::Toggle(bytes.whole(16) as u16),
+            12 => self.course = Course::Random,
+            // From a rail, from beyond what eight conversions add up to, and from elsewhere.
+            13 => self.code = if slope < 0.0 { 0.0 } else { f32::from(CODE_MAX) },
+            14 => self.code = f32::from(u16::MAX),
+            _ => self.code = bytes.whole(16) as f32,
+        }
+        self.noise = match byte(bytes) % 4 {
+            0 => 6,
+            1 => 0,
+            2 => 60,
+            _ => bytes.whole(16) as u16,
+        };
+    }
+
+    /// The next code.
+    pub fn next(&mut self, command: Command, random: &mut Xoshiro128PlusPlus) -> AdcCode {
+        const USUAL: (f32, f32) = (3000.0, 29_000.0);
+        self.odd = !self.odd;
+        let by = match self.course {
+            Course::Follow(slope) => {
+                let followed = self.code + slope * (command.inlet.share() - command.outlet.share());
+                followed.clamp(USUAL.0, USUAL.1) - self.code
+            }
+            Course::Still => 0.0,
+            Course::Ramp(slope) => slope,
+            Course::Toggle(by) if self.odd => f32::from(by),
+            Course::Toggle(by) => -f32::from(by),
+            Course::Random => return AdcCode(random.next_u32() as u16),
+        };
+        self.code = (self.code + by).clamp(0.0, f32::from(u16::MAX));
+        let noise = random.next_u32() % (2 * u32::from(self.noise) + 1);
+        AdcCode((self.code + noise as f32 - f32::from(self.noise)) as u16)
+    }
+}
