@@ -4,7 +4,7 @@ use crate::shared::{Order, Shared};
 use crate::source::STEP;
 use core::sync::atomic::Ordering;
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Instant};
+use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 use model_core::wire::{
     Answer, Chip, Decoder, HostCommand, LastReset, PROTOCOL, Refusal, Request, Version, encode,
@@ -45,8 +45,8 @@ struct Ration {
 }
 
 impl Ration {
-    /// Whether one more request may be carried out now.
-    fn take(&mut self) -> bool {
+    /// Whether one more request may be carried out now, which counts as `cost` of them.
+    fn take(&mut self, cost: u32) -> bool {
         let now = Instant::now();
         while self.since + RATION_EVERY <= now {
             if self.left == RATION {
@@ -56,10 +56,17 @@ impl Ration {
             self.since += RATION_EVERY;
             self.left += 1;
         }
-        let some = self.left > 0;
-        self.left -= u32::from(some);
-        some
+        let enough = self.left >= cost;
+        if enough {
+            self.left -= cost;
+        }
+        enough
     }
+}
+
+/// A new core takes a millisecond: four of them in a row, and the receiver's buffer is not yet full.
+fn cost(command: &HostCommand) -> u32 {
+    if matches!(command, HostCommand::Configure(_) | HostCommand::Start(_)) { 4 } else { 1 }
 }
 
 /// Carries out what the host asks, as much of it as leaves the other tasks their time: the rest is
@@ -78,9 +85,9 @@ pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static 
                 if command == HostCommand::Stop {
                     shared.stop.store(true, Ordering::Relaxed);
                 }
-                // Samples come one at a time, each after the answer to the one before.
-                let unlimited = matches!(command, HostCommand::Step(_));
-                if !unlimited && !ration.take() {
+                // Its samples come one at a time, each after the answer to the one before.
+                let unlimited = cfg!(feature = "hil") && matches!(command, HostCommand::Step(_));
+                if !unlimited && !ration.take(cost(&command)) {
                     shared.dropped_requests.store(
                         shared.dropped_requests.load(Ordering::Relaxed).wrapping_add(1),
                         Ordering::Relaxed,
@@ -90,6 +97,11 @@ pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static 
                 match carry_out(command, &mut config, &identity, shared).await {
                     Outcome::Answer(answer) => shared.answer(sequence, answer),
                     Outcome::Order(order) => shared.orders.send((sequence, order)).await,
+                    Outcome::Replace(core) => {
+                        time_to_replace().await;
+                        shared.put_core(core);
+                        shared.orders.send((sequence, Order::Replace)).await;
+                    }
                     Outcome::Silent => (),
                 }
             }
@@ -107,6 +119,8 @@ enum Outcome {
     Answer(Answer),
     /// Control carries it out and answers.
     Order(Order),
+    /// Control goes on with this core, and answers.
+    Replace(Core),
     /// The step's telemetry is the answer, or there is none.
     Silent,
 }
@@ -129,16 +143,12 @@ async fn carry_out(
         HostCommand::Configure(wanted) => match check(&wanted, identity) {
             Ok(core) => {
                 *config = Some(wanted);
-                shared.put_core(core);
-                Outcome::Order(Order::Replace)
+                Outcome::Replace(core)
             }
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
         HostCommand::Start(set_point) => match start(config.as_ref(), set_point) {
-            Ok(core) => {
-                shared.put_core(core);
-                Outcome::Order(Order::Replace)
-            }
+            Ok(core) => Outcome::Replace(core),
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
         HostCommand::Set(set_point) => Outcome::Order(Order::Set(set_point)),
@@ -160,6 +170,18 @@ async fn carry_out(
                 Outcome::Answer(Answer::Refused(Refusal::NoHostSamples))
             }
         }
+    }
+}
+
+/// Time that an exchange of cores may take: nothing else runs while one is copied.
+const REPLACING: Duration = Duration::from_micros(350);
+
+/// Waits until a core can be exchanged before the next step is due.
+async fn time_to_replace() {
+    let now = Instant::now();
+    let into_us = now.as_micros() % STEP.as_micros();
+    if into_us + REPLACING.as_micros() > STEP.as_micros() {
+        Timer::at(now + STEP - Duration::from_micros(into_us)).await;
     }
 }
 

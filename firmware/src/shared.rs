@@ -1,6 +1,6 @@
 //! What the tasks have in common.
 
-use core::cell::Cell;
+use core::cell::{Cell, RefCell};
 use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 use embassy_sync::channel::Channel;
@@ -19,6 +19,14 @@ pub enum Order {
     Set(SetPoint),
     /// Forget latched faults.
     ClearFaults,
+}
+
+/// A place for a core. Unlike that of an `Option`, its empty state is zeros, which take no flash.
+#[repr(u8)]
+#[allow(clippy::large_enum_variant)] // One static.
+enum Slot {
+    Empty,
+    Full(Core),
 }
 
 /// The one instance is a static of the board.
@@ -45,8 +53,8 @@ pub struct Shared {
     pub heard: AtomicBool,
     /// The host wants the muscle vented: carried out in the next step, whatever else is asked.
     pub stop: AtomicBool,
+    next_core: Mutex<CriticalSectionRawMutex, RefCell<Slot>>,
     /// What vented first, over restarts.
-    next_core: Mutex<CriticalSectionRawMutex, Cell<Option<Core>>>,
     first_failure: Mutex<CriticalSectionRawMutex, Cell<Option<FirstFailure>>>,
     tally: Mutex<CriticalSectionRawMutex, Cell<Tally>>,
 }
@@ -66,7 +74,7 @@ impl Shared {
             dropped_requests: AtomicU32::new(0),
             heard: AtomicBool::new(false),
             stop: AtomicBool::new(false),
-            next_core: Mutex::new(Cell::new(None)),
+            next_core: Mutex::new(RefCell::new(Slot::Empty)),
             first_failure: Mutex::new(Cell::new(None)),
             tally: Mutex::new(Cell::new(Tally::NONE)),
         }
@@ -110,14 +118,27 @@ impl Shared {
         up
     }
 
-    /// Leaves a core for [`Order::Replace`].
+    /// Leaves a core for [`Order::Replace`]. Interrupts wait while it is copied, once.
     pub fn put_core(&self, core: Core) {
-        self.next_core.lock(|cell| cell.set(Some(core)));
+        let full = Slot::Full(core);
+        self.next_core.lock(|slot| {
+            if let Ok(mut slot) = slot.try_borrow_mut() {
+                *slot = full;
+            }
+        });
     }
 
     /// The core that was left, once.
     pub fn take_core(&self) -> Option<Core> {
-        self.next_core.lock(Cell::take)
+        self.next_core.lock(|slot| {
+            let mut slot = slot.try_borrow_mut().ok()?;
+            let core = match &*slot {
+                Slot::Empty => None,
+                Slot::Full(core) => Some(core.clone()),
+            };
+            *slot = Slot::Empty;
+            core
+        })
     }
 
     /// Leaves what vented first for others.

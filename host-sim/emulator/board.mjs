@@ -7,6 +7,7 @@ const NANOS_PER_CYCLE = 8; // 125 MHz
 const VECTOR_TABLE = 0x10000100; // behind the second stage boot loader
 const UART0 = { slot: 0x40034, irq: 20 };
 const CONTROL_EXCEPTION = 16 + 27; // SWI_IRQ_1, the control task's executor
+const FLASH_PAGE = 0x10; // upper byte of the addresses that programs have
 const OVERSAMPLING = 8;
 const ADC_NANOS = 2000;
 const BRANCH_TO_ITSELF = 0xe7fe;
@@ -21,6 +22,12 @@ const RUN_LINE = 14;
 const FAULT_OUTPUT = 15;
 const LED = 25;
 const RAM = 0x20000000;
+/** Where a hang happens: the control task, the thread's tasks, any other interrupt. */
+const PLACES = [
+  (exception) => exception === CONTROL_EXCEPTION,
+  (exception) => exception === 0,
+  (exception) => exception !== 0 && exception !== CONTROL_EXCEPTION,
+];
 
 const quiet = { debug() {}, info() {}, warn() {}, error() {} };
 
@@ -32,7 +39,7 @@ export class Board {
     this.conversions = [0, 0, 0, 0, 0];
     this.runLine = false;
     this.adcStalled = false;
-    this.hangArmed = false;
+    this.hang = null; // what is to happen: { is: one of PLACES, instructions: left until it does }
     this.uartBytes = [];
     this.resets = 0;
     this.busyCycles = 0;
@@ -119,6 +126,29 @@ export class Board {
     coil.since = now;
   }
 
+  /** The converter finishes nothing while it is stalled, and then what it was at. */
+  stallAdc(stalled) {
+    const resumed = this.adcStalled && !stalled;
+    this.adcStalled = stalled;
+    if (resumed && this.chip.adc.busy) {
+      this.convert(this.chip.adc.activeChannel);
+    }
+  }
+
+  /** An instruction at a place becomes an endless loop: the first one from now, the second, ... */
+  armHang(place, instructions) {
+    this.hang = { is: PLACES[place], instructions };
+  }
+
+  /** Before an instruction, while a hang is armed. Only in flash: the rest is the chip's own program. */
+  countToHang() {
+    const { core, flash16 } = this.chip;
+    if (this.hang.is(core.IPSR) && --this.hang.instructions <= 0 && core.PC >>> 24 === FLASH_PAGE) {
+      flash16[(core.PC & 0xffffff) >> 1] = BRANCH_TO_ITSELF;
+      this.hang = null;
+    }
+  }
+
   settleCoils() {
     for (const coil of this.coils) {
       this.coilChanged(coil, coil.high);
@@ -175,9 +205,8 @@ export class Board {
         const next = clock.nextAlarm === null ? end : Math.min(clock.nextAlarm.nanos, end);
         clock.tick(next - clock.nanosCounter);
       } else {
-        if (this.hangArmed && core.IPSR === CONTROL_EXCEPTION) {
-          this.hangArmed = false;
-          this.chip.flash16[(core.PC & 0xffffff) >> 1] = BRANCH_TO_ITSELF;
+        if (this.hang !== null) {
+          this.countToHang();
         }
         const cycles = core.executeInstruction();
         this.busyCycles += cycles;

@@ -2,11 +2,13 @@
 // input. All numbers little end first.
 //
 // request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2; u8 inputs
-//           (1: run line high, 2: converter stalled, 4: hang the control task now); u16 count and
-//           bytes for the UART
+//           (1: run line high, 2: converter stalled); u8 place and u32 number of the instruction there
+//           that is to hang (0: control, 1: thread, 2: other interrupts; number 0: none); u16 count
+//           and bytes for the UART
 // response: u32 nanoseconds that the inlet's and the outlet's coil were powered; u32 cycles in which the
 //           core did not sleep; u32 restarts by the watchdog so far; u16 duties that inlet's and outlet's
-//           coil are set to, in 1/65535; u8 pins (1: fault output, 2: LED); u16 count and bytes from the UART; u16 count and bytes of the log (defmt over RTT)
+//           coil are set to, in 1/65535; u8 state (1: fault output, 2: LED, 4: a hang is still to
+//           come); u16 count and bytes from the UART; u16 count and bytes of the log (defmt over RTT)
 //
 // The first response comes of its own accord, when the image is in place.
 
@@ -24,7 +26,7 @@ try {
 const board = new Board(flash);
 respond();
 
-const head = Buffer.alloc(13);
+const head = Buffer.alloc(18);
 let until = 0;
 while (fill(head)) {
   until += head.readUInt32LE(0);
@@ -33,9 +35,12 @@ while (fill(head)) {
   }
   const inputs = head[10];
   board.setRunLine(!!(inputs & 1));
-  board.adcStalled = !!(inputs & 2);
-  board.hangArmed ||= !!(inputs & 4);
-  const bytes = Buffer.alloc(head.readUInt16LE(11));
+  board.stallAdc(!!(inputs & 2));
+  const instructions = head.readUInt32LE(12);
+  if (instructions > 0) {
+    board.armHang(head[11], instructions);
+  }
+  const bytes = Buffer.alloc(head.readUInt16LE(16));
   if (!fill(bytes)) {
     break;
   }
@@ -66,7 +71,7 @@ function respond() {
   response.writeUInt32LE(board.busyCycles >>> 0, 8);
   response.writeUInt32LE(board.resets, 12);
   board.duties.forEach((duty, i) => response.writeUInt16LE(Math.round(duty * 65535), 16 + 2 * i));
-  response[20] = board.pins;
+  response[20] = board.pins | (board.hang === null ? 0 : 4);
   response.writeUInt16LE(uart.length, 21);
   response.set(uart, 23);
   response.writeUInt16LE(log.length, 23 + uart.length);

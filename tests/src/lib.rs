@@ -1,6 +1,7 @@
 //! What the system tests share: running `thermyo` in this process and reading what it wrote.
 
 pub mod float_pairs;
+pub mod rig;
 
 use std::fs;
 use std::path::{Path, PathBuf};

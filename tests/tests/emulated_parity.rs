@@ -5,6 +5,7 @@ use host_sim::board::{Board, BoardError, CoreBoard};
 use host_sim::replay::{Row, replay};
 use model_core::wire::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
 use model_core::{AdcCode, Config, Sample, SetPoint};
+use system_tests::rig::Muscle;
 use system_tests::skip_emulator;
 
 const STEPS: u32 = 10_000;
@@ -14,20 +15,11 @@ const PERIOD_STEPS: f64 = 10.0;
 /// Worst time of the core's step, the line's interrupts included \[us\].
 const STEP_WORST_US: u32 = 300;
 
-/// A sample that moves as a muscle's would, with noise in the last bits.
-fn sample(step: u32) -> Sample {
-    let noise = |seed: u32| (step.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 27) as u16;
-    let stroke = f64::from(step) * std::f64::consts::TAU / 2500.0;
-    let code = |middle: f64, swing: f64, phase: f64, seed: u32| {
-        AdcCode((middle + swing * (stroke + phase).sin()) as u16 + noise(seed))
-    };
-    let (gas, length) = (code(16_000.0, 800.0, -1.2, 2), code(21_000.0, -1_500.0, -0.2, 3));
-    let emergency_stop = step == 8000;
-    let pressure = code(13_000.0, 5_000.0, 0.0, 1);
-    // Two sensors fail for a while, and the line of the emergency stop opens once.
-    let gas = if (3000..3200).contains(&step) { AdcCode(0) } else { gas };
-    let length = if (4000..4200).contains(&step) { AdcCode(32_760) } else { length };
-    Sample { emergency_stop, ..Sample::new(pressure, gas, length) }
+/// Two sensors fail for a while, and the line of the emergency stop opens once.
+fn with_faults(step: u32, sample: Sample) -> Sample {
+    let gas = if (3000..3200).contains(&step) { AdcCode(0) } else { sample.gas };
+    let length = if (4000..4200).contains(&step) { AdcCode(32_760) } else { sample.length };
+    Sample { gas, length, emergency_stop: step == 8000, ..sample }
 }
 
 #[test]
@@ -36,25 +28,27 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
         return;
     }
     let mut board = EmulatedBoard::new().unwrap();
-    let load = model_core::config::Load::Isotonic { force_n: 120.0 };
-    let config = Config { load, ..Config::default() };
+    let mut muscle = Muscle::new("[plant]\nmodel = \"lumped\"\n[load]\nforce_n = 120.0\n");
+    let config = *muscle.config();
     let cycle = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 2.0 };
     let pressure = SetPoint::Pressure { pressure_pa: 3.0e5 };
     board.start(&config, cycle).unwrap();
 
-    let (mut rows, mut duties_and_pins) = (Vec::new(), Vec::new());
+    let (mut rows, mut fed, mut duties_and_pins) = (Vec::new(), Vec::new(), Vec::new());
     let started = std::time::Instant::now();
     for step in 0..=STEPS {
         if step == 5000 {
             board.set(pressure).unwrap();
         }
-        let outcome = board.step(&sample(step)).unwrap();
+        fed.push(with_faults(step, muscle.sample()));
+        let outcome = board.step(&fed[step as usize]).unwrap();
+        muscle.advance(outcome.actuation);
         duties_and_pins.push((outcome.actuation, board.shown().unwrap().actuation()));
         if let Some(telemetry) = outcome.telemetry {
             // What was fed is what was read: the conversions add up to the code.
             let Sample { heard, .. } = telemetry.sample;
-            let fed = Sample { heard, ..sample(telemetry.step) };
-            assert_eq!(telemetry.sample, fed, "step {}", telemetry.step);
+            let sample = Sample { heard, ..fed[telemetry.step as usize] };
+            assert_eq!(telemetry.sample, sample, "step {}", telemetry.step);
             // The set point arrives with the step: it holds from the next one on.
             let set_point = match telemetry.step {
                 0 => Some(cycle),

@@ -7,9 +7,10 @@ use host_sim::board::pty::PtyBoard;
 use host_sim::board::serial::SerialBoard;
 use host_sim::board::{Board, BoardError, CoreBoard};
 use host_sim::replay::{Row, replay};
-use model_core::{AdcCode, Config, Sample, SetPoint};
+use model_core::{AdcCode, Sample, SetPoint};
 use std::time::Duration;
 use std::{fs, thread};
+use system_tests::rig::Muscle;
 use system_tests::{skip_emulator, thermyo};
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
@@ -23,7 +24,8 @@ fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
     let image = firmware(Variant::Hil).unwrap();
     let pty = PtyBoard::new(EmulatedBoard::with_image(&image).unwrap(), HEALTHY).unwrap();
     let mut board = SerialBoard::open(pty.port()).unwrap();
-    let config = Config::default();
+    let mut muscle = Muscle::new("[plant]\nmodel = \"lumped\"\n");
+    let config = *muscle.config();
     let set_point = SetPoint::Pressure { pressure_pa: 2.0e5 };
     board.start(&config, set_point).unwrap();
     let other = SetPoint::MassFlow { flow_kg_s: -1.0e-4 };
@@ -38,11 +40,11 @@ fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
             }
             _ => None,
         };
-        let length = AdcCode(HEALTHY.length.0 + step % 2);
-        let sample = Sample { pressure: AdcCode(7770 + 5 * step), length, ..HEALTHY };
+        let sample = muscle.sample();
         let outcome = board.step(&sample).unwrap();
         let telemetry = outcome.telemetry.unwrap();
         assert_eq!((telemetry.step, telemetry.sample), (u32::from(step), sample));
+        muscle.advance(outcome.actuation);
         opened += outcome.actuation.inlet;
         rows.push(Row { set_point, telemetry });
     }

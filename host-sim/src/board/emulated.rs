@@ -25,19 +25,35 @@ const LEAD_NS: u32 = 900_000;
 const PATIENCE: u32 = 200;
 /// Steps between two words of a host that has nothing to ask.
 const ALIVE_STEPS: u32 = 100;
-/// Bytes to the UART in one exchange: what the line carries in it.
-const CHUNK: usize = (BAUD / 10_000) as usize;
+/// What the line to the UART carries.
+const BYTES_PER_MS: u64 = BAUD as u64 / 10_000;
 
-/// Healthy inputs, while nobody gives any.
+/// Healthy inputs, until somebody gives others.
 const IDLE: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
 /// What goes wrong on the board, for tests of what it does about it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Injection {
-    /// The converter never finishes again, or it does.
+    /// The converter does not finish, or it does again.
     AdcStalled(bool),
-    /// The control task runs into an endless loop, once.
-    Hang,
+    /// An instruction becomes an endless loop, once.
+    Hang {
+        /// Where.
+        place: Place,
+        /// Which of those that are executed there from now on: 1 is the next.
+        instruction: u32,
+    },
+}
+
+/// Where the firmware executes instructions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// The control task and its executor.
+    Control,
+    /// The tasks of the thread.
+    Thread,
+    /// The other interrupts.
+    Interrupts,
 }
 
 /// What one exchange has shown.
@@ -59,6 +75,8 @@ pub struct Exchange {
     pub fault_output: bool,
     /// The LED is on.
     pub led: bool,
+    /// The hang that was injected has not happened yet.
+    pub hang_to_come: bool,
 }
 
 impl Exchange {
@@ -80,8 +98,10 @@ pub struct EmulatedBoard {
     responses: BufReader<ChildStdout>,
     link: Link,
     log: Option<LogDecoder>,
+    /// What the board reads now.
+    inputs: Sample,
     adc_stalled: bool,
-    hang: bool,
+    hang: Option<(Place, u32)>,
     restarts: u32,
     to_board: Vec<u8>,
     from_board: Vec<u8>,
@@ -129,8 +149,9 @@ impl EmulatedBoard {
             responses: BufReader::new(responses),
             link: Link::default(),
             log: LogDecoder::of_image(path),
+            inputs: IDLE,
             adc_stalled: false,
-            hang: false,
+            hang: None,
             restarts: 0,
             to_board: Vec::new(),
             from_board: Vec::new(),
@@ -200,7 +221,7 @@ impl EmulatedBoard {
     pub fn inject(&mut self, injection: Injection) {
         match injection {
             Injection::AdcStalled(stalled) => self.adc_stalled = stalled,
-            Injection::Hang => self.hang = true,
+            Injection::Hang { place, instruction } => self.hang = Some((place, instruction)),
         }
     }
 
@@ -209,15 +230,16 @@ impl EmulatedBoard {
         self.log.as_mut().map(LogDecoder::take).unwrap_or_default()
     }
 
-    /// Asks, and lets time pass until the answer is there.
+    /// Asks, and lets time pass until the answer is there; the inputs stay as they are.
     ///
     /// # Errors
     /// [`BoardError::Refused`], [`BoardError::Silent`]
     pub fn ask(&mut self, command: HostCommand) -> Result<Answer, BoardError> {
         let (sequence, frame) = self.link.request(command);
         self.write(&frame);
+        let inputs = self.inputs;
         for _ in 0..PATIENCE {
-            self.exchange(&IDLE)?;
+            self.exchange(&inputs)?;
             match self.link.take_answer(sequence) {
                 Some(Answer::Refused(refusal)) => return Err(BoardError::Refused(refusal)),
                 Some(answer) => return Ok(answer),
@@ -260,15 +282,23 @@ impl EmulatedBoard {
         }
     }
 
-    fn run(&mut self, sample: &Sample, nanoseconds: u32) -> Result<Exchange, BoardError> {
-        let count = self.to_board.len().min(CHUNK);
-        let mut request = Vec::with_capacity(13 + count);
+    /// As [`EmulatedBoard::exchange`], for any time; the host says nothing of its own accord.
+    ///
+    /// # Errors
+    /// [`BoardError::Emulator`]
+    pub fn run(&mut self, sample: &Sample, nanoseconds: u32) -> Result<Exchange, BoardError> {
+        self.inputs = *sample;
+        let carried = u64::from(nanoseconds) * BYTES_PER_MS / u64::from(STEP_NS);
+        let count = self.to_board.len().min(carried as usize);
+        let mut request = Vec::with_capacity(18 + count);
         request.extend_from_slice(&nanoseconds.to_le_bytes());
         for code in [sample.pressure, sample.gas, sample.length] {
             request.extend_from_slice(&code.0.to_le_bytes());
         }
-        let inputs = [!sample.emergency_stop, self.adc_stalled, std::mem::take(&mut self.hang)];
-        request.push(inputs.iter().rev().fold(0, |bits, &input| bits << 1 | u8::from(input)));
+        request.push(u8::from(!sample.emergency_stop) | u8::from(self.adc_stalled) << 1);
+        let (place, instruction) = self.hang.take().unwrap_or((Place::Control, 0));
+        request.push(place as u8);
+        request.extend_from_slice(&instruction.to_le_bytes());
         request.extend_from_slice(&(count as u16).to_le_bytes());
         request.extend(self.to_board.drain(..count));
         if self.requests.write_all(&request).and_then(|()| self.requests.flush()).is_err() {
@@ -301,8 +331,8 @@ impl EmulatedBoard {
             self.responses.read_exact(&mut bytes).map(|()| f64::from(u16::from_le_bytes(bytes)))
         };
         let [inlet_duty, outlet_duty] = [half_word()? / 65_535.0, half_word()? / 65_535.0];
-        let mut pins = [0];
-        self.responses.read_exact(&mut pins)?;
+        let mut state = [0];
+        self.responses.read_exact(&mut state)?;
         let uart = self.read_counted()?;
         let log = self.read_counted()?;
         self.link.feed(&uart);
@@ -310,7 +340,7 @@ impl EmulatedBoard {
         if let Some(decoder) = &mut self.log {
             decoder.feed(&log);
         }
-        let [pins] = pins;
+        let [state] = state;
         Ok(Exchange {
             inlet_coil: f64::from(inlet_ns),
             outlet_coil: f64::from(outlet_ns),
@@ -318,8 +348,9 @@ impl EmulatedBoard {
             outlet_duty,
             busy_cycles,
             restarts,
-            fault_output: pins & 1 != 0,
-            led: pins & 2 != 0,
+            fault_output: state & 1 != 0,
+            led: state & 2 != 0,
+            hang_to_come: state & 4 != 0,
         })
     }
 
@@ -357,7 +388,8 @@ impl Board for EmulatedBoard {
         self.from_board.clear();
         // It takes a fraction of the coming exchange to arrive: the next one is the first judged.
         self.send(HostCommand::Start(set_point));
-        self.exchange(&IDLE)?;
+        let inputs = self.inputs;
+        self.exchange(&inputs)?;
         self.judging = true;
         Ok(())
     }
