@@ -208,6 +208,7 @@ fn assert_stops_vent(cases: u32) {
 
 /// What floods the line.
 #[derive(Debug, Clone, Copy)]
+#[allow(clippy::large_enum_variant)] // A handful of them.
 enum Flood {
     /// One request again and again.
     Of(HostCommand),
