@@ -1,6 +1,6 @@
 //! Hangs, emergency stops and floods by the hundred, at random, with a muscle at the emulated board.
 //!
-//! `cargo test` runs a few of each; all of them, in some twenty minutes:
+//! `cargo test` runs a few of each. All of them take long:
 //! `cargo test --release --test emulated_endurance -- --ignored --nocapture`
 
 use host_sim::board::emulated::{Exchange, Injection, Place};
