@@ -9,7 +9,7 @@
 //!
 //! A wrong heat transfer makes an error of that, too, but a bounded one: it can never be more than the
 //! gas is warmer or colder than its wall, a tenth or so. A hole is not bounded. So shares are added up,
-//! and what passes [`TRIP`] has another cause than heat:
+//! and what passes `TRIP` has another cause than heat:
 //!
 //! - *shut*: both valves are shut, and the gas grows more or less;
 //! - *no inflow*, *no outflow*: a valve is driven, and less than a third of what it must pass does;
@@ -17,10 +17,10 @@
 //!   others sees it. Pulses however short add up: gas that goes in and never comes to be there is lost,
 //!   gas that goes out and is not missed has come in elsewhere.
 //!
-//! The conductance may be wrong by a factor of three, a pulse by [`PULSE_S`], the supply by a tenth;
+//! The conductance may be wrong by a factor of three, a pulse by `PULSE_S`, the supply by a tenth;
 //! where pulses are added up, both together by a factor of four.
-//! Drift of less than [`FORGOTTEN_PER_S`] is not told from what warms and cools with the day; where a
-//! valve is driven, of less than [`FORGOTTEN_DRIVEN_PER_S`].
+//! Drift of less than `FORGOTTEN_PER_S` is not told from what warms and cools with the day; where a
+//! valve is driven, of less than `FORGOTTEN_DRIVEN_PER_S`.
 //!
 //! And the force that pressure and length stand for is that of the load, give or take a factor of three
 //! and friction: a muscle that pulls a third of its load, or three times it, for a second has a sensor
