@@ -1,6 +1,6 @@
 //! Scenario files as users write them: what is taken, and what is said of what is not.
 
-use host_sim::board::CoreBoard;
+use host_sim::board::{BoardError, CoreBoard};
 use host_sim::core_config::core_config;
 use host_sim::plant::BuildError;
 use host_sim::run::{self, RunError};
@@ -238,13 +238,14 @@ fn keys_have_to_fit_each_other() {
         ),
         (
             "[drive]\nkind = \"pressure\"\npressure_pa = 800_000",
-            "scenario.toml:3: drive.pressure_pa = 800_000: must be a number from 101325 to 7e5 Pa, \
-             ambient.pressure_pa to supply.pressure_pa",
+            "scenario.toml:3: drive.pressure_pa = 800_000: must be a number from 101325 to \
+             689500 Pa, ambient.pressure_pa to supply.pressure_pa, and within sensor.pressure.range_pa",
         ),
         (
             "drive.kind = \"pressure\"\nsupply.pressure_pa = 2e5",
             "scenario.toml: drive.pressure_pa = 300000.0 (not given): must be a number from \
-             101325 to 2e5 Pa, ambient.pressure_pa to supply.pressure_pa",
+             101325 to 2e5 Pa, ambient.pressure_pa to supply.pressure_pa, and within \
+             sensor.pressure.range_pa",
         ),
         (
             "[drive]\nkind = \"contraction\"\ncontraction = 0.4",
@@ -267,8 +268,8 @@ fn keys_have_to_fit_each_other() {
         ),
         (
             "drive.period_s = 0.001",
-            "scenario.toml:1: drive.period_s = 0.001: must be a number from 0.002 to 1e6 s, \
-             at least two steps",
+            "scenario.toml:1: drive.period_s = 0.001: must be a number from 0.04 to 86400 s, \
+             at least four periods of valve.pwm_hz, two a stroke",
         ),
         (
             "[load]\nkind = \"isometric\"\nlength_m = 0.31",
@@ -655,7 +656,13 @@ proptest! {
         });
         prop_assert!(odd.is_empty(), "{:?}", odd);
         match ended {
-            Ok(_) | Err(RunError::Diverged(_) | RunError::Build(BuildError::TooFast { .. })) => {}
+            Ok(_)
+            | Err(
+                RunError::Diverged(_)
+                | RunError::Build(BuildError::TooFast { .. })
+                // What is believed may leave less room than what is.
+                | RunError::Board(BoardError::SetPoint(_)),
+            ) => {}
             Err(error) => prop_assert!(false, "{}", error),
         }
     }

@@ -51,15 +51,16 @@ impl Recorded {
     }
 }
 
+/// Told right, the estimator is as good as what knows the future.
 #[test]
-fn it_beats_the_estimator_where_the_model_holds() {
+fn it_is_as_good_as_the_estimator_where_the_model_holds() {
     let recorded = Recorded::new(1.0);
     let smoothed = recorded.smooth();
     assert_eq!(smoothed.len(), 20_001);
     let error_k = recorded.rms_k(&smoothed, 5, 20);
     let times = recorded.rms_k(&recorded.online_k(), 5, 20) / error_k;
     assert!((0.005..0.05).contains(&error_k), "{error_k} K");
-    assert!((1.0..3.0).contains(&times), "the estimator's error is {times} times that");
+    assert!((0.9..2.0).contains(&times), "the estimator's error is {times} times that");
 }
 
 #[test]

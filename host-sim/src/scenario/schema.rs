@@ -460,11 +460,11 @@ pub static TABLES: &[Table] = &[
                 &["mass-flow", "duty", "pressure", "contraction", "discharge", "fill", "closed"],
                 "what is given",
             ),
-            real("period_s", "s", (1.0e-3, 1.0e6), "period of the cycle (mass-flow)"),
+            real("period_s", "s", (1.0e-3, 86_400.0), "period of the cycle (mass-flow)"),
             real(
                 "flow_kg_s",
                 "kg/s",
-                (0.0, 1000.0),
+                (0.0, 1.0),
                 "flow, in for half of the period, then out (mass-flow)",
             ),
             real("pressure_pa", "Pa", PRESSURE_PA, "set point, absolute (pressure)"),
