@@ -292,7 +292,7 @@ fn keys_have_to_fit_each_other() {
              1100 K, at least 1 K above sensor.gas.range_min_k",
         ),
         (
-            "valve.pwm_hz = 0.5",
+            "valve.pwm_hz = 0.5\ndrive.period_s = 9.0",
             "scenario.toml:1: valve.pwm_hz = 0.5: must be a number from 1 to 1e5 Hz, \
              a period of at most 1000 times run.step_s",
         ),
