@@ -331,7 +331,7 @@ impl Config {
             }
             Body::Vessel { section_m2, surface_m2 } => {
                 within("vessel.section_m2", section_m2, 1.0e-7, 1.0e5)?;
-                within("vessel.surface_m2", surface_m2, 0.0, 1.0e5)?;
+                within("vessel.surface_m2", surface_m2, 0.0, 1.0e3)?;
             }
         }
         within("heat.inner_w_m2_k", self.heat.inner_w_m2_k, 0.0, 1.0e5)?;

@@ -97,8 +97,7 @@ fn a_lost_gas_sensor_costs_little() {
         ("open", Faults::GAS_SENSOR, (0.01, 0.1)),
         ("shorted", Faults::GAS_SENSOR, (0.01, 0.1)),
         ("frozen", Faults::GAS_SENSOR, (0.01, 0.5)),
-        // It averages out.
-        ("noisy", Faults::NONE, (0.01, 0.3)),
+        ("noisy", Faults::GAS_SENSOR, (0.01, 0.3)),
     ] {
         let run = broken("gas", fault);
         let lost = worth(&run, 15.0, 25.0);

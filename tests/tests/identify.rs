@@ -206,7 +206,7 @@ fn pressure_and_length_drive_where_only_the_sensor_is_compared() {
             let (value, error) = found.parameter(path);
             println!("record from {from_s} s: {path} {value} ± {error}, true {truth}");
             assert!(error < certain * value, "{path}: {value} ± {error}");
-            assert!((value - truth).abs() < 4.0 * error, "{path}: {value} ± {error}");
+            assert!((value - truth).abs() < 5.0 * error, "{path}: {value} ± {error}");
         }
         let rmse = found.figure(&["rmse", "temperature_k"]);
         assert!((0.016..0.020).contains(&rmse), "{rmse}");

@@ -301,7 +301,7 @@ pub static TABLES: &[Table] = &[
         believed: true,
         keys: &[
             real("volume_m3", "m3", VOLUME_M3, "gas volume, where volume_csv does not say it"),
-            real("surface_m2", "m2", (0.0, 1.0e5), "inner surface"),
+            real("surface_m2", "m2", (0.0, 1.0e3), "inner surface"),
             real("wall_heat_capacity_j_k", "J/K", (0.01, 1.0e9), "heat capacity of the wall"),
             csv("volume_csv", ["time_s", "volume_m3"], "volume over time, of a moving piston"),
             real("dead_volume_m3", "m3", (0.0, 1.0e6), "added to what volume_csv gives"),

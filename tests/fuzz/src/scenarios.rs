@@ -145,7 +145,9 @@ fn value(bytes: &mut Unstructured, allowed: &Allowed) -> String {
         Allowed::Whole { min, max } => match byte(bytes) % 8 {
             0 => min.to_string(),
             1 => max.to_string(),
-            2..=6 => (min + bytes.whole(16) as i64 % (max - min + 1)).to_string(),
+            2..=6 => min
+                .saturating_add(bytes.whole(16) as i64 % max.saturating_sub(min).max(1))
+                .to_string(),
             _ => (bytes.whole(64) as i64).to_string(),
         },
         Allowed::Choice(words) => format!("{:?}", any::one_of(bytes, words)),
