@@ -94,7 +94,10 @@ fn poor_data_is_refused_and_nothing_written() {
     for (text, expected) in [
         ("[load]\nkind = \"isometric\"\n".to_owned(), "nothing moves"),
         ("[supply]\npressure_pa = 160_000.0\n".to_owned(), "and at most 1.36 bar are allowed"),
-        (format!("{weak}[believed.supply]\npressure_pa = 700_000.0\n"), "faults during the experiment: "),
+        (
+            format!("{weak}[believed.supply]\npressure_pa = 700_000.0\n"),
+            "faults during the experiment: ",
+        ),
         ("[valve]\nconductance_m3_s_pa = 4e-11\n".to_owned(), "or the valve too small"),
         ("[valve]\nconductance_m3_s_pa = 4e-8\n".to_owned(), "no step kept the inlet open"),
         ("[load]\nforce_n = 900.0\n[believed.load]\nforce_n = 100.0\n".to_owned(), "moved by 0."),
