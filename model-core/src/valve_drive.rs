@@ -387,7 +387,9 @@ mod tests {
             let mut drive = FlowDrive::new(&config);
             let muscle = Reservoir { pressure_pa, ..MUSCLE };
             assert_eq!(drive.mass(&config, mass_kg, muscle), Command::CLOSED);
+            assert!(drive.saturated(), "it was asked for some");
             assert_eq!(drive.mass(&config, 0.0, muscle), Command::CLOSED);
+            assert!(!drive.saturated(), "nor was it asked to");
         }
     }
 
