@@ -91,7 +91,6 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
     assert!((1..=20).contains(&timing.jitter_worst_us), "{timing:?}");
     assert!((20_000..=150_000).contains(&timing.step_mean_ns), "{timing:?}");
     assert!((50..=STEP_WORST_US).contains(&timing.step_worst_us), "{timing:?}");
-    assert!(real_time_factor > 0.5, "{real_time_factor} times real time");
 }
 
 #[test]
