@@ -204,19 +204,13 @@ impl Controller {
         let muscle =
             Reservoir { pressure_pa: feedback.pressure_pa, temperature_k: feedback.estimate.gas_k };
         self.limited = false;
-        let set_point = self.target.set_point();
-        match set_point {
+        let port = self.port(config, feedback);
+        let mass_kg = match self.target.set_point() {
             SetPoint::Vent => return self.drive.direct(Command::VENT),
             SetPoint::Duty { inlet, outlet } => {
                 let [inlet, outlet] = [inlet, outlet].map(Duty::from_share);
                 return self.drive.direct(Command { inlet, outlet });
             }
-            _ => {}
-        }
-        let port = self.port(config, feedback);
-        let mass_kg = match set_point {
-            // Known above.
-            SetPoint::Vent | SetPoint::Duty { .. } => None,
             SetPoint::MassFlow { flow_kg_s } => {
                 let wanted_kg = flow_kg_s * self.drive.period_s();
                 if self.limited_kg(&port, wanted_kg) < wanted_kg {
