@@ -94,7 +94,7 @@ impl<'a> Printed<'a> {
 
     fn interval(self, config: &Config, telemetry: &Telemetry) -> Interval {
         let pending = self.within("pending: Pending");
-        let f = pending.within("transition: Transition");
+        let f = pending.within("Rows(Transition");
         let transition = Transition {
             gas_gas: f.number("gas_gas"),
             gas_wall: f.number("gas_wall"),
@@ -106,8 +106,7 @@ impl<'a> Printed<'a> {
             sensor_sensor: f.number("sensor_sensor"),
             sensor_lag: f.number("sensor_lag"),
         };
-        // The numbers of the product lie between: they have other names' ends.
-        let gas_k = pending.within("product: Product").within("}").number("gas_k");
+        let gas_k = pending.number("gas_k");
         let Self(innovation) = pending.within(" innovation_k: ");
         let innovation_k = innovation
             .strip_prefix("Some(")
