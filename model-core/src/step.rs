@@ -119,6 +119,7 @@ impl Core {
     /// counts: step 0 is the first after it.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let pressure_pa = self.converter.pressure_pa(sample.pressure);
+        let read_m = self.converter.length_m(sample.length);
         let driven = self.controller.driven();
         // A muscle that is not empty, and that a set point lets out.
         let let_out = driven
@@ -130,9 +131,10 @@ impl Core {
             driven,
             step: self.step,
             found: core::mem::replace(&mut self.found, Faults::NONE),
+            impossible_length: !self.shape.can_have_length_m(read_m),
         };
         let faults = self.supervisor.step(sample, pressure_pa, activity);
-        let length_m = self.length_m(sample, pressure_pa, faults);
+        let length_m = self.length_m(read_m, pressure_pa, faults);
         if self.supervisor.judging() {
             self.follow(Command::VENT);
             return Telemetry {
@@ -209,18 +211,16 @@ impl Core {
     }
 
     /// Measured length, or without its sensor the one at which the load balances.
-    fn length_m(&self, sample: &Sample, pressure_pa: f32, faults: Faults) -> f32 {
+    fn length_m(&self, read_m: f32, pressure_pa: f32, faults: Faults) -> f32 {
         if !faults.intersects(Faults::LENGTH_SENSOR) {
-            return self.shape.limit_length_m(self.converter.length_m(sample.length));
+            return self.shape.limit_length_m(read_m);
         }
         match (&self.shape, self.config.load) {
             (Shape::Muscle(geometry), Load::Isotonic { force_n }) => {
                 geometry.length_for_force_m(pressure_pa - self.config.ambient.pressure_pa, force_n)
             }
             (_, Load::Isometric { length_m }) => self.shape.limit_length_m(length_m),
-            (Shape::Vessel { .. }, _) => {
-                self.shape.limit_length_m(self.converter.length_m(sample.length))
-            }
+            (Shape::Vessel { .. }, _) => self.shape.limit_length_m(read_m),
         }
     }
 }
@@ -521,7 +521,7 @@ mod tests {
             })
             .collect();
         // 2 % of the pressure in every 20 ms, 1/k of it more gas.
-        let found = faults.iter().position(|&faults| faults == Faults::GAS_GAINED);
+        let found = faults.iter().position(|faults| faults.intersects(Faults::GAS_GAINED));
         assert!(found.is_some_and(|step| (300..600).contains(&step)), "{found:?}");
         assert_eq!(core.step(&INFLATED).command, Command::VENT);
     }

@@ -14,6 +14,7 @@
 //! | length sensor at a rail | at once | shown while it lasts; length from pressure and load |
 //! | length sensor noisier than a muscle can move | ten jerks within forty steps | the same |
 //! | length sensor's code stands still while gas flows | for [`FROZEN_STEPS`] such steps | the same |
+//! | a length that the muscle cannot have: 5 % beyond its rest length, or below its shortest | for [`PATIENCE_STEPS`] steps | the same |
 //! | link lost | no request of the host for `link_timeout_s`, while a set point holds | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
 //! | not configured | at the start of a board that nobody has told its configuration | vent until it is told |
@@ -133,6 +134,8 @@ pub struct Activity {
     pub step: u32,
     /// What the watch has found.
     pub found: Faults,
+    /// The length reads what the muscle cannot have.
+    pub impossible_length: bool,
 }
 
 /// What the configuration makes of the supervisor.
@@ -154,6 +157,7 @@ pub struct Supervisor {
     judging_steps: u16,
     pressure_sensor_steps: u16,
     overpressure_steps: u16,
+    impossible_length_steps: u16,
     silent_steps: u32,
     late: u16,
     pressure: Line,
@@ -174,6 +178,7 @@ impl Supervisor {
             judging_steps: JUDGING_STEPS,
             pressure_sensor_steps: 0,
             overpressure_steps: 0,
+            impossible_length_steps: 0,
             silent_steps: 0,
             late: 0,
             pressure: Line::default(),
@@ -211,13 +216,14 @@ impl Supervisor {
 
     /// Looks at the inputs of one step; returns the faults that hold.
     pub fn step(&mut self, sample: &Sample, pressure_pa: f32, activity: Activity) -> Faults {
-        let Activity { flowing, driven, step, found } = activity;
+        let Activity { flowing, driven, step, found, impossible_length } = activity;
         self.judging_steps = self.judging_steps.saturating_sub(1);
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
         self.pressure_sensor_steps = count(at_rail(sample.pressure), self.pressure_sensor_steps);
         self.overpressure_steps =
             count(pressure_pa > self.limits.pressure_pa, self.overpressure_steps);
+        self.impossible_length_steps = count(impossible_length, self.impossible_length_steps);
         let silent = driven && !sample.heard;
         self.silent_steps = if silent { self.silent_steps.saturating_add(1) } else { 0 };
         let missed = u16::from(sample.missed_steps).saturating_mul(LATE_WEIGHT);
@@ -229,7 +235,10 @@ impl Supervisor {
         let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
             || self.pressure.frozen()
             || self.pressure.noisy();
-        let length_lost = at_rail(sample.length) || self.length.frozen() || self.length.noisy();
+        let length_lost = at_rail(sample.length)
+            || self.impossible_length_steps >= PATIENCE_STEPS
+            || self.length.frozen()
+            || self.length.noisy();
         let mut present = found;
         for (condition, fault) in [
             (sample.emergency_stop, Faults::EMERGENCY_STOP),
@@ -284,7 +293,13 @@ mod tests {
     use super::*;
 
     const HEALTHY: Sample = Sample::new(AdcCode(10_000), AdcCode(16_000), AdcCode(20_000));
-    const IDLE: Activity = Activity { flowing: false, driven: false, step: 0, found: Faults::NONE };
+    const IDLE: Activity = Activity {
+        flowing: false,
+        driven: false,
+        step: 0,
+        found: Faults::NONE,
+        impossible_length: false,
+    };
     const FLOWING: Activity = Activity { flowing: true, driven: true, ..IDLE };
 
     /// One that has judged its healthy sensors.
@@ -406,6 +421,18 @@ mod tests {
         let sample = Sample { gas: AdcCode(0), length: AdcCode(32_760), ..HEALTHY };
         let faults = supervisor.step(&sample, 2.0e5, IDLE);
         assert_eq!(faults, Faults::GAS_SENSOR.with(Faults::LENGTH_SENSOR));
+        assert!(!must_vent(&supervisor));
+        assert_eq!(supervisor.step(&HEALTHY, 2.0e5, IDLE), Faults::NONE);
+    }
+
+    #[test]
+    fn a_length_that_cannot_be_needs_patience_and_is_shown() {
+        let mut supervisor = judged();
+        let impossible = Activity { impossible_length: true, ..IDLE };
+        for _ in 1..PATIENCE_STEPS {
+            assert_eq!(supervisor.step(&HEALTHY, 2.0e5, impossible), Faults::NONE);
+        }
+        assert_eq!(supervisor.step(&HEALTHY, 2.0e5, impossible), Faults::LENGTH_SENSOR);
         assert!(!must_vent(&supervisor));
         assert_eq!(supervisor.step(&HEALTHY, 2.0e5, IDLE), Faults::NONE);
     }

@@ -146,13 +146,18 @@ struct Interval {
     start_j: f32,
     /// A step of it had no pressure.
     void: bool,
+    /// The gas sensor's code has changed in it.
+    code_moved: bool,
 }
 
 /// What an interval's pressures and lengths say of the gas, whatever the valves were asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Balance {
-    /// Gas that came in over the interval, share of what is there \[-\].
-    pub gained: f32,
+    /// Gas that came in over the interval, share of what is there, whatever the heat transfer was
+    /// between none and the believed one: the least \[-\] ...
+    pub least_gained: f32,
+    /// ... and the most of it \[-\].
+    pub most_gained: f32,
     /// Absolute pressure at its end \[Pa\].
     pub pressure_pa: f32,
     /// Gas mass \[kg\].
@@ -240,7 +245,7 @@ pub struct Estimator {
     gas_code: AdcCode,
     /// What the last readings said \[K\].
     reading_k: f32,
-    /// By how much the element must have moved since the code last changed \[K\].
+    /// By how much the element must have moved in the intervals since the code last changed \[K\].
     unmoved_k: f32,
     frozen: bool,
     contradicted_intervals: u16,
@@ -381,7 +386,7 @@ impl Estimator {
         if let Some(code) = measurement.gas {
             if code != self.gas_code {
                 self.gas_code = code;
-                self.unmoved_k = 0.0;
+                self.interval.code_moved = true;
                 self.frozen = false;
             }
             if !self.frozen {
@@ -641,9 +646,11 @@ impl Estimator {
         let inner_j_k = self.scale * inner_w_k * duration_s;
         let flowing = f32::from(interval.flowing_steps) / steps;
         let per_mass = 1.0 / self.mass_kg.value();
-        let enthalpy_j = self.measured_j - interval.start_j + interval.work_j + interval.heat_j;
+        let adiabatic_j = self.measured_j - interval.start_j + interval.work_j;
+        let share = |enthalpy_j: f32| enthalpy_j * self.per_cp * per_mass / gas_k;
         self.balance = Some(Balance {
-            gained: enthalpy_j * self.per_cp * per_mass / gas_k,
+            least_gained: share(adiabatic_j + limit(interval.heat_j, f32::MIN, 0.0)),
+            most_gained: share(adiabatic_j + limit(interval.heat_j, 0.0, f32::MAX)),
             pressure_pa: self.pressure_pa,
             mass_kg: self.mass_kg.value(),
         });
@@ -671,7 +678,11 @@ impl Estimator {
         let sensor_change_k = lag_share * (self.housing_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
         let away_k = absolute(self.housing_k - self.reading_k) - UNMOVED_K - 2.0 * self.gas_sd_k;
-        self.unmoved_k += lag_share * limit(away_k, 0.0, HOTTEST_K);
+        if interval.code_moved {
+            self.unmoved_k = 0.0;
+        } else {
+            self.unmoved_k += lag_share * limit(away_k, 0.0, HOTTEST_K);
+        }
         self.frozen |= self.unmoved_k > self.frozen_k;
         self.contradicted_intervals = self.contradicted_intervals.saturating_sub(1);
         self.distrusted &= self.contradicted_intervals > 0;
@@ -767,6 +778,26 @@ mod tests {
         let turned = Openings { turned: true, ..still };
         assert_eq!([false, true].map(|flowing| turned.course(flowing)), [Course::Turned; 2]);
         assert_eq!([still.course(false), still.course(true)], [Course::Shut, Course::Open]);
+    }
+
+    /// A fast fill moves the element further in one interval than a frozen code is allowed, and the code
+    /// with it.
+    #[test]
+    fn a_code_that_moves_is_not_frozen_however_fast_its_element() {
+        let mut config = Config::default();
+        config.gas_sensor.time_constant_s = 0.3;
+        config.gas_sensor.housing_time_constant_s = 0.001;
+        for (moves, implausible) in [(1, false), (0, true)] {
+            let mut estimator = Estimator::new(&config);
+            let shown = (0..140_u16).any(|step| {
+                let pressure_pa =
+                    if step < 40 { 1.2e5 } else { 1.2e5 + 3.0e3 * f32::from(step - 40) };
+                let code = 15_950 + moves * step;
+                estimator.step(&measurement(pressure_pa, 0.28, code, u8::from(step >= 40)));
+                estimator.sensor_implausible()
+            });
+            assert_eq!(shown, implausible, "{moves} codes in a step");
+        }
     }
 
     /// Ten seconds at rest at 25 degC with a gas sensor that says 25 degC and then `reads_k`; the last
