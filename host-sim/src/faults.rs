@@ -17,6 +17,7 @@ const NOISE: i32 = CODE_MAX as i32 / 20;
 #[derive(Debug, Clone)]
 pub struct InjectedFaults {
     windows: Vec<FaultWindow>,
+    step_s: f64,
     /// Codes that arrived in the last step.
     arrived: Codes,
     generator: Xoshiro256PlusPlus,
@@ -29,6 +30,7 @@ impl InjectedFaults {
         Self {
             windows: scenario.faults.windows().map(|(_, window)| window.clone()).collect(),
             arrived: Codes::default(),
+            step_s: scenario.run.step_s,
             // Another seed than the ADC's: a fault changes no noise but its own.
             generator: Xoshiro256PlusPlus::seed_from_u64(!scenario.run.seed),
             noise: Uniform::new_inclusive(-NOISE, NOISE).expect("the band is not empty"),
@@ -67,9 +69,15 @@ impl InjectedFaults {
             length: self.line(length, codes.length, self.arrived.length),
         };
         let Codes { pressure, gas, length } = self.arrived;
-        let heard = !self.active(time_s).any(|window| window.link == LinkFault::Lost);
-        let codes = Sample::new(AdcCode(pressure), AdcCode(gas), AdcCode(length));
-        Sample { emergency_stop, heard, ..codes }
+        let on_link = |fault| self.active(time_s).any(|window| window.link == fault);
+        let missed = self.windows.iter().map(|w| w.missed_steps_at(time_s, self.step_s));
+        Sample {
+            emergency_stop,
+            heard: !on_link(LinkFault::Lost),
+            flooded: on_link(LinkFault::Flooded),
+            missed_steps: missed.max().unwrap_or_default(),
+            ..Sample::new(AdcCode(pressure), AdcCode(gas), AdcCode(length))
+        }
     }
 
     /// What is broken in the plant during the step that starts at that time \[s\].

@@ -76,7 +76,10 @@ fn what_is_no_window_is_refused() {
             "1: believed.faults: the core is not told about it, so that it cannot believe otherwise",
         ),
         ("[faults]\nemergency_stop = 1", "2: faults.emergency_stop = 1: must be true or false"),
-        ("[faults]\nlink = true", "2: faults.link = true: must be one of \"none\", \"lost\""),
+        (
+            "[faults]\nlink = true",
+            "2: faults.link = true: must be one of \"none\", \"lost\", \"flooded\"",
+        ),
         (
             "[faults]\ninlet = \"frozen\"",
             "2: faults.inlet = \"frozen\": must be one of \"none\", \"open\", \"shut\", \"leaking\"",
@@ -126,6 +129,7 @@ fn the_same_line_cannot_break_twice_at_a_time() {
         ("supply_pressure_pa", "2e5"),
         ("emergency_stop", "true"),
         ("link", "\"lost\""),
+        ("missed_steps", "3"),
     ] {
         let windows = |a: (f64, f64), b: (f64, f64)| {
             let window = |(from_s, until_s): (f64, f64)| {
@@ -223,6 +227,34 @@ fn every_window_acts_in_its_own_time() {
         let outlet = if shut > 0.0 { Travel { shut: 0.0, open: 0.0 } } else { Travel::default() };
         assert_eq!(disturbance.outlet, outlet, "{time_s}");
         assert_eq!((disturbance.leak_m3_s_pa, disturbance.supply_pa), (leak, supply), "{time_s}");
+    }
+}
+
+/// Times as a run makes them, which are a rounding off.
+#[test]
+fn steps_are_left_out_and_a_link_is_flooded() {
+    let loaded = valid(
+        "[faults]\nmissed_steps = 7\nfrom_s = 0.1\nuntil_s = 0.45\nmissed_period_s = 0.1\n\
+         [faults.once]\nmissed_steps = 9\nfrom_s = 0.7\nlink = \"flooded\"\n\
+         missed_period_s = 1e6\n",
+    );
+    for off_s in [-1e-12, 0.0, 1e-12] {
+        let mut faults = InjectedFaults::new(&loaded.plant);
+        let mut missed = Vec::new();
+        for step in 0..1000_u16 {
+            let sample = faults.apply(f64::from(step) * 0.001 + off_s, CODES);
+            if sample.missed_steps > 0 {
+                missed.push((step, sample.missed_steps));
+            }
+            if step != 700 {
+                assert_eq!(sample.flooded, step > 700, "step {step}");
+            }
+        }
+        let expected = [(100, 7), (200, 7), (300, 7), (400, 7), (700, 9)];
+        assert_eq!(missed.len(), expected.len(), "{missed:?}");
+        for ((step, count), (due, expected)) in missed.into_iter().zip(expected) {
+            assert!(step - due <= 1 && count == expected, "step {step}: {count}");
+        }
     }
 }
 

@@ -43,6 +43,8 @@ pub enum LinkFault {
     None,
     /// The host goes silent.
     Lost,
+    /// More requests arrive than the board takes.
+    Flooded,
 }
 
 /// What is broken in one window of time.
@@ -83,6 +85,11 @@ pub struct FaultWindow {
     pub emergency_stop: bool,
     /// Line between host and board.
     pub link: LinkFault,
+    /// Steps that the board leaves out together, at the window's start and again after every
+    /// `missed_period_s`; 0 for none.
+    pub missed_steps: u8,
+    /// See `missed_steps` \[s\].
+    pub missed_period_s: f64,
     /// Start of the window \[s\].
     pub from_s: f64,
     /// End of the window \[s\].
@@ -106,6 +113,8 @@ impl Default for FaultWindow {
             supply_pressure_pa: None,
             emergency_stop: false,
             link: LinkFault::None,
+            missed_steps: 0,
+            missed_period_s: 1.0,
             from_s: 0.0,
             until_s: 1.0e6,
         }
@@ -116,6 +125,15 @@ impl FaultWindow {
     /// Whether that time \[s\] lies in the window; its end does not.
     pub fn contains(&self, time_s: f64) -> bool {
         (self.from_s..self.until_s).contains(&time_s)
+    }
+
+    /// Steps that are left out before the one at that time \[s\], of `step_s` \[s\].
+    pub fn missed_steps_at(&self, time_s: f64, step_s: f64) -> u8 {
+        // Times are sums: a period may end a rounding before its step.
+        let periods = |time_s: f64| ((time_s - self.from_s) / self.missed_period_s + 1e-9).floor();
+        let before_s = time_s - step_s;
+        let first = !self.contains(before_s) || periods(time_s) > periods(before_s);
+        if self.contains(time_s) && first { self.missed_steps } else { 0 }
     }
 
     /// The time that two windows share, start and end \[s\].
@@ -136,6 +154,7 @@ impl FaultWindow {
             ("supply_pressure_pa", self.supply_pressure_pa.is_some()),
             ("emergency_stop", self.emergency_stop),
             ("link", self.link != LinkFault::None),
+            ("missed_steps", self.missed_steps > 0),
         ];
         broken.into_iter().filter_map(|(key, broken)| broken.then_some(key))
     }

@@ -2,6 +2,7 @@
 //! what follows.
 
 use super::muscle::{Draw, Task};
+use crate::plant::Truth;
 use crate::scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
 use model_core::{Command, Duty, Faults, Telemetry};
 
@@ -21,6 +22,9 @@ pub enum Reaction {
     NotStated,
 }
 
+/// Slower is at rest \[m/s\].
+const MOVING_M_S: f64 = 0.001;
+
 /// When the time until a fault is found counts: where it can be seen at all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counted {
@@ -28,6 +32,8 @@ pub enum Counted {
     Always,
     /// While a valve is driven.
     Driven,
+    /// While a valve is driven and the muscle moves.
+    Moving,
     /// While the inlet is driven and the outlet is not.
     Inlet,
     /// While the outlet is driven and the inlet is not.
@@ -38,12 +44,13 @@ pub enum Counted {
 
 impl Counted {
     /// Whether a step counts.
-    pub fn counts(self, telemetry: &Telemetry, above: bool) -> bool {
+    pub fn counts(self, telemetry: &Telemetry, truth: &Truth, above: bool) -> bool {
         let Command { inlet, outlet } = telemetry.command;
         let [inlet, outlet] = [inlet, outlet].map(|duty| duty > Duty::ZERO);
         match self {
             Self::Always => true,
             Self::Driven => inlet || outlet,
+            Self::Moving => (inlet || outlet) && truth.speed_m_s.abs() > MOVING_M_S,
             Self::Inlet => inlet && !outlet,
             Self::Outlet => outlet && !inlet,
             Self::Above => above,
@@ -55,6 +62,7 @@ impl Counted {
         match self {
             Self::Always => "since it came",
             Self::Driven => "of driven valves",
+            Self::Moving => "of driven valves and a muscle that moves",
             Self::Inlet => "of the inlet driven alone",
             Self::Outlet => "of the outlet driven alone",
             Self::Above => "above the limit",
@@ -67,8 +75,6 @@ impl Counted {
 pub enum Inject {
     /// In a window of the scenario.
     Window(fn(&mut Draw, &Scenario, &mut FaultWindow)),
-    /// The board leaves out steps.
-    MissedSteps,
     /// The board is not told its configuration.
     Unconfigured,
 }
@@ -101,9 +107,9 @@ impl Fault {
     pub fn error_k(&self) -> f64 {
         match self.found {
             // A reading that runs away pulls the estimate along until it is found.
-            GAS if self.observed_s > 10.0 => 15.0,
-            GAS => 2.0,
-            LENGTH => 4.0,
+            GAS if self.observed_s > 20.0 => 30.0,
+            GAS => 4.0,
+            LENGTH => 8.0,
             _ => f64::INFINITY,
         }
     }
@@ -130,6 +136,8 @@ const BURST: Faults = Faults::BURST;
 /// Gas that valves do not explain.
 const FLOW: Faults =
     Faults::GAS_GAINED.with(Faults::NO_INFLOW).with(Faults::NO_OUTFLOW).with(BURST);
+/// Gas that leaves and does not come back.
+const LOST: Faults = Faults::LEAK.with(BURST).with(Faults::NO_INFLOW);
 
 /// Every fault.
 pub fn all() -> Vec<Fault> {
@@ -173,7 +181,7 @@ pub fn all() -> Vec<Fault> {
                 "pressure sensor frozen",
                 "the code of that moment",
                 |_, _, w| w.pressure = ChannelFault::Frozen,
-                PRESSURE,
+                PRESSURE.with(FLOW),
                 0.1,
                 Vents,
             ),
@@ -189,7 +197,7 @@ pub fn all() -> Vec<Fault> {
         at(
             Counted::Always,
             &Task::ALL,
-            32.0,
+            42.0,
             fault(
                 "pressure sensor drifting up",
                 "10 to 30 kPa/s",
@@ -198,7 +206,7 @@ pub fn all() -> Vec<Fault> {
                     w.pressure_drift_pa_s = Some(draw.factor([1.0e4, 3.0e4]));
                 },
                 PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE),
-                30.0,
+                40.0,
                 Vents,
             ),
         ),
@@ -237,13 +245,13 @@ pub fn all() -> Vec<Fault> {
         at(
             Counted::Always,
             moving,
-            8.0,
+            14.0,
             fault(
                 "gas sensor frozen",
                 "the code of that moment",
                 |_, _, w| w.gas = ChannelFault::Frozen,
                 GAS,
-                6.0,
+                12.0,
                 Shown,
             ),
         ),
@@ -258,7 +266,7 @@ pub fn all() -> Vec<Fault> {
         at(
             Counted::Always,
             &Task::ALL,
-            17.0,
+            22.0,
             fault(
                 "gas sensor drifting",
                 "0.5 to 3 K/s, up or down",
@@ -267,7 +275,7 @@ pub fn all() -> Vec<Fault> {
                     w.gas_drift_k_s = Some(draw.sign() * draw.factor([0.5, 3.0]));
                 },
                 GAS,
-                15.0,
+                20.0,
                 Shown,
             ),
         ),
@@ -288,7 +296,7 @@ pub fn all() -> Vec<Fault> {
             Shown,
         ),
         at(
-            Counted::Driven,
+            Counted::Moving,
             moving,
             6.0,
             fault(
@@ -296,7 +304,7 @@ pub fn all() -> Vec<Fault> {
                 "the code of that moment",
                 |_, _, w| w.length = ChannelFault::Frozen,
                 LENGTH,
-                0.1,
+                0.2,
                 Shown,
             ),
         ),
@@ -360,7 +368,7 @@ pub fn all() -> Vec<Fault> {
                 "no flow",
                 |_, _, w| w.inlet = ValveFault::Shut,
                 Faults::NO_INFLOW,
-                1.0,
+                2.0,
                 Vents,
             ),
         ),
@@ -409,7 +417,7 @@ pub fn all() -> Vec<Fault> {
         at(
             Counted::Always,
             holding,
-            22.0,
+            32.0,
             fault(
                 "outlet leaking",
                 "5 to 20 % of its conductance",
@@ -417,15 +425,15 @@ pub fn all() -> Vec<Fault> {
                     w.outlet = ValveFault::Leaking;
                     w.outlet_leak = Some(draw.factor([0.05, 0.2]));
                 },
-                Faults::LEAK.with(BURST),
-                20.0,
+                LOST,
+                30.0,
                 ShownOrVents,
             ),
         ),
         at(
             Counted::Always,
             holding,
-            22.0,
+            32.0,
             fault(
                 "muscle leaks",
                 "a hole of 5 to 20 % of a valve",
@@ -433,8 +441,8 @@ pub fn all() -> Vec<Fault> {
                     let share = draw.factor([0.05, 0.2]);
                     w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
                 },
-                Faults::LEAK.with(BURST),
-                20.0,
+                LOST,
+                30.0,
                 ShownOrVents,
             ),
         ),
@@ -450,7 +458,7 @@ pub fn all() -> Vec<Fault> {
                     w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
                 },
                 FLOW,
-                1.0,
+                2.0,
                 Vents,
             ),
         ),
@@ -486,17 +494,28 @@ pub fn all() -> Vec<Fault> {
             0.501,
             Vents,
         ),
-        Fault {
-            inject: Inject::MissedSteps,
-            ..fault(
-                "missed steps",
-                "5 to 200 left out together, or one in ten",
-                |_, _, _| (),
-                Faults::MISSED_STEPS,
-                0.2,
-                Vents,
-            )
-        },
+        fault(
+            "link flooded",
+            "more requests than the board takes",
+            |_, _, w| w.link = LinkFault::Flooded,
+            Faults::LINK_FLOODED,
+            0.001,
+            Shown,
+        ),
+        fault(
+            "missed steps",
+            "5 to 200 left out together, or one in ten",
+            |draw, s, w| {
+                (w.missed_steps, w.missed_period_s) = if draw.sign() > 0.0 {
+                    (draw.between([5.0, 200.0]) as u8, w.until_s)
+                } else {
+                    (1, 10.0 * s.run.step_s)
+                };
+            },
+            Faults::MISSED_STEPS,
+            0.2,
+            Vents,
+        ),
         Fault {
             inject: Inject::Unconfigured,
             ..fault(

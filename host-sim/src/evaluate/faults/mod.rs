@@ -32,8 +32,10 @@ pub type Ended<'a> = &'a (dyn Fn() + Sync);
 
 /// How a fault did in all its runs.
 fn line(fault: &Fault, outcomes: &[Outcome]) -> Line {
-    let count = |which: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|o| which(o)).count();
-    let percent = |count: usize| 100.0 * count as f64 / outcomes.len() as f64;
+    let (judged, hidden): (Vec<_>, Vec<_>) =
+        outcomes.iter().partition(|o| o.found_s.is_some() || o.counted_s > fault.within_s);
+    let count = |which: &dyn Fn(&Outcome) -> bool| judged.iter().filter(|o| which(o)).count();
+    let percent = |count: usize| 100.0 * count as f64 / judged.len() as f64;
     let most = |value: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(value).fold(0.0, f64::max);
     let mut times_s: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.found_s).collect();
     times_s.sort_by(f64::total_cmp);
@@ -61,6 +63,9 @@ fn line(fault: &Fault, outcomes: &[Outcome]) -> Line {
         figures.push(Figure::at_most("worst_error_k", error_k, fault.error_k()));
     }
     figures.push(Figure::at_most("early", early as f64, 0.0));
+    if !hidden.is_empty() {
+        figures.push(Figure::shown("hidden", hidden.len() as f64));
+    }
     Line { case: fault.name.to_owned(), figures }
 }
 

@@ -24,6 +24,8 @@ const NO_RISE: f64 = 1.02;
 pub struct Outcome {
     /// Time until it was found, as it counts \[s\].
     pub found_s: Option<f64>,
+    /// How long it could be seen, as that counts \[s\].
+    pub counted_s: f64,
     /// The same since it came \[s\].
     pub since_s: f64,
     /// What was shown before the fault came.
@@ -38,40 +40,14 @@ pub struct Outcome {
     pub error_k: f64,
 }
 
-/// The core in this process, on a board that fails.
+/// The core in this process, on a board that may not have been told its configuration.
 #[derive(Debug, Default)]
-struct FailingBoard {
+struct UntoldBoard {
     healthy: CoreBoard,
-    missed: Option<Missed>,
     unconfigured: Option<Core>,
-    step: u64,
 }
 
-/// Steps that are left out.
-#[derive(Debug, Clone, Copy)]
-struct Missed {
-    from_step: u64,
-    count: u8,
-    every: u64,
-}
-
-impl Missed {
-    /// All together, or one in ten.
-    fn random(draw: &mut Draw, from_step: u64) -> Self {
-        if draw.sign() > 0.0 {
-            Self { from_step, count: draw.between([5.0, 200.0]) as u8, every: u64::MAX }
-        } else {
-            Self { from_step, count: 1, every: 10 }
-        }
-    }
-
-    fn before(&self, step: u64) -> u8 {
-        let due = step >= self.from_step && (step - self.from_step).is_multiple_of(self.every);
-        if due { self.count } else { 0 }
-    }
-}
-
-impl Board for FailingBoard {
+impl Board for UntoldBoard {
     fn name(&self) -> &'static str {
         self.healthy.name()
     }
@@ -86,15 +62,13 @@ impl Board for FailingBoard {
     }
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
-        let missed_steps = self.missed.map_or(0, |missed| missed.before(self.step));
-        self.step += 1;
         match &mut self.unconfigured {
             Some(core) => {
                 let telemetry = core.step(sample);
                 let actuation = telemetry.command.into();
                 Ok(BoardStep { telemetry: Some(telemetry), actuation })
             }
-            None => self.healthy.step(&Sample { missed_steps, ..*sample }),
+            None => self.healthy.step(sample),
         }
     }
 }
@@ -147,10 +121,9 @@ impl<'a> Judge<'a> {
         self.steps += 1;
         if self.found_s.is_none() {
             let above = truth.pressure_pa > self.limit_pa;
-            self.counted_steps += u64::from(self.fault.counted.counts(telemetry, above));
+            self.counted_steps += u64::from(self.fault.counted.counts(telemetry, truth, above));
             if faults.intersects(self.fault.found) {
-                let counted_s = self.counted_steps as f64 * self.step_s;
-                outcome.found_s = Some(counted_s);
+                outcome.found_s = Some(self.counted_steps as f64 * self.step_s);
                 outcome.since_s = truth.time_s - self.from_s + self.step_s;
                 self.found_s = Some(truth.time_s);
                 self.found_pa = truth.pressure_pa;
@@ -175,6 +148,7 @@ impl<'a> Judge<'a> {
     fn outcome(self) -> Outcome {
         Outcome {
             reacted: self.found_s.is_some() && !self.fails,
+            counted_s: self.counted_steps as f64 * self.step_s,
             error_k: (self.squares_k2 / self.steps.max(1) as f64).sqrt(),
             ..self.outcome
         }
@@ -190,7 +164,6 @@ pub struct Trial {
     pub loaded: Loaded,
     /// When it comes \[s\].
     pub from_s: f64,
-    missed: Option<Missed>,
 }
 
 impl Trial {
@@ -205,20 +178,12 @@ impl Trial {
         let from_s = if matches!(fault.inject, Inject::Unconfigured) { 0.0 } else { comes_s };
         let duration_s = from_s + fault.observed_s + VENTED_S + 0.3;
         let mut loaded = muscle::random(&mut draw, model, task, duration_s);
-        let mut missed = None;
-        match fault.inject {
-            Inject::Window(inject) => {
-                let mut window = FaultWindow { from_s, ..FaultWindow::default() };
-                inject(&mut draw, &loaded.plant, &mut window);
-                loaded.plant.faults.own = window;
-            }
-            Inject::MissedSteps => {
-                let from_step = (from_s / loaded.plant.run.step_s).round() as u64;
-                missed = Some(Missed::random(&mut draw, from_step));
-            }
-            Inject::Unconfigured => {}
+        if let Inject::Window(inject) = fault.inject {
+            let mut window = FaultWindow { from_s, ..FaultWindow::default() };
+            inject(&mut draw, &loaded.plant, &mut window);
+            loaded.plant.faults.own = window;
         }
-        Self { fault: *fault, loaded, from_s, missed }
+        Self { fault: *fault, loaded, from_s }
     }
 
     /// Runs it with the core in this process.
@@ -230,14 +195,10 @@ impl Trial {
             .then(Core::unconfigured)
             .transpose()
             .map_err(RunError::Config)?;
-        self.run_on(&mut FailingBoard {
-            missed: self.missed,
-            unconfigured,
-            ..FailingBoard::default()
-        })
+        self.run_on(&mut UntoldBoard { unconfigured, ..UntoldBoard::default() })
     }
 
-    /// Runs it on a board, which is told its configuration and leaves out no step.
+    /// Runs it on a board, which is told its configuration.
     ///
     /// # Errors
     /// When the run could not be finished.
