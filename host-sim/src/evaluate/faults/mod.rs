@@ -32,8 +32,10 @@ pub type Ended<'a> = &'a (dyn Fn() + Sync);
 
 /// How a fault did in all its runs.
 fn line(fault: &Fault, outcomes: &[Outcome]) -> Line {
+    // Where no time is stated, every run counts.
+    let seen_s = if fault.within_s.is_finite() { fault.within_s } else { 0.0 };
     let (judged, hidden): (Vec<_>, Vec<_>) =
-        outcomes.iter().partition(|o| o.found_s.is_some() || o.counted_s > fault.within_s);
+        outcomes.iter().partition(|o| o.found_s.is_some() || o.counted_s > seen_s);
     let count = |which: &dyn Fn(&Outcome) -> bool| judged.iter().filter(|o| which(o)).count();
     let percent = |count: usize| 100.0 * count as f64 / judged.len() as f64;
     let most = |value: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(value).fold(0.0, f64::max);
