@@ -7,7 +7,7 @@ use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
 use model_core::control::Mode;
-use model_core::wire::{Answer, Message, Phase};
+use model_core::link::{Answer, Message, Phase};
 use model_core::{Command, Core, Sample};
 
 /// Waits of [`Source::due`] without a sample after which the valves are not left as they are.

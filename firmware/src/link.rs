@@ -1,4 +1,4 @@
-//! The line to the host: [`model_core::wire`] over any serial port.
+//! The line to the host: [`model_core::link`] over any serial port.
 
 use crate::shared::{Order, Shared};
 use crate::source::STEP;
@@ -6,7 +6,7 @@ use core::sync::atomic::Ordering;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
-use model_core::wire::{
+use model_core::link::{
     Answer, Chip, Decoder, HostCommand, LastReset, PROTOCOL, Refusal, Request, Version, encode,
 };
 use model_core::{Config, Core, SetPoint};

@@ -4,8 +4,8 @@ use core::cell::{Cell, RefCell};
 use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 use embassy_sync::channel::Channel;
-use model_core::supervisor::FirstFailure;
-use model_core::wire::{Answer, Message, Reply, Timing};
+use model_core::link::{Answer, Message, Reply, Timing};
+use model_core::safety::supervisor::FirstFailure;
 use model_core::{Core, Faults, Sample, SetPoint};
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;

@@ -14,7 +14,7 @@ use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Ticker};
 use embedded_hal::digital::OutputPin;
 use model_core::Faults;
-use model_core::wire::LastReset;
+use model_core::link::LastReset;
 
 /// The watchdog restarts the board after this time without food.
 pub const WATCHDOG: Duration = Duration::from_millis(50);

@@ -5,11 +5,11 @@ use crate::scenario::{Estimator, HeatModel, LoadKind, PlantKind, PlantModel, Sce
 use model_core::config::{
     Body, Config, ControllerConfig, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive,
 };
-use model_core::front_end::FrontEnd;
-use model_core::gas::Gas;
-use model_core::geometry::{Braid, Friction, Muscle};
-use model_core::heat::Heat;
-use model_core::valve::Valve;
+use model_core::physics::gas::Gas;
+use model_core::physics::geometry::{Braid, Friction, Muscle};
+use model_core::physics::heat::Heat;
+use model_core::physics::valve::Valve;
+use model_core::sensing::front_end::FrontEnd;
 
 /// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
 /// \[W/(m2 K)\].

@@ -11,8 +11,8 @@
 //! ```
 
 use model_core::Config;
-use model_core::body::Shape;
-use model_core::heat::Heat;
+use model_core::physics::body::Shape;
+use model_core::physics::heat::Heat;
 use nalgebra::{SMatrix, SVector};
 
 /// ln m, T_w, T_h, T_s, ln s, ln(tau/configured).

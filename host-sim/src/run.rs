@@ -14,7 +14,7 @@ use crate::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
 use crate::summary::{Accumulator, Ending, Summary};
 use crate::trace::Row;
-use model_core::model::Model;
+use model_core::physics::model::Model;
 use model_core::{ConfigError, Sample, SetPoint};
 use std::collections::VecDeque;
 use std::fmt;

@@ -3,7 +3,7 @@
 use crate::measured::Measured;
 use crate::plant::{Ledger, Truth};
 use crate::trace::{COLUMNS, Row};
-use model_core::front_end::at_rail;
+use model_core::sensing::front_end::at_rail;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -1,10 +1,10 @@
 //! Everything that the core is told before it starts, and what each value may be.
 
-use crate::front_end::FrontEnd;
-use crate::gas::Gas;
-use crate::geometry::{Braid, Friction, Muscle};
-use crate::heat::Heat;
-use crate::valve::Valve;
+use crate::physics::gas::Gas;
+use crate::physics::geometry::{Braid, Friction, Muscle};
+use crate::physics::heat::Heat;
+use crate::physics::valve::Valve;
+use crate::sensing::front_end::FrontEnd;
 use serde::{Deserialize, Serialize};
 
 /// Configuration of the core. [`Config::default`] is the nominal muscle of the project's scenarios.

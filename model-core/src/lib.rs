@@ -24,24 +24,16 @@
 // `!(x > 0.0)` is how a NaN is caught.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-pub mod balance;
-pub mod body;
 pub mod config;
 pub mod control;
-pub mod estimator;
-pub mod front_end;
-pub mod gas;
-pub mod geometry;
-pub mod heat;
+pub mod estimation;
+pub mod link;
 pub mod math;
-pub mod model;
+pub mod physics;
+pub mod safety;
 pub mod sample;
+pub mod sensing;
 mod step;
-pub mod supervisor;
-pub mod valve;
-pub mod valve_drive;
-pub mod watch;
-pub mod wire;
 
 pub use config::{Config, ConfigError};
 pub use control::{SetPoint, SetPointError};

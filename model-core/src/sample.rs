@@ -134,7 +134,7 @@ impl Command {
     }
 }
 
-/// What is wrong, one bit each. See [`crate::supervisor`] for what follows from each.
+/// What is wrong, one bit each. See [`crate::safety::supervisor`] for what follows from each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Faults(pub u16);
 

@@ -1,13 +1,13 @@
 //! The core: one [`Sample`] in, one [`Telemetry`] with its [`Command`] out, once per fixed step.
 
-use crate::body::Shape;
 use crate::config::{Config, ConfigError, Load};
 use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, Target};
-use crate::estimator::{Estimator, Measurement, Openings};
-use crate::front_end::{self, Converter};
+use crate::estimation::{Estimator, Measurement, Openings};
+use crate::physics::body::Shape;
+use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
+use crate::safety::watch::{EMPTY, Watch};
 use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
-use crate::supervisor::{Activity, FirstFailure, Supervisor};
-use crate::watch::{EMPTY, Watch};
+use crate::sensing::front_end::{self, Converter};
 
 /// Model, estimator, controller and supervisor of one muscle.
 #[derive(Debug, Clone, PartialEq)]
@@ -258,7 +258,7 @@ mod tests {
             assert_eq!(judging, telemetry.command == Command::VENT);
             judging
         });
-        assert_eq!(judging.count(), usize::from(crate::supervisor::JUDGING_STEPS) - 1);
+        assert_eq!(judging.count(), usize::from(crate::safety::supervisor::JUDGING_STEPS) - 1);
         assert_eq!(core.step(&HEALTHY).step, 1);
     }
 
@@ -357,7 +357,7 @@ mod tests {
     fn judged_core(config: &Config, set_point: SetPoint, sample: &Sample) -> Core {
         let mut core = Core::new(config).unwrap();
         core.set(set_point).unwrap();
-        for _ in 1..crate::supervisor::JUDGING_STEPS {
+        for _ in 1..crate::safety::supervisor::JUDGING_STEPS {
             core.step(sample);
         }
         core
@@ -417,7 +417,7 @@ mod tests {
                 core.step(&HEALTHY).faults.intersects(Faults::PRESSURE_SENSOR)
             })
         };
-        let whole = crate::supervisor::FROZEN_STEPS;
+        let whole = crate::safety::supervisor::FROZEN_STEPS;
         assert_eq!(frozen_after(200), Some(whole), "driven for long");
         assert_eq!(frozen_after(whole - 10), Some(whole), "the pulse's end included");
         assert_eq!(frozen_after(whole - 11), None, "one step less");
@@ -436,7 +436,7 @@ mod tests {
         let frozen = (10..500)
             .find(|_| core.step(&HEALTHY).faults.intersects(Faults::PRESSURE_SENSOR))
             .unwrap();
-        assert_eq!(frozen, crate::supervisor::FROZEN_STEPS);
+        assert_eq!(frozen, crate::safety::supervisor::FROZEN_STEPS);
     }
 
     #[test]

@@ -5,8 +5,8 @@
 
 use host_sim::board::emulated::{Exchange, Injection, Place};
 use model_core::control::Mode;
-use model_core::supervisor::JUDGING_STEPS;
-use model_core::wire::{HostCommand, LastReset, Phase, Request, encode};
+use model_core::link::{HostCommand, LastReset, Phase, Request, encode};
+use model_core::safety::supervisor::JUDGING_STEPS;
 use model_core::{Command, Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};

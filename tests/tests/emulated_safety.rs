@@ -3,8 +3,8 @@
 
 use host_sim::board::BoardError;
 use host_sim::board::emulated::{Exchange, Injection, Place};
-use model_core::supervisor::JUDGING_STEPS;
-use model_core::wire::{Answer, HostCommand, LastReset, Phase, Refusal};
+use model_core::link::{Answer, HostCommand, LastReset, Phase, Refusal};
+use model_core::safety::supervisor::JUDGING_STEPS;
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use system_tests::rig::Rig;
 use system_tests::skip_emulator;

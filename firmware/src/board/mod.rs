@@ -8,8 +8,8 @@ mod float_calls;
 mod rp;
 
 use embassy_time::Duration;
-use model_core::supervisor::FirstFailure;
-use model_core::wire::Phase;
+use model_core::link::Phase;
+use model_core::safety::supervisor::FirstFailure;
 use model_core::{Command, Faults};
 
 /// Analog inputs.

@@ -28,8 +28,8 @@ use embassy_rp::uart::{
 };
 use embassy_rp::watchdog::{ResetReason, Watchdog};
 use embassy_time::{Duration, Instant};
-use model_core::supervisor::FirstFailure;
-use model_core::wire::{BAUD, Chip, LastReset, Phase};
+use model_core::link::{BAUD, Chip, LastReset, Phase};
+use model_core::safety::supervisor::FirstFailure;
 use model_core::{AdcCode, Command, Core, Duty, Faults};
 use static_cell::StaticCell;
 

@@ -143,7 +143,7 @@ fn gains<T: Scalar>(gain: [T; N]) -> [f64; N] {
     gain.map(Into::into)
 }
 
-/// The shipped form: `model-core/src/estimator/covariance.rs` itself.
+/// The shipped form: `model-core/src/estimation/covariance.rs` itself.
 #[derive(Debug, Clone, Copy)]
 pub struct Named(pub Covariance);
 

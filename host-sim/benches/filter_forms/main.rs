@@ -5,7 +5,7 @@
 //!     cargo bench --bench filter_forms                  # the tables
 //!     cargo bench --bench filter_forms -- --plots       # and the plots of docs/estimator.md
 
-#[path = "../../../model-core/src/estimator/covariance.rs"]
+#[path = "../../../model-core/src/estimation/covariance.rs"]
 // As in its own crate: `!(x <= y)` is how a NaN is caught.
 #[allow(clippy::neg_cmp_op_on_partial_ord)]
 mod covariance;

@@ -40,7 +40,8 @@ fn error(full: &Loaded, nominal: &Recording) -> Chart {
         thinned(telemetry.iter().map(move |t| sign * 2.0 * f64::from(t.estimate.gas_sd_k)))
     };
     let minus = |values: Vec<f64>| thinned(values.iter().zip(truth_k).map(|(a, b)| a - b));
-    let converter = model_core::front_end::Converter::new(&core_config(&full.believed).front_end);
+    let converter =
+        model_core::sensing::front_end::Converter::new(&core_config(&full.believed).front_end);
     let bare = telemetry.iter().map(|t| f64::from(converter.gas_k(t.sample.gas)));
     let (errors, smoother_errors) = (minus(estimate().collect()), minus(smoothed));
     let time = seconds(errors.len());

@@ -8,7 +8,7 @@ use host_sim::board::{Board, BoardError, BoardStep, CoreBoard};
 use host_sim::run;
 use host_sim::scenario::Loaded;
 use host_sim::trace::Row;
-use model_core::estimator::INTERVAL_STEPS;
+use model_core::estimation::INTERVAL_STEPS;
 use model_core::{Config, Duty, Sample, SetPoint, Telemetry};
 
 /// The core in this process, looked into after every interval.

@@ -1,7 +1,7 @@
 //! The host's end of the wire, over any transport: bytes in, bytes out.
 
 use model_core::Telemetry;
-use model_core::wire::{Answer, Decoder, HostCommand, Message, Reply, Request, encode};
+use model_core::link::{Answer, Decoder, HostCommand, Message, Reply, Request, encode};
 use std::collections::VecDeque;
 
 /// What has come and what has been asked.

@@ -11,7 +11,7 @@ pub mod serial;
 
 use crate::plant::Actuation;
 use model_core::control::Mode;
-use model_core::wire::{Chip, PROTOCOL, Refusal};
+use model_core::link::{Chip, PROTOCOL, Refusal};
 use model_core::{Command, Config, ConfigError, Core, Sample, SetPoint, SetPointError, Telemetry};
 use std::path::PathBuf;
 use std::{fmt, io};

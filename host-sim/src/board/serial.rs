@@ -4,7 +4,7 @@
 use super::link::Link;
 use super::{Board, BoardError, BoardStep};
 use model_core::control::Mode;
-use model_core::wire::{Answer, BAUD, HostCommand, PROTOCOL, Version};
+use model_core::link::{Answer, BAUD, HostCommand, PROTOCOL, Version};
 use model_core::{Config, Sample, SetPoint, Telemetry};
 use serialport::SerialPort;
 use std::io::{self, Read, Write};

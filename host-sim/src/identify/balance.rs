@@ -8,7 +8,7 @@ use crate::plant::Diverged;
 use crate::profile::Profile;
 use crate::scenario::Scenario;
 use model_core::Config;
-use model_core::body::Shape;
+use model_core::physics::body::Shape;
 use nalgebra::{DMatrix, DVector};
 
 /// Steps of which surface and speed are taken as one. One alone would make speeds of the length's

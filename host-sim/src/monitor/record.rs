@@ -2,7 +2,7 @@
 //! behind them what `thermyo replay` needs.
 
 use crate::rows::Rows;
-use model_core::front_end::Converter;
+use model_core::sensing::front_end::Converter;
 use model_core::{Config, Telemetry};
 use std::fs::File;
 use std::io::{self, Write};

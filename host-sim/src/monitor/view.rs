@@ -2,8 +2,8 @@
 
 use super::{Session, Status};
 use model_core::control::Mode;
-use model_core::front_end::Converter;
-use model_core::wire::LastReset;
+use model_core::link::LastReset;
+use model_core::sensing::front_end::Converter;
 use model_core::{Faults, Telemetry};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};

@@ -17,9 +17,9 @@ mod trend;
 
 use self::trend::Reading;
 use crate::core_model::{HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL};
-use model_core::body::Shape;
-use model_core::front_end::{CodeSum, Converter, FrontEnd};
+use model_core::physics::body::Shape;
 use model_core::sample::OVERSAMPLING;
+use model_core::sensing::front_end::{CodeSum, Converter, FrontEnd};
 use model_core::{AdcCode, Config, Duty, Faults, Telemetry};
 
 /// Steps per interval, as in the core.

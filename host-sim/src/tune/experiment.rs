@@ -14,7 +14,7 @@ use crate::run::{self, RunError};
 use crate::scenario::{DriveKind, Loaded};
 use crate::trace::Row;
 use model_core::config::{Body, Config, Load};
-use model_core::geometry::Geometry;
+use model_core::physics::geometry::Geometry;
 use model_core::{Faults, Telemetry};
 use std::ops::Range;
 

@@ -15,7 +15,7 @@
 use super::experiment::Record;
 use super::regression::Measure;
 use model_core::config::{Config, Load};
-use model_core::geometry::Geometry;
+use model_core::physics::geometry::Geometry;
 
 /// Reset time over the loop's time: 1/20 rad of phase at its corner \[-\].
 const INTEGRAL: f64 = 20.0;

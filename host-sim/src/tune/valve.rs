@@ -14,8 +14,8 @@
 use super::experiment::{Plan, Record, during};
 use super::regression::{Measure, least_squares};
 use model_core::config::{Config, Reservoir};
-use model_core::geometry::Geometry;
-use model_core::valve::Valve;
+use model_core::physics::geometry::Geometry;
+use model_core::physics::valve::Valve;
 
 /// After the pin rose, the poppet is open for certain \[s\].
 const OPEN_S: f64 = 0.008;

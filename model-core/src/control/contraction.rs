@@ -16,8 +16,8 @@
 
 use super::port::{Feedback, Port};
 use crate::config::{Config, ControllerConfig};
-use crate::geometry::Geometry;
 use crate::math::{absolute, limit};
+use crate::physics::geometry::Geometry;
 
 /// Periods within the dead zone before the valves rest.
 const CALM_PERIODS: u8 = 5;
@@ -300,7 +300,7 @@ fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::Shape;
+    use crate::physics::body::Shape;
     use crate::sample::Estimate;
 
     const LENGTH_M: f32 = 0.27;

@@ -26,6 +26,7 @@ mod cycle;
 mod port;
 mod pressure;
 mod set_point;
+pub mod valve_drive;
 
 pub use self::port::Feedback;
 pub use self::set_point::{SetPoint, SetPointError, SetPointField, Target, largest_contraction};
@@ -34,11 +35,11 @@ use self::contraction::{Contracting, ContractionLoop, Gains};
 use self::cycle::{Cycle, Strokes};
 use self::port::Port;
 use self::pressure::PressureLoop;
-use crate::body::Shape;
 use crate::config::{Config, Load, Reservoir};
+use crate::control::valve_drive::FlowDrive;
 use crate::math::limit;
+use crate::physics::body::Shape;
 use crate::sample::{Command, Duty};
-use crate::valve_drive::FlowDrive;
 use serde::{Deserialize, Serialize};
 
 /// What the core is doing.
@@ -538,7 +539,7 @@ mod tests {
         let port = controller.port(&config, &now);
         let change_m3 = controller.volume_change_m3(&now);
         let mass_kg = port.mass_kg(5_000.0, change_m3);
-        let chamber = crate::gas::Chamber {
+        let chamber = crate::physics::gas::Chamber {
             pressure_pa: 3.0e5,
             temperature_k: 298.0,
             volume_m3: port.volume_m3,
@@ -546,7 +547,7 @@ mod tests {
             inflow_kg_s: mass_kg / port.period_s,
             outflow_kg_s: 0.0,
         };
-        let rate = crate::gas::pressure_rate_adiabatic(&config.gas, &chamber);
+        let rate = crate::physics::gas::pressure_rate_adiabatic(&config.gas, &chamber);
         assert!(change_m3 > 1.0e-6, "it contracts");
         assert!((rate * port.period_s / 5_000.0 - 1.0).abs() < 1e-3, "{rate} Pa/s");
     }

@@ -1,8 +1,8 @@
 //! What the core is asked to do, and what of it it takes.
 
-use crate::body::Shape;
 use crate::config::{Config, Load};
 use crate::math::absolute;
+use crate::physics::body::Shape;
 use crate::sample::Faults;
 use serde::{Deserialize, Serialize};
 

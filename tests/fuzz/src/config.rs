@@ -4,7 +4,7 @@ use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
 use model_core::Config;
 use model_core::config::{Body, ConfigError, Load};
-use model_core::wire::MAX_FRAME;
+use model_core::link::MAX_FRAME;
 use std::sync::OnceLock;
 
 /// A kind of body and load, with the number of each field.

@@ -11,7 +11,7 @@ use model_core::{Command, Config, Core, Duty, Estimate, Faults, Sample, SetPoint
 use rand_xoshiro::Xoshiro128PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
-/// Faults that vent, as the table of `model_core::supervisor` has them.
+/// Faults that vent, as the table of `model_core::safety::supervisor` has them.
 const VENTING: Faults = Faults::EMERGENCY_STOP
     .with(Faults::PRESSURE_SENSOR)
     .with(Faults::OVERPRESSURE)

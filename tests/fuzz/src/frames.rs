@@ -2,7 +2,7 @@
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
-use model_core::wire::{Decoder, MAX_FRAME, Message, Request, encode};
+use model_core::link::{Decoder, MAX_FRAME, Message, Request, encode};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

@@ -7,7 +7,7 @@
 #![no_main]
 
 use core::ptr::{read_volatile, write_volatile};
-use model_core::wire::{Decoder, HostCommand, Message, Request, encode};
+use model_core::link::{Decoder, HostCommand, Message, Request, encode};
 use model_core::{Config, Core, Sample, SetPoint, Telemetry};
 
 unsafe extern "C" {

@@ -28,12 +28,12 @@
 //! and friction: a muscle that pulls a third of its load, or three times it, for a second has a sensor
 //! that has drifted.
 
-use crate::body::Shape;
 use crate::config::{Config, Load};
-use crate::estimator::{Balance, INTERVAL_STEPS};
+use crate::estimation::{Balance, INTERVAL_STEPS};
 use crate::math::{absolute, limit};
+use crate::physics::body::Shape;
+use crate::physics::valve::reference_density_kg_m3;
 use crate::sample::{Command, Duty, Faults};
-use crate::valve::reference_density_kg_m3;
 
 /// Share of the gas that has to be missing, or too much \[-\].
 const TRIP: f32 = 0.25;

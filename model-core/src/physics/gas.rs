@@ -73,7 +73,7 @@ pub struct Blend {
 }
 
 /// dP/dt \[Pa/s\] of the adiabatic chamber, eq. (6). Assumes that the inflow has the chamber's
-/// temperature; [`crate::balance`] does not.
+/// temperature; [`crate::physics::balance`] does not.
 pub fn pressure_rate_adiabatic(gas: &Gas, chamber: &Chamber) -> f32 {
     let k = gas.heat_capacity_ratio;
     pressure_rate_blended(gas, chamber, &Blend { alpha_in: k, alpha_out: k, alpha: k })
@@ -85,7 +85,7 @@ pub fn pressure_rate_isothermal(gas: &Gas, chamber: &Chamber) -> f32 {
 }
 
 /// dP/dt \[Pa/s\], eq. (9): R T/V (a_in m_in - a_out m_out) - a P/V dV/dt. With the volume of a
-/// muscle (eq. 10, 11 in [`crate::geometry`]) this is eq. (12).
+/// muscle (eq. 10, 11 in [`crate::physics::geometry`]) this is eq. (12).
 pub fn pressure_rate_blended(gas: &Gas, chamber: &Chamber, blend: &Blend) -> f32 {
     let flow = blend.alpha_in * chamber.inflow_kg_s - blend.alpha_out * chamber.outflow_kg_s;
     (gas.gas_constant_j_kg_k * chamber.temperature_k * flow

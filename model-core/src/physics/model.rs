@@ -4,11 +4,11 @@
 //! wall and from there to ambient, friction heat, and the lag of the sensor. It runs on mass flows
 //! alone, without a measurement to correct it: what Fig. 5 calls "model".
 
-use crate::balance::{Exchange, GasState};
-use crate::body::Shape;
 use crate::config::{Config, ConfigError, Load};
-use crate::heat::lag_step;
 use crate::math::limit;
+use crate::physics::balance::{Exchange, GasState};
+use crate::physics::body::Shape;
+use crate::physics::heat::lag_step;
 
 /// State of the model.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,8 +3,8 @@
 //! m = C p1 rho0 sqrt(T0/T1) phi(p2/p1): C the sonic conductance, b the critical pressure ratio,
 //! rho0 the density at the reference atmosphere (ANR: 100 kPa, 293.15 K).
 
-use crate::gas::Gas;
 use crate::math::{inverse_sqrt, limit, sqrt};
+use crate::physics::gas::Gas;
 use serde::{Deserialize, Serialize};
 
 /// Reference atmosphere (ISO 8778, ANR): pressure \[Pa\].

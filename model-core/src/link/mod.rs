@@ -11,8 +11,8 @@
 
 use crate::config::{Config, ConfigError};
 use crate::control::{SetPoint, SetPointError};
+use crate::safety::supervisor::FirstFailure;
 use crate::sample::{Sample, Telemetry};
-use crate::supervisor::FirstFailure;
 use cobs::{DecodeResult, DecoderState};
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use serde::de::DeserializeOwned;

@@ -49,12 +49,12 @@ use self::agreement::Agreement;
 use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
 use self::energy::Energy;
 use self::trend::{Course, Doubt, Trend};
-use crate::body::Shape;
 use crate::config::Config;
-use crate::front_end::{CodeSum, Converter};
 use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
+use crate::physics::body::Shape;
+use crate::safety::supervisor::PATIENCE_STEPS;
 use crate::sample::{AdcCode, Estimate, OVERSAMPLING};
-use crate::supervisor::PATIENCE_STEPS;
+use crate::sensing::front_end::{CodeSum, Converter};
 
 /// Steps per update of the covariance and of the sensor's correction.
 pub const INTERVAL_STEPS: u16 = 20;

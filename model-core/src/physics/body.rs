@@ -1,8 +1,8 @@
 //! Volume and surface of whatever holds the gas.
 
 use crate::config::Body;
-use crate::geometry::Geometry;
 use crate::math::absolute;
+use crate::physics::geometry::Geometry;
 
 /// How far off a length sensor may be, share of the rest length \[-\].
 const SENSOR_OFF: f32 = 0.05;

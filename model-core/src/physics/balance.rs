@@ -3,8 +3,8 @@
 //! Mass m and internal energy U are the integrated states; T = U/(m cv) and P = (k-1) U/V follow,
 //! so that pressure and temperature stay continuous where a flow starts, stops or turns round.
 
-use crate::gas::Gas;
 use crate::math::CompensatedSum;
+use crate::physics::gas::Gas;
 
 /// Everything that acts on the gas during one step, as means over the step.
 #[derive(Debug, Clone, Copy, PartialEq)]

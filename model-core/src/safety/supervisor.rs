@@ -18,7 +18,7 @@
 //! | link lost | no request of the host for `link_timeout_s`, while a set point holds | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
 //! | not configured | at the start of a board that nobody has told its configuration | vent until it is told |
-//! | gas gained, burst, no inflow, no outflow, force | as [`crate::watch`] says | vent, latched |
+//! | gas gained, burst, no inflow, no outflow, force | as [`crate::safety::watch`] says | vent, latched |
 //! | leak | the same | shown for ten seconds |
 //! | link flooded | the board drops requests | shown while it lasts |
 //!
@@ -29,9 +29,9 @@
 //! after each of them the muscle vents for the [`JUDGING_STEPS`] that it takes to judge the sensors.
 
 use crate::config::Config;
-use crate::front_end::{at_rail, is_wide};
 use crate::math::limit;
 use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
+use crate::sensing::front_end::{at_rail, is_wide};
 use serde::{Deserialize, Serialize};
 
 /// Steps for which a fault of the pressure channel must last before the muscle is vented: one

@@ -1,0 +1,3 @@
+//! From raw codes to readings in SI.
+
+pub mod front_end;
