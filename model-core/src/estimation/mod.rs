@@ -636,7 +636,9 @@ impl Estimator {
         let heat = &self.config.heat;
         let surface_m2 = self.shape.surface_m2(length_m);
         let per_wall = 1.0 / heat.wall_heat_capacity_j_k;
-        let outer_share = heat.outer_w_k(surface_m2, speed_m_s) * duration_s * per_wall;
+        // A wall does not overshoot its surroundings.
+        let outer_w_k = heat.outer_w_k(surface_m2, speed_m_s);
+        let outer_share = limit(outer_w_k * duration_s * per_wall, 0.0, 1.0);
         let friction_j = self.config.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s;
         let housing_s = self.config.gas_sensor.housing_time_constant_s;
         // Means over the interval on both sides: implicit Euler then delays by just the lag.
@@ -663,7 +665,7 @@ impl Estimator {
             gas_wall: exchange / gas_k,
             gas_scale: -exchange * (gas_k - self.wall_k) / gas_k,
             wall_gas: inner_j_k * per_wall * gas_k,
-            wall_wall: -(inner_j_k * per_wall + outer_share),
+            wall_wall: -limit(inner_j_k * per_wall + outer_share, 0.0, 1.0),
             wall_scale: interval.heat_j * per_wall,
             sensor_gas: lag_share * gas_k,
             sensor_sensor: -lag_share,

@@ -225,9 +225,14 @@ impl Watch {
     /// Counts what came and went, against what the valves were asked for.
     fn count(&mut self, balance: &Balance, inlet_ticks: u32, outlet_ticks: u32) {
         let limits = &self.limits;
-        let Balance { least_gained, most_gained, pressure_pa, mass_kg } = *balance;
+        let Balance { pressure_pa, mass_kg, .. } = *balance;
+        // More than there is in one window, or no number at all: next to no gas, and noise.
+        let gained = |share: f32| limit(share, -1.0, 1.0);
+        let (least_gained, most_gained) =
+            (gained(balance.least_gained), gained(balance.most_gained));
         let asked = |ticks: u32, driving_pa: f32| {
-            ticks as f32 * limits.tick_s * limits.open_kg_s_pa * driving_pa / mass_kg
+            let passed_kg = ticks as f32 * limits.tick_s * limits.open_kg_s_pa * driving_pa;
+            limit(passed_kg / mass_kg, 0.0, 1.0)
         };
         let inflow = asked(inlet_ticks, limits.driving_pa(limits.supply_pa, pressure_pa));
         let outflow = if pressure_pa > limits.empty_pa {
@@ -525,6 +530,20 @@ mod tests {
             let balance = Balance { least_gained, most_gained, ..gas(0.0, PRESSURE_PA) };
             let found = Bench::nominal().finds(Command::CLOSED, balance);
             close(found, windows_to_trip(0.01, FORGOTTEN_PER_S), fault);
+        }
+    }
+
+    /// Next to no gas, or an energy that is no number: nothing is left of it a window later.
+    #[test]
+    fn nonsense_leaves_nothing_behind() {
+        let nonsense = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0e30];
+        for (gained, mass_kg) in nonsense.into_iter().zip([0.0, 1.0e-38, f32::NAN, 0.0]) {
+            let mut bench = Bench::nominal();
+            let balance = Balance { mass_kg, ..gas(gained, PRESSURE_PA) };
+            bench.windows(3, inlet(1.0), balance);
+            bench.windows(3, Command::CLOSED, balance);
+            let known = |watch: &Watch| watch == &watch.clone();
+            assert!(known(&bench.watch), "{gained}, {mass_kg} kg");
         }
     }
 
