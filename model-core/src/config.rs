@@ -5,10 +5,10 @@ use crate::physics::geometry::{Braid, Friction, Muscle};
 use crate::physics::heat::Heat;
 use crate::physics::valve::Valve;
 use crate::sensing::front_end::FrontEnd;
-use serde::{Deserialize, Serialize};
 
 /// Configuration of the core. [`Config::default`] is the nominal muscle of the project's scenarios.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Config {
     /// Fixed step of the core \[s\].
     pub step_s: f32,
@@ -46,7 +46,8 @@ pub struct Config {
 }
 
 /// A reservoir of gas.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Reservoir {
     /// Absolute pressure \[Pa\].
     pub pressure_pa: f32,
@@ -55,7 +56,8 @@ pub struct Reservoir {
 }
 
 /// What holds the gas.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum Body {
     /// A McKibben muscle.
     Muscle(Muscle),
@@ -69,7 +71,8 @@ pub enum Body {
 }
 
 /// What the muscle pulls against.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum Load {
     /// A constant force \[N\].
     Isotonic {
@@ -84,7 +87,8 @@ pub enum Load {
 }
 
 /// How the valves are driven.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct ValveDrive {
     /// PWM period, in steps of the core \[-\].
     pub period_steps: u16,
@@ -97,7 +101,8 @@ pub struct ValveDrive {
 }
 
 /// The gas sensor's element.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct GasSensor {
     /// Lag of the element \[s\].
     pub time_constant_s: f32,
@@ -108,7 +113,8 @@ pub struct GasSensor {
 }
 
 /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct EstimatorConfig {
     /// Gas and wall temperature at the start \[K\].
     pub initial_sd_k: f32,
@@ -157,7 +163,8 @@ impl Default for EstimatorConfig {
 }
 
 /// Controller tuning; `docs/control.md` says how each is found.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct ControllerConfig {
     /// Time in which the pressure loop closes an error \[s\]; at least one PWM period acts.
     pub pressure_loop_s: f32,
@@ -280,7 +287,8 @@ impl Default for Config {
 }
 
 /// A value that the core cannot work with.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize))]
 pub struct ConfigError {
     /// Which one.
     pub field: &'static str,

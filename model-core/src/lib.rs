@@ -27,6 +27,7 @@
 pub mod config;
 pub mod control;
 pub mod estimation;
+#[cfg(feature = "link")]
 pub mod link;
 pub mod math;
 pub mod physics;

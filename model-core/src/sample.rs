@@ -1,7 +1,6 @@
 //! What crosses the border of the core in every step: raw codes in, duties out.
 
 use crate::control::Mode;
-use serde::{Deserialize, Serialize};
 
 /// Conversions of the 12-bit ADC that are added up into one code.
 pub const OVERSAMPLING: u16 = 8;
@@ -9,12 +8,14 @@ pub const OVERSAMPLING: u16 = 8;
 pub const CODE_MAX: u16 = OVERSAMPLING * 4095;
 
 /// Sum of [`OVERSAMPLING`] conversions of one channel, 0 to [`CODE_MAX`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct AdcCode(pub u16);
 
 /// Share of a PWM period, 0 to [`Duty::FULL`]; nothing else can be read from a frame either.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, Default)]
-#[serde(try_from = "u16", into = "u16")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "link", serde(try_from = "u16", into = "u16"))]
 pub struct Duty(pub(crate) u16);
 
 /// More than [`Duty::FULL`].
@@ -73,7 +74,8 @@ impl Duty {
 
 /// Everything that one step takes in: the same samples and set points give the same outputs, to the
 /// bit, on every machine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Sample {
     /// ADC0: muscle pressure.
     pub pressure: AdcCode,
@@ -107,7 +109,8 @@ impl Sample {
 }
 
 /// Valve openings of one step, as shares of the PWM period in which air passes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Command {
     /// Inlet open.
     pub inlet: Duty,
@@ -135,7 +138,8 @@ impl Command {
 }
 
 /// What is wrong, one bit each. See [`crate::safety::supervisor`] for what follows from each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Faults(pub u16);
 
 impl Faults {
@@ -223,7 +227,8 @@ impl core::fmt::Display for Faults {
 }
 
 /// The gas temperature and what goes with it, as the core believes it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Estimate {
     /// Gas temperature \[K\].
     pub gas_k: f32,
@@ -244,7 +249,8 @@ pub struct Estimate {
 }
 
 /// Everything that one step leaves behind.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Telemetry {
     /// Number of the step, from 0 once the sensors are judged; wraps.
     pub step: u32,

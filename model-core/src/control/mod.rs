@@ -40,10 +40,10 @@ use crate::control::valve_drive::FlowDrive;
 use crate::math::limit;
 use crate::physics::body::Shape;
 use crate::sample::{Command, Duty};
-use serde::{Deserialize, Serialize};
 
 /// What the core is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum Mode {
     /// After a start: it vents and judges the sensors.
     Judging,

@@ -4,7 +4,6 @@ use crate::config::{Config, Load};
 use crate::math::absolute;
 use crate::physics::body::Shape;
 use crate::sample::Faults;
-use serde::{Deserialize, Serialize};
 
 /// PWM periods in a working cycle, at least: two a stroke, and a thousandth less for rounding. Fewer
 /// show no flow.
@@ -19,7 +18,8 @@ const LARGEST_FLOW_KG_S: f32 = 1.0;
 const SMALLEST: f32 = 1.0e-20;
 
 /// What the core is asked to do. [`crate::Core::set`] says what it takes.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum SetPoint {
     /// Inlet closed, outlet open.
     #[default]
@@ -56,7 +56,8 @@ pub enum SetPoint {
 }
 
 /// A value of a set point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum SetPointField {
     /// Share for which the inlet is open.
     Inlet,
@@ -87,7 +88,8 @@ impl SetPointField {
 }
 
 /// Why a set point is not taken; what held before goes on.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum SetPointError {
     /// A value is not a number, or out of its range.
     Range {

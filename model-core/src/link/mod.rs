@@ -431,6 +431,51 @@ mod tests {
         assert_eq!(encode(&[u64::MAX; 52].as_slice()), Err(TooLong));
     }
 
+    /// The bytes of [`PROTOCOL`]: who changes them changes its number, and these.
+    #[test]
+    fn the_bytes_of_the_protocol_are_these() {
+        let hex = |frame: Frame| frame.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+        let request = |command| hex(encode(&Request { sequence: 7, command }).unwrap());
+        let answer = |answer| hex(encode(&Message::Reply(Reply { sequence: 7, answer })).unwrap());
+        let pressure_pa = 2.5e5;
+        let failure = FirstFailure { faults: Faults::BURST, pressure: AdcCode(12_000), step: 9 };
+        let version =
+            Version { protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false };
+        let phase = Phase::Stepping;
+        let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+        for (bytes, expected) in [
+            (request(HostCommand::Version), "0207053884980e00"),
+            (
+                request(HostCommand::Set(SetPoint::Pressure { pressure_pa })),
+                "04070404082474484a9eca3a00",
+            ),
+            (request(HostCommand::Stop), "070705b770f27e00"),
+            (request(HostCommand::ClearFaults), "0707060d21fbe700"),
+            (request(HostCommand::TelemetryDivider(10)), "0807070a4eb09a5500"),
+            (request(HostCommand::Alive), "07070bb05d4a9900"),
+            (request(HostCommand::Step(sample)), "0a070cda3cce7ccdb90102010105a67c65cf00"),
+            (answer(Answer::Version(version)), "03010702040201010105872c9ad800"),
+            (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
+            (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
+            (
+                answer(Answer::LastReset(LastReset::Panic { line: 300, phase })),
+                "0c01070502ac0203b534aa3f00",
+            ),
+            (answer(Answer::FirstFailure(Some(failure))), "0e010706018008e05d090b3c42f800"),
+        ] {
+            assert_eq!(bytes, expected);
+        }
+        // The long ones by their checksum.
+        let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
+        let telemetry = Message::Telemetry(longest_telemetry());
+        for (frame, expected) in
+            [(encode(&config), (267, 358_178_819)), (encode(&telemetry), (73, 4_047_776_586))]
+        {
+            let frame = frame.unwrap();
+            assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
+        }
+    }
+
     #[test]
     fn a_config_arrives_whole() {
         let request = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };

@@ -3,10 +3,9 @@
 //! Paper: L. Kopecny, L. Zalud, "Sensors for Evaluation of Thermodynamical Model of pMA", 2013.
 //! Equation numbers are the paper's throughout the crate.
 
-use serde::{Deserialize, Serialize};
-
 /// Ideal gas with constant heat capacities.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gas {
     /// Specific gas constant R \[J/(kg K)\], 50 to 5000.
     pub gas_constant_j_kg_k: f32,
@@ -62,7 +61,8 @@ pub struct Chamber {
 }
 
 /// The coefficients of eq. (9), each between 1 (isothermal) and k (adiabatic).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Blend {
     /// Charging.
     pub alpha_in: f32,

@@ -5,10 +5,10 @@
 
 use crate::math::{exp, limit, sqrt};
 use core::f32::consts::PI;
-use serde::{Deserialize, Serialize};
 
 /// The braid: the two coefficients b and n of Fig. 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Braid {
     /// Thread length b \[m\].
     pub thread_length_m: f32,
@@ -114,7 +114,8 @@ fn sin_cos(angle_rad: f32) -> (f32, f32) {
 }
 
 /// A muscle: braid, bladder and fittings.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Muscle {
     /// The braid's coefficients.
     pub braid: Braid,
@@ -229,7 +230,8 @@ impl Geometry {
 }
 
 /// Coulomb friction of braid and bladder; it softens as the wall warms.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Friction {
     /// Force at the reference temperature \[N\].
     pub force_n: f32,

@@ -1,9 +1,8 @@
 //! Heat from gas to wall and from wall to ambient, and the lag of a sensor.
 
-use serde::{Deserialize, Serialize};
-
 /// Heat-transfer coefficients.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Heat {
     /// Gas to wall, still gas \[W/(m2 K)\].
     pub inner_w_m2_k: f32,

@@ -5,7 +5,6 @@
 
 use crate::math::{inverse_sqrt, limit, sqrt};
 use crate::physics::gas::Gas;
-use serde::{Deserialize, Serialize};
 
 /// Reference atmosphere (ISO 8778, ANR): pressure \[Pa\].
 pub const REFERENCE_PRESSURE_PA: f32 = 100_000.0;
@@ -23,7 +22,8 @@ pub fn reference_density_kg_m3(gas: &Gas) -> f32 {
 }
 
 /// A valve, fully open.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Valve {
     /// Sonic conductance C \[m3/(s Pa)\], at ANR.
     pub conductance_m3_s_pa: f32,

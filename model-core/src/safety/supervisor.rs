@@ -32,7 +32,6 @@ use crate::config::Config;
 use crate::math::limit;
 use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
 use crate::sensing::front_end::{at_rail, is_wide};
-use serde::{Deserialize, Serialize};
 
 /// Steps for which a fault of the pressure channel must last before the muscle is vented: one
 /// disturbed conversion is no fault, ten milliseconds of them are.
@@ -113,7 +112,8 @@ impl Line {
 }
 
 /// The first fault that vented, and what held with it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct FirstFailure {
     /// Every fault of that step, those that are only shown included.
     pub faults: Faults,

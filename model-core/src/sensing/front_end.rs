@@ -5,7 +5,6 @@
 
 use crate::math::sqrt;
 use crate::sample::{AdcCode, CODE_MAX, OVERSAMPLING};
-use serde::{Deserialize, Serialize};
 
 /// IEC 60751, platinum above 0 degC: R = R0 (1 + A t + B t^2), \[1/K\].
 pub const PLATINUM_A: f32 = 3.9083e-3;
@@ -21,7 +20,8 @@ pub const BRIDGE_OHM: f32 = 4700.0;
 pub const RAIL_MARGIN: u16 = CODE_MAX / 50;
 
 /// Ranges of the three front ends.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct FrontEnd {
     /// Pressure at full scale; the sensor gives 10 to 90 % of the reference over 0 to this \[Pa\].
     pub pressure_range_pa: f32,
