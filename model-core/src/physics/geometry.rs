@@ -229,6 +229,9 @@ impl Geometry {
     }
 }
 
+/// No wall makes friction so many times what it is at the reference temperature \[-\].
+const STIFFEST: f32 = 1.0e3;
+
 /// Coulomb friction of braid and bladder; it softens as the wall warms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
@@ -249,9 +252,11 @@ impl Friction {
         self.force_n * self.softening(wall_temperature_k)
     }
 
-    /// What a wall temperature makes of every part of friction \[-\]: exp(-beta (T_w - T_ref)).
+    /// What a wall temperature makes of every part of friction \[-\]: exp(-beta (T_w - T_ref)), 1000 at
+    /// most.
     pub fn softening(&self, wall_temperature_k: f32) -> f32 {
-        exp(-self.softening_per_k * (wall_temperature_k - self.reference_temperature_k))
+        let warmer_k = wall_temperature_k - self.reference_temperature_k;
+        limit(exp(-self.softening_per_k * warmer_k), 0.0, STIFFEST)
     }
 
     /// Friction heat that goes into the wall \[W\]: a share of |F dL/dt|.
@@ -317,6 +322,14 @@ mod tests {
         assert_eq!(Braid::from_pairs(&[(0.3, 0.02)]), Err(BraidError::TooFewPairs));
         assert_eq!(Braid::from_pairs(&[(0.3, 0.02), (0.29, 0.02)]), Err(BraidError::TooFewPairs));
         assert_eq!(Braid::from_pairs(&[(0.3, 0.03), (0.25, 0.02)]), Err(BraidError::NotABraid));
+    }
+
+    /// A slip of the configuration that says e^140 leaves a number.
+    #[test]
+    fn no_wall_stiffens_friction_without_end() {
+        let friction = Friction { softening_per_k: -0.2, ..crate::Config::default().friction };
+        assert_eq!(friction.softening(1000.0), STIFFEST);
+        assert_eq!(friction.force_n(1000.0), STIFFEST * friction.force_n);
     }
 
     proptest! {
