@@ -80,7 +80,6 @@ impl Table {
     /// # Errors
     /// As [`read_record`].
     pub fn parse_record(bytes: &[u8], file: &Path) -> Result<Self, InputError> {
-        let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
         // A number cut short is still a number: a line counts once it has its end.
         let whole =
             bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
