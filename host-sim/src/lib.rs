@@ -6,6 +6,7 @@
 pub mod adc;
 pub mod analysis;
 pub mod board;
+#[cfg(feature = "command")]
 pub mod cli;
 pub mod core_config;
 pub mod core_model;
@@ -14,6 +15,7 @@ pub mod faults;
 pub mod identify;
 pub mod input;
 pub mod measured;
+#[cfg(feature = "command")]
 pub mod monitor;
 pub mod output;
 pub mod parallel;

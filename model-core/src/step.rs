@@ -249,6 +249,35 @@ mod tests {
             .unwrap()
     }
 
+    /// Nothing is global: two muscles in turns are the same two one after the other.
+    #[test]
+    fn two_muscles_in_one_process_do_not_know_of_each_other() {
+        let mut other = Config::default();
+        other.ambient.temperature_k = 285.0;
+        other.drive.period_steps = 7;
+        let cores = || {
+            let cycle = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 0.4 };
+            let mut others = Core::new(&other).unwrap();
+            others.set(SetPoint::Pressure { pressure_pa: 2.5e5 }).unwrap();
+            [core_with(cycle), others]
+        };
+        let sample = |core: usize, step: u16| {
+            let pressure = 7770 + (step % 700) * if core == 0 { 3 } else { 5 };
+            Sample { pressure: AdcCode(pressure), ..HEALTHY }
+        };
+        let mut together = cores();
+        let mut alternating = [Vec::new(), Vec::new()];
+        for step in 0..2000 {
+            for (i, core) in together.iter_mut().enumerate() {
+                alternating[i].push(core.step(&sample(i, step)));
+            }
+        }
+        for (i, mut core) in cores().into_iter().enumerate() {
+            let alone: Vec<_> = (0..2000).map(|step| core.step(&sample(i, step))).collect();
+            assert_eq!(alone, alternating[i], "muscle {i}");
+        }
+    }
+
     #[test]
     fn a_start_judges_the_sensors_before_it_counts() {
         let mut core = core_with(HALF);

@@ -1,12 +1,16 @@
 //! Boards: where the core runs. In this process, in the firmware on an emulated chip, or in the
 //! firmware on a real one behind a serial port.
 
+#[cfg(feature = "command")]
 pub mod emulated;
+#[cfg(feature = "command")]
 pub mod image;
 pub mod link;
+#[cfg(feature = "command")]
 mod log;
-#[cfg(unix)]
+#[cfg(all(unix, feature = "command"))]
 pub mod pty;
+#[cfg(feature = "command")]
 pub mod serial;
 
 use crate::plant::Actuation;
