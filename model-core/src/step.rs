@@ -7,7 +7,7 @@ use crate::physics::body::Shape;
 use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
 use crate::safety::watch::{EMPTY, Watch};
 use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
-use crate::sensing::front_end::{self, Converter};
+use crate::sensing::front_end::Converter;
 
 /// Model, estimator, controller and supervisor of one muscle.
 #[derive(Debug, Clone, PartialEq)]
@@ -165,8 +165,8 @@ impl Core {
         self.estimator.step(&Measurement {
             pressure_pa: self.supervisor.pressure_trusted().then_some(pressure_pa),
             length_m,
-            wide_pressure: front_end::is_wide(sample.pressure),
-            wide_length: front_end::is_wide(sample.length),
+            wide_pressure: self.config.front_end.widens(sample.pressure),
+            wide_length: self.config.front_end.widens(sample.length),
             gas: (!faults.intersects(Faults::GAS_SENSOR)).then_some(sample.gas),
             openings: Openings {
                 turned,

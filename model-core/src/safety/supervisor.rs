@@ -31,7 +31,7 @@
 use crate::config::Config;
 use crate::math::limit;
 use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
-use crate::sensing::front_end::{at_rail, is_wide};
+use crate::sensing::front_end::{FrontEnd, at_rail};
 
 /// Steps for which a fault of the pressure channel must last before the muscle is vented: one
 /// disturbed conversion is no fault, ten milliseconds of them are.
@@ -85,15 +85,15 @@ struct Line {
 }
 
 impl Line {
-    /// Takes the next code.
-    fn add(&mut self, code: AdcCode, flowing: bool) {
+    /// Takes the next code; `wide`: one in which a healthy line may stand still.
+    fn add(&mut self, code: AdcCode, wide: bool, flowing: bool) {
         let [now, last, before] = [code.0, self.last, self.before].map(i32::from);
         self.jerks = if (now - 2 * last + before).abs() > JERK {
             (self.jerks + JERK_WEIGHT).min(MOST_NOISY)
         } else {
             self.jerks.saturating_sub(1)
         };
-        if now != last || is_wide(code) {
+        if now != last || wide {
             self.still_steps = 0;
         } else if flowing {
             self.still_steps = self.still_steps.saturating_add(1);
@@ -142,6 +142,7 @@ pub struct Activity {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Limits {
     pressure_pa: f32,
+    front_end: FrontEnd,
     /// Steps of silence after which the link is lost; none: it never is.
     silent_steps: Option<u32>,
     configured: bool,
@@ -171,7 +172,12 @@ impl Supervisor {
         let silent_steps = (config.link_timeout_s > 0.0)
             .then(|| limit(config.link_timeout_s / config.step_s + 0.5, 1.0, 1.0e9) as u32);
         Self {
-            limits: Limits { pressure_pa: config.pressure_limit_pa, silent_steps, configured },
+            limits: Limits {
+                pressure_pa: config.pressure_limit_pa,
+                front_end: config.front_end,
+                silent_steps,
+                configured,
+            },
             latched: Faults::NONE,
             present: Faults::NONE,
             first: None,
@@ -228,10 +234,11 @@ impl Supervisor {
         self.silent_steps = if silent { self.silent_steps.saturating_add(1) } else { 0 };
         let missed = u16::from(sample.missed_steps).saturating_mul(LATE_WEIGHT);
         self.late = self.late.saturating_sub(1).saturating_add(missed).min(LATEST);
-        self.pressure.add(sample.pressure, flowing);
+        let front_end = &self.limits.front_end;
+        self.pressure.add(sample.pressure, front_end.widens(sample.pressure), flowing);
         // The sensor's lag keeps its code still longer than that: the estimator knows when it is frozen.
-        self.gas.add(sample.gas, false);
-        self.length.add(sample.length, flowing);
+        self.gas.add(sample.gas, false, false);
+        self.length.add(sample.length, front_end.widens(sample.length), flowing);
         let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
             || self.pressure.frozen()
             || self.pressure.noisy();
@@ -475,6 +482,17 @@ mod tests {
             let sample = Sample { length: AdcCode(20_000 + step % 2), ..sample };
             assert_eq!(stand(&mut supervisor, &sample, 1, true), Faults::NONE);
         }
+    }
+
+    /// A converter without the erratum has no such codes.
+    #[test]
+    fn without_wide_codes_every_code_that_stands_still_is_frozen() {
+        let mut config = Config::default();
+        config.front_end.wide_code_lsb = 0.0;
+        let mut supervisor = Supervisor::new(&config, true);
+        let sample = Sample { pressure: AdcCode(12_288), ..HEALTHY };
+        let faults = stand(&mut supervisor, &sample, JUDGING_STEPS + FROZEN_STEPS, true);
+        assert!(faults.intersects(Faults::PRESSURE_SENSOR));
     }
 
     #[test]

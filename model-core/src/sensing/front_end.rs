@@ -39,6 +39,11 @@ pub struct FrontEnd {
 }
 
 impl FrontEnd {
+    /// Whether the converter makes this code so wide that a healthy line may stand still in it.
+    pub fn widens(&self, code: AdcCode) -> bool {
+        self.wide_code_lsb > 0.0 && is_wide(code)
+    }
+
     /// What one code of 12 bit is worth on the pressure's channel \[Pa\].
     pub fn pressure_code_pa(&self) -> f32 {
         self.pressure_range_pa / (0.8 * 4096.0)
@@ -105,7 +110,7 @@ fn wide_halves_below(code: AdcCode) -> u32 {
 }
 
 /// Whether a code is one of the four that erratum RP2040-E11 widens.
-pub fn is_wide(code: AdcCode) -> bool {
+fn is_wide(code: AdcCode) -> bool {
     code.0 & 8191 == 4096
 }
 
