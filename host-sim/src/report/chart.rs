@@ -34,7 +34,7 @@ const HEAD: f64 = 28.0;
 const X_TICK_DISTANCE: f64 = 90.0;
 const Y_TICK_DISTANCE: f64 = 45.0;
 /// How far a line's own width may reach out of its panel \[px\].
-const OVERHANG: f64 = 3.0;
+const CLIP_MARGIN: f64 = 3.0;
 
 /// An axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -339,9 +339,9 @@ impl Panel {
     fn draw(&self, area: Area, window: (f64, f64), x: &Scale, x_ticks: &[Tick]) -> Markup {
         let y = self.scale(window, area);
         let y_ticks = ticks(&y, self.height / Y_TICK_DISTANCE);
-        let (clip_left, clip_top) = (px(area.left - OVERHANG), px(area.top - OVERHANG));
-        let clip_width = px(area.right - area.left + 2.0 * OVERHANG);
-        let clip_height = px(self.height + 2.0 * OVERHANG);
+        let (clip_left, clip_top) = (px(area.left - CLIP_MARGIN), px(area.top - CLIP_MARGIN));
+        let clip_width = px(area.right - area.left + 2.0 * CLIP_MARGIN);
+        let clip_height = px(self.height + 2.0 * CLIP_MARGIN);
         html! {
             text.axis x="0" y=(px(area.top - 12.0)) { (self.y.title()) }
             (area.draw(x_ticks, &y_ticks))

@@ -207,7 +207,7 @@ impl Walk<'_> {
         let Some((_, key)) = schema::key(path) else {
             return Err(unknown(full_path, path, table.is_some()));
         };
-        // The course of the volume is the plant's; the core measures it.
+        // The volume over time is the plant's; the core measures it.
         if is_believed && matches!(key.allowed, Allowed::Csv { .. }) {
             return Err(Problem::NotBelieved { key: full_path.to_owned() });
         }

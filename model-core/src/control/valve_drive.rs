@@ -21,7 +21,7 @@ use crate::sample::{Command, Duty};
 
 /// Which valve the last period drove beyond its own end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Overhang {
+enum CarryOver {
     None,
     Inlet,
     Outlet,
@@ -35,7 +35,7 @@ pub struct FlowDrive {
     /// Mass still to move, positive into the muscle \[kg\].
     owed_kg: f32,
     in_flight_kg: f32,
-    overhang: Overhang,
+    carry_over: CarryOver,
     saturated: bool,
 }
 
@@ -48,7 +48,7 @@ impl FlowDrive {
             pwm_hz: 1.0 / period_s,
             owed_kg: 0.0,
             in_flight_kg: 0.0,
-            overhang: Overhang::None,
+            carry_over: CarryOver::None,
             saturated: false,
         }
     }
@@ -81,7 +81,7 @@ impl FlowDrive {
     /// Both valves closed for a period.
     pub fn closed(&mut self) -> Command {
         self.in_flight_kg = 0.0;
-        self.overhang = Overhang::None;
+        self.carry_over = CarryOver::None;
         self.saturated = false;
         Command::CLOSED
     }
@@ -90,9 +90,9 @@ impl FlowDrive {
     pub fn direct(&mut self, command: Command) -> Command {
         self.closed();
         if command.outlet > Duty::ZERO {
-            self.overhang = Overhang::Outlet;
+            self.carry_over = CarryOver::Outlet;
         } else if command.inlet > Duty::ZERO {
-            self.overhang = Overhang::Inlet;
+            self.carry_over = CarryOver::Inlet;
         }
         command
     }
@@ -117,9 +117,9 @@ impl FlowDrive {
     fn pulse(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> (Command, f32, f32) {
         let filling = mass_kg > 0.0;
         let (upstream, downstream, other) = if filling {
-            (config.supply, muscle, Overhang::Outlet)
+            (config.supply, muscle, CarryOver::Outlet)
         } else {
-            (muscle, config.ambient, Overhang::Inlet)
+            (muscle, config.ambient, CarryOver::Inlet)
         };
         let full_kg_s = config.valve.mass_flow_kg_s(
             &config.gas,
@@ -138,7 +138,7 @@ impl FlowDrive {
         };
         let pulse_s = pulse_for_opening_s(&config.drive, self.period_s, opening_s);
         let too_short = !(pulse_s >= config.drive.minimum_pulse_s && pulse_s > 0.0);
-        let waits = self.overhang == other;
+        let waits = self.carry_over == other;
         let saturated = wanted_kg > full_kg;
         if too_short || waits {
             let command = self.closed();
@@ -147,10 +147,10 @@ impl FlowDrive {
         }
         self.saturated = saturated;
         let switch_s = config.drive.switch_time_s;
-        self.overhang = match (pulse_s + switch_s > self.period_s, filling) {
-            (false, _) => Overhang::None,
-            (true, true) => Overhang::Inlet,
-            (true, false) => Overhang::Outlet,
+        self.carry_over = match (pulse_s + switch_s > self.period_s, filling) {
+            (false, _) => CarryOver::None,
+            (true, true) => CarryOver::Inlet,
+            (true, false) => CarryOver::Outlet,
         };
         let sign = if filling { 1.0 } else { -1.0 };
         self.in_flight_kg = sign * full_kg_s * tail_s(&config.drive, self.period_s, pulse_s);

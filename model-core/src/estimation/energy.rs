@@ -1,13 +1,13 @@
-//! The gas's internal energy, between what the balance foretells and what pressure and length say.
+//! The gas's internal energy, between what the balance predicts and what pressure and length say.
 //!
-//! While a valve is open, what is measured more than foretold came in by flow, and is followed as a
-//! trend. Once both are shut, the energy is the running mean of what is measured about what is foretold,
+//! While a valve is open, what is measured more than predicted came in by flow, and is followed as a
+//! trend. Once both are shut, the energy is the running mean of what is measured about what is predicted,
 //! and for the first [`LATE_STEPS`] its corrections still count as flow: they tell better than the
 //! last open step did how much came in. Without that, the noise of the pressure would leave a step
 //! in the mass with every pulse.
 
 use super::Openings;
-use super::trend::{Doubt, Trend, on_within};
+use super::trend::{Trend, Uncertainty, on_within};
 use crate::math::limit;
 
 /// Steps after the valves have shut in which corrections of the energy still count as flow.
@@ -54,28 +54,32 @@ impl Energy {
 
     /// What flow is likely to bring in a step whose pressure says nothing \[J\]: the mean of those before,
     /// where it has the valves' direction.
-    fn foretold_j(&self, openings: Openings) -> f32 {
+    fn predicted_j(&self, openings: Openings) -> f32 {
         let least_j = if openings.discharging { f32::MIN } else { 0.0 };
         let most_j = if openings.charging { f32::MAX } else { 0.0 };
         if openings.driven { limit(self.mean_flow_j, least_j, most_j) } else { 0.0 }
     }
 
-    /// One step, for which the balance without flow foretells `closed_j`, and P V/(k-1), eq. (4), is
-    /// `measured_j`. Returns what the energy is more than foretold \[J\]: the enthalpy that came in,
+    /// One step, for which the balance without flow predicts `closed_j`, and P V/(k-1), eq. (4), is
+    /// `measured_j`. Returns what the energy is more than predicted \[J\]: the enthalpy that came in,
     /// or once both valves have been shut for [`LATE_STEPS`] a correction.
     pub fn step(
         &mut self,
         closed_j: f32,
         measured_j: f32,
-        doubt: Doubt,
+        uncertainty: Uncertainty,
         openings: Openings,
     ) -> f32 {
         let error_j = measured_j - closed_j;
         if openings.charging || openings.discharging {
             self.closed_steps = 0;
-            let more_j = match doubt {
-                Doubt::WideCode(half_j) => on_within(self.foretold_j(openings), error_j, half_j),
-                Doubt::Noise(_) => self.flow.step(error_j, doubt, openings.course(true)),
+            let more_j = match uncertainty {
+                Uncertainty::WideCode(half_j) => {
+                    on_within(self.predicted_j(openings), error_j, half_j)
+                }
+                Uncertainty::Noise(_) => {
+                    self.flow.step(error_j, uncertainty, openings.flow_state(true))
+                }
             };
             if openings.driven {
                 self.mean_flow_j += MEAN_SHARE * (more_j - self.mean_flow_j);
@@ -87,9 +91,9 @@ impl Energy {
         self.closed_steps = (self.closed_steps + 1).min(LATE_STEPS);
         let share =
             if self.flowing() { 1.0 / f32::from(self.closed_steps + 1) } else { LATEST_SHARE };
-        let more_j = match doubt {
-            Doubt::Noise(_) => share * error_j,
-            Doubt::WideCode(half_j) => share * (error_j - limit(error_j, -half_j, half_j)),
+        let more_j = match uncertainty {
+            Uncertainty::Noise(_) => share * error_j,
+            Uncertainty::WideCode(half_j) => share * (error_j - limit(error_j, -half_j, half_j)),
         };
         // The average never is far from what is measured.
         self.energy_j = limit(closed_j + more_j, 0.5 * measured_j, 2.0 * measured_j);
@@ -101,7 +105,7 @@ impl Energy {
 mod tests {
     use super::*;
 
-    const EXACT: Doubt = Doubt::Noise(0.0);
+    const EXACT: Uncertainty = Uncertainty::Noise(0.0);
     const SHUT: Openings =
         Openings { turned: false, driven: false, charging: false, discharging: false };
     const FILLING: Openings = Openings { driven: true, charging: true, ..SHUT };
@@ -114,9 +118,9 @@ mod tests {
         for step in 1..200 {
             let true_j = rate_j * step as f32;
             let wide = (10.0..30.0).contains(&true_j);
-            let (measured_j, doubt) =
-                if wide { (20.0, Doubt::WideCode(10.0)) } else { (true_j, EXACT) };
-            energy.step(energy.energy_j(), measured_j, doubt, FILLING);
+            let (measured_j, uncertainty) =
+                if wide { (20.0, Uncertainty::WideCode(10.0)) } else { (true_j, EXACT) };
+            energy.step(energy.energy_j(), measured_j, uncertainty, FILLING);
             let worst = if wide { &mut within_j } else { &mut elsewhere_j };
             *worst = worst.max((energy.energy_j() - true_j).abs());
         }
@@ -140,7 +144,7 @@ mod tests {
         }
         let mut on = |openings| {
             let before_j = energy.energy_j();
-            energy.step(before_j, 100.0, Doubt::WideCode(20.0), openings);
+            energy.step(before_j, 100.0, Uncertainty::WideCode(20.0), openings);
             energy.energy_j() - before_j
         };
         assert!((on(FILLING) - 1.0).abs() < 1e-3, "the mean of the steps before");
@@ -163,6 +167,6 @@ mod tests {
         assert!(!energy.flowing());
         assert!((12.9..13.0).contains(&energy.energy_j()), "{}", energy.energy_j());
         // Within a wide code a shut muscle's reading says nothing.
-        assert_eq!(energy.step(13.0, 20.0, Doubt::WideCode(8.0), SHUT), 0.0);
+        assert_eq!(energy.step(13.0, 20.0, Uncertainty::WideCode(8.0), SHUT), 0.0);
     }
 }

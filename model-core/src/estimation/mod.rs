@@ -2,7 +2,7 @@
 //! whose covariance moves once per [`INTERVAL_STEPS`].
 //!
 //! Pressure P and length (hence volume V) are measured fast and well. With the energy balance they
-//! give the enthalpy that came in or left, whatever valve it went through. Without flow, (3) foretells
+//! give the enthalpy that came in or left, whatever valve it went through. Without flow, (3) predicts
 //! the internal energy U:
 //!
 //! ```text
@@ -48,7 +48,7 @@ mod trend;
 use self::agreement::Agreement;
 use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
 use self::energy::Energy;
-use self::trend::{Course, Doubt, Trend};
+use self::trend::{FlowState, Trend, Uncertainty};
 use crate::config::Config;
 use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
 use crate::physics::body::Shape;
@@ -123,11 +123,11 @@ pub struct Openings {
 
 impl Openings {
     /// What they let expect of a step; `flowing`: gas flowed in the one before.
-    fn course(self, flowing: bool) -> Course {
+    fn flow_state(self, flowing: bool) -> FlowState {
         match (self.turned, flowing) {
-            (true, _) => Course::Turned,
-            (false, true) => Course::Open,
-            (false, false) => Course::Shut,
+            (true, _) => FlowState::Turned,
+            (false, true) => FlowState::Open,
+            (false, false) => FlowState::Shut,
         }
     }
 }
@@ -373,14 +373,14 @@ impl Estimator {
         if !self.started {
             self.start(pressure_pa, measurement);
         }
-        let doubt = if measurement.wide_length {
-            Doubt::WideCode(self.wide_length_m)
+        let uncertainty = if measurement.wide_length {
+            Uncertainty::WideCode(self.wide_length_m)
         } else {
-            Doubt::Noise(self.length_noise_m)
+            Uncertainty::Noise(self.length_noise_m)
         };
-        let course = measurement.openings.course(self.energy.flowing());
+        let flow_state = measurement.openings.flow_state(self.energy.flowing());
         let change_m = measurement.length_m - self.followed_m;
-        self.followed_m += self.motion.step(change_m, doubt, course);
+        self.followed_m += self.motion.step(change_m, uncertainty, flow_state);
         let volume_m3 = self.shape.volume_m3(self.followed_m);
         self.propagate(pressure_pa, volume_m3, measurement);
         if let Some(code) = measurement.gas {
@@ -553,14 +553,14 @@ impl Estimator {
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
         let closed_j = self.energy.energy_j() - work_j - heat_j;
         let per_pa = volume_m3 * self.per_k_minus_1;
-        let doubt = if measurement.wide_pressure {
-            Doubt::WideCode(self.wide_code_pa * per_pa)
+        let uncertainty = if measurement.wide_pressure {
+            Uncertainty::WideCode(self.wide_code_pa * per_pa)
         } else {
-            Doubt::Noise(self.noise_pa * per_pa)
+            Uncertainty::Noise(self.noise_pa * per_pa)
         };
         let openings = measurement.openings;
         let measured_j = pressure_pa * per_pa;
-        let enthalpy_j = self.energy.step(closed_j, measured_j, doubt, openings);
+        let enthalpy_j = self.energy.step(closed_j, measured_j, uncertainty, openings);
         if self.interval.steps == 0 {
             self.interval.start_j = self.measured_j;
         }
@@ -778,8 +778,11 @@ mod tests {
     fn a_turn_is_one_where_nothing_flowed_before_too() {
         let still = Openings::default();
         let turned = Openings { turned: true, ..still };
-        assert_eq!([false, true].map(|flowing| turned.course(flowing)), [Course::Turned; 2]);
-        assert_eq!([still.course(false), still.course(true)], [Course::Shut, Course::Open]);
+        assert_eq!([false, true].map(|flowing| turned.flow_state(flowing)), [FlowState::Turned; 2]);
+        assert_eq!(
+            [still.flow_state(false), still.flow_state(true)],
+            [FlowState::Shut, FlowState::Open]
+        );
     }
 
     /// A fast fill moves the element further in one interval than a frozen code is allowed, and the code

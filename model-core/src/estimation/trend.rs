@@ -33,7 +33,7 @@ const OPEN_STEPS: usize = FOLLOWED.len() - 1;
 
 /// How far a reading can be wrong, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Doubt {
+pub enum Uncertainty {
     /// By noise, of that size at most.
     Noise(f32),
     /// By half of a code that the converter makes too wide: within it the reading says nothing.
@@ -42,7 +42,7 @@ pub enum Doubt {
 
 /// What the valves let expect of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Course {
+pub enum FlowState {
     /// The openings have changed: here begins another line.
     Turned,
     /// Gas may flow.
@@ -80,19 +80,19 @@ impl Trend {
 
     /// One step, by which the reading has changed from the value before by `change`; by how much
     /// the value is to change.
-    pub fn step(&mut self, change: f32, doubt: Doubt, course: Course) -> f32 {
-        let noise = match doubt {
-            Doubt::WideCode(half) => {
+    pub fn step(&mut self, change: f32, uncertainty: Uncertainty, flow_state: FlowState) -> f32 {
+        let noise = match uncertainty {
+            Uncertainty::WideCode(half) => {
                 self.steady_steps = 0;
                 return on_within(self.rate, change, half);
             }
-            Doubt::Noise(noise) => noise,
+            Uncertainty::Noise(noise) => noise,
         };
         let error = change - self.rate;
-        if course == Course::Turned || absolute(error) > noise {
+        if flow_state == FlowState::Turned || absolute(error) > noise {
             self.steady_steps = 0;
         }
-        let most = if course == Course::Shut { usize::MAX } else { OPEN_STEPS };
+        let most = if flow_state == FlowState::Shut { usize::MAX } else { OPEN_STEPS };
         let steps = self.steady_steps.min(most);
         let (value, rate) = shares(steps);
         let followed = self.rate + value * error;
@@ -113,12 +113,15 @@ mod tests {
     use super::*;
 
     /// Value after each step of readings, of noise 1.
-    fn follow(readings: impl Iterator<Item = f32>, course: impl Fn(usize) -> Course) -> Vec<f32> {
+    fn follow(
+        readings: impl Iterator<Item = f32>,
+        flow_state: impl Fn(usize) -> FlowState,
+    ) -> Vec<f32> {
         let (mut value, mut trend) = (0.0, Trend::REST);
         readings
             .enumerate()
             .map(|(i, reading)| {
-                value += trend.step(reading - value, Doubt::Noise(4.0), course(i));
+                value += trend.step(reading - value, Uncertainty::Noise(4.0), flow_state(i));
                 value
             })
             .collect()
@@ -141,12 +144,12 @@ mod tests {
     #[test]
     fn a_straight_line_is_averaged_and_longer_while_shut() {
         let line = |i: usize| 3.0 * i as f32;
-        for (course, from, bounds) in
-            [(Course::Open, 20, 0.3..0.55), (Course::Shut, 1000, 0.05..0.15)]
+        for (flow_state, from, bounds) in
+            [(FlowState::Open, 20, 0.3..0.55), (FlowState::Shut, 1000, 0.05..0.15)]
         {
-            let values = follow((0..5000).zip(noise()).map(|(i, n)| line(i) + n), |_| course);
+            let values = follow((0..5000).zip(noise()).map(|(i, n)| line(i) + n), |_| flow_state);
             let left = rms(values.iter().enumerate().skip(from).map(|(i, v)| v - line(i)));
-            assert!(bounds.contains(&left), "{course:?} {left}");
+            assert!(bounds.contains(&left), "{flow_state:?} {left}");
         }
     }
 
@@ -154,7 +157,7 @@ mod tests {
     fn what_comes_to_rest_while_shut_is_followed() {
         // By thirty times the noise, with a time constant of 0.2 s: the gas's at the wall.
         let rest = |i: usize| 30.0 * (-(i as f32) / 200.0).exp();
-        let values = follow((0..3000).map(rest), |_| Course::Shut);
+        let values = follow((0..3000).map(rest), |_| FlowState::Shut);
         let worst = values.iter().enumerate().map(|(i, v)| (v - rest(i)).abs()).fold(0.0, f32::max);
         assert!((0.5..2.0).contains(&worst), "{worst}");
     }
@@ -164,7 +167,7 @@ mod tests {
         let corner = |i: usize| (i as f32 - 50.0).max(0.0);
         for (slope, told) in [(2.0, true), (8.0, false)] {
             let values = follow((0..100).map(|i| slope * corner(i)), |i| {
-                if told && i == 51 { Course::Turned } else { Course::Open }
+                if told && i == 51 { FlowState::Turned } else { FlowState::Open }
             });
             let worst = values
                 .iter()
@@ -174,7 +177,7 @@ mod tests {
             assert!(worst < 1e-3, "{worst}");
         }
         // Neither told nor beyond the noise: smeared, by less than the noise.
-        let values = follow((0..100).map(corner), |_| Course::Open);
+        let values = follow((0..100).map(corner), |_| FlowState::Open);
         let worst =
             values.iter().enumerate().map(|(i, v)| (v - corner(i)).abs()).fold(0.0, f32::max);
         assert!((1.0..4.0).contains(&worst), "{worst}");
@@ -184,10 +187,14 @@ mod tests {
     fn within_a_wide_code_it_goes_on() {
         let mut trend = Trend::REST;
         for _ in 0..200 {
-            trend.step(2.0, Doubt::Noise(1.0), Course::Open);
+            trend.step(2.0, Uncertainty::Noise(1.0), FlowState::Open);
         }
-        assert!((trend.step(5.0, Doubt::WideCode(4.0), Course::Open) - 2.0).abs() < 1e-3);
-        assert_eq!(trend.step(9.0, Doubt::WideCode(4.0), Course::Open), 5.0, "to its edge");
-        assert_eq!(trend.step(-9.0, Doubt::WideCode(4.0), Course::Open), -5.0);
+        assert!((trend.step(5.0, Uncertainty::WideCode(4.0), FlowState::Open) - 2.0).abs() < 1e-3);
+        assert_eq!(
+            trend.step(9.0, Uncertainty::WideCode(4.0), FlowState::Open),
+            5.0,
+            "to its edge"
+        );
+        assert_eq!(trend.step(-9.0, Uncertainty::WideCode(4.0), FlowState::Open), -5.0);
     }
 }
