@@ -19,8 +19,7 @@ const RUNS: u64 = 4;
 fn every_fault_is_found_in_time_and_what_has_to_follow_does() {
     let lines = table(&cases::all(), RUNS, &|| ()).unwrap();
     print!("{}", host_sim::evaluate::table(&lines));
-    // Those that are missed are named in docs/safety.md.
-    assert!(missed(&lines).0 <= 4, "{} missed", missed(&lines).0);
+    assert_eq!(missed(&lines).0, 0);
     assert_eq!(lines.len(), 31);
 }
 
