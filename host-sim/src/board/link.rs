@@ -37,7 +37,8 @@ impl Link {
                 Some(Message::Telemetry(telemetry)) => self.telemetry.push_back(telemetry),
                 Some(Message::Reply(reply)) => {
                     if self.start == Some(reply.sequence) {
-                        // What came before is the old core's.
+                        // What came before is the old core's. The number comes again after 256 requests.
+                        self.start = None;
                         self.telemetry.clear();
                     }
                     self.replies.push_back(reply);
@@ -61,5 +62,29 @@ impl Link {
     /// Frames that were damaged.
     pub fn malformed(&self) -> u32 {
         self.decoder.malformed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_core::{AdcCode, Config, Core, Sample, SetPoint};
+
+    /// Sequence numbers wrap: the answer to another request of the same number is no start.
+    #[test]
+    fn only_the_answer_to_a_start_forgets_what_came_before() {
+        let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+        let telemetry = Core::new(&Config::default()).unwrap().step(&sample);
+        let telemetry = encode(&Message::Telemetry(telemetry)).unwrap();
+        let mut link = Link::default();
+        link.request(HostCommand::Start(SetPoint::Vent));
+        for request in 0..600_u32 {
+            link.feed(&telemetry);
+            let sequence = link.sequence;
+            let done = Message::Reply(Reply { sequence, answer: Answer::Done { step: 0 } });
+            link.feed(&encode(&done).unwrap());
+            assert_eq!(link.take_telemetry().is_none(), request == 0, "request {request}");
+            link.request(HostCommand::Alive);
+        }
     }
 }
