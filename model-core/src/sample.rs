@@ -154,7 +154,8 @@ impl Faults {
     pub const OVERPRESSURE: Self = Self(1 << 2);
     /// The gas sensor's code lies at a rail, or stands still.
     pub const GAS_SENSOR: Self = Self(1 << 3);
-    /// The length code lies at a rail, stands still, or moves as no muscle can.
+    /// The length code lies at a rail, stands still, moves as no muscle can, or says what the muscle cannot
+    /// have.
     pub const LENGTH_SENSOR: Self = Self(1 << 4);
     /// The host has been silent for longer than `link_timeout_s`.
     pub const LINK_LOST: Self = Self(1 << 5);
@@ -170,10 +171,11 @@ impl Faults {
     pub const GAS_GAINED: Self = Self(1 << 9);
     /// Gas is lost fast: a burst muscle, or an outlet that stands open.
     pub const BURST: Self = Self(1 << 10);
-    /// Gas is lost slowly, while both valves are shut or as fast as the inlet makes up for it: muscle, fittings or outlet leak, or a pressure
-    /// sensor drifts.
+    /// Gas is lost slowly, while both valves are shut or as fast as the inlet makes up for it: muscle,
+    /// fittings or outlet leak, or a pressure sensor drifts.
     pub const LEAK: Self = Self(1 << 11);
-    /// The inlet is driven and no gas comes: it is stuck shut, or the supply is lost.
+    /// The inlet is driven and the gas is not there: it is stuck shut, the supply is lost, or a hole takes
+    /// all of it.
     pub const NO_INFLOW: Self = Self(1 << 12);
     /// The outlet is driven and the gas stays: it is stuck shut, or the inlet stands open.
     pub const NO_OUTFLOW: Self = Self(1 << 13);
