@@ -36,9 +36,9 @@ impl Link {
             match self.decoder.push(byte) {
                 Some(Message::Telemetry(telemetry)) => self.telemetry.push_back(telemetry),
                 Some(Message::Reply(reply)) => {
-                    if self.start == Some(reply.sequence) {
-                        // What came before is the old core's. The number comes again after 256 requests.
-                        self.start = None;
+                    // Once: its number comes again after 256 requests.
+                    if self.start.take_if(|start| *start == reply.sequence).is_some() {
+                        // What came before is the old core's.
                         self.telemetry.clear();
                     }
                     self.replies.push_back(reply);

@@ -1,7 +1,7 @@
 //! Volume and surface of whatever holds the gas.
 
 use crate::config::Body;
-use crate::math::absolute;
+use crate::math::{absolute, limit};
 use crate::physics::geometry::Geometry;
 
 /// How far off a length sensor may be, share of the rest length \[-\].
@@ -34,7 +34,7 @@ impl Shape {
     pub fn limit_length_m(&self, length_m: f32) -> f32 {
         match self {
             Self::Muscle(geometry) => geometry.limit_length_m(length_m),
-            Self::Vessel { .. } => crate::math::limit(length_m, 1.0e-6, 1.0e6),
+            Self::Vessel { .. } => limit(length_m, 1.0e-6, 1.0e6),
         }
     }
 

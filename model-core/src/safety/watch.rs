@@ -94,8 +94,9 @@ impl Limits {
 struct Side {
     /// Ticks for which it was driven in this window.
     ticks: u32,
-    /// It was driven in this window, or in the one before: its last pulse may end late.
+    /// It was driven in this window ...
     driven: bool,
+    /// ... and in the one before.
     driven_before: bool,
     /// What it must have passed and what did not come of it, share of the gas \[-\].
     missing: f32,
@@ -119,6 +120,7 @@ impl Side {
         ticks
     }
 
+    /// A pulse of the window before may end in this one.
     fn driven_lately(&self) -> bool {
         self.driven || self.driven_before
     }

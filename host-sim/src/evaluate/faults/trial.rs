@@ -123,7 +123,6 @@ impl<'a> Judge<'a> {
             let above = truth.pressure_pa > self.limit_pa;
             self.counted_steps += u64::from(self.fault.counted.counts(telemetry, truth, above));
             if faults.intersects(self.fault.found) {
-                outcome.found_s = Some(self.counted_steps as f64 * self.step_s);
                 outcome.since_s = truth.time_s - self.from_s + self.step_s;
                 self.found_s = Some(truth.time_s);
                 self.found_pa = truth.pressure_pa;
@@ -146,9 +145,12 @@ impl<'a> Judge<'a> {
     }
 
     fn outcome(self) -> Outcome {
+        // Nothing is counted any more once it is found.
+        let counted_s = self.counted_steps as f64 * self.step_s;
         Outcome {
+            found_s: self.found_s.map(|_| counted_s),
             reacted: self.found_s.is_some() && !self.fails,
-            counted_s: self.counted_steps as f64 * self.step_s,
+            counted_s,
             error_k: (self.squares_k2 / self.steps.max(1) as f64).sqrt(),
             ..self.outcome
         }
