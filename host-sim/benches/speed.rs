@@ -5,9 +5,9 @@
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use host_sim::board::CoreBoard;
-use host_sim::run;
+use host_sim::files::trace::{Row, TraceWriter};
 use host_sim::scenario::{self, PlantModel};
-use host_sim::trace::{Row, TraceWriter};
+use host_sim::simulation::run;
 use std::io;
 
 fn main() {

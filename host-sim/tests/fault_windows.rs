@@ -1,12 +1,12 @@
 //! Windows of faults: what a scenario may say, and what a run makes of it over time.
 
-use host_sim::adc::{Codes, VirtualAdc};
 use host_sim::board::CoreBoard;
-use host_sim::faults::InjectedFaults;
+use host_sim::files::trace::Row;
 use host_sim::plant::{Travel, Truth};
-use host_sim::run;
 use host_sim::scenario::{self, ChannelFault, Document, Loaded};
-use host_sim::trace::Row;
+use host_sim::simulation::adc::{Codes, VirtualAdc};
+use host_sim::simulation::faults::InjectedFaults;
+use host_sim::simulation::run;
 use model_core::Faults;
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! The vessel against closed forms, conservation and measured air.
 
 use host_sim::plant::{self, Actuation, Plant, Truth};
-use host_sim::profile::Profile;
+use host_sim::scenario::profile::Profile;
 use host_sim::scenario::{DriveKind, HeatModel, PlantKind, PlantModel, Scenario};
 use proptest::prelude::*;
 use std::f64::consts::PI;

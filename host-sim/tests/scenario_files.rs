@@ -1,12 +1,12 @@
 //! Scenario files as users write them: what is taken, and what is said of what is not.
 
 use host_sim::board::{BoardError, CoreBoard};
-use host_sim::core_config::core_config;
+use host_sim::files::trace::{COLUMNS, Row};
 use host_sim::plant::BuildError;
-use host_sim::run::{self, RunError};
+use host_sim::scenario::core_config::core_config;
 use host_sim::scenario::schema::{Allowed, TABLES};
 use host_sim::scenario::{self, LoadKind, Loaded, Run, Scenario};
-use host_sim::trace::{COLUMNS, Row};
+use host_sim::simulation::run::{self, RunError};
 use model_core::Command;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;

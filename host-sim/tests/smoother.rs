@@ -1,11 +1,11 @@
 //! The yardstick of the estimator: what can be known at best from a run's samples.
 
+use host_sim::analysis::smoother::{self, Best};
 use host_sim::board::CoreBoard;
-use host_sim::core_config::core_config;
-use host_sim::run;
+use host_sim::files::trace::Row;
+use host_sim::scenario::core_config::core_config;
 use host_sim::scenario::{self, Loaded};
-use host_sim::smoother::{self, Best};
-use host_sim::trace::Row;
+use host_sim::simulation::run;
 use model_core::{AdcCode, Estimate, Telemetry};
 
 struct Recorded {

@@ -1,11 +1,11 @@
 //! A muscle for a board to drive, a step at a time: the simulated plant behind its front end.
 
-use host_sim::adc::VirtualAdc;
 use host_sim::board::Board;
 use host_sim::board::emulated::{EmulatedBoard, Exchange};
-use host_sim::core_config::core_config;
 use host_sim::plant::{self, Actuation, Plant};
 use host_sim::scenario;
+use host_sim::scenario::core_config::core_config;
+use host_sim::simulation::adc::VirtualAdc;
 use model_core::{AdcCode, Config, Sample, SetPoint};
 
 /// A muscle, its sensors and its valves.

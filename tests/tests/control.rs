@@ -2,12 +2,12 @@
 //! both sides: a figure far better than it can be is a broken measurement.
 
 use host_sim::board::CoreBoard;
-use host_sim::evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
-use host_sim::evaluate::pid::PidBoard;
+use host_sim::commands::evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
+use host_sim::commands::evaluate::pid::PidBoard;
 use host_sim::scenario::{DriveKind, LoadKind, Loaded, PlantModel, Scenario};
 
 fn nominal() -> Loaded {
-    full(&host_sim::evaluate::nominal().unwrap())
+    full(&host_sim::commands::evaluate::nominal().unwrap())
 }
 
 /// Changes what the plant is and what the core is told.
@@ -107,18 +107,18 @@ fn temperature_compensation_earns_its_place() {
 }
 
 /// Rows of a run on the core in this process.
-fn rows(loaded: &Loaded) -> Vec<host_sim::trace::Row> {
+fn rows(loaded: &Loaded) -> Vec<host_sim::files::trace::Row> {
     let mut rows = Vec::new();
-    let mut observer = |row: &host_sim::trace::Row| {
+    let mut observer = |row: &host_sim::files::trace::Row| {
         rows.push(*row);
         Ok(())
     };
-    host_sim::run::run(loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    host_sim::simulation::run::run(loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
     rows
 }
 
 /// Highest pressure of the plant between two times \[Pa\].
-fn peak_pa(rows: &[host_sim::trace::Row], from_s: f64, until_s: f64) -> f64 {
+fn peak_pa(rows: &[host_sim::files::trace::Row], from_s: f64, until_s: f64) -> f64 {
     let within = rows.iter().filter(|row| (from_s..until_s).contains(&row.truth.time_s));
     within.map(|row| row.truth.pressure_pa).fold(0.0, f64::max)
 }
@@ -132,7 +132,7 @@ fn the_working_cycle_stays_where_it_is() {
             for (supply_pa, conductance) in
                 [(7.0e5, 1.0), (6.65e5, 1.0), (7.35e5, 0.7), (7.0e5, 1.3)]
             {
-                let mut loaded = both(host_sim::evaluate::nominal().unwrap(), |s| {
+                let mut loaded = both(host_sim::commands::evaluate::nominal().unwrap(), |s| {
                     s.drive.period_s = period_s;
                     s.run.duration_s = 30.0;
                     s.run.log_every = 1;

@@ -3,7 +3,7 @@
 
 use host_sim::board::emulated::EmulatedBoard;
 use host_sim::board::pty::PtyBoard;
-use host_sim::monitor::{Recorder, Session, Status, draw};
+use host_sim::commands::monitor::{Recorder, Session, Status, draw};
 use model_core::link::LastReset;
 use model_core::{AdcCode, Sample};
 use ratatui::Terminal;

@@ -2,7 +2,7 @@
 
 use host_sim::board::emulated::EmulatedBoard;
 use host_sim::board::{Board, BoardError, CoreBoard};
-use host_sim::replay::{Row, replay};
+use host_sim::commands::replay::{Row, replay};
 use model_core::link::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
 use model_core::{AdcCode, Config, Sample, SetPoint};
 use system_tests::rig::Muscle;

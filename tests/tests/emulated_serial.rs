@@ -6,7 +6,7 @@ use host_sim::board::image::{Variant, firmware, prepare_emulator};
 use host_sim::board::pty::PtyBoard;
 use host_sim::board::serial::SerialBoard;
 use host_sim::board::{Board, BoardError, CoreBoard};
-use host_sim::replay::{Row, replay};
+use host_sim::commands::replay::{Row, replay};
 use model_core::{AdcCode, Sample, SetPoint};
 use std::time::Duration;
 use std::{fs, thread};

@@ -2,12 +2,12 @@
 //! `thermyo evaluate faults` runs a hundred times. And the same on the emulated board.
 
 use host_sim::board::emulated::EmulatedBoard;
-use host_sim::evaluate::faults::cases::{self, Inject};
-use host_sim::evaluate::faults::muscle::Task;
-use host_sim::evaluate::faults::trial::Trial;
-use host_sim::evaluate::faults::{alarms, table, vent};
-use host_sim::evaluate::{missed, nominal};
-use host_sim::parallel;
+use host_sim::commands::evaluate::faults::cases::{self, Inject};
+use host_sim::commands::evaluate::faults::muscle::Task;
+use host_sim::commands::evaluate::faults::trial::Trial;
+use host_sim::commands::evaluate::faults::{alarms, table, vent};
+use host_sim::commands::evaluate::{missed, nominal};
+use host_sim::commands::parallel;
 use host_sim::scenario::{Faults as Injected, PlantModel};
 use model_core::Faults;
 use system_tests::skip_emulator;
@@ -18,7 +18,7 @@ const RUNS: u64 = 4;
 #[test]
 fn every_fault_is_found_in_time_and_what_has_to_follow_does() {
     let lines = table(&cases::all(), RUNS, &|| ()).unwrap();
-    print!("{}", host_sim::evaluate::table(&lines));
+    print!("{}", host_sim::commands::evaluate::table(&lines));
     assert_eq!(missed(&lines).0, 0);
     assert_eq!(lines.len(), 31);
 }

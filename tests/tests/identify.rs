@@ -5,10 +5,11 @@
 //! cases need `THERMYO_DATA`, the folder with `gas_spring` and `hyddown`; without it they are skipped.
 
 use host_sim::board::CoreBoard;
-use host_sim::core_config::core_config;
-use host_sim::monitor::Recorder;
-use host_sim::trace::Row;
-use host_sim::{run, scenario};
+use host_sim::commands::monitor::Recorder;
+use host_sim::files::trace::Row;
+use host_sim::scenario;
+use host_sim::scenario::core_config::core_config;
+use host_sim::simulation::run;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;

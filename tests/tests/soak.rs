@@ -1,10 +1,11 @@
 //! A day of board time: the core alone, on the codes of one recorded working cycle, over and over.
 
 use host_sim::board::CoreBoard;
-use host_sim::core_config::core_config;
+use host_sim::commands::evaluate;
+use host_sim::files::trace::Row;
 use host_sim::scenario::PlantModel;
-use host_sim::trace::Row;
-use host_sim::{evaluate, run};
+use host_sim::scenario::core_config::core_config;
+use host_sim::simulation::run;
 use model_core::{Config, Core, Estimate, Sample, SetPoint};
 use std::time::Instant;
 

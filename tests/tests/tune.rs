@@ -2,8 +2,8 @@
 //! refuses. Bounds on both sides: a figure far better than it can be is a broken measurement.
 
 use host_sim::board::CoreBoard;
-use host_sim::evaluate::control::sine;
-use host_sim::evaluate::tune::{ALL_WRONG, error_percent, told, tuned};
+use host_sim::commands::evaluate::control::sine;
+use host_sim::commands::evaluate::tune::{ALL_WRONG, error_percent, told, tuned};
 use host_sim::scenario;
 use std::fs;
 use system_tests::{Outcome, thermyo};
@@ -15,7 +15,7 @@ fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
 
 #[test]
 fn a_muscle_told_wrong_is_found() {
-    let loaded = told(&host_sim::evaluate::nominal().unwrap(), ALL_WRONG.1);
+    let loaded = told(&host_sim::commands::evaluate::nominal().unwrap(), ALL_WRONG.1);
     let tuned = tuned(&loaded).unwrap();
     let (plant, findings) = (&loaded.plant, &tuned.findings);
     let turns = plant.muscle.turns.unwrap();

@@ -14,7 +14,7 @@ mod plots;
 mod record;
 
 use forms::{Counted, Dense, Form, Interval, Joseph, N, Named, Steady, Ud};
-use host_sim::evaluate::{self, estimator};
+use host_sim::commands::evaluate::{self, estimator};
 use host_sim::scenario::{Loaded, PlantModel};
 use model_core::{Config, math};
 use nalgebra::Matrix5;

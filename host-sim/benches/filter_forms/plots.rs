@@ -1,11 +1,11 @@
 //! The plots of `docs/estimator.md`.
 
 use crate::record::Recording;
-use host_sim::core_config::core_config;
+use host_sim::analysis::smoother;
 use host_sim::report::Colour;
 use host_sim::report::chart::{Axis, Chart, Panel};
 use host_sim::scenario::Loaded;
-use host_sim::smoother;
+use host_sim::scenario::core_config::core_config;
 use std::{fs, io};
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs");

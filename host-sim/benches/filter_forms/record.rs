@@ -5,9 +5,9 @@
 use crate::covariance::{Covariance, Transition};
 use crate::forms::{Interval, N, SENSOR};
 use host_sim::board::{Board, BoardError, BoardStep, CoreBoard};
-use host_sim::run;
+use host_sim::files::trace::Row;
 use host_sim::scenario::Loaded;
-use host_sim::trace::Row;
+use host_sim::simulation::run;
 use model_core::estimation::INTERVAL_STEPS;
 use model_core::{Config, Duty, Sample, SetPoint, Telemetry};
 

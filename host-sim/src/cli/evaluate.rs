@@ -1,8 +1,8 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
 use super::{Failure, print, progress_bar, publish};
-use crate::evaluate::{self, control_page, faults};
-use crate::output::OutputDir;
+use crate::commands::evaluate::{self, control_page, faults};
+use crate::files::output::OutputDir;
 use crate::scenario;
 use clap::{Args, ValueEnum};
 use std::io::Write;

@@ -1,12 +1,12 @@
 //! Why a command does not end with 0.
 
 use crate::board::BoardError;
-use crate::identify::IdentifyError;
-use crate::input::InputError;
-use crate::monitor::MonitorError;
-use crate::run::RunError;
-use crate::sweep::SweepError;
-use crate::tune::{Refusal, TuneError};
+use crate::commands::identify::IdentifyError;
+use crate::commands::monitor::MonitorError;
+use crate::commands::sweep::SweepError;
+use crate::commands::tune::{Refusal, TuneError};
+use crate::files::input::InputError;
+use crate::simulation::run::RunError;
 use std::fmt;
 
 /// Why the command does not end with 0.

@@ -1,12 +1,12 @@
 //! `thermyo sweep`: its arguments, and what it prints and writes.
 
 use super::{Failure, OutputArgs, print, progress_bar, publish};
-use crate::output::OutputDir;
-use crate::rows::Rows;
-use crate::run::RunError;
+use crate::commands::sweep::page::page;
+use crate::commands::sweep::{Range, Shard, Sweep};
+use crate::files::output::OutputDir;
+use crate::files::rows::Rows;
 use crate::scenario;
-use crate::sweep::page::page;
-use crate::sweep::{Range, Shard, Sweep};
+use crate::simulation::run::RunError;
 use clap::Args;
 use std::io::{self, Write};
 use std::path::PathBuf;

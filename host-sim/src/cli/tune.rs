@@ -1,8 +1,9 @@
 //! `thermyo tune`: its arguments, and what it prints and writes.
 
 use super::{BoardArgs, Failure, OutputArgs, print, publish};
-use crate::output::OutputDir;
-use crate::{scenario, tune};
+use crate::commands::tune;
+use crate::files::output::OutputDir;
+use crate::scenario;
 use clap::Args;
 use std::io::Write;
 use std::path::PathBuf;

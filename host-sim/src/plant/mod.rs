@@ -21,7 +21,7 @@ mod sensors;
 mod vessel;
 mod zones;
 
-use crate::profile::Profile;
+use crate::scenario::profile::Profile;
 use crate::scenario::{PlantKind, PlantModel, Scenario};
 use geometry::Geometry;
 use piping::Piping;

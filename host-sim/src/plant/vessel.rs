@@ -7,7 +7,7 @@ use super::ode::DormandPrince;
 use super::piping::{Disturbance, Piping};
 use super::sensors::{Exposure, Sensors};
 use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas};
-use crate::profile::Profile;
+use crate::scenario::profile::Profile;
 use crate::scenario::{DriveKind, Scenario};
 
 /// Relative tolerance of one integration step.

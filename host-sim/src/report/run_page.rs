@@ -3,10 +3,10 @@
 use super::page::Tile;
 use super::run_report::{self, Measured as MeasuredColumn, RunReport, SummaryRow};
 use super::series::Recorder;
-use crate::measured::Measured;
+use crate::files::measured::Measured;
+use crate::files::summary::Summary;
+use crate::files::trace::{COLUMNS, Row};
 use crate::scenario::{self, Loaded, PlantKind};
-use crate::summary::Summary;
-use crate::trace::{COLUMNS, Row};
 
 /// Strokes that the enlarged temperature chart shows.
 const DETAIL_STROKES: f64 = 3.0;

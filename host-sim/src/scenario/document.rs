@@ -1,7 +1,7 @@
 //! From text to checked entries: every key known, every value of its type and within its range.
 
 use super::schema::{self, Allowed, Key};
-use crate::input::{InputError, Instead, Problem, line_of, nearest, quoted};
+use crate::files::input::{InputError, Instead, Problem, line_of, nearest, quoted};
 use std::path::{Path, PathBuf};
 use toml::de::{DeInteger, DeTable, DeValue};
 use toml::{Spanned, Value};

@@ -2,8 +2,8 @@
 
 use super::faults::{ChannelFault, FaultWindow, ValveFault};
 use super::model::{DriveKind, PlantKind, Scenario};
-use super::rules::{Violation, within};
 use super::schema::limits;
+use super::violation::{Violation, within};
 
 /// Checks every window, and every pair of them.
 ///

@@ -2,8 +2,8 @@
 //! L = b cos(theta), D = b sin(theta)/(n pi).
 
 use super::model::Muscle;
-use super::rules::Violation;
 use super::schema::limits;
+use super::violation::Violation;
 use std::f64::consts::PI;
 
 /// Rest length where nothing is said \[m\].

@@ -3,11 +3,12 @@
 use super::document::{Document, Entries, Entry};
 use super::geometry;
 use super::model::{DriveKind, Muscle, PlantKind, PlantModel, Scenario};
-use super::rules::{self, Fault, Violation};
+use super::rules;
 use super::schema::{Allowed, Limits, limits};
-use crate::input::{InputError, Problem, read_text};
-use crate::profile::Profile;
-use crate::table::read_table;
+use super::violation::{Fault, Violation};
+use crate::files::input::{InputError, Problem, read_text};
+use crate::files::table::read_table;
+use crate::scenario::profile::Profile;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 

@@ -5,6 +5,7 @@
 //! ```
 
 mod check;
+pub mod core_config;
 mod document;
 mod fault_rules;
 mod faults;
@@ -12,8 +13,10 @@ mod geometry;
 mod load;
 mod model;
 mod number;
+pub mod profile;
 mod rules;
 pub mod schema;
+mod violation;
 
 pub use check::render;
 pub use document::Document;

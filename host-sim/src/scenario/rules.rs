@@ -4,73 +4,14 @@ use super::fault_rules;
 use super::model::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::number::number;
 use super::schema::{Limits, fittable, fittable_paths, limits};
-use crate::core_config::pressure_limit_pa;
-use crate::input::nearest;
+use super::violation::{Violation, within};
+use crate::files::input::nearest;
+use crate::scenario::core_config::pressure_limit_pa;
 
 /// Most steps of a run: more take days.
 const MOST_STEPS: f64 = 1.0e9;
 /// Most steps of the core per PWM period: its timer counts no further.
 const MOST_PWM_STEPS: f64 = 1000.0;
-
-/// A rule that does not hold, and the key to blame.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Violation {
-    /// Path of the key.
-    pub path: String,
-    /// What is wrong with it.
-    pub fault: Fault,
-}
-
-/// What is wrong with a key.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Fault {
-    /// Its value does not fit the others.
-    NotAllowed {
-        /// The value.
-        value: String,
-        /// What it may be, and why.
-        allowed: String,
-    },
-    /// It has to be there.
-    Missing {
-        /// The key that needs it.
-        for_path: String,
-        /// Why.
-        why: String,
-    },
-}
-
-impl Violation {
-    /// A number outside of the limits that other keys set.
-    pub fn number(path: &str, value: f64, allowed: &Limits, why: &str) -> Self {
-        Self::value(path, &format!("{value:?}"), format!("{allowed}, {why}"))
-    }
-
-    /// A key that has to be there.
-    pub fn missing(path: &str, for_path: &str, why: &str) -> Self {
-        let fault = Fault::Missing { for_path: for_path.to_owned(), why: why.to_owned() };
-        Self { path: path.to_owned(), fault }
-    }
-
-    /// A value that does not fit; `allowed` says why.
-    pub fn value(path: &str, value: &str, allowed: String) -> Self {
-        let fault = Fault::NotAllowed { value: value.to_owned(), allowed };
-        Self { path: path.to_owned(), fault }
-    }
-}
-
-/// Checks a number against limits that other keys set.
-///
-/// # Errors
-/// When it lies outside.
-pub fn within(path: &str, value: f64, (min, max): (f64, f64), why: &str) -> Result<(), Violation> {
-    let allowed = limits(path).between(min, max);
-    if allowed.contains(value) {
-        Ok(())
-    } else {
-        Err(Violation::number(path, value, &allowed, why))
-    }
-}
 
 /// Rules for what the plant is given. Its geometry is resolved.
 ///

@@ -5,7 +5,7 @@ use crate::config;
 use crate::flush::flushed;
 use crate::signal::Signal;
 use arbitrary::Unstructured;
-use host_sim::replay::identical;
+use host_sim::commands::replay::identical;
 use model_core::control::Mode;
 use model_core::{Command, Config, Core, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
 use rand_xoshiro::Xoshiro128PlusPlus;

@@ -2,8 +2,8 @@
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
-use host_sim::core_config::core_config;
-use host_sim::input::InputError;
+use host_sim::files::input::InputError;
+use host_sim::scenario::core_config::core_config;
 use host_sim::scenario::schema::{Allowed, Key, TABLES, Table, fittable_paths};
 use host_sim::scenario::{self, Loaded, OBSERVABLE};
 use model_core::Core;

@@ -3,12 +3,12 @@
 use crate::any::{self, Choices, byte};
 use crate::scenarios::says_where;
 use arbitrary::Unstructured;
-use host_sim::identify::Data;
-use host_sim::measured::Measured;
-use host_sim::replay;
+use host_sim::commands::identify::Data;
+use host_sim::commands::replay;
+use host_sim::files::measured::Measured;
+use host_sim::files::table::Table;
+use host_sim::files::trace::COLUMNS;
 use host_sim::scenario::{self, Loaded};
-use host_sim::table::Table;
-use host_sim::trace::COLUMNS;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use tempfile::TempDir;

@@ -1,0 +1,126 @@
+//! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
+
+pub mod control;
+pub mod control_page;
+pub mod estimator;
+pub mod faults;
+pub mod pid;
+pub mod tune;
+
+use crate::files::input::InputError;
+use crate::report::number::significant;
+use crate::report::page::Table;
+use crate::scenario::{self, Loaded};
+use serde::Serialize;
+
+/// The nominal scenario.
+///
+/// # Errors
+/// None in a sane build: the file is part of the program and tested.
+pub fn nominal() -> Result<Loaded, InputError> {
+    let text = include_str!("../../../../scenarios/nominal.toml");
+    scenario::parse(text, "scenarios/nominal.toml".as_ref())
+}
+
+/// One line of the table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Line {
+    /// What was run.
+    pub case: String,
+    /// Figures: name, value, allowed range.
+    pub figures: Vec<Figure>,
+}
+
+/// A figure and where it has to lie.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figure {
+    /// What it is, with its unit.
+    pub name: &'static str,
+    /// What was measured.
+    pub value: f64,
+    /// Smallest value allowed.
+    pub minimum: f64,
+    /// Largest value allowed.
+    pub maximum: f64,
+}
+
+impl Figure {
+    /// A figure that must not exceed `maximum`.
+    pub fn at_most(name: &'static str, value: f64, maximum: f64) -> Self {
+        Self { name, value, minimum: f64::NEG_INFINITY, maximum }
+    }
+
+    /// A figure that must not fall below `minimum`.
+    pub fn at_least(name: &'static str, value: f64, minimum: f64) -> Self {
+        Self { name, value, minimum, maximum: f64::INFINITY }
+    }
+
+    /// A figure without a target, for comparison.
+    pub fn shown(name: &'static str, value: f64) -> Self {
+        Self { name, value, minimum: f64::NEG_INFINITY, maximum: f64::INFINITY }
+    }
+
+    /// Whether it lies where it has to.
+    pub fn holds(&self) -> bool {
+        (self.minimum..=self.maximum).contains(&self.value)
+    }
+
+    fn has_target(&self) -> bool {
+        self.minimum.is_finite() || self.maximum.is_finite()
+    }
+
+    fn target(&self) -> String {
+        match (self.minimum.is_finite(), self.maximum.is_finite()) {
+            (true, true) => format!("{} to {}", self.minimum, self.maximum),
+            (true, false) => format!("≥ {}", self.minimum),
+            (false, true) => format!("≤ {}", self.maximum),
+            (false, false) => String::new(),
+        }
+    }
+}
+
+/// The table, for a terminal.
+pub fn table(lines: &[Line]) -> String {
+    let width = lines.iter().map(|line| line.case.chars().count()).max().unwrap_or(0);
+    lines
+        .iter()
+        .map(|line| {
+            let figures: Vec<String> = line
+                .figures
+                .iter()
+                .map(|figure| {
+                    let mark = if figure.holds() { ' ' } else { '!' };
+                    let Figure { name, value, .. } = figure;
+                    let target = match figure.target() {
+                        target if target.is_empty() => target,
+                        target => format!(" ({target})"),
+                    };
+                    format!("{mark}{name} {value:.3}{target}")
+                })
+                .collect();
+            format!("{:width$}  {}\n", line.case, figures.join("  "))
+        })
+        .collect()
+}
+
+/// The table, for a page.
+pub fn figures(lines: &[Line]) -> Table {
+    let rows = lines.iter().flat_map(|line| {
+        line.figures.iter().map(|figure| {
+            let mark = if figure.holds() { "✓" } else { "✗ missed" };
+            let value = significant(figure.value, 3);
+            vec![line.case.clone(), figure.name.to_owned(), value, figure.target(), mark.to_owned()]
+        })
+    });
+    Table {
+        caption: "Targets and figures".to_owned(),
+        columns: ["Case", "Figure", "Value", "Target", ""].map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    }
+}
+
+/// How many figures missed their target, of how many.
+pub fn missed(lines: &[Line]) -> (usize, usize) {
+    let figures = lines.iter().flat_map(|line| &line.figures).filter(|f| f.has_target());
+    (figures.clone().filter(|figure| !figure.holds()).count(), figures.count())
+}

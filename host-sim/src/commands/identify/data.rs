@@ -1,0 +1,238 @@
+//! The measurements: what the plant is compared with, and what drove it.
+
+use crate::files::input::{InputError, Problem};
+use crate::files::measured::{Column, Measured};
+use crate::plant::Truth;
+use crate::scenario::profile::Profile;
+use crate::scenario::{DriveKind, OBSERVABLE, PlantKind, Scenario, Sensors};
+use crate::simulation::adc::OVERSAMPLING;
+use std::path::Path;
+
+/// Relative change above which a column of volumes is a piston's stroke.
+const STROKE: f64 = 1e-6;
+
+/// Steps of a raw code over a sensor's range.
+const CODE_STEPS: f64 = 32_760.0;
+
+/// A quantity that the plant is compared with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Absolute pressure \[Pa\].
+    Pressure,
+    /// Muscle length \[m\].
+    Length,
+    /// Reading of the sensor in the gas \[K\].
+    SensorGas,
+    /// Reading of the sensor in the wall \[K\].
+    SensorWall,
+}
+
+impl Quantity {
+    fn of_column(name: &str) -> Option<Self> {
+        let all = [Self::Pressure, Self::Length, Self::SensorGas, Self::SensorWall];
+        OBSERVABLE.iter().zip(all).find(|(known, _)| **known == name).map(|(_, quantity)| quantity)
+    }
+
+    /// The trace's name for it.
+    pub fn column(self) -> &'static str {
+        OBSERVABLE[self as usize]
+    }
+
+    /// The plant's value. Pressure and length are compared without their sensors' lag, which is
+    /// below a millisecond.
+    pub fn of(self, truth: &Truth) -> f64 {
+        match self {
+            Self::Pressure => truth.pressure_pa,
+            Self::Length => truth.length_m,
+            Self::SensorGas => truth.sensor_gas_k,
+            Self::SensorWall => truth.sensor_wall_k,
+        }
+    }
+
+    /// Standard deviation of one measured value: noise, averaged over a code's conversions, and the
+    /// step of the code.
+    fn deviation(self, sensor: &Sensors) -> f64 {
+        let gas_range_k = sensor.gas.range_max_k - sensor.gas.range_min_k;
+        let (noise, range) = match self {
+            Self::Pressure => (sensor.pressure.noise_pa, sensor.pressure.range_pa),
+            Self::Length => (sensor.length.noise_m, sensor.length.range_m),
+            Self::SensorGas => (sensor.gas.noise_k, gas_range_k),
+            Self::SensorWall => (sensor.wall.noise_k, gas_range_k),
+        };
+        let readings = if self == Self::SensorWall { 1.0 } else { f64::from(OVERSAMPLING) };
+        (noise / readings.sqrt()).hypot(range / CODE_STEPS / 12.0_f64.sqrt())
+    }
+}
+
+/// One measured column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observed {
+    /// What was measured.
+    pub quantity: Quantity,
+    /// (time \[s\], value), times rising.
+    pub points: Vec<(f64, f64)>,
+    /// Standard deviation of one value.
+    pub deviation: f64,
+}
+
+/// What drove the plant while it was measured: (time \[s\], inlet, outlet).
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// Nothing but what the scenario says: closed, discharging, filling.
+    Scenario,
+    /// Mean mass flows \[kg/s\] since the row before.
+    Flows(Vec<(f64, [f64; 2])>),
+    /// Shares of the time that the valves are open, until the next row.
+    Duties(Vec<(f64, [f64; 2])>),
+    /// Pressure and length of a muscle whose gas sensor alone is compared.
+    Given(Given),
+}
+
+/// What was measured of the gas, and what the valves were driven to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Given {
+    /// Absolute pressure \[Pa\].
+    pub pressure: Profile,
+    /// Length \[m\].
+    pub length: Profile,
+    /// Duties of inlet and outlet, until the next row.
+    pub duties: Vec<(f64, [f64; 2])>,
+    /// First reading of the gas sensor \[K\].
+    pub sensor_k: f64,
+}
+
+/// Measurements, ready to be compared with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Data {
+    /// The columns that count.
+    pub observed: Vec<Observed>,
+    /// What drove the plant.
+    pub input: Input,
+    /// A piston's volume over time \[m3\], where the data has it.
+    pub volume: Option<Profile>,
+    /// Typical distance of two rows \[s\].
+    pub spacing_s: f64,
+}
+
+impl Data {
+    /// What a fit needs of `measured`, for that scenario; `path` is what messages call it.
+    ///
+    /// # Errors
+    /// When the columns that the scenario needs are not there, or hold less than it asks for.
+    pub fn new(measured: &Measured, path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
+        let column = |name: &str| measured.columns.iter().find(|column| column.name == name);
+        let needed = |name: &str| {
+            let problem = || Problem::NoValues { column: name.to_owned() };
+            column(name).ok_or_else(|| InputError::file(path, problem()))
+        };
+        let is_vessel = scenario.plant.kind == PlantKind::Vessel;
+
+        let asked = &scenario.identify.columns;
+        let named: Vec<&Column> = if asked.is_empty() {
+            let usual = [Quantity::Pressure, Quantity::Length, Quantity::SensorGas];
+            let usual = usual.into_iter().filter(|q| !(is_vessel && *q == Quantity::Length));
+            usual.filter_map(|quantity| column(quantity.column())).collect()
+        } else {
+            asked.iter().map(|name| needed(name)).collect::<Result<_, _>>()?
+        };
+        let observed: Vec<Observed> = named
+            .into_iter()
+            .filter_map(|column| {
+                let quantity = Quantity::of_column(&column.name)?;
+                let deviation = quantity.deviation(&scenario.sensor);
+                Some(Observed { quantity, points: column.points.clone(), deviation })
+            })
+            .collect();
+        if observed.is_empty() {
+            let column = OBSERVABLE[..3].join(" or ");
+            return Err(InputError::file(path, Problem::NoValues { column }));
+        }
+        let points = observed.iter().map(|observed| observed.points.len()).sum();
+        let parameters = scenario.identify.parameters.len();
+        if points <= parameters {
+            return Err(InputError::file(path, Problem::TooFewPoints { points, parameters }));
+        }
+
+        let unusable = |name: &str, why: &str| {
+            InputError::file(path, Problem::Unreadable(format!("column {name}: {why}")))
+        };
+        let pair = |names: [&str; 2]| -> Result<Vec<(f64, [f64; 2])>, InputError> {
+            let (inlet, outlet) = (needed(names[0])?, needed(names[1])?);
+            let times =
+                |column: &Column| column.points.iter().map(|point| point.0).collect::<Vec<_>>();
+            if times(inlet) != times(outlet) {
+                return Err(unusable(names[1], &format!("must be filled where {} is", names[0])));
+            }
+            let both = inlet.points.iter().zip(&outlet.points);
+            Ok(both.map(|((time, inlet), (_, outlet))| (*time, [*inlet, *outlet])).collect())
+        };
+        let free = match scenario.drive.kind {
+            DriveKind::Closed => true,
+            DriveKind::Discharge | DriveKind::Fill => is_vessel,
+            _ => false,
+        };
+        let fits_valves = scenario
+            .identify
+            .parameters
+            .iter()
+            .any(|path| path.starts_with("valve.") || path == "supply.pressure_pa");
+        let profile = |name: &str| -> Result<Profile, InputError> {
+            let points = needed(name)?.points.clone();
+            Profile::new(points).map_err(|error| unusable(name, &error.to_string()))
+        };
+        let gauged = ["pressure_pa", "length_m"].into_iter().all(|name| column(name).is_some());
+        let sensor_only = matches!(&observed[..], [only] if only.quantity == Quantity::SensorGas);
+        let input = if free {
+            Input::Scenario
+        } else if sensor_only && gauged && !is_vessel {
+            Input::Given(Given {
+                pressure: profile("pressure_pa")?,
+                length: profile("length_m")?,
+                duties: pair(["duty_in", "duty_out"])?,
+                sensor_k: observed[0].points[0].1,
+            })
+        } else if column("flow_in_kg_s").is_some() && !fits_valves {
+            Input::Flows(pair(["flow_in_kg_s", "flow_out_kg_s"])?)
+        } else {
+            Input::Duties(pair(["duty_in", "duty_out"])?)
+        };
+
+        let volume = column("volume_m3").filter(|column| is_vessel && varies(&column.points));
+        let volume = volume.map(|column| profile(&column.name)).transpose()?;
+        Ok(Self { spacing_s: spacing(&observed), observed, input, volume })
+    }
+
+    /// Last time that something is compared at \[s\].
+    pub fn end_s(&self) -> f64 {
+        self.observed
+            .iter()
+            .filter_map(|o| o.points.last())
+            .fold(0.0, |end, point| end.max(point.0))
+    }
+
+    /// Measured values in all columns.
+    pub fn values(&self) -> usize {
+        self.observed.iter().map(|observed| observed.points.len()).sum()
+    }
+}
+
+fn varies(points: &[(f64, f64)]) -> bool {
+    let first = points[0].1;
+    points.iter().any(|point| (point.1 - first).abs() > STROKE * first.abs())
+}
+
+/// Median distance of two rows of the densest column \[s\].
+fn spacing(observed: &[Observed]) -> f64 {
+    let densest = observed.iter().max_by_key(|observed| observed.points.len());
+    let points = densest.map_or(&[][..], |observed| &observed.points);
+    let mut distances: Vec<f64> =
+        points.windows(2).map(|pair| pair[1].0 - pair[0].0).filter(|d| *d > 0.0).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// What holds at a time, of rows that each hold until the next; `row` is where the last call looked.
+pub fn holding(rows: &[(f64, [f64; 2])], row: &mut usize, time_s: f64) -> [f64; 2] {
+    *row += rows[*row + 1..].iter().take_while(|(time, _)| *time <= time_s).count();
+    rows[*row].1
+}

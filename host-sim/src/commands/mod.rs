@@ -1,0 +1,11 @@
+//! What the larger commands do, each a folder that needs no terminal; `cli` has their arguments.
+
+pub mod evaluate;
+pub mod identify;
+#[cfg(feature = "command")]
+pub mod monitor;
+pub mod parallel;
+pub mod replay;
+pub mod reproduce;
+pub mod sweep;
+pub mod tune;

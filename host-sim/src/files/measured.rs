@@ -1,0 +1,148 @@
+//! Measurements to compare a run with (`--measured`): time_s and any columns of the trace.
+
+use crate::files::input::{InputError, Instead, Problem, nearest, quoted};
+use crate::files::table::Table;
+use crate::scenario::schema::Limits;
+
+/// The column that every other one is over.
+const TIME: &str = "time_s";
+
+/// What can be measured: beyond lies another unit, or a broken line.
+const POSSIBLE: [(&str, Limits); 6] = [
+    (TIME, Limits { min: 0.0, max: 1.0e6, unit: "s" }),
+    ("pressure_pa", Limits { min: 1.0e3, max: 1.0e8, unit: "Pa" }),
+    ("volume_m3", Limits { min: 1.0e-9, max: 1.0e6, unit: "m3" }),
+    ("length_m", Limits { min: 1.0e-4, max: 20.0, unit: "m" }),
+    ("sensor_gas_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("sensor_wall_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+];
+
+/// Measured columns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// Those with at least one value, in order of the file.
+    pub columns: Vec<Column>,
+}
+
+/// One measured quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// The trace's name for it.
+    pub name: String,
+    /// (time \[s\], value), times never falling.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl Measured {
+    /// The column time_s of a table and any of the `known` columns; cells may be empty.
+    ///
+    /// # Errors
+    /// For a column that is not `known`, for times that are missing or fall, and for what cannot have
+    /// been measured.
+    pub fn new(table: &Table, known: &[&str]) -> Result<Self, InputError> {
+        for column in table.columns() {
+            if column.name != TIME && !known.contains(&column.name.as_str()) {
+                let instead = match nearest(&column.name, known.iter().copied()) {
+                    Some(name) => Instead::Near(vec![name.to_owned()]),
+                    None => Instead::Known(known.iter().map(|name| (*name).to_owned()).collect()),
+                };
+                let column = quoted(&column.name);
+                return Err(table.header_error(Problem::UnknownColumn { column, instead }));
+            }
+        }
+        let times = table.filled(TIME)?;
+        if let Some(row) = (1..times.len()).find(|row| times[*row] < times[row - 1]) {
+            let allowed = format!("at least {:?}, the time of the row before", times[row - 1]);
+            return Err(table.cell_error(row, TIME, &allowed));
+        }
+        for column in table.columns() {
+            let Some((name, limits)) = POSSIBLE.iter().find(|(name, _)| *name == column.name)
+            else {
+                continue;
+            };
+            let possible = |cell: &Option<f64>| cell.is_none_or(|value| limits.contains(value));
+            if let Some(row) = column.cells.iter().position(|cell| !possible(cell)) {
+                return Err(table.cell_error(row, name, &limits.to_string()));
+            }
+        }
+        let columns = table
+            .columns()
+            .iter()
+            .filter(|column| column.name != TIME)
+            .map(|column| Column {
+                name: column.name.clone(),
+                points: times
+                    .iter()
+                    .zip(&column.cells)
+                    .filter_map(|(time, cell)| cell.map(|value| (*time, value)))
+                    .collect(),
+            })
+            .filter(|column| !column.points.is_empty())
+            .collect();
+        Ok(Self { columns })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KNOWN: [&str; 4] = ["time_s", "pressure_pa", "sensor_gas_k", "length_m"];
+
+    fn read(text: &str) -> Result<Measured, String> {
+        Table::parse(text, "m.csv".as_ref())
+            .and_then(|table| Measured::new(&table, &KNOWN))
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn each_column_has_its_own_times() {
+        let text =
+            "sensor_gas_k,time_s,pressure_pa,length_m\n,0.2,768830,\n285.9,3.58,,\n,3.58,5e5,\n";
+        let column = |name: &str, points: &[(f64, f64)]| Column {
+            name: name.to_owned(),
+            points: points.to_vec(),
+        };
+        let columns = vec![
+            column("sensor_gas_k", &[(3.58, 285.9)]),
+            column("pressure_pa", &[(0.2, 768_830.0), (3.58, 5e5)]),
+        ];
+        assert_eq!(read(text), Ok(Measured { columns }));
+    }
+
+    #[test]
+    fn says_what_is_wrong_and_where() {
+        for (text, message) in [
+            (
+                "time_s,presure_pa\n0,1\n",
+                "m.csv: unknown column presure_pa; did you mean pressure_pa?",
+            ),
+            ("time_s,pressure\n0,1\n", "m.csv: unknown column pressure; did you mean pressure_pa?"),
+            (
+                "time_s,colour\n0,1\n",
+                "m.csv: unknown column colour; \
+                 known here: time_s, pressure_pa, sensor_gas_k, length_m",
+            ),
+            ("pressure_pa\n1\n", "m.csv: column time_s is missing"),
+            ("time_s,pressure_pa\n0,1\n,2\n", "m.csv:3: column time_s = (empty): must be a number"),
+            (
+                "time_s,pressure_pa\n0,1\n2,2\n\n1,3\n",
+                "m.csv:5: column time_s = 1.0: must be at least 2.0, the time of the row before",
+            ),
+            (
+                "time_s,sensor_gas_k\n0,298\n1,\n2,25.3\n",
+                "m.csv:4: column sensor_gas_k = 25.3: must be a number from 100 to 1000 K",
+            ),
+            (
+                "time_s,pressure_pa\n0,5.2\n",
+                "m.csv:2: column pressure_pa = 5.2: must be a number from 1000 to 1e8 Pa",
+            ),
+            (
+                "time_s,pressure_pa\n-1,1e5\n",
+                "m.csv:2: column time_s = -1.0: must be a number from 0 to 1e6 s",
+            ),
+        ] {
+            assert_eq!(read(text), Err(message.to_owned()), "{text:?}");
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! What `[faults]` and `[faults.NAME]` break, over time: sensors, the lines between them and the ADC,
+//! the board's own lines, and the plant.
+
+use crate::plant::{Disturbance, Travel, Truth};
+use crate::scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
+use crate::simulation::adc::Codes;
+use model_core::sample::CODE_MAX;
+use model_core::{AdcCode, Sample};
+use rand_distr::{Distribution, Uniform};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+
+/// Half of the noise band on a noisy line: 5 % of the range.
+const NOISE: i32 = CODE_MAX as i32 / 20;
+
+/// The faults of a run.
+#[derive(Debug, Clone)]
+pub struct InjectedFaults {
+    windows: Vec<FaultWindow>,
+    step_s: f64,
+    /// Codes that arrived in the last step.
+    arrived: Codes,
+    generator: Xoshiro256PlusPlus,
+    noise: Uniform<i32>,
+}
+
+impl InjectedFaults {
+    /// The faults of a scenario.
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            windows: scenario.faults.windows().map(|(_, window)| window.clone()).collect(),
+            arrived: Codes::default(),
+            step_s: scenario.run.step_s,
+            // Another seed than the ADC's: a fault changes no noise but its own.
+            generator: Xoshiro256PlusPlus::seed_from_u64(!scenario.run.seed),
+            noise: Uniform::new_inclusive(-NOISE, NOISE).expect("the band is not empty"),
+        }
+    }
+
+    /// What the sensors give to the front end: the truth, with the drift of drifting sensors on it.
+    pub fn sensed(&self, truth: &Truth) -> Truth {
+        let mut sensed = *truth;
+        for window in self.active(truth.time_s) {
+            let elapsed_s = truth.time_s - window.from_s;
+            for (fault, rate, reading) in [
+                (window.pressure, window.pressure_drift_pa_s, &mut sensed.sensor_pressure_pa),
+                (window.gas, window.gas_drift_k_s, &mut sensed.sensor_gas_k),
+                (window.length, window.length_drift_m_s, &mut sensed.sensor_length_m),
+            ] {
+                if let (ChannelFault::Drifting, Some(rate)) = (fault, rate) {
+                    *reading += rate * elapsed_s;
+                }
+            }
+        }
+        sensed
+    }
+
+    /// What arrives at the core.
+    pub fn apply(&mut self, time_s: f64, codes: Codes) -> Sample {
+        let of = |line: fn(&FaultWindow) -> ChannelFault| {
+            let mut faults = self.active(time_s).map(line);
+            faults.find(|fault| *fault != ChannelFault::None).unwrap_or(ChannelFault::None)
+        };
+        let (pressure, gas, length) = (of(|w| w.pressure), of(|w| w.gas), of(|w| w.length));
+        let emergency_stop = self.active(time_s).any(|window| window.emergency_stop);
+        self.arrived = Codes {
+            pressure: self.line(pressure, codes.pressure, self.arrived.pressure),
+            gas: self.line(gas, codes.gas, self.arrived.gas),
+            length: self.line(length, codes.length, self.arrived.length),
+        };
+        let Codes { pressure, gas, length } = self.arrived;
+        let on_link = |fault| self.active(time_s).any(|window| window.link == fault);
+        let missed = self.windows.iter().map(|w| w.missed_steps_at(time_s, self.step_s));
+        Sample {
+            emergency_stop,
+            heard: !on_link(LinkFault::Lost),
+            flooded: on_link(LinkFault::Flooded),
+            missed_steps: missed.max().unwrap_or_default(),
+            ..Sample::new(AdcCode(pressure), AdcCode(gas), AdcCode(length))
+        }
+    }
+
+    /// What is broken in the plant during the step that starts at that time \[s\].
+    pub fn disturbance(&self, time_s: f64) -> Disturbance {
+        let mut disturbance = Disturbance::default();
+        for window in self.active(time_s) {
+            for (travel, fault, leak) in [
+                (&mut disturbance.inlet, window.inlet, window.inlet_leak),
+                (&mut disturbance.outlet, window.outlet, window.outlet_leak),
+            ] {
+                match fault {
+                    ValveFault::None => {}
+                    ValveFault::Open => *travel = Travel { shut: 1.0, open: 1.0 },
+                    ValveFault::Shut => *travel = Travel { shut: 0.0, open: 0.0 },
+                    ValveFault::Leaking => travel.shut = leak.unwrap_or_default(),
+                }
+            }
+            disturbance.leak_m3_s_pa += window.leak_conductance_m3_s_pa;
+            disturbance.supply_pa = window.supply_pressure_pa.or(disturbance.supply_pa);
+        }
+        disturbance
+    }
+
+    fn active(&self, time_s: f64) -> impl Iterator<Item = &FaultWindow> {
+        self.windows.iter().filter(move |window| window.contains(time_s))
+    }
+
+    fn line(&mut self, fault: ChannelFault, code: u16, arrived: u16) -> u16 {
+        match fault {
+            // A drift is in the code already.
+            ChannelFault::None | ChannelFault::Drifting => code,
+            ChannelFault::Open => CODE_MAX,
+            ChannelFault::Shorted => 0,
+            ChannelFault::Frozen => arrived,
+            ChannelFault::Noisy => {
+                let noisy = i32::from(code) + self.noise.sample(&mut self.generator);
+                noisy.clamp(0, i32::from(CODE_MAX)) as u16
+            }
+        }
+    }
+}

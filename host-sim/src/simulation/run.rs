@@ -1,0 +1,307 @@
+//! One run: plant, front end and board in lockstep.
+//!
+//! ```text
+//! plant --Truth--> front end, ADC --Sample--> board (core) --Command--> plant, once per step
+//! ```
+
+use crate::board::{Board, BoardError, BoardStep};
+use crate::files::measured::Measured;
+use crate::files::summary::{Accumulator, Ending, Summary};
+use crate::files::trace::Row;
+use crate::plant::{self, BuildError, Diverged, Plant, Truth};
+use crate::scenario::core_config::core_config;
+use crate::scenario::profile::Profile;
+use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
+use crate::simulation::adc::VirtualAdc;
+use crate::simulation::faults::InjectedFaults;
+use model_core::physics::model::Model;
+use model_core::{ConfigError, Sample, SetPoint};
+use std::collections::VecDeque;
+use std::fmt;
+use std::io;
+use std::time::Instant;
+
+/// Interval at which a set point that follows a profile is given anew \[s\].
+const SET_POINT_INTERVAL_S: f64 = 0.01;
+
+/// Steps after the end within which the last telemetry has to arrive.
+pub const MOST_LATE_STEPS: u64 = 5;
+
+/// Why a run ended before its time.
+#[derive(Debug)]
+pub enum RunError {
+    /// The plant cannot be built from the scenario.
+    Build(BuildError),
+    /// The core refuses what it is told to believe.
+    Config(ConfigError),
+    /// The plant left the range of its equations.
+    Diverged(Diverged),
+    /// The board does not answer.
+    Board(BoardError),
+    /// The observer cannot write what it is shown.
+    Output(io::Error),
+}
+
+impl fmt::Display for RunError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Build(error) => error.fmt(f),
+            Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
+            Self::Diverged(error) => error.fmt(f),
+            Self::Board(error) => error.fmt(f),
+            Self::Output(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for RunError {}
+
+impl From<Diverged> for RunError {
+    fn from(error: Diverged) -> Self {
+        Self::Diverged(error)
+    }
+}
+
+impl From<BoardError> for RunError {
+    fn from(error: BoardError) -> Self {
+        Self::Board(error)
+    }
+}
+
+/// What follows a run as it goes on.
+pub trait Observer {
+    /// One row per `[run] log_every` steps, the last step included.
+    ///
+    /// # Errors
+    /// When the row cannot be written; the run stops.
+    fn row(&mut self, row: &Row) -> io::Result<()>;
+}
+
+impl<F: FnMut(&Row) -> io::Result<()>> Observer for F {
+    fn row(&mut self, row: &Row) -> io::Result<()> {
+        self(row)
+    }
+}
+
+/// Runs a scenario on a board.
+///
+/// # Errors
+/// [`RunError`], with the run stopped where it was.
+pub fn run(
+    loaded: &Loaded,
+    board: &mut dyn Board,
+    measured: Option<&Measured>,
+    observer: &mut dyn Observer,
+) -> Result<Summary, RunError> {
+    let scenario = &loaded.plant;
+    let step_s = scenario.run.step_s;
+    let steps = (scenario.run.duration_s / step_s).round() as u64;
+    let config = core_config(&loaded.believed);
+    let mut plant =
+        plant::build(scenario, loaded.volume_profile.clone()).map_err(RunError::Build)?;
+    let mut adc = VirtualAdc::new(scenario);
+    let mut faults = InjectedFaults::new(scenario);
+    let drive = SetPoints::new(loaded);
+    let truth = plant.truth();
+    let mut model = Model::new(
+        &config,
+        truth.pressure_pa as f32,
+        truth.gas_temperature_k as f32,
+        truth.length_m as f32,
+    )
+    .map_err(RunError::Config)?;
+    let length_held =
+        scenario.plant.kind == PlantKind::Vessel || scenario.load.kind == LoadKind::Isometric;
+    let mut sample = Sample::default();
+    let mut accumulator = Accumulator::new(scenario.run.duration_s, measured);
+    let mut flows = MeanFlows::new(plant.as_ref());
+    let mut step_flows = flows;
+    // WebAssembly has no clock of its own.
+    let started = (!cfg!(target_family = "wasm")).then(Instant::now);
+    board.start(&config, drive.at(0.0))?;
+    // Steps whose telemetry has not come back: none in this process, one behind a line.
+    let mut waiting: VecDeque<Waiting> = VecDeque::new();
+    for step in 0..=steps + MOST_LATE_STEPS {
+        let ended = step > steps;
+        if ended && waiting.is_empty() {
+            break;
+        }
+        if !ended {
+            let mut truth = plant.truth();
+            let (inflow, outflow) = step_flows.since(plant.as_ref(), step_s);
+            if step > 0 {
+                let held = length_held.then_some(truth.length_m as f32);
+                model.step(inflow as f32, outflow as f32, held);
+            }
+            // It acts from the step after this one on.
+            if let Some(set_point) = drive.acting_from(step + 1, loaded) {
+                board.set(set_point)?;
+            }
+            sample = faults.apply(truth.time_s, adc.convert(&faults.sensed(&truth)));
+            let logged = step % scenario.run.log_every == 0 || step == steps;
+            if logged {
+                let elapsed_s = truth.time_s - flows.time_s;
+                (truth.flow_in_kg_s, truth.flow_out_kg_s) = flows.since(plant.as_ref(), elapsed_s);
+            }
+            waiting.push_back(Waiting {
+                step,
+                logged,
+                truth,
+                sensor_gas_k: adc.gas_reading_k(),
+                sensor_wall_k: adc.wall_reading_k(),
+                model_k: f64::from(model.gas_k()),
+                model_sensor_k: f64::from(model.sensor_k()),
+            });
+        }
+        let BoardStep { telemetry, actuation } = board.step(&sample)?;
+        if let Some(telemetry) = telemetry {
+            while waiting.front().is_some_and(|front| front.step < u64::from(telemetry.step)) {
+                waiting.pop_front();
+            }
+            if let Some(done) = waiting.pop_front() {
+                let row = Row {
+                    sensor_gas_k: done.sensor_gas_k,
+                    sensor_wall_k: done.sensor_wall_k,
+                    model_k: done.model_k,
+                    model_sensor_k: done.model_sensor_k,
+                    set_point: drive.value(done.truth.time_s),
+                    truth: done.truth,
+                    telemetry,
+                };
+                accumulator.add(&row, drive.controlled(scenario, &row));
+                if done.logged {
+                    observer.row(&row).map_err(RunError::Output)?;
+                }
+            }
+        }
+        if step < steps {
+            plant.disturb(faults.disturbance(step as f64 * step_s));
+            plant.advance(actuation)?;
+        }
+    }
+    Ok(accumulator.finish(Ending {
+        wall_clock_s: started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64()),
+        board: board.name(),
+        period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
+            .then_some(scenario.drive.period_s),
+        rest_length_m: scenario.muscle.rest_length_m.filter(|_| !plant_is_vessel(scenario)),
+        ledger: plant.ledger(),
+        axial_wall_k: plant.axial_wall_k(),
+        axial_gas_k: plant.axial_gas_k(),
+    }))
+}
+
+fn plant_is_vessel(scenario: &Scenario) -> bool {
+    scenario.plant.kind == PlantKind::Vessel
+}
+
+/// A step that the plant has made and the board has not yet told of.
+#[derive(Debug, Clone, Copy)]
+struct Waiting {
+    step: u64,
+    logged: bool,
+    truth: Truth,
+    sensor_gas_k: f64,
+    sensor_wall_k: f64,
+    model_k: f64,
+    model_sensor_k: f64,
+}
+
+/// Mean mass flows between two looks at the plant's books.
+#[derive(Debug, Clone, Copy)]
+struct MeanFlows {
+    time_s: f64,
+    in_kg: f64,
+    out_kg: f64,
+}
+
+impl MeanFlows {
+    fn new(plant: &dyn Plant) -> Self {
+        let ledger = plant.ledger();
+        Self { time_s: plant.truth().time_s, in_kg: ledger.mass_in_kg, out_kg: ledger.mass_out_kg }
+    }
+
+    /// Mean flows in and out since the last call, `elapsed_s` ago \[kg/s\]; none at the start.
+    fn since(&mut self, plant: &dyn Plant, elapsed_s: f64) -> (f64, f64) {
+        let before = *self;
+        *self = Self::new(plant);
+        if elapsed_s > 0.0 {
+            ((self.in_kg - before.in_kg) / elapsed_s, (self.out_kg - before.out_kg) / elapsed_s)
+        } else {
+            (0.0, 0.0)
+        }
+    }
+}
+
+/// The scenario's drive, as set points over time.
+#[derive(Debug, Clone)]
+pub struct SetPoints {
+    drive: Drive,
+    profile: Option<Profile>,
+}
+
+impl SetPoints {
+    /// The set points of a scenario.
+    pub fn new(loaded: &Loaded) -> Self {
+        Self { drive: loaded.plant.drive.clone(), profile: loaded.drive_profile.clone() }
+    }
+
+    /// The set point that acts from this step on, where a profile moves it: at intervals.
+    pub fn acting_from(&self, step: u64, loaded: &Loaded) -> Option<SetPoint> {
+        let step_s = loaded.plant.run.step_s;
+        let interval = (SET_POINT_INTERVAL_S / step_s).round() as u64;
+        let anew = self.follows_profile() && step.is_multiple_of(interval.max(1));
+        anew.then(|| self.at(step as f64 * step_s))
+    }
+
+    fn follows_profile(&self) -> bool {
+        self.profile.is_some()
+    }
+
+    /// The value driven, in the drive's own unit; 0 where it has none.
+    fn value(&self, time_s: f64) -> f64 {
+        if let Some(profile) = &self.profile {
+            return profile.value(time_s);
+        }
+        match self.drive.kind {
+            DriveKind::MassFlow => {
+                let filling = (time_s / self.drive.period_s + 1e-9).fract() < 0.5;
+                if filling { self.drive.flow_kg_s } else { -self.drive.flow_kg_s }
+            }
+            DriveKind::Pressure => self.drive.pressure_pa,
+            DriveKind::Contraction => self.drive.contraction,
+            DriveKind::Fill => 1.0,
+            DriveKind::Discharge => -1.0,
+            DriveKind::Duty | DriveKind::Closed => 0.0,
+        }
+    }
+
+    /// The set point for the core.
+    pub fn at(&self, time_s: f64) -> SetPoint {
+        let value = self.value(time_s);
+        match self.drive.kind {
+            DriveKind::MassFlow if self.profile.is_none() => SetPoint::MassFlowCycle {
+                flow_kg_s: self.drive.flow_kg_s as f32,
+                period_s: self.drive.period_s as f32,
+            },
+            DriveKind::MassFlow => SetPoint::MassFlow { flow_kg_s: value as f32 },
+            DriveKind::Pressure => SetPoint::Pressure { pressure_pa: value as f32 },
+            DriveKind::Contraction => SetPoint::Contraction { contraction: value as f32 },
+            DriveKind::Duty | DriveKind::Fill | DriveKind::Discharge | DriveKind::Closed => {
+                let share = |value: f64| value.clamp(0.0, 1.0) as f32;
+                SetPoint::Duty { inlet: share(value), outlet: share(-value) }
+            }
+        }
+    }
+
+    /// What the set point stands for in the plant, where a loop closes on it.
+    fn controlled(&self, scenario: &Scenario, row: &Row) -> Option<f64> {
+        match self.drive.kind {
+            DriveKind::Pressure => Some(row.truth.pressure_pa),
+            DriveKind::Contraction => {
+                scenario.muscle.rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m)
+            }
+            _ => None,
+        }
+    }
+}
