@@ -64,7 +64,7 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
                 black_box.note(Phase::Driving);
                 let judging = telemetry.mode == Mode::Judging;
                 if fresh && !judging {
-                    valves.restart(core.config().drive.period_steps, telemetry.command);
+                    valves.restart(core.config().pwm_period_steps, telemetry.command);
                     fresh = false;
                 } else {
                     valves.drive(telemetry.command);

@@ -198,7 +198,7 @@ fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
     if (config.step_s * 1.0e6 + 0.5) as u32 != board_us {
         return Err(Refusal::Step { board_us });
     }
-    if config.drive.period_steps > identity.maximum_period_steps {
+    if config.pwm_period_steps > identity.maximum_period_steps {
         return Err(Refusal::Period { maximum_steps: identity.maximum_period_steps });
     }
     Core::new(config).map_err(Refusal::from)

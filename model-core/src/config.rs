@@ -1,8 +1,9 @@
 //! Everything that the core is told before it starts, and what each value may be.
 
-use crate::physics::gas::Gas;
+use crate::parameter::parameters;
+use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::geometry::{Braid, Friction, Muscle};
-use crate::physics::heat::Heat;
+use crate::physics::heat::{Heat, Wall};
 use crate::physics::valve::Valve;
 use crate::sensing::front_end::FrontEnd;
 
@@ -15,21 +16,25 @@ pub struct Config {
     /// The gas.
     pub gas: Gas,
     /// The surroundings.
-    pub ambient: Reservoir,
+    pub ambient: Ambient,
     /// The supply behind the inlet valve.
-    pub supply: Reservoir,
+    pub supply: Supply,
     /// What holds the gas.
     pub body: Body,
-    /// Heat transfer and wall.
+    /// Heat transfer.
     pub heat: Heat,
+    /// What holds the gas in, as a heat capacity.
+    pub wall: Wall,
     /// Friction of the muscle.
     pub friction: Friction,
     /// What the muscle pulls against.
     pub load: Load,
+    /// What moves with the muscle's end \[kg\].
+    pub moving_mass_kg: f32,
     /// Inlet and outlet valve.
     pub valve: Valve,
-    /// How the valves are driven.
-    pub drive: ValveDrive,
+    /// Period of the valves' PWM, in steps of the core \[-\].
+    pub pwm_period_steps: u16,
     /// The analog front ends.
     pub front_end: FrontEnd,
     /// The gas sensor's element.
@@ -40,19 +45,43 @@ pub struct Config {
     pub controller: ControllerConfig,
     /// Above this absolute pressure the supervisor vents \[Pa\].
     pub pressure_limit_pa: f32,
-    /// Silence of the host after which the supervisor vents what is driven \[s\]; 0: never, the board
-    /// goes on alone.
-    pub link_timeout_s: f32,
+    /// The line to the host.
+    pub link: LinkConfig,
 }
 
-/// A reservoir of gas.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct Reservoir {
-    /// Absolute pressure \[Pa\].
-    pub pressure_pa: f32,
-    /// Temperature \[K\].
-    pub temperature_k: f32,
+parameters! {
+    /// The surroundings.
+    "ambient": Ambient {
+        pressure_pa: 101_325.0, "Pa", 1.0 to 1.0e8, "absolute pressure";
+        temperature_k: 298.0, "K", 100.0 to 1000.0, "temperature";
+    }
+}
+
+parameters! {
+    /// The compressed air behind the inlet valve.
+    "supply": Supply {
+        pressure_pa: 700_000.0, "Pa", 1.0 to 1.0e8, "absolute pressure at no flow";
+        temperature_k: 298.0, "K", 100.0 to 1000.0, "temperature of the gas that flows in";
+    }
+}
+
+impl From<Ambient> for Reservoir {
+    fn from(Ambient { pressure_pa, temperature_k }: Ambient) -> Self {
+        Self { pressure_pa, temperature_k }
+    }
+}
+
+impl From<Supply> for Reservoir {
+    fn from(Supply { pressure_pa, temperature_k }: Supply) -> Self {
+        Self { pressure_pa, temperature_k }
+    }
+}
+
+parameters! {
+    /// Line between host and board.
+    "link": LinkConfig {
+        timeout_s: 0.5, "s", 0.0 to 3600.0, "silence of the host after which the board vents; 0: it goes on alone";
+    }
 }
 
 /// What holds the gas.
@@ -86,52 +115,28 @@ pub enum Load {
     },
 }
 
-/// How the valves are driven.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct ValveDrive {
-    /// PWM period, in steps of the core \[-\].
-    pub period_steps: u16,
-    /// Shortest pulse worth giving \[s\]: shorter than the switching time it opens partly.
-    pub minimum_pulse_s: f32,
-    /// Time from closed to open, and from open to closed \[s\].
-    pub switch_time_s: f32,
-    /// Delay between the pin and the first movement \[s\].
-    pub dead_time_s: f32,
+parameters! {
+    /// The gas sensor's element.
+    "sensor.gas": GasSensor {
+        time_constant_s: 3.0, "s", 0.001 to 1000.0, "lag of the element";
+        housing_time_constant_s: 0.2, "s", 0.0 to 1000.0, "lag of its housing, in series";
+        noise_k: 0.05, "K", 0.0 to 100.0, "noise of one conversion, standard deviation";
+    }
 }
 
-/// The gas sensor's element.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct GasSensor {
-    /// Lag of the element \[s\].
-    pub time_constant_s: f32,
-    /// Lag of the housing between gas and element, in series \[s\].
-    pub housing_time_constant_s: f32,
-    /// Noise of one conversion, standard deviation \[K\].
-    pub noise_k: f32,
-}
-
-/// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct EstimatorConfig {
-    /// Gas and wall temperature at the start \[K\].
-    pub initial_sd_k: f32,
-    /// Drift of the gas temperature's error \[K\].
-    pub gas_drift_k: f32,
-    /// Drift of the wall temperature's error \[K\].
-    pub wall_drift_k: f32,
-    /// Logarithm of the heat-transfer scale, about the configured one \[-\].
-    pub heat_scale_sd: f32,
-    /// Logarithm of the sensor's lag, about the configured one \[-\].
-    pub lag_sd: f32,
-    /// Time in which scale and lag, left alone, return to what is configured \[s\].
-    pub memory_s: f32,
-    /// What the gas around the foil differs from the mean by, for a second or so \[K\].
-    pub place_error_k: f32,
-    /// Stated deviation up to which the estimate is marked as valid \[K\].
-    pub valid_sd_k: f32,
+parameters! {
+    /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
+    /// `docs/estimator.md` says how each is found.
+    "estimator": EstimatorConfig {
+        initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
+        gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
+        wall_drift_k: 0.05, "K", 0.0 to 100.0, "drift of the wall temperature's error";
+        heat_scale_sd: 0.25, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
+        lag_sd: 0.15, "", 0.0 to 100.0, "logarithm of the sensor's lag";
+        memory_s: 100.0, "s", 1.0 to 1.0e6, "in which scale and lag, left alone, return";
+        place_error_k: 0.87, "K", 0.0 to 100.0, "gas around the foil against the mean, for a second";
+        valid_sd_k: 1.0, "K", 0.0 to 100.0, "stated deviation up to which the estimate is valid";
+    }
 }
 
 impl EstimatorConfig {
@@ -147,86 +152,25 @@ impl EstimatorConfig {
     }
 }
 
-impl Default for EstimatorConfig {
-    fn default() -> Self {
-        Self {
-            initial_sd_k: 3.0,
-            gas_drift_k: 0.1,
-            wall_drift_k: 0.05,
-            heat_scale_sd: 0.25,
-            lag_sd: 0.15,
-            memory_s: 100.0,
-            place_error_k: 0.87,
-            valid_sd_k: 1.0,
-        }
-    }
-}
-
-/// Controller tuning; `docs/control.md` says how each is found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct ControllerConfig {
-    /// Time in which the pressure loop closes an error \[s\]; at least one PWM period acts.
-    pub pressure_loop_s: f32,
-    /// Reset time of the pressure loop's integral \[s\].
-    pub pressure_reset_s: f32,
-    /// Fastest change of the pressure's set point \[Pa/s\].
-    pub pressure_rate_pa_s: f32,
-    /// Pressure error that is left alone at rest \[Pa\].
-    pub pressure_dead_zone_pa: f32,
-    /// Time in which the contraction loop closes an error of the gas mass \[s\].
-    pub length_loop_s: f32,
-    /// Weight of an error of length against one of pressure \[-\]; 1: the gas spring's own.
-    pub length_gain: f32,
-    /// How far ahead the length error is looked for, by its speed \[s\].
-    pub length_lead_s: f32,
-    /// Friction compensated, as a share of the Coulomb force \[-\]; above 1 for a Stribeck surplus.
-    pub friction_gain: f32,
-    /// Load that the loop learns per length error and time \[N/(m s)\].
-    pub load_gain_n_m_s: f32,
-    /// Largest load that it learns, either way \[N\].
-    pub load_limit_n: f32,
-    /// Largest length error that it learns from, share of the rest length \[-\].
-    pub learning_band: f32,
-    /// Natural frequency of the reference \[rad/s\].
-    pub reference_rad_s: f32,
-    /// Fastest contraction of the reference, share of the rest length \[1/s\].
-    pub contraction_rate_per_s: f32,
-    /// Largest acceleration of the reference, share of the rest length \[1/s2\].
-    pub contraction_acceleration_per_s2: f32,
-    /// Length error that is left alone at rest, share of the rest length \[-\].
-    pub contraction_dead_zone: f32,
-    /// Stiffness with which friction builds up after a turn \[N/m\].
-    pub presliding_n_m: f32,
-    /// Viscous friction \[N s/m\].
-    pub viscous_n_s_m: f32,
-    /// What moves with the muscle's end \[kg\].
-    pub moving_mass_kg: f32,
-}
-
-impl Default for ControllerConfig {
-    fn default() -> Self {
-        Self {
-            pressure_loop_s: 0.014,
-            pressure_reset_s: 0.3,
-            pressure_rate_pa_s: 1.0e7,
-            pressure_dead_zone_pa: 1500.0,
-            length_loop_s: 0.014,
-            length_gain: 1.0,
-            length_lead_s: 0.01,
-            friction_gain: 1.03,
-            load_gain_n_m_s: 4.0e4,
-            load_limit_n: 300.0,
-            learning_band: 0.005,
-            reference_rad_s: 90.0,
-            contraction_rate_per_s: 0.7,
-            contraction_acceleration_per_s2: 30.0,
-            contraction_dead_zone: 0.0015,
-            // Neither is part of the lumped model.
-            presliding_n_m: 1.0e5,
-            viscous_n_s_m: 0.0,
-            moving_mass_kg: 0.0,
-        }
+parameters! {
+    /// Controller tuning; `docs/control.md` says how each is found.
+    "controller": ControllerConfig {
+        pressure_loop_s: 0.014, "s", 0.001 to 10.0, "time in which the pressure loop closes an error";
+        pressure_reset_s: 0.3, "s", 0.01 to 10000.0, "reset time of the pressure loop's integral";
+        pressure_rate_pa_s: 1.0e7, "Pa/s", 1.0 to 1.0e9, "fastest change of the pressure's set point";
+        pressure_dead_zone_pa: 1500.0, "Pa", 0.0 to 1.0e6, "pressure error that is left alone at rest";
+        length_loop_s: 0.014, "s", 0.001 to 10.0, "time in which the contraction loop closes an error of the gas mass";
+        length_gain: 1.0, "", 0.0 to 10.0, "weight of an error of length against one of pressure";
+        length_lead_s: 0.01, "s", 0.0 to 10.0, "how far ahead the length error is looked for, by its speed";
+        friction_gain: 1.03, "", 0.0 to 2.0, "friction compensated, share of friction.force_n; above 1 for a Stribeck surplus";
+        load_gain_n_m_s: 4.0e4, "N/(m s)", 0.0 to 1.0e7, "load that the contraction loop learns per length error and time";
+        load_limit_n: 300.0, "N", 0.0 to 1.0e5, "largest load that it learns, either way";
+        learning_band: 0.005, "", 0.0 to 1.0, "largest length error that it learns from, share of the rest length";
+        reference_rad_s: 90.0, "rad/s", 0.01 to 10000.0, "natural frequency of the contraction's reference";
+        contraction_rate_per_s: 0.7, "1/s", 0.0001 to 100.0, "fastest contraction of the reference, share of the rest length";
+        contraction_acceleration_per_s2: 30.0, "1/s2", 0.0001 to 10000.0, "largest acceleration of the reference, share of the rest length";
+        contraction_dead_zone: 0.0015, "", 0.0 to 0.1, "length error that is left alone at rest, share of the rest length";
+        minimum_pulse_s: 0.001, "s", 0.0 to 0.1, "shortest valve pulse worth giving; below valve.switch_time_s it opens partly";
     }
 }
 
@@ -234,9 +178,9 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             step_s: 0.001,
-            gas: Gas::AIR,
-            ambient: Reservoir { pressure_pa: 101_325.0, temperature_k: 298.0 },
-            supply: Reservoir { pressure_pa: 700_000.0, temperature_k: 298.0 },
+            gas: Gas::default(),
+            ambient: Ambient::default(),
+            supply: Supply::default(),
             body: Body::Muscle(Muscle {
                 // 300 mm by 20 mm at rest, threads at 23 deg.
                 braid: Braid { thread_length_m: 0.325_908_1, turns: 2.026_714 },
@@ -244,27 +188,13 @@ impl Default for Config {
                 bladder_stiffness_n_m: 600.0,
                 dead_volume_m3: 5.0e-6,
             }),
-            heat: Heat {
-                inner_w_m2_k: 90.0,
-                inner_per_flow: 1.0e5,
-                outer_w_m2_k: 8.0,
-                outer_per_speed: 60.0,
-                wall_heat_capacity_j_k: 65.0,
-            },
-            friction: Friction {
-                force_n: 15.0,
-                reference_temperature_k: 298.0,
-                softening_per_k: 0.01,
-                heat_fraction: 0.9,
-            },
+            heat: Heat::default(),
+            wall: Wall::default(),
+            friction: Friction::default(),
             load: Load::Isotonic { force_n: 100.0 },
-            valve: Valve { conductance_m3_s_pa: 4.0e-9, critical_ratio: 0.3 },
-            drive: ValveDrive {
-                period_steps: 10,
-                minimum_pulse_s: 0.001,
-                switch_time_s: 0.002,
-                dead_time_s: 0.001,
-            },
+            moving_mass_kg: 0.0,
+            valve: Valve::default(),
+            pwm_period_steps: 10,
             front_end: FrontEnd {
                 pressure_range_pa: 700_000.0,
                 pressure_noise_pa: 150.0,
@@ -273,15 +203,11 @@ impl Default for Config {
                 gas_max_k: 330.0,
                 wide_code_lsb: 8.9,
             },
-            gas_sensor: GasSensor {
-                time_constant_s: 3.0,
-                housing_time_constant_s: 0.2,
-                noise_k: 0.05,
-            },
+            gas_sensor: GasSensor::default(),
             estimator: EstimatorConfig::default(),
             controller: ControllerConfig::default(),
             pressure_limit_pa: 0.985 * 700_000.0,
-            link_timeout_s: 0.5,
+            link: LinkConfig::default(),
         }
     }
 }
@@ -322,12 +248,9 @@ impl Config {
     /// The first value that is not a number or lies outside of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
         within("step_s", self.step_s, 1.0e-4, 0.1)?;
-        within("gas.gas_constant_j_kg_k", self.gas.gas_constant_j_kg_k, 50.0, 5000.0)?;
-        within("gas.heat_capacity_ratio", self.gas.heat_capacity_ratio, 1.01, 1.7)?;
-        within("ambient.pressure_pa", self.ambient.pressure_pa, 1.0, 1.0e8)?;
-        within("ambient.temperature_k", self.ambient.temperature_k, 100.0, 1000.0)?;
-        within("supply.pressure_pa", self.supply.pressure_pa, 1.0, 1.0e8)?;
-        within("supply.temperature_k", self.supply.temperature_k, 100.0, 1000.0)?;
+        self.gas.check()?;
+        self.ambient.check()?;
+        self.supply.check()?;
         match self.body {
             Body::Muscle(muscle) => {
                 let b = muscle.braid.thread_length_m;
@@ -342,30 +265,16 @@ impl Config {
                 within("vessel.surface_m2", surface_m2, 0.0, 1.0e3)?;
             }
         }
-        within("heat.inner_w_m2_k", self.heat.inner_w_m2_k, 0.0, 1.0e5)?;
-        within("heat.inner_per_flow", self.heat.inner_per_flow, 0.0, 1.0e9)?;
-        within("heat.outer_w_m2_k", self.heat.outer_w_m2_k, 0.0, 1.0e5)?;
-        within("heat.outer_per_speed", self.heat.outer_per_speed, 0.0, 1.0e6)?;
-        within("wall.heat_capacity_j_k", self.heat.wall_heat_capacity_j_k, 0.01, 1.0e9)?;
-        within("friction.force_n", self.friction.force_n, 0.0, 1.0e5)?;
-        within(
-            "friction.reference_temperature_k",
-            self.friction.reference_temperature_k,
-            100.0,
-            1000.0,
-        )?;
-        within("friction.softening_per_k", self.friction.softening_per_k, -0.2, 0.2)?;
-        within("friction.heat_fraction", self.friction.heat_fraction, 0.0, 1.0)?;
+        self.heat.check()?;
+        self.wall.check()?;
+        self.friction.check()?;
         match self.load {
             Load::Isotonic { force_n } => within("load.force_n", force_n, 0.0, 1.0e6)?,
             Load::Isometric { length_m } => within("load.length_m", length_m, 0.001, 10.0)?,
         }
-        within("valve.conductance_m3_s_pa", self.valve.conductance_m3_s_pa, 1.0e-13, 1.0e-3)?;
-        within("valve.critical_ratio", self.valve.critical_ratio, 0.01, 0.99)?;
-        within("valve.period_steps", f32::from(self.drive.period_steps), 1.0, 1000.0)?;
-        within("valve.minimum_pulse_s", self.drive.minimum_pulse_s, 0.0, 0.1)?;
-        within("valve.switch_time_s", self.drive.switch_time_s, 0.0, 0.1)?;
-        within("valve.dead_time_s", self.drive.dead_time_s, 0.0, 0.1)?;
+        within("load.mass_kg", self.moving_mass_kg, 0.0, 1.0e6)?;
+        self.valve.check()?;
+        within("valve.period_steps", f32::from(self.pwm_period_steps), 1.0, 1000.0)?;
         let front_end = &self.front_end;
         within("sensor.pressure.range_pa", front_end.pressure_range_pa, 1.0e3, 1.0e9)?;
         within("sensor.pressure.noise_pa", front_end.pressure_noise_pa, 0.0, 1.0e8)?;
@@ -373,59 +282,22 @@ impl Config {
         within("sensor.gas.range_min_k", front_end.gas_min_k, 73.0, 800.0)?;
         within("sensor.gas.range_max_k", front_end.gas_max_k, front_end.gas_min_k + 1.0, 1100.0)?;
         within("adc.wide_code_lsb", front_end.wide_code_lsb, 0.0, 100.0)?;
-        within("sensor.gas.time_constant_s", self.gas_sensor.time_constant_s, 0.001, 1.0e3)?;
-        let housing_s = self.gas_sensor.housing_time_constant_s;
-        within("sensor.gas.housing_time_constant_s", housing_s, 0.0, 1.0e3)?;
-        within("sensor.gas.noise_k", self.gas_sensor.noise_k, 0.0, 100.0)?;
-        let estimator = &self.estimator;
-        for (field, value) in [
-            ("estimator.initial_sd_k", estimator.initial_sd_k),
-            ("estimator.gas_drift_k", estimator.gas_drift_k),
-            ("estimator.wall_drift_k", estimator.wall_drift_k),
-            ("estimator.heat_scale_sd", estimator.heat_scale_sd),
-            ("estimator.lag_sd", estimator.lag_sd),
-            ("estimator.place_error_k", estimator.place_error_k),
-            ("estimator.valid_sd_k", estimator.valid_sd_k),
-        ] {
-            within(field, value, 0.0, 100.0)?;
-        }
-        within("estimator.memory_s", estimator.memory_s, 1.0, 1.0e6)?;
-        let controller = &self.controller;
-        for (field, value, minimum, maximum) in [
-            ("controller.pressure_loop_s", controller.pressure_loop_s, 0.001, 10.0),
-            ("controller.pressure_reset_s", controller.pressure_reset_s, 0.01, 1.0e4),
-            ("controller.pressure_rate_pa_s", controller.pressure_rate_pa_s, 1.0, 1.0e9),
-            ("controller.pressure_dead_zone_pa", controller.pressure_dead_zone_pa, 0.0, 1.0e6),
-            ("controller.length_loop_s", controller.length_loop_s, 0.001, 10.0),
-            ("controller.length_gain", controller.length_gain, 0.0, 10.0),
-            ("controller.length_lead_s", controller.length_lead_s, 0.0, 10.0),
-            ("controller.friction_gain", controller.friction_gain, 0.0, 2.0),
-            ("controller.load_gain_n_m_s", controller.load_gain_n_m_s, 0.0, 1.0e7),
-            ("controller.load_limit_n", controller.load_limit_n, 0.0, 1.0e5),
-            ("controller.learning_band", controller.learning_band, 0.0, 1.0),
-            ("controller.reference_rad_s", controller.reference_rad_s, 0.01, 1.0e4),
-            ("controller.contraction_rate_per_s", controller.contraction_rate_per_s, 1.0e-4, 100.0),
-            (
-                "controller.contraction_acceleration_per_s2",
-                controller.contraction_acceleration_per_s2,
-                1.0e-4,
-                1.0e4,
-            ),
-            ("controller.contraction_dead_zone", controller.contraction_dead_zone, 0.0, 0.1),
-            ("controller.presliding_n_m", controller.presliding_n_m, 0.0, 1.0e9),
-            ("controller.viscous_n_s_m", controller.viscous_n_s_m, 0.0, 1.0e6),
-            ("controller.moving_mass_kg", controller.moving_mass_kg, 0.0, 1.0e6),
-        ] {
-            within(field, value, minimum, maximum)?;
-        }
+        self.gas_sensor.check()?;
+        self.estimator.check()?;
+        self.controller.check()?;
         within("pressure_limit_pa", self.pressure_limit_pa, 1.0, 1.0e9)?;
-        within("link.timeout_s", self.link_timeout_s, 0.0, 3600.0)
+        self.link.check()
     }
 }
 
 /// Not inlined: some eighty calls.
 #[inline(never)]
-fn within(field: &'static str, value: f32, minimum: f32, maximum: f32) -> Result<(), ConfigError> {
+pub(crate) fn within(
+    field: &'static str,
+    value: f32,
+    minimum: f32,
+    maximum: f32,
+) -> Result<(), ConfigError> {
     if value >= minimum && value <= maximum {
         Ok(())
     } else {

@@ -30,6 +30,7 @@ pub mod estimation;
 #[cfg(feature = "link")]
 pub mod link;
 pub mod math;
+pub mod parameter;
 pub mod physics;
 pub mod safety;
 pub mod sample;

@@ -157,7 +157,7 @@ impl Faults {
     /// The length code lies at a rail, stands still, moves as no muscle can, or says what the muscle cannot
     /// have.
     pub const LENGTH_SENSOR: Self = Self(1 << 4);
-    /// The host has been silent for longer than `link_timeout_s`.
+    /// The host has been silent for longer than `link.timeout_s`.
     pub const LINK_LOST: Self = Self(1 << 5);
     /// The board leaves out steps.
     pub const MISSED_STEPS: Self = Self(1 << 6);

@@ -200,7 +200,7 @@ impl Core {
     /// Takes these openings for the ones of this step.
     fn follow(&mut self, command: Command) {
         // A pulse ends late, at most one PWM period after its duty.
-        let period = self.config.drive.period_steps;
+        let period = self.config.pwm_period_steps;
         let passing = |duty: Duty, steps: u16| {
             if duty > Duty::ZERO { period.saturating_add(1) } else { steps.saturating_sub(1) }
         };
@@ -254,7 +254,7 @@ mod tests {
     fn two_muscles_in_one_process_do_not_know_of_each_other() {
         let mut other = Config::default();
         other.ambient.temperature_k = 285.0;
-        other.drive.period_steps = 7;
+        other.pwm_period_steps = 7;
         let cores = || {
             let cycle = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 0.4 };
             let mut others = Core::new(&other).unwrap();
@@ -455,8 +455,7 @@ mod tests {
     /// Nor does a restart end a pulse that is still to end, here one of a slow PWM.
     #[test]
     fn a_restart_does_not_forget_a_pulse_that_still_ends() {
-        let mut config = Config::default();
-        config.drive.period_steps = 100;
+        let config = Config { pwm_period_steps: 100, ..Config::default() };
         let mut core = judged_core(&config, HALF, &HEALTHY);
         for _ in 0..10 {
             core.step(&HEALTHY);

@@ -46,7 +46,7 @@ impl Random {
 /// A muscle whose valves follow pulses of any length, at a board with this PWM period.
 fn rig(period_steps: u32) -> Rig {
     let rig = Rig::new(&scenario(period_steps));
-    assert_eq!(u32::from(rig.muscle.config().drive.period_steps), period_steps);
+    assert_eq!(u32::from(rig.muscle.config().pwm_period_steps), period_steps);
     rig
 }
 
@@ -291,7 +291,7 @@ impl Flood {
 
 /// A flood of so many milliseconds, before each of an emergency stop and a stop that it must not delay.
 fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
-    let period = usize::from(rig.muscle.config().drive.period_steps);
+    let period = usize::from(rig.muscle.config().pwm_period_steps);
     rig.board.discard();
     rig.board.write(&[0]);
     rig.exchange();

@@ -109,8 +109,7 @@ fn the_board_says_who_it_is_and_refuses_what_it_cannot_do() {
     let config = Config { step_s: 0.002, ..Config::default() };
     let refused = refusal(&mut board, HostCommand::Configure(config));
     assert_eq!(refused, Refusal::Step { board_us: 1000 });
-    let mut config = Config::default();
-    config.drive.period_steps = 500;
+    let config = Config { pwm_period_steps: 500, ..Config::default() };
     let refused = refusal(&mut board, HostCommand::Configure(config));
     assert_eq!(refused, Refusal::Period { maximum_steps: 102 });
     let mut config = Config::default();

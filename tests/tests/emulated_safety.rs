@@ -3,6 +3,7 @@
 
 use host_sim::board::BoardError;
 use host_sim::board::emulated::{Exchange, Injection, Place};
+use model_core::config::LinkConfig;
 use model_core::link::{Answer, HostCommand, LastReset, Phase, Refusal};
 use model_core::safety::supervisor::JUDGING_STEPS;
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
@@ -201,7 +202,7 @@ fn a_lost_link_vents() {
     rig.board.ask(HostCommand::Set(pressure)).unwrap();
     assert!(held(&mut rig, 100), "cleared, it goes on");
     // And a board that is told to go on alone does.
-    let alone = Config { link_timeout_s: 0.0, ..*rig.muscle.config() };
+    let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
     rig.board.ask(HostCommand::Configure(alone)).unwrap();
     rig.board.ask(HostCommand::Start(pressure)).unwrap();
     for _ in 0..2000 {
@@ -218,7 +219,7 @@ fn the_emergency_stop_does_not_wait_for_the_period() {
     }
     for after_ms in [1, 30, 60, 100] {
         let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n[valve]\npwm_hz = 9.804\n");
-        assert_eq!(rig.muscle.config().drive.period_steps, 102);
+        assert_eq!(rig.muscle.config().pwm_period_steps, 102);
         rig.start(fill(1.0));
         for _ in 0..u32::from(JUDGING_STEPS) + after_ms {
             rig.exchange();
@@ -384,7 +385,7 @@ fn a_million_random_bytes_change_nothing() {
     }
     let mut rig = lumped();
     // No word of the host gets through: the board goes on alone.
-    let alone = Config { link_timeout_s: 0.0, ..*rig.muscle.config() };
+    let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
     rig.board.ask(HostCommand::Configure(alone)).unwrap();
     rig.board.ask(HostCommand::Start(fill(0.5))).unwrap();
     mean_shares(&mut rig, 90, 20);

@@ -99,11 +99,10 @@ impl Model {
         let duration_s = (steps.len() - 1) as f64 * self.step_s;
         let speed_m_s = (last.length_m - first.length_m) / duration_s;
         let surface_m2 = f64::from(self.shape.surface_m2(last.length_m as f32));
-        let Heat { inner_w_m2_k, inner_per_flow, outer_w_m2_k, outer_per_speed, .. } =
-            self.config.heat;
+        let Heat { inner_w_m2_k, inner_per_flow, outer_w_m2_k, outer_per_speed } = self.config.heat;
         let outer_w_k =
             surface_m2 * (f64::from(outer_w_m2_k) + f64::from(outer_per_speed) * speed_m_s.abs());
-        let wall_j_k = f64::from(self.config.heat.wall_heat_capacity_j_k);
+        let wall_j_k = f64::from(self.config.wall.heat_capacity_j_k);
         let k = f64::from(self.config.gas.heat_capacity_ratio);
         let cp = f64::from(self.config.gas.cp_j_kg_k());
         let housing_s = f64::from(self.config.gas_sensor.housing_time_constant_s);

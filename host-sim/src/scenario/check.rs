@@ -65,6 +65,9 @@ fn key_line(key: &Key, value: Option<&Value>) -> String {
     let comment = key.comment();
     match value {
         // Rust's shortest text that reads back to the same number is TOML too.
+        Some(Value::Float(number)) if key.core => {
+            format!("{} = {:?}  # {comment}\n", key.name, *number as f32)
+        }
         Some(Value::Float(number)) => format!("{} = {number:?}  # {comment}\n", key.name),
         Some(value) => format!("{} = {value}  # {comment}\n", key.name),
         None => {

@@ -1,13 +1,13 @@
 //! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
 
 use crate::plant::heat::InnerHeat;
-use crate::scenario::{Estimator, HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
+use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 use model_core::config::{
-    Body, Config, ControllerConfig, EstimatorConfig, GasSensor, Load, Reservoir, ValveDrive,
+    Ambient, Body, Config, EstimatorConfig, GasSensor, LinkConfig, Load, Supply,
 };
 use model_core::physics::gas::Gas;
 use model_core::physics::geometry::{Braid, Friction, Muscle};
-use model_core::physics::heat::Heat;
+use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::valve::Valve;
 use model_core::sensing::front_end::FrontEnd;
 
@@ -109,6 +109,9 @@ pub fn core_config(believed: &Scenario) -> Config {
         PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
     };
     let switching = s.is_full_muscle();
+    // Only `full` has them.
+    let full = s.plant.model == PlantModel::Full;
+    let where_full = |value: f64| if full { value as f32 } else { 0.0 };
     let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
     Config {
         step_s: s.run.step_s as f32,
@@ -116,11 +119,11 @@ pub fn core_config(believed: &Scenario) -> Config {
             gas_constant_j_kg_k: s.gas.gas_constant_j_kg_k as f32,
             heat_capacity_ratio: s.gas.heat_capacity_ratio as f32,
         },
-        ambient: Reservoir {
+        ambient: Ambient {
             pressure_pa: s.ambient.pressure_pa as f32,
             temperature_k: s.ambient.temperature_k as f32,
         },
-        supply: Reservoir {
+        supply: Supply {
             pressure_pa: s.supply.pressure_pa as f32,
             temperature_k: s.supply.temperature_k as f32,
         },
@@ -130,30 +133,34 @@ pub fn core_config(believed: &Scenario) -> Config {
             inner_per_flow: (one_zone.stirring * inner_per_flow) as f32,
             outer_w_m2_k: s.heat.outer_w_m2_k as f32,
             outer_per_speed: s.heat.outer_per_speed as f32,
-            wall_heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32,
         },
+        wall: Wall { heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32 },
         friction: Friction {
             force_n: s.friction.force_n as f32,
             reference_temperature_k: s.friction.reference_temperature_k as f32,
             softening_per_k: s.friction.softening_per_k as f32,
             heat_fraction: s.friction.heat_fraction as f32,
+            presliding_stiffness_n_m: if full {
+                s.friction.presliding_stiffness_n_m as f32
+            } else {
+                LUMPED_PRESLIDING_N_M
+            },
+            viscous_n_s_m: where_full(s.friction.viscous_n_s_m),
         },
         load: match s.load.kind {
             LoadKind::Isotonic => Load::Isotonic { force_n: s.load.force_n as f32 },
             LoadKind::Isometric => Load::Isometric { length_m: s.load.length_m as f32 },
             LoadKind::Mass => Load::Isotonic { force_n: (s.load.mass_kg * GRAVITY_M_S2) as f32 },
         },
+        moving_mass_kg: where_full(s.load.mass_kg),
         valve: Valve {
             conductance_m3_s_pa: s.valve.conductance_m3_s_pa as f32,
             critical_ratio: s.valve.critical_ratio as f32,
-        },
-        drive: ValveDrive {
-            period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
-            minimum_pulse_s: s.controller.minimum_pulse_s as f32,
             // Every other plant has ideal valves.
             switch_time_s: if switching { s.valve.switch_time_s as f32 } else { 0.0 },
             dead_time_s: if switching { s.valve.dead_time_s as f32 } else { 0.0 },
         },
+        pwm_period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
         front_end: FrontEnd {
             pressure_range_pa: s.sensor.pressure.range_pa as f32,
             pressure_noise_pa: s.sensor.pressure.noise_pa as f32,
@@ -168,10 +175,14 @@ pub fn core_config(believed: &Scenario) -> Config {
             housing_time_constant_s: one_zone.housing_s as f32,
             noise_k: s.sensor.gas.noise_k as f32,
         },
-        estimator: estimator(&s.estimator, &one_zone),
-        controller: controller(s),
+        estimator: EstimatorConfig {
+            place_error_k: (one_zone.place_error * f64::from(s.estimator.place_error_k)).min(100.0)
+                as f32,
+            ..s.estimator
+        },
+        controller: s.controller,
         pressure_limit_pa: pressure_limit_pa(s) as f32,
-        link_timeout_s: s.link.timeout_s as f32,
+        link: LinkConfig { timeout_s: s.link.timeout_s as f32 },
     }
 }
 
@@ -206,50 +217,6 @@ pub fn pressure_limit_pa(s: &Scenario) -> f64 {
     0.985 * s.sensor.pressure.range_pa
 }
 
-fn controller(s: &Scenario) -> ControllerConfig {
-    let tuning = &s.controller;
-    // Only `full` has them.
-    let full = s.plant.model == PlantModel::Full;
-    let where_full = |value: f64| if full { value as f32 } else { 0.0 };
-    ControllerConfig {
-        pressure_loop_s: tuning.pressure_loop_s as f32,
-        pressure_reset_s: tuning.pressure_reset_s as f32,
-        pressure_rate_pa_s: tuning.pressure_rate_pa_s as f32,
-        pressure_dead_zone_pa: tuning.pressure_dead_zone_pa as f32,
-        length_loop_s: tuning.length_loop_s as f32,
-        length_gain: tuning.length_gain as f32,
-        length_lead_s: tuning.length_lead_s as f32,
-        friction_gain: tuning.friction_gain as f32,
-        load_gain_n_m_s: tuning.load_gain_n_m_s as f32,
-        load_limit_n: tuning.load_limit_n as f32,
-        learning_band: tuning.learning_band as f32,
-        reference_rad_s: tuning.reference_rad_s as f32,
-        contraction_rate_per_s: tuning.contraction_rate_per_s as f32,
-        contraction_acceleration_per_s2: tuning.contraction_acceleration_per_s2 as f32,
-        contraction_dead_zone: tuning.contraction_dead_zone as f32,
-        presliding_n_m: if full {
-            s.friction.presliding_stiffness_n_m as f32
-        } else {
-            LUMPED_PRESLIDING_N_M
-        },
-        viscous_n_s_m: where_full(s.friction.viscous_n_s_m),
-        moving_mass_kg: where_full(s.load.mass_kg),
-    }
-}
-
-fn estimator(tuning: &Estimator, one_zone: &OneZone) -> EstimatorConfig {
-    EstimatorConfig {
-        initial_sd_k: tuning.initial_sd_k as f32,
-        gas_drift_k: tuning.gas_drift_k as f32,
-        wall_drift_k: tuning.wall_drift_k as f32,
-        heat_scale_sd: tuning.heat_scale_sd as f32,
-        lag_sd: tuning.lag_sd as f32,
-        memory_s: tuning.memory_s as f32,
-        place_error_k: (one_zone.place_error * tuning.place_error_k).min(100.0) as f32,
-        valid_sd_k: tuning.valid_sd_k as f32,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -271,10 +238,10 @@ mod tests {
         assert!((a.braid.turns / b.braid.turns - 1.0).abs() < 1e-5);
         // The board's valves switch as the full plant's do, and its sensor has a housing; its lag is
         // the foil's own.
-        assert_eq!(full.drive, default.drive);
+        assert_eq!(full.valve, default.valve);
         let time_constant_s = lumped.gas_sensor.time_constant_s;
         assert_eq!(GasSensor { time_constant_s, ..full.gas_sensor }, default.gas_sensor);
-        let Config { body, drive, gas_sensor, .. } = lumped;
-        assert_eq!(Config { body, drive, gas_sensor, ..default }, lumped);
+        let Config { body, valve, gas_sensor, .. } = lumped;
+        assert_eq!(Config { body, valve, gas_sensor, ..default }, lumped);
     }
 }

@@ -4,6 +4,7 @@
 //! the defaults are here, in the `Default` implementations, and nowhere else.
 
 use super::faults::Faults;
+use model_core::config::{ControllerConfig, EstimatorConfig};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -45,10 +46,10 @@ pub struct Scenario {
     pub drive: Drive,
     /// Sensors and their ranges.
     pub sensor: Sensors,
-    /// Estimator tuning.
-    pub estimator: Estimator,
-    /// Controller tuning.
-    pub controller: Controller,
+    /// Estimator tuning, the core's own.
+    pub estimator: EstimatorConfig,
+    /// Controller tuning, the core's own.
+    pub controller: ControllerConfig,
     /// Line between host and board.
     pub link: Link,
     /// Faults that the run injects.
@@ -630,104 +631,6 @@ pub struct LengthSensor {
 impl Default for LengthSensor {
     fn default() -> Self {
         Self { time_constant_s: 0.0005, noise_m: 2.0e-5, range_m: 0.4 }
-    }
-}
-
-/// Estimator tuning: standard deviations; a drift is what a random walk gains in one second.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Estimator {
-    /// Gas and wall temperature at the start \[K\].
-    pub initial_sd_k: f64,
-    /// Drift of the gas temperature's error \[K\].
-    pub gas_drift_k: f64,
-    /// Drift of the wall temperature's error \[K\].
-    pub wall_drift_k: f64,
-    /// Logarithm of the heat-transfer scale, about the configured one \[-\].
-    pub heat_scale_sd: f64,
-    /// Logarithm of the sensor's lag, about the configured one \[-\].
-    pub lag_sd: f64,
-    /// Time in which scale and lag, left alone, return to what is configured \[s\].
-    pub memory_s: f64,
-    /// Error of the sensor's reading that averaging over a second does not remove \[K\].
-    pub place_error_k: f64,
-    /// Stated deviation up to which the estimate is marked as valid \[K\].
-    pub valid_sd_k: f64,
-}
-
-impl Default for Estimator {
-    fn default() -> Self {
-        Self {
-            initial_sd_k: 3.0,
-            gas_drift_k: 0.1,
-            wall_drift_k: 0.05,
-            heat_scale_sd: 0.25,
-            lag_sd: 0.15,
-            memory_s: 100.0,
-            place_error_k: 0.87,
-            valid_sd_k: 1.0,
-        }
-    }
-}
-
-/// Controller tuning.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Controller {
-    /// Time in which the pressure loop closes an error \[s\].
-    pub pressure_loop_s: f64,
-    /// Reset time of the pressure loop's integral \[s\].
-    pub pressure_reset_s: f64,
-    /// Fastest change of the pressure's set point \[Pa/s\].
-    pub pressure_rate_pa_s: f64,
-    /// Pressure error that is left alone at rest \[Pa\].
-    pub pressure_dead_zone_pa: f64,
-    /// Time in which the contraction loop closes an error of the gas mass \[s\].
-    pub length_loop_s: f64,
-    /// Weight of an error of length against one of pressure \[-\].
-    pub length_gain: f64,
-    /// How far ahead the length error is looked for, by its speed \[s\].
-    pub length_lead_s: f64,
-    /// Friction compensated, share of the Coulomb force; above 1 for a Stribeck surplus \[-\].
-    pub friction_gain: f64,
-    /// Load that the contraction loop learns per length error and time \[N/(m s)\].
-    pub load_gain_n_m_s: f64,
-    /// Largest load that it learns, either way \[N\].
-    pub load_limit_n: f64,
-    /// Largest length error that it learns from, share of the rest length \[-\].
-    pub learning_band: f64,
-    /// Natural frequency of the contraction's reference \[rad/s\].
-    pub reference_rad_s: f64,
-    /// Fastest contraction of the reference, share of the rest length \[1/s\].
-    pub contraction_rate_per_s: f64,
-    /// Largest acceleration of the reference, share of the rest length \[1/s2\].
-    pub contraction_acceleration_per_s2: f64,
-    /// Length error that is left alone at rest, share of the rest length \[-\].
-    pub contraction_dead_zone: f64,
-    /// Shortest valve pulse worth giving; below valve.switch_time_s it opens partly \[s\].
-    pub minimum_pulse_s: f64,
-}
-
-impl Default for Controller {
-    fn default() -> Self {
-        Self {
-            pressure_loop_s: 0.014,
-            pressure_reset_s: 0.3,
-            pressure_rate_pa_s: 1.0e7,
-            pressure_dead_zone_pa: 1500.0,
-            length_loop_s: 0.014,
-            length_gain: 1.0,
-            length_lead_s: 0.01,
-            friction_gain: 1.03,
-            load_gain_n_m_s: 4.0e4,
-            load_limit_n: 300.0,
-            learning_band: 0.005,
-            reference_rad_s: 90.0,
-            contraction_rate_per_s: 0.7,
-            contraction_acceleration_per_s2: 30.0,
-            contraction_dead_zone: 0.0015,
-            minimum_pulse_s: 0.001,
-        }
     }
 }
 

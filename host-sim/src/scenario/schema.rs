@@ -4,6 +4,8 @@
 //! defaults are those of [`super::Scenario`]. No range is wider than what the core works with
 //! (`model_core::config::Config::check`): a scenario that passes here, runs.
 
+use model_core::config::{ControllerConfig, EstimatorConfig};
+use model_core::parameter::Parameter;
 use std::fmt;
 
 /// A table of keys, such as `[sensor.gas]`.
@@ -28,6 +30,8 @@ pub struct Key {
     pub allowed: Allowed,
     /// What it means.
     pub meaning: &'static str,
+    /// It is the core's own, in f32.
+    pub core: bool,
 }
 
 /// What a value may be.
@@ -173,27 +177,39 @@ const fn real(
     (min, max): (f64, f64),
     meaning: &'static str,
 ) -> Key {
-    Key { name, allowed: Allowed::Real(Limits { min, max, unit }), meaning }
+    Key { name, allowed: Allowed::Real(Limits { min, max, unit }), meaning, core: false }
 }
 
 const fn whole(name: &'static str, (min, max): (i64, i64), meaning: &'static str) -> Key {
-    Key { name, allowed: Allowed::Whole { min, max }, meaning }
+    Key { name, allowed: Allowed::Whole { min, max }, meaning, core: false }
 }
 
 const fn choice(name: &'static str, words: &'static [&'static str], meaning: &'static str) -> Key {
-    Key { name, allowed: Allowed::Choice(words), meaning }
+    Key { name, allowed: Allowed::Choice(words), meaning, core: false }
 }
 
 const fn switch(name: &'static str, meaning: &'static str) -> Key {
-    Key { name, allowed: Allowed::Switch, meaning }
+    Key { name, allowed: Allowed::Switch, meaning, core: false }
 }
 
 const fn list(name: &'static str, meaning: &'static str) -> Key {
-    Key { name, allowed: Allowed::List, meaning }
+    Key { name, allowed: Allowed::List, meaning, core: false }
 }
 
 const fn csv(name: &'static str, columns: [&'static str; 2], meaning: &'static str) -> Key {
-    Key { name, allowed: Allowed::Csv { columns }, meaning }
+    Key { name, allowed: Allowed::Csv { columns }, meaning, core: false }
+}
+
+/// The keys of a table that the core declares.
+const fn declared<const N: usize>(parameters: &[Parameter]) -> [Key; N] {
+    let mut keys = [switch("", ""); N];
+    let mut i = 0;
+    while i < N {
+        let Parameter { name, unit, minimum, maximum, meaning, .. } = parameters[i];
+        keys[i] = Key { core: true, ..real(name, unit, (minimum, maximum), meaning) };
+        i += 1;
+    }
+    keys
 }
 
 const PRESSURE_PA: (f64, f64) = (1.0, 1.0e8);
@@ -204,7 +220,6 @@ const FORCE_N: (f64, f64) = (0.0, 1.0e5);
 const COEFFICIENT_W_M2_K: (f64, f64) = (0.0, 1.0e5);
 const CONDUCTANCE_M3_S_PA: (f64, f64) = (1.0e-13, 1.0e-3);
 const LAG_S: (f64, f64) = (0.0, 1000.0);
-const TUNING: (f64, f64) = (0.0, 100.0);
 const CHANNEL: &[&str] = &["none", "open", "shorted", "frozen", "noisy", "drifting"];
 const VALVE: &[&str] = &["none", "open", "shut", "leaking"];
 
@@ -535,119 +550,13 @@ pub static TABLES: &[Table] = &[
         name: "estimator",
         meaning: "estimator tuning; a drift is what a random walk gains in one second",
         believed: true,
-        keys: &[
-            real("initial_sd_k", "K", TUNING, "gas and wall temperature at the start"),
-            real("gas_drift_k", "K", TUNING, "drift of the gas temperature's error"),
-            real("wall_drift_k", "K", TUNING, "drift of the wall temperature's error"),
-            real("heat_scale_sd", "", TUNING, "logarithm of the heat transfer's scale"),
-            real("lag_sd", "", TUNING, "logarithm of the sensor's lag"),
-            real("memory_s", "s", (1.0, 1.0e6), "in which scale and lag, left alone, return"),
-            real(
-                "place_error_k",
-                "K",
-                TUNING,
-                "gas around the foil against the mean, for a second",
-            ),
-            real("valid_sd_k", "K", TUNING, "stated deviation up to which the estimate is valid"),
-        ],
+        keys: &declared::<{ EstimatorConfig::PARAMETERS.len() }>(EstimatorConfig::PARAMETERS),
     },
     Table {
         name: "controller",
         meaning: "controller tuning",
         believed: true,
-        keys: &[
-            real(
-                "pressure_loop_s",
-                "s",
-                (0.001, 10.0),
-                "time in which the pressure loop closes an error",
-            ),
-            real(
-                "pressure_reset_s",
-                "s",
-                (0.01, 10000.0),
-                "reset time of the pressure loop's integral",
-            ),
-            real(
-                "pressure_rate_pa_s",
-                "Pa/s",
-                (1.0, 1000000000.0),
-                "fastest change of the pressure's set point",
-            ),
-            real(
-                "pressure_dead_zone_pa",
-                "Pa",
-                (0.0, 1000000.0),
-                "pressure error that is left alone at rest",
-            ),
-            real(
-                "length_loop_s",
-                "s",
-                (0.001, 10.0),
-                "time in which the contraction loop closes an error of the gas mass",
-            ),
-            real(
-                "length_gain",
-                "",
-                (0.0, 10.0),
-                "weight of an error of length against one of pressure",
-            ),
-            real(
-                "length_lead_s",
-                "s",
-                (0.0, 10.0),
-                "how far ahead the length error is looked for, by its speed",
-            ),
-            real(
-                "friction_gain",
-                "",
-                (0.0, 2.0),
-                "friction compensated, share of friction.force_n; above 1 for a Stribeck surplus",
-            ),
-            real(
-                "load_gain_n_m_s",
-                "N/(m s)",
-                (0.0, 10000000.0),
-                "load that the contraction loop learns per length error and time",
-            ),
-            real("load_limit_n", "N", (0.0, 100000.0), "largest load that it learns, either way"),
-            real(
-                "learning_band",
-                "",
-                (0.0, 1.0),
-                "largest length error that it learns from, share of the rest length",
-            ),
-            real(
-                "reference_rad_s",
-                "rad/s",
-                (0.01, 10000.0),
-                "natural frequency of the contraction's reference",
-            ),
-            real(
-                "contraction_rate_per_s",
-                "1/s",
-                (0.0001, 100.0),
-                "fastest contraction of the reference, share of the rest length",
-            ),
-            real(
-                "contraction_acceleration_per_s2",
-                "1/s2",
-                (0.0001, 10000.0),
-                "largest acceleration of the reference, share of the rest length",
-            ),
-            real(
-                "contraction_dead_zone",
-                "",
-                (0.0, 0.1),
-                "length error that is left alone at rest, share of the rest length",
-            ),
-            real(
-                "minimum_pulse_s",
-                "s",
-                (0.0, 0.1),
-                "shortest valve pulse worth giving; below valve.switch_time_s it opens partly",
-            ),
-        ],
+        keys: &declared::<{ ControllerConfig::PARAMETERS.len() }>(ControllerConfig::PARAMETERS),
     },
     Table {
         name: "link",

@@ -272,12 +272,12 @@ impl ContractionLoop {
         let start_m = self.reference.length_m;
         self.reference.advance(tuning, &self.gains, geometry, target_m, port);
         let reference = &self.reference;
-        let way_n = tuning.presliding_n_m * (start_m - reference.length_m);
+        let way_n = config.friction.presliding_stiffness_n_m * (start_m - reference.length_m);
         let coulomb_n = tuning.friction_gain * softening * config.friction.force_n;
         self.friction_n = slide(self.friction_n, way_n, coulomb_n);
         let wanted_n = load_n + self.trim_n + self.friction_n
-            - softening * tuning.viscous_n_s_m * reference.speed_m_s
-            - tuning.moving_mass_kg * reference.acceleration_m_s2;
+            - softening * config.friction.viscous_n_s_m * reference.speed_m_s
+            - config.moving_mass_kg * reference.acceleration_m_s2;
         let ambient_pa = config.ambient.pressure_pa;
         let gauge_pa = geometry.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
         self.limited = ambient_pa + gauge_pa > most_pa;
@@ -559,8 +559,8 @@ mod tests {
     #[test]
     fn the_pressure_is_that_of_load_friction_speed_and_acceleration() {
         let mut config = Config::default();
-        config.controller.viscous_n_s_m = 100.0;
-        config.controller.moving_mass_kg = 2.0;
+        config.friction.viscous_n_s_m = 100.0;
+        config.moving_mass_kg = 2.0;
         for (goal_m, way) in [(0.22, 1.0), (0.29, -1.0)] {
             let now = feedback(pressure_pa(LOAD_N), LENGTH_M);
             let mut active = started(&config, &now);

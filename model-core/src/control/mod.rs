@@ -35,10 +35,11 @@ use self::contraction::{Contracting, ContractionLoop, Gains};
 use self::cycle::{Cycle, Strokes};
 use self::port::Port;
 use self::pressure::PressureLoop;
-use crate::config::{Config, Load, Reservoir};
+use crate::config::{Config, Load};
 use crate::control::valve_drive::FlowDrive;
 use crate::math::limit;
 use crate::physics::body::Shape;
+use crate::physics::gas::Reservoir;
 use crate::sample::{Command, Duty};
 
 /// What the core is doing.
@@ -177,7 +178,7 @@ impl Controller {
     /// Openings for this step, before which `missed_steps` were left out. They change at the start of a
     /// PWM period only: in between the hardware would not take them.
     pub fn step(&mut self, config: &Config, feedback: &Feedback, missed_steps: u8) -> Command {
-        let period_steps = config.drive.period_steps;
+        let period_steps = config.pwm_period_steps;
         // The hardware's period went on meanwhile.
         for _ in 0..missed_steps {
             self.count(period_steps);
@@ -225,7 +226,7 @@ impl Controller {
                     _ => (Cycle::new(port.gas_mass_kg()), 0),
                 };
                 let strokes = Strokes { flow_kg_s, period_s, step_s: config.step_s };
-                let coming_steps = config.drive.period_steps;
+                let coming_steps = config.pwm_period_steps;
                 let mass_kg = active.period(&strokes, &port, elapsed_steps, coming_steps);
                 self.active = ActiveLoop::Cycle(active);
                 Some(mass_kg)
@@ -338,7 +339,7 @@ mod tests {
     /// Runs for some PWM periods; the last openings.
     fn periods(controller: &mut Controller, config: &Config, count: u16, now: Feedback) -> Command {
         let mut command = Command::VENT;
-        for _ in 0..count * config.drive.period_steps {
+        for _ in 0..count * config.pwm_period_steps {
             command = controller.step(config, &now, 0);
         }
         command
@@ -501,8 +502,7 @@ mod tests {
     #[test]
     fn softening_follows_the_wall_at_every_period() {
         for period_steps in [1, 2, 3, 10, 1000] {
-            let mut config = Config::default();
-            config.drive.period_steps = period_steps;
+            let config = Config { pwm_period_steps: period_steps, ..Config::default() };
             let mut controller = Controller::new(&config);
             let mut warm = feedback(2.0e5, LENGTH_M);
             warm.estimate.wall_k = 318.0;

@@ -143,7 +143,7 @@ impl Target {
                 flow_kg_s: within(Flow, flow_kg_s, -LARGEST_FLOW_KG_S, LARGEST_FLOW_KG_S)?,
             },
             SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
-                let least_s = LEAST_PERIODS * f32::from(config.drive.period_steps) * config.step_s;
+                let least_s = LEAST_PERIODS * f32::from(config.pwm_period_steps) * config.step_s;
                 SetPoint::MassFlowCycle {
                     flow_kg_s: within(Flow, flow_kg_s, 0.0, LARGEST_FLOW_KG_S)?,
                     period_s: within(Period, period_s, least_s, LONGEST_CYCLE_S)?,

@@ -15,8 +15,10 @@
 //! of the shortest length ([`FlowDrive::flow`]). The valves are never open together: after a
 //! pulse that reaches into the next period the other valve waits for one.
 
-use crate::config::{Config, Reservoir, ValveDrive};
+use crate::config::Config;
 use crate::math::{limit, sqrt};
+use crate::physics::gas::Reservoir;
+use crate::physics::valve::Valve;
 use crate::sample::{Command, Duty};
 
 /// Which valve the last period drove beyond its own end.
@@ -42,7 +44,7 @@ pub struct FlowDrive {
 impl FlowDrive {
     /// Nothing owed.
     pub fn new(config: &Config) -> Self {
-        let period_s = f32::from(config.drive.period_steps) * config.step_s;
+        let period_s = f32::from(config.pwm_period_steps) * config.step_s;
         Self {
             period_s,
             pwm_hz: 1.0 / period_s,
@@ -117,9 +119,9 @@ impl FlowDrive {
     fn pulse(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> (Command, f32, f32) {
         let filling = mass_kg > 0.0;
         let (upstream, downstream, other) = if filling {
-            (config.supply, muscle, CarryOver::Outlet)
+            (config.supply.into(), muscle, CarryOver::Outlet)
         } else {
-            (muscle, config.ambient, CarryOver::Inlet)
+            (muscle, config.ambient.into(), CarryOver::Inlet)
         };
         let full_kg_s = config.valve.mass_flow_kg_s(
             &config.gas,
@@ -136,8 +138,8 @@ impl FlowDrive {
         } else {
             0.0
         };
-        let pulse_s = pulse_for_opening_s(&config.drive, self.period_s, opening_s);
-        let too_short = !(pulse_s >= config.drive.minimum_pulse_s && pulse_s > 0.0);
+        let pulse_s = pulse_for_opening_s(&config.valve, self.period_s, opening_s);
+        let too_short = !(pulse_s >= config.controller.minimum_pulse_s && pulse_s > 0.0);
         let waits = self.carry_over == other;
         let saturated = wanted_kg > full_kg;
         if too_short || waits {
@@ -146,14 +148,14 @@ impl FlowDrive {
             return (command, 0.0, full_kg);
         }
         self.saturated = saturated;
-        let switch_s = config.drive.switch_time_s;
+        let switch_s = config.valve.switch_time_s;
         self.carry_over = match (pulse_s + switch_s > self.period_s, filling) {
             (false, _) => CarryOver::None,
             (true, true) => CarryOver::Inlet,
             (true, false) => CarryOver::Outlet,
         };
         let sign = if filling { 1.0 } else { -1.0 };
-        self.in_flight_kg = sign * full_kg_s * tail_s(&config.drive, self.period_s, pulse_s);
+        self.in_flight_kg = sign * full_kg_s * tail_s(&config.valve, self.period_s, pulse_s);
         let duty = Duty::from_share(pulse_s * self.pwm_hz);
         let command = if filling {
             Command { inlet: duty, outlet: Duty::ZERO }
@@ -165,8 +167,8 @@ impl FlowDrive {
 }
 
 /// Pulse \[s\] that opens a valve for `opening_s` of a period.
-fn pulse_for_opening_s(drive: &ValveDrive, period_s: f32, opening_s: f32) -> f32 {
-    let switch_s = drive.switch_time_s;
+fn pulse_for_opening_s(valve: &Valve, period_s: f32, opening_s: f32) -> f32 {
+    let switch_s = valve.switch_time_s;
     let gap_s = period_s - opening_s;
     if opening_s < switch_s {
         sqrt(opening_s * switch_s)
@@ -179,9 +181,9 @@ fn pulse_for_opening_s(drive: &ValveDrive, period_s: f32, opening_s: f32) -> f32
 
 /// Opening \[s\] of a pulse that falls after the end of its period: the poppet starts to move a dead
 /// time after the pin and is closed a switching time after the pulse.
-fn tail_s(drive: &ValveDrive, period_s: f32, pulse_s: f32) -> f32 {
-    let switch_s = drive.switch_time_s;
-    let after_s = pulse_s + switch_s + drive.dead_time_s - period_s;
+fn tail_s(valve: &Valve, period_s: f32, pulse_s: f32) -> f32 {
+    let switch_s = valve.switch_time_s;
+    let after_s = pulse_s + switch_s + valve.dead_time_s - period_s;
     if after_s <= 0.0 {
         0.0
     } else if after_s < switch_s {
@@ -198,7 +200,7 @@ mod tests {
 
     /// Opening of a pulse repeated in every period.
     fn opening_s(pulse_s: f32) -> f32 {
-        let switch_s = Config::default().drive.switch_time_s;
+        let switch_s = Config::default().valve.switch_time_s;
         if pulse_s < switch_s {
             pulse_s * pulse_s / switch_s
         } else if 0.01 - pulse_s < switch_s {
@@ -217,7 +219,7 @@ mod tests {
             let muscle = Reservoir { pressure_pa: pressure, temperature_k: 298.0 };
             let full = |up: Reservoir, down: Reservoir| config.valve.mass_flow_kg_s(
                 &config.gas, up.pressure_pa, up.temperature_k, down.pressure_pa);
-            let (inlet, outlet) = (full(config.supply, muscle), full(muscle, config.ambient));
+            let (inlet, outlet) = (full(config.supply.into(), muscle), full(muscle, config.ambient.into()));
             prop_assume!(flow > -0.9 * outlet);
             let mut moved = 0.0;
             let periods = 1000;
@@ -225,7 +227,7 @@ mod tests {
                 let command = drive.flow(&config, flow, muscle);
                 prop_assert!(command.inlet == Duty::ZERO || command.outlet == Duty::ZERO);
                 let pulse = command.inlet.max(command.outlet).share() * 0.01;
-                let shortest = config.drive.minimum_pulse_s;
+                let shortest = config.controller.minimum_pulse_s;
                 prop_assert!(pulse == 0.0 || pulse >= 0.999 * shortest, "pulse of {pulse} s");
                 moved += f64::from(opening_s(command.inlet.share() * 0.01) * inlet
                     - opening_s(command.outlet.share() * 0.01) * outlet);
@@ -238,7 +240,7 @@ mod tests {
 
         #[test]
         fn pulse_inverts_opening(opening in 1.0e-5_f32..0.00999) {
-            let pulse = pulse_for_opening_s(&Config::default().drive, 0.01, opening);
+            let pulse = pulse_for_opening_s(&Config::default().valve, 0.01, opening);
             prop_assert!((0.0..=0.01).contains(&pulse));
             prop_assert!((opening_s(pulse) / opening - 1.0).abs() < 1e-3);
         }
@@ -255,7 +257,7 @@ mod tests {
                 for (earlier, later) in
                     [(before.inlet, now.outlet), (before.outlet, now.inlet)]
                 {
-                    let closed = 0.01 * earlier.share() + config.drive.switch_time_s;
+                    let closed = 0.01 * earlier.share() + config.valve.switch_time_s;
                     prop_assert!(later == Duty::ZERO || earlier == Duty::ZERO || closed <= 0.01001);
                 }
                 before = now;

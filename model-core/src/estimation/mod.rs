@@ -635,7 +635,7 @@ impl Estimator {
 
         let heat = &self.config.heat;
         let surface_m2 = self.shape.surface_m2(length_m);
-        let per_wall = 1.0 / heat.wall_heat_capacity_j_k;
+        let per_wall = 1.0 / self.config.wall.heat_capacity_j_k;
         // A wall does not overshoot its surroundings.
         let outer_w_k = heat.outer_w_k(surface_m2, speed_m_s);
         let outer_share = limit(outer_w_k * duration_s * per_wall, 0.0, 1.0);

@@ -120,7 +120,7 @@ mod tests {
         /// T/T0 = (1 + (k-1)/2 t/tau)^-2 with tau = m0/m_out(0).
         #[test]
         fn adiabatic_discharge(p0 in 2.0e5_f32..9.0e5, t0 in 260.0_f32..340.0, tau in 1.0_f32..30.0) {
-            let gas = Gas::AIR;
+            let gas = Gas::default();
             let volume = 2.0e-4;
             let mut state = GasState::new(&gas, p0, t0, volume);
             let m0 = f64::from(state.mass_kg());
@@ -149,7 +149,7 @@ mod tests {
         /// Adiabatic filling: U grows by cp T_in per mass; an evacuated vessel tends to k T_in.
         #[test]
         fn adiabatic_filling(flow in 1.0e-4_f32..2.0e-3, t_in in 270.0_f32..320.0) {
-            let gas = Gas::AIR;
+            let gas = Gas::default();
             let volume = 2.0e-4;
             let mut state = GasState::new(&gas, 1.0e5, 298.0, volume);
             let (m0, u0) = (f64::from(state.mass_kg()), f64::from(state.energy_j()));
@@ -168,7 +168,7 @@ mod tests {
         /// Closed and adiabatic: P V^k is constant; with a wall of infinite conductance: P V.
         #[test]
         fn closed_compression(ratio in 0.3_f32..2.0, isothermal in any::<bool>()) {
-            let gas = Gas::AIR;
+            let gas = Gas::default();
             let v0 = 2.0e-4;
             let mut state = GasState::new(&gas, 2.0e5, 298.0, v0);
             let steps = 4000;
@@ -194,7 +194,7 @@ mod tests {
     /// 10^7 steps that cancel in pairs: nothing may drift.
     #[test]
     fn ten_million_steps_do_not_drift() {
-        let gas = Gas::AIR;
+        let gas = Gas::default();
         let volume = 2.0e-4;
         let mut state = GasState::new(&gas, 2.0e5, 298.0, volume);
         let start = state.mass_kg();

@@ -3,20 +3,26 @@
 //! Paper: L. Kopecny, L. Zalud, "Sensors for Evaluation of Thermodynamical Model of pMA", 2013.
 //! Equation numbers are the paper's throughout the crate.
 
-/// Ideal gas with constant heat capacities.
+use crate::parameter::parameters;
+
+parameters! {
+    /// Ideal gas with constant heat capacities; dry air by default.
+    "gas": Gas {
+        gas_constant_j_kg_k: 287.05, "J/(kg K)", 50.0 to 5000.0, "specific gas constant R";
+        heat_capacity_ratio: 1.4, "", 1.01 to 1.7, "ratio of specific heats k = cp/cv";
+    }
+}
+
+/// Gas at rest in something large.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct Gas {
-    /// Specific gas constant R \[J/(kg K)\], 50 to 5000.
-    pub gas_constant_j_kg_k: f32,
-    /// Ratio of specific heats k = cp/cv \[-\], above 1, at most 1.7.
-    pub heat_capacity_ratio: f32,
+pub struct Reservoir {
+    /// Absolute pressure \[Pa\].
+    pub pressure_pa: f32,
+    /// Temperature \[K\].
+    pub temperature_k: f32,
 }
 
 impl Gas {
-    /// Dry air (287.05 J/(kg K), 1.4).
-    pub const AIR: Self = Self { gas_constant_j_kg_k: 287.05, heat_capacity_ratio: 1.4 };
-
     /// Heat capacity at constant volume, cv = R/(k-1) \[J/(kg K)\].
     pub fn cv_j_kg_k(&self) -> f32 {
         self.gas_constant_j_kg_k / (self.heat_capacity_ratio - 1.0)
@@ -115,7 +121,7 @@ mod tests {
         steps: u32,
         outflow: impl Fn(&Chamber) -> f32,
     ) -> Chamber {
-        let gas = Gas::AIR;
+        let gas = Gas::default();
         let step_s = 1.0e-3;
         let advance = |from: &Chamber, at: &Chamber, step_s: f32| {
             let mass = gas.mass_kg(from.pressure_pa, from.volume_m3, from.temperature_k);
@@ -147,7 +153,7 @@ mod tests {
     #[test]
     fn discharge_by_the_reduced_equations() {
         let tau = 2.0;
-        let choked = Gas::AIR.mass_kg(6.0e5, 2.0e-4, 300.0) / tau / (6.0e5 / 300_f32.sqrt());
+        let choked = Gas::default().mass_kg(6.0e5, 2.0e-4, 300.0) / tau / (6.0e5 / 300_f32.sqrt());
         let flow = |chamber: &Chamber| choked * chamber.pressure_pa / chamber.temperature_k.sqrt();
         let isothermal = integrate(pressure_rate_isothermal, START, 2000, flow);
         assert!(
@@ -181,7 +187,7 @@ mod tests {
         fn state_equation_is_its_own_inverse(
             p in 1.0e4_f32..2.0e6, v in 1.0e-6_f32..1.0, t in 150.0_f32..600.0
         ) {
-            let gas = Gas::AIR;
+            let gas = Gas::default();
             let m = gas.mass_kg(p, v, t);
             prop_assert!((gas.pressure_pa(m, v, t) / p - 1.0).abs() < 1e-6);
             prop_assert!((gas.temperature_k(p, v, m) / t - 1.0).abs() < 1e-6);
@@ -194,7 +200,7 @@ mod tests {
             p in 1.0e5_f32..7.0e5, v in 5.0e-5_f32..5.0e-4, t in 220.0_f32..380.0,
             dv in -1.0e-3_f32..1.0e-3, inflow in 0.0_f32..3.0e-3, outflow in 0.0_f32..3.0e-3
         ) {
-            let gas = Gas::AIR;
+            let gas = Gas::default();
             let chamber = Chamber {
                 pressure_pa: p, temperature_k: t, volume_m3: v, volume_rate_m3_s: dv,
                 inflow_kg_s: inflow, outflow_kg_s: outflow,

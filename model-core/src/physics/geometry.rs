@@ -4,6 +4,7 @@
 //! D = b sin(theta)/(n pi), with theta the angle between thread and axis.
 
 use crate::math::{exp, limit, sqrt};
+use crate::parameter::parameters;
 use core::f32::consts::PI;
 
 /// The braid: the two coefficients b and n of Fig. 1.
@@ -232,18 +233,16 @@ impl Geometry {
 /// No wall makes friction so many times what it is at the reference temperature \[-\].
 const STIFFEST: f32 = 1.0e3;
 
-/// Coulomb friction of braid and bladder; it softens as the wall warms.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct Friction {
-    /// Force at the reference temperature \[N\].
-    pub force_n: f32,
-    /// Reference temperature \[K\].
-    pub reference_temperature_k: f32,
-    /// beta in F(T_w) = F_ref exp(-beta (T_w - T_ref)) \[1/K\].
-    pub softening_per_k: f32,
-    /// Share of the friction heat that goes into the wall \[-\].
-    pub heat_fraction: f32,
+parameters! {
+    /// Coulomb friction of braid and bladder; it softens as the wall warms.
+    "friction": Friction {
+        force_n: 15.0, "N", 0.0 to 1.0e5, "Coulomb friction at the reference temperature";
+        reference_temperature_k: 298.0, "K", 100.0 to 1000.0, "reference temperature";
+        softening_per_k: 0.01, "1/K", -0.2 to 0.2, "beta in F = F_ref exp(-beta (T_wall - T_ref))";
+        heat_fraction: 0.9, "", 0.0 to 1.0, "share of the friction heat that the wall gets";
+        presliding_stiffness_n_m: 1.0e5, "N/m", 0.0 to 1.0e9, "stiffness with which it builds up after a turn";
+        viscous_n_s_m: 0.0, "N s/m", 0.0 to 1.0e6, "viscous part beside it";
+    }
 }
 
 impl Friction {
@@ -361,7 +360,7 @@ mod tests {
         fn friction_softens_and_heats(t in 270.0_f32..330.0, speed in -1.0_f32..1.0) {
             let friction = Friction {
                 force_n: 15.0, reference_temperature_k: 298.0, softening_per_k: 0.01,
-                heat_fraction: 0.9,
+                heat_fraction: 0.9, ..crate::Config::default().friction
             };
             let expected = 15.0 * (-0.01 * (f64::from(t) - 298.0)).exp();
             prop_assert!((f64::from(friction.force_n(t)) / expected - 1.0).abs() < 1e-5);

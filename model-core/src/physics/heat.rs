@@ -1,20 +1,23 @@
 //! Heat from gas to wall and from wall to ambient, and the lag of a sensor.
 
-/// Heat-transfer coefficients.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct Heat {
-    /// Gas to wall, still gas \[W/(m2 K)\].
-    pub inner_w_m2_k: f32,
-    /// Gas to wall, gained per inflow: the jet stirs the gas \[W/(m2 K) per kg/s\].
-    pub inner_per_flow: f32,
-    /// Wall to ambient, muscle at rest \[W/(m2 K)\].
-    pub outer_w_m2_k: f32,
-    /// Wall to ambient, gained per contraction speed: "ambient air flowing under the thermal
-    /// insulation when muscle is moving" (paper, section IV) \[W/(m2 K) per m/s\].
-    pub outer_per_speed: f32,
-    /// Heat capacity of the wall \[J/K\].
-    pub wall_heat_capacity_j_k: f32,
+use crate::parameter::parameters;
+
+parameters! {
+    /// Heat-transfer coefficients. The jet of an inflow stirs the gas; "ambient air flowing under the
+    /// thermal insulation when muscle is moving" (paper, section IV) cools the wall.
+    "heat": Heat {
+        inner_w_m2_k: 90.0, "W/(m2 K)", 0.0 to 1.0e5, "gas to wall, still gas";
+        inner_per_flow: 1.0e5, "W/(m2 K) per kg/s", 0.0 to 1.0e9, "gas to wall, gained per inflow";
+        outer_w_m2_k: 8.0, "W/(m2 K)", 0.0 to 1.0e5, "wall to ambient, at rest";
+        outer_per_speed: 60.0, "W/(m2 K) per m/s", 0.0 to 1.0e6, "wall to ambient, gained per speed of contraction";
+    }
+}
+
+parameters! {
+    /// The wall, as one body.
+    "wall": Wall {
+        heat_capacity_j_k: 65.0, "J/K", 0.01 to 1.0e9, "heat capacity of bladder and braid";
+    }
 }
 
 impl Heat {

@@ -89,7 +89,7 @@ impl Model {
         // What would be over within a step takes one, and what is not there cannot leave: a wrong
         // configuration makes the model wrong, but keeps it finite.
         let gas_j_k = self.gas.mass_kg() * self.config.gas.cv_j_kg_k();
-        let wall_j_k = heat.wall_heat_capacity_j_k;
+        let wall_j_k = self.config.wall.heat_capacity_j_k;
         let at_most_w_k = limit(gas_j_k, 0.0, wall_j_k) / step_s;
         let exchange = Exchange {
             inflow_kg_s,

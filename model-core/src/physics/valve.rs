@@ -4,6 +4,7 @@
 //! rho0 the density at the reference atmosphere (ANR: 100 kPa, 293.15 K).
 
 use crate::math::{inverse_sqrt, limit, sqrt};
+use crate::parameter::parameters;
 use crate::physics::gas::Gas;
 
 /// Reference atmosphere (ISO 8778, ANR): pressure \[Pa\].
@@ -21,14 +22,14 @@ pub fn reference_density_kg_m3(gas: &Gas) -> f32 {
     REFERENCE_PRESSURE_PA / (gas.gas_constant_j_kg_k * REFERENCE_TEMPERATURE_K)
 }
 
-/// A valve, fully open.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct Valve {
-    /// Sonic conductance C \[m3/(s Pa)\], at ANR.
-    pub conductance_m3_s_pa: f32,
-    /// Critical pressure ratio b \[-\], between 0 and 1.
-    pub critical_ratio: f32,
+parameters! {
+    /// A valve; conductance and critical ratio are those of the open one.
+    "valve": Valve {
+        conductance_m3_s_pa: 4.0e-9, "m3/(s Pa)", 1.0e-13 to 1.0e-3, "sonic conductance C at ANR (ISO 6358)";
+        critical_ratio: 0.3, "", 0.01 to 0.99, "critical pressure ratio b";
+        switch_time_s: 0.002, "s", 0.0 to 0.1, "from closed to open, and from open to closed";
+        dead_time_s: 0.001, "s", 0.0 to 0.1, "between the pin and the first movement";
+    }
 }
 
 impl Valve {
@@ -102,8 +103,8 @@ mod tests {
     /// C = 2 dm3/(s bar), b = 0.3, 0.4 MPa gauge upstream, 20 degC.
     #[test]
     fn iso_6358_vector() {
-        let valve = Valve { conductance_m3_s_pa: 2.0e-8, critical_ratio: 0.3 };
-        let gas = Gas::AIR;
+        let valve = Valve { conductance_m3_s_pa: 2.0e-8, ..Valve::default() };
+        let gas = Gas::default();
         let choked = valve.mass_flow_kg_s(&gas, 500_000.0, 293.15, 100_000.0);
         assert!((anr_l_min(&gas, choked) / 600.0 - 1.0).abs() < 1e-4);
         let subsonic = valve.mass_flow_kg_s(&gas, 500_000.0, 293.15, 400_000.0);
@@ -116,8 +117,8 @@ mod tests {
             p1 in 1.2e5_f32..8.0e5, ratio in 0.0_f32..0.9999, t in 250.0_f32..350.0,
             opening in 0.001_f32..1.0
         ) {
-            let valve = Valve { conductance_m3_s_pa: 4.0e-9, critical_ratio: 0.3 };
-            let gas = Gas::AIR;
+            let valve = Valve::default();
+            let gas = Gas::default();
             let full = valve.mass_flow_kg_s(&gas, p1, t, ratio * p1);
             prop_assume!(full > 0.0);
             let back = valve.opening_for_flow(&gas, opening * full, p1, t, ratio * p1);
@@ -128,7 +129,7 @@ mod tests {
         fn flow_function_is_monotonic_and_continuous(
             b in 0.05_f32..0.95, r in 0.0_f32..1.2
         ) {
-            let valve = Valve { conductance_m3_s_pa: 4.0e-9, critical_ratio: b };
+            let valve = Valve { critical_ratio: b, ..Valve::default() };
             let here = valve.flow_function(r);
             prop_assert!((0.0..=1.0).contains(&here));
             prop_assert!(valve.flow_function(r + 1e-5) <= here + 1e-6);

@@ -15,7 +15,7 @@
 //! | length sensor noisier than a muscle can move | ten jerks within forty steps | the same |
 //! | length sensor's code stands still while gas flows | for [`FROZEN_STEPS`] such steps | the same |
 //! | a length that the muscle cannot have: 5 % beyond its rest length, or below its shortest | for [`PATIENCE_STEPS`] steps | the same |
-//! | link lost | no request of the host for `link_timeout_s`, while a set point holds | vent, latched |
+//! | link lost | no request of the host for `link.timeout_s`, while a set point holds | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
 //! | not configured | at the start of a board that nobody has told its configuration | vent until it is told |
 //! | gas gained, burst, no inflow, no outflow, force | as [`crate::safety::watch`] says | vent, latched |
@@ -169,8 +169,8 @@ pub struct Supervisor {
 impl Supervisor {
     /// One that has seen nothing yet; `configured`: somebody has told the board this configuration.
     pub fn new(config: &Config, configured: bool) -> Self {
-        let silent_steps = (config.link_timeout_s > 0.0)
-            .then(|| limit(config.link_timeout_s / config.step_s + 0.5, 1.0, 1.0e9) as u32);
+        let silent_steps = (config.link.timeout_s > 0.0)
+            .then(|| limit(config.link.timeout_s / config.step_s + 0.5, 1.0, 1.0e9) as u32);
         Self {
             limits: Limits {
                 pressure_pa: config.pressure_limit_pa,
@@ -298,6 +298,7 @@ impl Supervisor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::LinkConfig;
 
     const HEALTHY: Sample = Sample::new(AdcCode(10_000), AdcCode(16_000), AdcCode(20_000));
     const IDLE: Activity = Activity {
@@ -343,7 +344,7 @@ mod tests {
         supervisor.clear();
         assert!(!must_vent(&supervisor));
 
-        let autonomous = Config { link_timeout_s: 0.0, ..Config::default() };
+        let autonomous = Config { link: LinkConfig { timeout_s: 0.0 }, ..Config::default() };
         let mut supervisor = Supervisor::new(&autonomous, true);
         for _ in 0..10_000 {
             assert_eq!(supervisor.step(&silent, 2.0e5, driven), Faults::NONE);
@@ -564,7 +565,8 @@ mod tests {
     #[test]
     fn a_restart_takes_the_new_limits() {
         let pressure_limit_pa = 3.0e5;
-        let lower = Config { pressure_limit_pa, link_timeout_s: 0.3, ..Config::default() };
+        let lower =
+            Config { pressure_limit_pa, link: LinkConfig { timeout_s: 0.3 }, ..Config::default() };
         let restarted = judged().after_restart(&Supervisor::new(&lower, true));
         let mut supervisor = restarted;
         for _ in 0..PATIENCE_STEPS {

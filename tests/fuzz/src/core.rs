@@ -150,7 +150,7 @@ impl Life {
     /// Another set point holds from the next period on.
     fn let_go(&mut self) {
         if opens_both(self.set_point) {
-            self.both_steps = u32::from(self.core.config().drive.period_steps);
+            self.both_steps = u32::from(self.core.config().pwm_period_steps);
         }
     }
 

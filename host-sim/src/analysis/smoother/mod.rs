@@ -187,7 +187,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
 fn flowing(config: &Config, run: &[Telemetry]) -> Vec<(bool, bool)> {
     let (mut inlet_steps, mut outlet_steps) = (0, 0);
     // A pulse ends late, at most one PWM period after its duty.
-    let after = config.drive.period_steps + 1 + LATE_STEPS;
+    let after = config.pwm_period_steps + 1 + LATE_STEPS;
     let passing = |duty: Duty, steps: u16| {
         if duty > Duty::ZERO { after } else { steps.saturating_sub(1) }
     };

@@ -68,8 +68,8 @@ impl Board for PidBoard {
     }
 
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError> {
-        self.period_steps = u64::from(config.drive.period_steps);
-        self.period_s = f64::from(config.drive.period_steps) * f64::from(config.step_s);
+        self.period_steps = u64::from(config.pwm_period_steps);
+        self.period_s = f64::from(config.pwm_period_steps) * f64::from(config.step_s);
         self.limits_pa =
             (f64::from(config.ambient.pressure_pa), f64::from(config.pressure_limit_pa));
         self.core.start(config, SetPoint::Pressure { pressure_pa: config.ambient.pressure_pa })?;

@@ -76,7 +76,7 @@ impl Gains {
     /// For the muscle and valves of `config`, which has been tuned.
     pub fn new(basis: &Basis, config: &Config, geometry: &Geometry) -> Self {
         let told = &config.controller;
-        let period_s = f64::from(config.drive.period_steps) * f64::from(config.step_s);
+        let period_s = f64::from(config.pwm_period_steps) * f64::from(config.step_s);
         let twice = basis.delay_s.scaled(2.0, period_s);
         // Within less than one period nothing can be closed.
         let loop_s = Measure { value: twice.value.max(period_s), ..twice };

@@ -13,7 +13,8 @@
 
 use super::experiment::{Plan, Record, during};
 use super::regression::{Measure, least_squares};
-use model_core::config::{Config, Reservoir};
+use model_core::config::Config;
+use model_core::physics::gas::Reservoir;
 use model_core::physics::geometry::Geometry;
 use model_core::physics::valve::Valve;
 
@@ -82,8 +83,8 @@ impl<'a> Gas<'a> {
             temperature_k: record.gas_k as f32,
         };
         let (up, down, sign) = match direction {
-            Direction::In => (*supply, muscle, 1.0),
-            Direction::Out => (muscle, *ambient, -1.0),
+            Direction::In => (Reservoir::from(*supply), muscle, 1.0),
+            Direction::Out => (muscle, (*ambient).into(), -1.0),
         };
         let unit = Valve { conductance_m3_s_pa: 1.0, ..*valve };
         let flow = unit.mass_flow_kg_s(gas, up.pressure_pa, up.temperature_k, down.pressure_pa);
@@ -130,8 +131,8 @@ impl<'a> Gas<'a> {
         plan: &Plan,
         conductances: [f64; 2],
     ) -> Option<Measure> {
-        let period_steps = usize::from(self.config.drive.period_steps);
-        let period_s = f64::from(self.config.drive.period_steps) * f64::from(self.config.step_s);
+        let period_steps = usize::from(self.config.pwm_period_steps);
+        let period_s = f64::from(self.config.pwm_period_steps) * f64::from(self.config.step_s);
         let found: Vec<f64> = plan
             .ramps
             .iter()
