@@ -95,8 +95,8 @@ pub async fn run<S: Source, V: Valves, B: BlackBox>(
             }
             Either::Second((sequence, order)) => {
                 let outcome = match order {
-                    Order::Replace => {
-                        if let Some(other) = shared.take_core() {
+                    Order::Restart => {
+                        if let Some(other) = shared.prepared() {
                             core.restart_as(other);
                         }
                         next_step = 0;

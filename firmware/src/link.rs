@@ -9,7 +9,7 @@ use embedded_io_async::{Read, Write};
 use model_core::link::{
     Answer, Chip, Decoder, HostCommand, LastReset, PROTOCOL, Refusal, Request, Version, encode,
 };
-use model_core::{Config, Core, SetPoint};
+use model_core::{Config, Core};
 
 /// What the link can tell about the board.
 #[derive(Clone, Copy)]
@@ -97,10 +97,9 @@ pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static 
                 match carry_out(command, &mut config, &identity, shared).await {
                     Outcome::Answer(answer) => shared.answer(sequence, answer),
                     Outcome::Order(order) => shared.orders.send((sequence, order)).await,
-                    Outcome::Replace(core) => {
-                        time_to_replace().await;
-                        shared.put_core(core);
-                        shared.orders.send((sequence, Order::Replace)).await;
+                    Outcome::Restart => {
+                        time_to_restart().await;
+                        shared.orders.send((sequence, Order::Restart)).await;
                     }
                     Outcome::Silent => (),
                 }
@@ -119,8 +118,8 @@ enum Outcome {
     Answer(Answer),
     /// Control carries it out and answers.
     Order(Order),
-    /// Control goes on with this core, and answers.
-    Replace(Core),
+    /// Control starts anew with the core that is prepared, and answers.
+    Restart,
     /// The step's telemetry is the answer, or there is none.
     Silent,
 }
@@ -143,12 +142,13 @@ async fn carry_out(
         HostCommand::Configure(wanted) => match check(&wanted, identity) {
             Ok(core) => {
                 *config = Some(wanted);
-                Outcome::Replace(core)
+                shared.prepare(core);
+                Outcome::Restart
             }
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
-        HostCommand::Start(set_point) => match start(config.as_ref(), set_point) {
-            Ok(core) => Outcome::Replace(core),
+        HostCommand::Start(set_point) => match shared.prepare_set_point(set_point) {
+            Ok(()) => Outcome::Restart,
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
         HostCommand::Set(set_point) => Outcome::Order(Order::Set(set_point)),
@@ -173,23 +173,16 @@ async fn carry_out(
     }
 }
 
-/// Time that an exchange of cores may take: nothing else runs while one is copied.
-const REPLACING: Duration = Duration::from_micros(350);
+/// Time that a restart of the core may take: nothing else runs while one is copied.
+const RESTARTING: Duration = Duration::from_micros(350);
 
-/// Waits until a core can be exchanged before the next step is due.
-async fn time_to_replace() {
+/// Waits until the core can be restarted before the next step is due.
+async fn time_to_restart() {
     let now = Instant::now();
     let into_us = now.as_micros() % STEP.as_micros();
-    if into_us + REPLACING.as_micros() > STEP.as_micros() {
+    if into_us + RESTARTING.as_micros() > STEP.as_micros() {
         Timer::at(now + STEP - Duration::from_micros(into_us)).await;
     }
-}
-
-/// The core that the host has configured, with a set point.
-fn start(config: Option<&Config>, set_point: SetPoint) -> Result<Core, Refusal> {
-    let mut core = Core::new(config.ok_or(Refusal::NotConfigured)?)?;
-    core.set(set_point)?;
-    Ok(core)
 }
 
 /// A core for the configuration, if the board can run it.

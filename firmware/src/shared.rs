@@ -4,7 +4,7 @@ use core::cell::{Cell, RefCell};
 use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 use embassy_sync::channel::Channel;
-use model_core::link::{Answer, Message, Reply, Timing};
+use model_core::link::{Answer, Message, Refusal, Reply, Timing};
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{Core, Faults, Sample, SetPoint};
 
@@ -13,8 +13,8 @@ const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 /// From the link to control, carried out between two steps. Small: it is moved at every turn of the
 /// control task.
 pub enum Order {
-    /// Another core: the one in [`Shared::put_core`].
-    Replace,
+    /// Start anew as the core that was [prepared](Shared::prepare).
+    Restart,
     /// Another set point.
     Set(SetPoint),
     /// Forget latched faults.
@@ -118,8 +118,9 @@ impl Shared {
         up
     }
 
-    /// Leaves a core for [`Order::Replace`]. Interrupts wait while it is copied, once.
-    pub fn put_core(&self, core: Core) {
+    /// Leaves a core for [`Order::Restart`], this time and after each [`Self::prepare_set_point`]: a start
+    /// need not work its constants out again. Interrupts wait while it is copied, once.
+    pub fn prepare(&self, core: Core) {
         let full = Slot::Full(core);
         self.next_core.lock(|slot| {
             if let Ok(mut slot) = slot.try_borrow_mut() {
@@ -128,16 +129,22 @@ impl Shared {
         });
     }
 
-    /// The core that was left, once.
-    pub fn take_core(&self) -> Option<Core> {
-        self.next_core.lock(|slot| {
-            let mut slot = slot.try_borrow_mut().ok()?;
-            let core = match &*slot {
-                Slot::Empty => None,
-                Slot::Full(core) => Some(core.clone()),
-            };
-            *slot = Slot::Empty;
-            core
+    /// Gives the core that is prepared another set point.
+    ///
+    /// # Errors
+    /// Why it does not take it, or that there is none.
+    pub fn prepare_set_point(&self, set_point: SetPoint) -> Result<(), Refusal> {
+        self.next_core.lock(|slot| match slot.try_borrow_mut().as_deref_mut() {
+            Ok(Slot::Full(core)) => Ok(core.set(set_point)?),
+            _ => Err(Refusal::NotConfigured),
+        })
+    }
+
+    /// The core that is prepared.
+    pub fn prepared(&self) -> Option<Core> {
+        self.next_core.lock(|slot| match &*slot.try_borrow().ok()? {
+            Slot::Empty => None,
+            Slot::Full(core) => Some(core.clone()),
         })
     }
 

@@ -1,8 +1,9 @@
-//! The estimator alone: gas is let in for a tenth of a second, and cools. The Pt1000, told by its
-//! codes, has not noticed yet.
+//! The estimator alone: gas is let in for a tenth of a second, and cools. The sensor has not
+//! noticed yet.
 
+use model_core::Config;
 use model_core::estimation::{Estimator, Measurement, Openings};
-use model_core::{AdcCode, Config};
+use model_core::sensing::{GasReading, Reading};
 
 fn main() {
     let mut estimator = Estimator::new(&Config::default());
@@ -10,17 +11,16 @@ fn main() {
         let filling = step < 100;
         let pressure_pa = 1.5e5 + 1.0e3 * f32::from(step.min(100));
         estimator.step(&Measurement {
-            pressure_pa: Some(pressure_pa),
-            length_m: 0.28,
-            wide_pressure: false,
-            wide_length: false,
-            gas: Some(AdcCode(15_950 + step % 2)),
+            pressure: Some(Reading::exact(pressure_pa)),
+            length: Reading::exact(0.28),
+            gas: Some(GasReading { value_k: 298.0, noise_k2: 1.0e-4, moved: true }),
             openings: Openings {
                 turned: step == 100,
                 driven: filling,
                 charging: filling,
                 discharging: false,
             },
+            busy: false,
         });
         if step % 200 == 99 {
             let estimate = estimator.estimate();

@@ -3,7 +3,7 @@
 
 use model_core::physics::model::Model;
 use model_core::sample::CODE_MAX;
-use model_core::sensing::front_end::Converter;
+use model_core::sensing::Sensing;
 use model_core::{AdcCode, Config, Core, Sample, SetPoint};
 
 /// The first code that reads at least `value`.
@@ -18,7 +18,7 @@ fn code(value: f32, reading: impl Fn(AdcCode) -> f32) -> AdcCode {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let config = Config::default();
-    let front_end = Converter::new(&config.front_end);
+    let sensing = Sensing::new(&config);
     let mut core = Core::new(&config)?;
     core.set(SetPoint::Pressure { pressure_pa: 2.5e5 })?;
     let (supply, ambient) = (config.supply, config.ambient);
@@ -27,9 +27,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         // A line without any noise is a broken one.
         let noisy = |code: AdcCode| AdcCode(code.0 + (step % 2) as u16);
         let sample = Sample::new(
-            noisy(code(muscle.pressure_pa(), |code| front_end.pressure_pa(code))),
-            code(muscle.sensor_k(), |code| front_end.gas_k(code)),
-            noisy(code(muscle.length_m(), |code| front_end.length_m(code))),
+            noisy(code(muscle.pressure_pa(), |code| sensing.pressure_pa(code))),
+            code(muscle.sensor_k(), |code| sensing.gas_k(code)),
+            noisy(code(muscle.length_m(), |code| sensing.length_m(code))),
         );
         let telemetry = core.step(&sample);
         if step % 100 == 0 {

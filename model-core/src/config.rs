@@ -5,7 +5,7 @@ use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::geometry::{Braid, Friction, Muscle};
 use crate::physics::heat::{Heat, Wall};
 use crate::physics::valve::Valve;
-use crate::sensing::front_end::FrontEnd;
+use crate::sensing::Sensors;
 
 /// Configuration of the core. [`Config::default`] is the nominal muscle of the project's scenarios.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,10 +35,8 @@ pub struct Config {
     pub valve: Valve,
     /// Period of the valves' PWM, in steps of the core \[-\].
     pub pwm_period_steps: u16,
-    /// The analog front ends.
-    pub front_end: FrontEnd,
-    /// The gas sensor's element.
-    pub gas_sensor: GasSensor,
+    /// The sensors and their converter.
+    pub sensors: Sensors,
     /// Estimator tuning.
     pub estimator: EstimatorConfig,
     /// Controller tuning.
@@ -116,15 +114,6 @@ pub enum Load {
 }
 
 parameters! {
-    /// The gas sensor's element.
-    "sensor.gas": GasSensor {
-        time_constant_s: 3.0, "s", 0.001 to 1000.0, "lag of the element";
-        housing_time_constant_s: 0.2, "s", 0.0 to 1000.0, "lag of its housing, in series";
-        noise_k: 0.05, "K", 0.0 to 100.0, "noise of one conversion, standard deviation";
-    }
-}
-
-parameters! {
     /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
     /// `docs/estimator.md` says how each is found.
     "estimator": EstimatorConfig {
@@ -195,15 +184,7 @@ impl Default for Config {
             moving_mass_kg: 0.0,
             valve: Valve::default(),
             pwm_period_steps: 10,
-            front_end: FrontEnd {
-                pressure_range_pa: 700_000.0,
-                pressure_noise_pa: 150.0,
-                length_range_m: 0.4,
-                gas_min_k: 270.0,
-                gas_max_k: 330.0,
-                wide_code_lsb: 8.9,
-            },
-            gas_sensor: GasSensor::default(),
+            sensors: Sensors::default(),
             estimator: EstimatorConfig::default(),
             controller: ControllerConfig::default(),
             pressure_limit_pa: 0.985 * 700_000.0,
@@ -275,14 +256,7 @@ impl Config {
         within("load.mass_kg", self.moving_mass_kg, 0.0, 1.0e6)?;
         self.valve.check()?;
         within("valve.period_steps", f32::from(self.pwm_period_steps), 1.0, 1000.0)?;
-        let front_end = &self.front_end;
-        within("sensor.pressure.range_pa", front_end.pressure_range_pa, 1.0e3, 1.0e9)?;
-        within("sensor.pressure.noise_pa", front_end.pressure_noise_pa, 0.0, 1.0e8)?;
-        within("sensor.length.range_m", front_end.length_range_m, 0.001, 100.0)?;
-        within("sensor.gas.range_min_k", front_end.gas_min_k, 73.0, 800.0)?;
-        within("sensor.gas.range_max_k", front_end.gas_max_k, front_end.gas_min_k + 1.0, 1100.0)?;
-        within("adc.wide_code_lsb", front_end.wide_code_lsb, 0.0, 100.0)?;
-        self.gas_sensor.check()?;
+        self.sensors.check()?;
         self.estimator.check()?;
         self.controller.check()?;
         within("pressure_limit_pa", self.pressure_limit_pa, 1.0, 1.0e9)?;

@@ -36,6 +36,7 @@ pub mod safety;
 pub mod sample;
 pub mod sensing;
 mod step;
+pub mod step_counts;
 
 pub use config::{Config, ConfigError};
 pub use control::{SetPoint, SetPointError};

@@ -1,6 +1,8 @@
 //! A parameter is declared once: name, unit, range, default and meaning. The struct that holds it, its
 //! default, its check and its documentation follow from that, and on the host the key of the scenario.
 
+use crate::config::{ConfigError, within};
+
 /// What is known of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
@@ -18,8 +20,30 @@ pub struct Parameter {
     pub meaning: &'static str,
 }
 
+/// What a value may be, under the key that a user writes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limit {
+    key: &'static str,
+    minimum: f32,
+    maximum: f32,
+}
+
+impl Limit {
+    pub(crate) const fn new(key: &'static str, minimum: f32, maximum: f32) -> Self {
+        Self { key, minimum, maximum }
+    }
+}
+
+/// Checks values against their limits, in order.
+pub(crate) fn check(values: &[f32], limits: &[Limit]) -> Result<(), ConfigError> {
+    values.iter().zip(limits).try_for_each(|(value, Limit { key, minimum, maximum })| {
+        within(key, *value, *minimum, *maximum)
+    })
+}
+
 /// Declares a table of parameters: the struct, `Default`, `PARAMETERS` for whoever prints them, and
-/// `check`, whose errors name the key that a user writes.
+/// `check`, whose errors name the key that a user writes. On the wire a table is its values, in order; in a
+/// file it is a table of keys, of which each may be left out.
 macro_rules! parameters {
     (
         $(#[$attribute:meta])*
@@ -29,8 +53,6 @@ macro_rules! parameters {
     ) => {
         $(#[$attribute])*
         #[derive(Debug, Clone, Copy, PartialEq)]
-        #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-        #[cfg_attr(feature = "link", serde(default, deny_unknown_fields))]
         pub struct $struct {
             $(
                 #[doc = concat!($meaning, " \\[", $unit, "\\], from ", $minimum, " to ", $maximum, ".")]
@@ -62,18 +84,150 @@ macro_rules! parameters {
             /// # Errors
             /// The first value that is not a number or lies outside of its range.
             pub fn check(&self) -> Result<(), $crate::config::ConfigError> {
-                $(
-                    $crate::config::within(
+                const LIMITS: &[$crate::parameter::Limit] = &[
+                    $($crate::parameter::Limit::new(
                         concat!($table, ".", stringify!($name)),
-                        self.$name,
                         $minimum,
                         $maximum,
-                    )?;
-                )*
-                Ok(())
+                    )),*
+                ];
+                $crate::parameter::check(&[$(self.$name),*], LIMITS)
+            }
+        }
+
+        #[cfg(feature = "link")]
+        impl $crate::parameter::wire::Table for $struct {
+            const PARAMETERS: &'static [$crate::parameter::Parameter] = Self::PARAMETERS;
+        }
+
+        #[cfg(feature = "link")]
+        impl serde::Serialize for $struct {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                $crate::parameter::wire::write::<S, Self>(serializer, &[$(self.$name),*])
+            }
+        }
+
+        #[cfg(feature = "link")]
+        impl<'de> serde::Deserialize<'de> for $struct {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let Self { $($name),* } = Self::default();
+                let mut values = [$($name),*];
+                $crate::parameter::wire::read::<D, Self>(deserializer, &mut values)?;
+                let [$($name),*] = values;
+                Ok(Self { $($name),* })
             }
         }
     };
 }
 
 pub(crate) use parameters;
+
+/// Tables on the wire and in files. The values are read and written by loops: derived code for each of some
+/// eighty fields takes kilobytes of flash.
+#[cfg(feature = "link")]
+pub(crate) mod wire {
+    use super::Parameter;
+    use core::fmt;
+    use core::marker::PhantomData;
+    use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+    use serde::ser::{SerializeMap, SerializeTuple, Serializer};
+
+    /// A declared table. What files alone need is a constant of its type: no other code refers to it, and it
+    /// is not in the image.
+    pub trait Table {
+        const PARAMETERS: &'static [Parameter];
+    }
+
+    pub fn write<S: Serializer, T: Table>(
+        serializer: S,
+        values: &[f32],
+    ) -> Result<S::Ok, S::Error> {
+        if serializer.is_human_readable() {
+            let mut map = serializer.serialize_map(Some(values.len()))?;
+            for (parameter, value) in T::PARAMETERS.iter().zip(values) {
+                map.serialize_entry(parameter.name, value)?;
+            }
+            map.end()
+        } else {
+            let mut tuple = serializer.serialize_tuple(values.len())?;
+            for value in values {
+                tuple.serialize_element(value)?;
+            }
+            tuple.end()
+        }
+    }
+
+    /// What a file leaves out stays what it is.
+    pub fn read<'de, D: Deserializer<'de>, T: Table>(
+        deserializer: D,
+        values: &mut [f32],
+    ) -> Result<(), D::Error> {
+        if deserializer.is_human_readable() {
+            deserializer.deserialize_map(Keys::<T>(values, PhantomData))
+        } else {
+            deserializer.deserialize_tuple(values.len(), Values(values))
+        }
+    }
+
+    struct Values<'a>(&'a mut [f32]);
+
+    impl<'de> Visitor<'de> for Values<'_> {
+        type Value = ();
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("numbers")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut from: A) -> Result<(), A::Error> {
+            for (place, value) in self.0.iter_mut().enumerate() {
+                let next = from.next_element()?;
+                *value = next.ok_or_else(|| A::Error::invalid_length(place, &"more numbers"))?;
+            }
+            Ok(())
+        }
+    }
+
+    struct Keys<'a, T>(&'a mut [f32], PhantomData<T>);
+
+    impl<'de, T: Table> Visitor<'de> for Keys<'_, T> {
+        type Value = ();
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("a table of numbers")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<(), A::Error> {
+            while let Some(place) = entries.next_key_seed(Key::<T>(PhantomData))? {
+                let next = entries.next_value()?;
+                if let Some(value) = self.0.get_mut(place) {
+                    *value = next;
+                }
+            }
+            Ok(())
+        }
+    }
+
+    /// A key's place in its table.
+    struct Key<T>(PhantomData<T>);
+
+    impl<'de, T: Table> DeserializeSeed<'de> for Key<T> {
+        type Value = usize;
+
+        fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<usize, D::Error> {
+            deserializer.deserialize_identifier(self)
+        }
+    }
+
+    impl<T: Table> Visitor<'_> for Key<T> {
+        type Value = usize;
+
+        fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            f.write_str("a key")
+        }
+
+        fn visit_str<E: Error>(self, key: &str) -> Result<usize, E> {
+            let place = T::PARAMETERS.iter().position(|parameter| parameter.name == key);
+            place.ok_or_else(|| E::custom(format_args!("unknown key `{key}`")))
+        }
+    }
+}

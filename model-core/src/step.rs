@@ -4,22 +4,24 @@ use crate::config::{Config, ConfigError, Load};
 use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, Target};
 use crate::estimation::{Estimator, Measurement, Openings};
 use crate::physics::body::Shape;
-use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
+use crate::safety::supervisor::{Activity, BoardState, FirstFailure, Supervisor};
 use crate::safety::watch::{EMPTY, Watch};
 use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
-use crate::sensing::front_end::Converter;
+use crate::sensing::{Reading, Sensing};
 
 /// Model, estimator, controller and supervisor of one muscle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Core {
     config: Config,
     shape: Shape,
-    converter: Converter,
+    sensing: Sensing,
     supervisor: Supervisor,
     estimator: Estimator,
     controller: Controller,
     watch: Watch,
     found: Faults,
+    /// Absolute pressure that was read last \[Pa\].
+    pressure_pa: f32,
     command: Command,
     /// The last step's openings were others than those of the one before.
     turned: bool,
@@ -39,12 +41,13 @@ impl Core {
         Ok(Self {
             config: *config,
             shape: Shape::new(&config.body),
-            converter: Converter::new(&config.front_end),
+            sensing: Sensing::new(config),
             supervisor: Supervisor::new(config, true),
             estimator: Estimator::new(config),
             controller: Controller::new(config),
             watch: Watch::new(config),
             found: Faults::NONE,
+            pressure_pa: 0.0,
             command: Command::VENT,
             turned: false,
             inlet_steps: 0,
@@ -68,6 +71,8 @@ impl Core {
     pub fn restart_as(&mut self, other: Self) {
         *self = Self {
             supervisor: self.supervisor.after_restart(&other.supervisor),
+            sensing: self.sensing.after_restart(&other.sensing),
+            pressure_pa: self.pressure_pa,
             inlet_steps: self.inlet_steps,
             ..other
         };
@@ -118,22 +123,29 @@ impl Core {
     /// One step. While the sensors are judged ([`Mode::Judging`]) it vents, and neither estimates nor
     /// counts: step 0 is the first after it.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
-        let pressure_pa = self.converter.pressure_pa(sample.pressure);
-        let read_m = self.converter.length_m(sample.length);
         let driven = self.controller.driven();
         // A muscle that is not empty, and that a set point lets out.
         let let_out = driven
             && !self.supervisor.judging()
             && self.command.outlet > Duty::ZERO
-            && pressure_pa > EMPTY * self.config.ambient.pressure_pa;
+            && self.pressure_pa > EMPTY * self.config.ambient.pressure_pa;
+        let readings = self.sensing.read(sample, self.inlet_steps > 0 || let_out);
+        let pressure_pa = readings.pressure.value;
+        self.pressure_pa = pressure_pa;
+        let read_m = readings.length.value;
         let activity = Activity {
-            flowing: self.inlet_steps > 0 || let_out,
             driven,
             step: self.step,
             found: core::mem::replace(&mut self.found, Faults::NONE),
             impossible_length: !self.shape.can_have_length_m(read_m),
         };
-        let faults = self.supervisor.step(sample, pressure_pa, activity);
+        let board = BoardState {
+            emergency_stop: sample.emergency_stop,
+            heard: sample.heard,
+            flooded: sample.flooded,
+            missed_steps: sample.missed_steps,
+        };
+        let faults = self.supervisor.step(&board, &readings, activity);
         let length_m = self.length_m(read_m, pressure_pa, faults);
         if self.supervisor.judging() {
             self.follow(Command::VENT);
@@ -161,13 +173,22 @@ impl Core {
         );
         let command = if venting { Command::VENT } else { wanted };
         let turned = core::mem::replace(&mut self.turned, command.turns(self.command));
+        if !faults.intersects(Faults::GAS_SENSOR) {
+            self.sensing.add_gas(sample.gas);
+        }
+        let gas = if self.estimator.ends_interval() {
+            self.sensing.take_gas()
+        } else if self.estimator.starts() && !faults.intersects(Faults::GAS_SENSOR) {
+            self.sensing.last_gas()
+        } else {
+            None
+        };
         // The gas that this sample has seen went through the openings of the step before.
         self.estimator.step(&Measurement {
-            pressure_pa: self.supervisor.pressure_trusted().then_some(pressure_pa),
-            length_m,
-            wide_pressure: self.config.front_end.widens(sample.pressure),
-            wide_length: self.config.front_end.widens(sample.length),
-            gas: (!faults.intersects(Faults::GAS_SENSOR)).then_some(sample.gas),
+            pressure: self.supervisor.pressure_trusted().then_some(readings.pressure),
+            length: Reading { value: length_m, ..readings.length },
+            gas,
+            busy: self.controller.worked(),
             openings: Openings {
                 turned,
                 driven: self.command.inlet > Duty::ZERO || self.command.outlet > Duty::ZERO,
@@ -229,6 +250,7 @@ impl Core {
 mod tests {
     use super::*;
     use crate::sample::AdcCode;
+    use crate::sensing::Sensors;
 
     const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
@@ -287,7 +309,7 @@ mod tests {
             assert_eq!(judging, telemetry.command == Command::VENT);
             judging
         });
-        assert_eq!(judging.count(), usize::from(crate::safety::supervisor::JUDGING_STEPS) - 1);
+        assert_eq!(judging.count(), 49);
         assert_eq!(core.step(&HEALTHY).step, 1);
     }
 
@@ -386,7 +408,7 @@ mod tests {
     fn judged_core(config: &Config, set_point: SetPoint, sample: &Sample) -> Core {
         let mut core = Core::new(config).unwrap();
         core.set(set_point).unwrap();
-        for _ in 1..crate::safety::supervisor::JUDGING_STEPS {
+        for _ in 1..50 {
             core.step(sample);
         }
         core
@@ -399,6 +421,10 @@ mod tests {
         let start = Sample::new(AdcCode(11_538), AdcCode(16_200), AdcCode(20_500));
         let mut core = judged_core(&Config::default(), HALF, &start);
         let mut estimator = Estimator::new(&Config::default());
+        let sensors = Sensors::default();
+        let mut sensing = Sensing::new(&Config::default());
+        let wide_pa = sensors.pressure.quality(&sensors.adc).wide;
+        let wide_m = sensors.length.quality(&sensors.adc).wide;
         for step in 0..300_u16 {
             // Each acts from the next multiple of ten on.
             match step {
@@ -416,12 +442,24 @@ mod tests {
                 AdcCode(if wide_length { 20_480 } else { 20_500 - step % 3 }),
             );
             let telemetry = core.step(&sample);
+            if !gas_lost {
+                sensing.add_gas(sample.gas);
+            }
             estimator.step(&Measurement {
-                pressure_pa: (!pressure_lost).then_some(telemetry.pressure_pa),
-                length_m: telemetry.length_m,
-                wide_pressure: (50..=60).contains(&step) || step >= 190,
-                wide_length,
-                gas: (!gas_lost).then_some(sample.gas),
+                pressure: (!pressure_lost).then_some(Reading {
+                    wide: if (50..=60).contains(&step) || step >= 190 { wide_pa } else { 0.0 },
+                    ..Reading::exact(telemetry.pressure_pa)
+                }),
+                length: Reading {
+                    wide: if wide_length { wide_m } else { 0.0 },
+                    ..Reading::exact(telemetry.length_m)
+                },
+                gas: match step {
+                    0 => sensing.last_gas(),
+                    _ if step % 20 == 19 => sensing.take_gas(),
+                    _ => None,
+                },
+                busy: step % 10 == 0,
                 openings: Openings {
                     turned: [1, 101, 151, 201].contains(&step),
                     driven: (0..=100).contains(&step) || (151..=200).contains(&step),
@@ -446,7 +484,7 @@ mod tests {
                 core.step(&HEALTHY).faults.intersects(Faults::PRESSURE_SENSOR)
             })
         };
-        let whole = crate::safety::supervisor::FROZEN_STEPS;
+        let whole = crate::sensing::FROZEN_CODES;
         assert_eq!(frozen_after(200), Some(whole), "driven for long");
         assert_eq!(frozen_after(whole - 10), Some(whole), "the pulse's end included");
         assert_eq!(frozen_after(whole - 11), None, "one step less");
@@ -464,7 +502,7 @@ mod tests {
         let frozen = (10..500)
             .find(|_| core.step(&HEALTHY).faults.intersects(Faults::PRESSURE_SENSOR))
             .unwrap();
-        assert_eq!(frozen, crate::safety::supervisor::FROZEN_STEPS);
+        assert_eq!(frozen, crate::sensing::FROZEN_CODES);
     }
 
     #[test]

@@ -8,6 +8,9 @@ use host_sim::scenario::core_config::core_config;
 use host_sim::simulation::adc::VirtualAdc;
 use model_core::{AdcCode, Config, Sample, SetPoint};
 
+/// Steps for which a core judges its sensors after a start, at a step of a millisecond.
+pub const JUDGING_STEPS: u16 = 50;
+
 /// A muscle, its sensors and its valves.
 pub struct Muscle {
     plant: Box<dyn Plant>,

@@ -6,13 +6,12 @@
 use host_sim::board::emulated::{Exchange, Injection, Place};
 use model_core::control::Mode;
 use model_core::link::{HostCommand, LastReset, Phase, Request, encode};
-use model_core::safety::supervisor::JUDGING_STEPS;
 use model_core::{Command, Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::ops::Range;
 use std::thread;
-use system_tests::rig::Rig;
+use system_tests::rig::{JUDGING_STEPS, Rig};
 use system_tests::skip_emulator;
 
 /// Both coils must be without power within this time \[ms\].

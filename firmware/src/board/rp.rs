@@ -30,7 +30,7 @@ use embassy_rp::watchdog::{ResetReason, Watchdog};
 use embassy_time::{Duration, Instant};
 use model_core::link::{BAUD, Chip, LastReset, Phase};
 use model_core::safety::supervisor::FirstFailure;
-use model_core::{AdcCode, Command, Core, Duty, Faults};
+use model_core::{Command, Core, Duty, Faults};
 use static_cell::StaticCell;
 
 const CHIP: Chip = if cfg!(feature = "pico2") { Chip::Rp2350 } else { Chip::Rp2040 };
@@ -249,7 +249,9 @@ struct Recorder {
 /// [`STATE`], the cause of a restart the next one, the latched faults the upper half.
 const STATE: usize = 0;
 const DETAIL: usize = 1;
-/// Faults of the first failure, and above them the pressure's code.
+/// 1 hPa \[Pa\].
+const PA_PER_HPA: f32 = 100.0;
+/// Faults of the first failure, and above them its pressure in hectopascals.
 const FAILURE: usize = 2;
 const FAILURE_STEP: usize = 3;
 const PANIC: u32 = 1;
@@ -265,8 +267,9 @@ impl BlackBox for Recorder {
     }
 
     fn record(&mut self, first: Option<FirstFailure>, latched: Faults) {
-        if let Some(FirstFailure { faults, pressure, step }) = first {
-            let failure = u32::from(faults.0) | u32::from(pressure.0) << 16;
+        if let Some(FirstFailure { faults, pressure_pa, step }) = first {
+            let pressure_hpa = (pressure_pa / PA_PER_HPA) as u16;
+            let failure = u32::from(faults.0) | u32::from(pressure_hpa) << 16;
             self.watchdog.set_scratch(FAILURE, failure);
             self.watchdog.set_scratch(FAILURE_STEP, step);
         }
@@ -295,7 +298,8 @@ fn recall(watchdog: &mut Watchdog) -> (LastReset, Remembered) {
     }
     let faults = Faults(failure as u16);
     let latched = Faults((state >> 16) as u16);
-    let first = FirstFailure { faults, pressure: AdcCode((failure >> 16) as u16), step };
+    let pressure_pa = (failure >> 16) as f32 * PA_PER_HPA;
+    let first = FirstFailure { faults, pressure_pa, step };
     // Power clears the registers.
     let remembered = (faults != Faults::NONE).then_some((first, latched));
     watchdog.set_scratch(STATE, Phase::Starting as u32 | state & 0xffff_0000);

@@ -8,8 +8,10 @@ use host_sim::board::{Board, BoardError, BoardStep, CoreBoard};
 use host_sim::files::trace::Row;
 use host_sim::scenario::Loaded;
 use host_sim::simulation::run;
-use model_core::estimation::INTERVAL_STEPS;
 use model_core::{Config, Duty, Sample, SetPoint, Telemetry};
+
+/// Steps of an interval of the estimator, at a step of a millisecond.
+const INTERVAL_STEPS: usize = 20;
 
 /// The core in this process, looked into after every interval.
 #[derive(Debug, Default)]
@@ -40,7 +42,7 @@ impl Board for WatchedBoard {
         let step = self.board.step(sample)?;
         self.steps += 1;
         if let Some(telemetry) = &step.telemetry
-            && self.steps.is_multiple_of(usize::from(INTERVAL_STEPS))
+            && self.steps.is_multiple_of(INTERVAL_STEPS)
         {
             let printed = format!("{:?}", self.board);
             let printed = Printed(&printed).within("estimator: Estimator");
@@ -113,7 +115,7 @@ impl<'a> Printed<'a> {
             .and_then(|rest| rest.split(')').next())
             .and_then(|number| number.parse().ok());
         let tuning = &config.estimator;
-        let duration_s = f32::from(INTERVAL_STEPS) * config.step_s;
+        let duration_s = INTERVAL_STEPS as f32 * config.step_s;
         let forget = duration_s / tuning.memory_s;
         let keep = 1.0 - forget;
         let relative = tuning.gas_drift_k / gas_k;
@@ -185,7 +187,7 @@ impl Recording {
         let mut errors_k: Vec<f64> = Vec::with_capacity(self.truth_k.len());
         let (mut error, mut correcting) = ([0.0; N], self.intervals.iter());
         for (step, (telemetry, truth_k)) in steps.enumerate() {
-            let ended = step > 0 && step.is_multiple_of(usize::from(INTERVAL_STEPS));
+            let ended = step > 0 && step.is_multiple_of(INTERVAL_STEPS);
             if ended && let Some(interval) = correcting.next() {
                 let before = error;
                 error = interval.matrix.map(|row| {

@@ -83,7 +83,7 @@ impl Model {
 
     /// The sensor's lag \[s\].
     pub fn lag_s(&self, state: &State) -> f64 {
-        f64::from(self.config.gas_sensor.time_constant_s) * state[LAG].exp()
+        f64::from(self.config.sensors.gas.time_constant_s) * state[LAG].exp()
     }
 
     /// From the first of `steps` to the last; `each` sees the gas temperature after every one.
@@ -105,7 +105,7 @@ impl Model {
         let wall_j_k = f64::from(self.config.wall.heat_capacity_j_k);
         let k = f64::from(self.config.gas.heat_capacity_ratio);
         let cp = f64::from(self.config.gas.cp_j_kg_k());
-        let housing_s = f64::from(self.config.gas_sensor.housing_time_constant_s);
+        let housing_s = f64::from(self.config.sensors.gas.housing_time_constant_s);
         let friction = &self.config.friction;
         let lag_s = self.lag_s(&state);
         let share = |time_s: f64| (self.step_s / (time_s + 0.5 * self.step_s)).min(1.0);

@@ -11,7 +11,7 @@ use super::{Board, BoardError, BoardStep, image};
 use crate::plant::Actuation;
 use model_core::control::Mode;
 use model_core::link::{Answer, BAUD, HostCommand, LastReset, PROTOCOL, Timing, Version};
-use model_core::safety::supervisor::JUDGING_STEPS;
+use model_core::step_counts::StepCounts;
 use model_core::{AdcCode, Config, Sample, SetPoint, Telemetry};
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
@@ -107,7 +107,7 @@ pub struct EmulatedBoard {
     from_board: Vec<u8>,
     shown: Option<Exchange>,
     /// Whether the core has started and not yet judged its sensors.
-    judging: bool,
+    judging_steps: u16,
     /// Steps since the board last heard that its host is there.
     quiet_steps: u32,
 }
@@ -156,7 +156,7 @@ impl EmulatedBoard {
             to_board: Vec::new(),
             from_board: Vec::new(),
             shown: None,
-            judging: false,
+            judging_steps: 0,
             quiet_steps: 0,
         };
         board.response().map_err(|error| match error {
@@ -390,7 +390,7 @@ impl Board for EmulatedBoard {
         self.send(HostCommand::Start(set_point));
         let inputs = self.inputs;
         self.exchange(&inputs)?;
-        self.judging = true;
+        self.judging_steps = StepCounts::new(config).judging_steps;
         Ok(())
     }
 
@@ -401,10 +401,8 @@ impl Board for EmulatedBoard {
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
         let before = self.restarts;
-        if std::mem::take(&mut self.judging) {
-            for _ in 1..JUDGING_STEPS {
-                self.exchange(sample)?;
-            }
+        for _ in 1..std::mem::take(&mut self.judging_steps) {
+            self.exchange(sample)?;
         }
         let exchange = self.exchange(sample)?;
         self.shown = Some(exchange);

@@ -3,7 +3,7 @@
 use crate::files::measured::Measured;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::{Ledger, Truth};
-use model_core::sensing::front_end::at_rail;
+use model_core::sensing::adc::at_rail;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -2,14 +2,16 @@
 
 use crate::plant::heat::InnerHeat;
 use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
-use model_core::config::{
-    Ambient, Body, Config, EstimatorConfig, GasSensor, LinkConfig, Load, Supply,
-};
+use model_core::config::{Ambient, Body, Config, EstimatorConfig, LinkConfig, Load, Supply};
 use model_core::physics::gas::Gas;
 use model_core::physics::geometry::{Braid, Friction, Muscle};
 use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::valve::Valve;
-use model_core::sensing::front_end::FrontEnd;
+use model_core::sensing::Sensors;
+use model_core::sensing::adc::Adc;
+use model_core::sensing::gas::{GasElement, GasSensor, Pt1000};
+use model_core::sensing::length::LengthSensor;
+use model_core::sensing::pressure::PressureSensor;
 
 /// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
 /// \[W/(m2 K)\].
@@ -161,19 +163,28 @@ pub fn core_config(believed: &Scenario) -> Config {
             dead_time_s: if switching { s.valve.dead_time_s as f32 } else { 0.0 },
         },
         pwm_period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
-        front_end: FrontEnd {
-            pressure_range_pa: s.sensor.pressure.range_pa as f32,
-            pressure_noise_pa: s.sensor.pressure.noise_pa as f32,
-            length_range_m: s.sensor.length.range_m as f32,
-            gas_min_k: s.sensor.gas.range_min_k as f32,
-            gas_max_k: s.sensor.gas.range_max_k as f32,
-            wide_code_lsb: RP2040_WIDE_CODE_LSB,
-        },
-        gas_sensor: GasSensor {
-            time_constant_s: ((s.sensor.gas.time_constant_s / one_zone.swing) as f32)
-                .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
-            housing_time_constant_s: one_zone.housing_s as f32,
-            noise_k: s.sensor.gas.noise_k as f32,
+        sensors: Sensors {
+            adc: Adc { wide_code_lsb: RP2040_WIDE_CODE_LSB },
+            pressure: PressureSensor {
+                range_pa: s.sensor.pressure.range_pa as f32,
+                noise_pa: s.sensor.pressure.noise_pa as f32,
+                ..PressureSensor::default()
+            },
+            length: LengthSensor {
+                range_m: s.sensor.length.range_m as f32,
+                ..LengthSensor::default()
+            },
+            gas: GasSensor {
+                time_constant_s: ((s.sensor.gas.time_constant_s / one_zone.swing) as f32)
+                    .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
+                housing_time_constant_s: one_zone.housing_s as f32,
+                noise_k: s.sensor.gas.noise_k as f32,
+                ..GasSensor::default()
+            },
+            gas_element: GasElement::Pt1000(Pt1000 {
+                range_min_k: s.sensor.gas.range_min_k as f32,
+                range_max_k: s.sensor.gas.range_max_k as f32,
+            }),
         },
         estimator: EstimatorConfig {
             place_error_k: (one_zone.place_error * f64::from(s.estimator.place_error_k)).min(100.0)
@@ -239,9 +250,11 @@ mod tests {
         // The board's valves switch as the full plant's do, and its sensor has a housing; its lag is
         // the foil's own.
         assert_eq!(full.valve, default.valve);
-        let time_constant_s = lumped.gas_sensor.time_constant_s;
-        assert_eq!(GasSensor { time_constant_s, ..full.gas_sensor }, default.gas_sensor);
-        let Config { body, valve, gas_sensor, .. } = lumped;
-        assert_eq!(Config { body, valve, gas_sensor, ..default }, lumped);
+        let lag_s = |config: &Config| config.sensors.gas.time_constant_s;
+        let mut sensors = full.sensors;
+        sensors.gas.time_constant_s = lag_s(&lumped);
+        assert_eq!(sensors, default.sensors);
+        let Config { body, valve, sensors, .. } = lumped;
+        assert_eq!(Config { body, valve, sensors, ..default }, lumped);
     }
 }

@@ -153,6 +153,11 @@ impl Controller {
         self.target != Target::VENT
     }
 
+    /// Whether the last step began a PWM period, the one in which it works.
+    pub fn worked(&self) -> bool {
+        self.elapsed_steps == 1
+    }
+
     /// Whether the set point asks for more than the working limit gives.
     pub fn limited(&self) -> bool {
         self.limited

@@ -7,21 +7,20 @@
 
 use crate::config::EstimatorConfig;
 use crate::math::limit;
+use crate::step_counts::StepCounts;
 
 /// Error of the gas, lasting for a second, at which the covariance is taken at its word \[K\]: on the
 /// plant `full` the truth is then within two stated deviations for 96 % of the nominal cycle.
 const AGREEMENT_K: f32 = 0.14;
 /// What innovations keep of the ADC's steps on a perfect model, a quarter of a code \[K\].
 const FLOOR_K: f32 = 0.004;
-/// Share of an innovation that enters each of the two averages in series: 25 intervals, half a
-/// second.
-const SMOOTHING: f32 = 1.0 / 25.0;
-/// Share that enters the mean square: 250 intervals, five seconds.
-const WINDOW: f32 = 1.0 / 250.0;
-
 /// Running measure of the innovations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
+    /// Share of an innovation that enters each of the two averages in series: half a second.
+    smoothing: f32,
+    /// Share that enters the mean square: five seconds.
+    window: f32,
     smooth_k: f32,
     smoother_k: f32,
     mean_square_k2: f32,
@@ -29,8 +28,14 @@ pub struct Agreement {
 
 impl Agreement {
     /// Before the first reading: none.
-    pub fn new(lag_s: f32) -> Self {
-        Self { smooth_k: 0.0, smoother_k: 0.0, mean_square_k2: unknown_k2(lag_s) }
+    pub fn new(lag_s: f32, counts: &StepCounts) -> Self {
+        Self {
+            smoothing: 1.0 / f32::from(counts.half_second_intervals),
+            window: 1.0 / f32::from(counts.five_seconds_intervals),
+            smooth_k: 0.0,
+            smoother_k: 0.0,
+            mean_square_k2: unknown_k2(lag_s),
+        }
     }
 
     /// Takes the innovation of one interval \[K\], in which gas has flowed or not; without a reading the
@@ -38,14 +43,14 @@ impl Agreement {
     pub fn add(&mut self, innovation_k: Option<f32>, lag_s: f32, moved: bool) {
         let square_k2 = match innovation_k {
             Some(innovation_k) => {
-                self.smooth_k += SMOOTHING * (innovation_k - self.smooth_k);
-                self.smoother_k += SMOOTHING * (self.smooth_k - self.smoother_k);
+                self.smooth_k += self.smoothing * (innovation_k - self.smooth_k);
+                self.smoother_k += self.smoothing * (self.smooth_k - self.smoother_k);
                 self.smooth_k2()
             }
             None => unknown_k2(lag_s),
         };
         if moved || square_k2 > self.mean_square_k2 {
-            self.mean_square_k2 += WINDOW * (square_k2 - self.mean_square_k2);
+            self.mean_square_k2 += self.window * (square_k2 - self.mean_square_k2);
         }
     }
 
@@ -69,9 +74,14 @@ fn unknown_k2(lag_s: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Config;
+
+    fn agreement() -> Agreement {
+        Agreement::new(3.0, &StepCounts::new(&Config::default()))
+    }
 
     fn share_after(innovation_k: Option<f32>, intervals: usize) -> f32 {
-        let mut agreement = Agreement::new(3.0);
+        let mut agreement = agreement();
         for _ in 0..intervals {
             agreement.add(innovation_k, 3.0, true);
         }
@@ -89,7 +99,7 @@ mod tests {
 
     #[test]
     fn rest_proves_nothing() {
-        let mut agreement = Agreement::new(3.0);
+        let mut agreement = agreement();
         for _ in 0..3000 {
             agreement.add(Some(0.0), 3.0, false);
         }
@@ -106,7 +116,7 @@ mod tests {
 
     #[test]
     fn it_fades_without_readings() {
-        let mut agreement = Agreement::new(3.0);
+        let mut agreement = agreement();
         for step in 0..6000 {
             agreement.add((step < 3000).then_some(0.0), 3.0, step < 3000);
         }

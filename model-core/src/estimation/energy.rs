@@ -2,25 +2,41 @@
 //!
 //! While a valve is open, what is measured more than predicted came in by flow, and is followed as a
 //! trend. Once both are shut, the energy is the running mean of what is measured about what is predicted,
-//! and for the first [`LATE_STEPS`] its corrections still count as flow: they tell better than the
+//! and for the first 25 ms its corrections still count as flow: they tell better than the
 //! last open step did how much came in. Without that, the noise of the pressure would leave a step
 //! in the mass with every pulse.
 
 use super::Openings;
 use super::trend::{Trend, Uncertainty, on_within};
 use crate::math::limit;
+use crate::step_counts::StepCounts;
 
-/// Steps after the valves have shut in which corrections of the energy still count as flow.
-const LATE_STEPS: u16 = 25;
-/// Share of each measured energy in the averaged one after that: over a hundred steps. Longer, and the
-/// errors of the heat would show.
-const LATEST_SHARE: f32 = 0.01;
-/// Share of a step in the mean flow: over ten steps.
-const MEAN_SHARE: f32 = 0.1;
+/// Over how many steps it averages.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Averaging {
+    /// Steps after the valves have shut in which corrections of the energy still count as flow.
+    late_steps: u16,
+    /// Share of each measured energy in the averaged one after that.
+    shut_share: f32,
+    /// Share of a step in the mean flow: over a PWM period.
+    flow_share: f32,
+}
+
+impl Averaging {
+    /// With those times.
+    pub fn new(counts: &StepCounts, pwm_period_steps: u16) -> Self {
+        Self {
+            late_steps: counts.late_steps,
+            shut_share: 1.0 / f32::from(counts.shut_steps),
+            flow_share: 1.0 / f32::from(pwm_period_steps.max(1)),
+        }
+    }
+}
 
 /// Internal energy of the gas, and the flow that changes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Energy {
+    averaging: Averaging,
     energy_j: f32,
     /// Enthalpy that flow brings with each step \[J\].
     flow: Trend,
@@ -31,8 +47,19 @@ pub struct Energy {
 
 impl Energy {
     /// So much energy \[J\], and no flow.
-    pub fn new(energy_j: f32) -> Self {
-        Self { energy_j, flow: Trend::REST, mean_flow_j: 0.0, closed_steps: LATE_STEPS }
+    pub fn new(energy_j: f32, averaging: Averaging) -> Self {
+        Self {
+            averaging,
+            energy_j,
+            flow: Trend::REST,
+            mean_flow_j: 0.0,
+            closed_steps: averaging.late_steps,
+        }
+    }
+
+    /// The same times, and so much energy \[J\] at rest.
+    pub fn restart(&mut self, energy_j: f32) {
+        *self = Self::new(energy_j, self.averaging);
     }
 
     /// Internal energy \[J\].
@@ -42,7 +69,7 @@ impl Energy {
 
     /// Whether what [`Self::step`] returned was flow.
     pub fn flowing(&self) -> bool {
-        self.closed_steps < LATE_STEPS
+        self.closed_steps < self.averaging.late_steps
     }
 
     /// What averaging leaves of the variance of one measured energy \[-\].
@@ -62,7 +89,7 @@ impl Energy {
 
     /// One step, for which the balance without flow predicts `closed_j`, and P V/(k-1), eq. (4), is
     /// `measured_j`. Returns what the energy is more than predicted \[J\]: the enthalpy that came in,
-    /// or once both valves have been shut for [`LATE_STEPS`] a correction.
+    /// or once both valves have been shut for that long a correction.
     pub fn step(
         &mut self,
         closed_j: f32,
@@ -82,15 +109,18 @@ impl Energy {
                 }
             };
             if openings.driven {
-                self.mean_flow_j += MEAN_SHARE * (more_j - self.mean_flow_j);
+                self.mean_flow_j += self.averaging.flow_share * (more_j - self.mean_flow_j);
             }
             self.energy_j = closed_j + more_j;
             return more_j;
         }
         self.flow = Trend::REST;
-        self.closed_steps = (self.closed_steps + 1).min(LATE_STEPS);
-        let share =
-            if self.flowing() { 1.0 / f32::from(self.closed_steps + 1) } else { LATEST_SHARE };
+        self.closed_steps = (self.closed_steps + 1).min(self.averaging.late_steps);
+        let share = if self.flowing() {
+            1.0 / f32::from(self.closed_steps + 1)
+        } else {
+            self.averaging.shut_share
+        };
         let more_j = match uncertainty {
             Uncertainty::Noise(_) => share * error_j,
             Uncertainty::WideCode(half_j) => share * (error_j - limit(error_j, -half_j, half_j)),
@@ -104,6 +134,11 @@ impl Energy {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Config;
+
+    fn at_rest(energy_j: f32) -> Energy {
+        Energy::new(energy_j, Averaging::new(&StepCounts::new(&Config::default()), 10))
+    }
 
     const EXACT: Uncertainty = Uncertainty::Noise(0.0);
     const SHUT: Openings =
@@ -113,7 +148,7 @@ mod tests {
     /// Energy in steps of `rate_j` whose readings stand still between 10 and 30 J: largest error within
     /// those, and elsewhere.
     fn through_a_wide_code(rate_j: f32) -> (f32, f32) {
-        let mut energy = Energy::new(0.0);
+        let mut energy = at_rest(0.0);
         let (mut within_j, mut elsewhere_j) = (0.0_f32, 0.0_f32);
         for step in 1..200 {
             let true_j = rate_j * step as f32;
@@ -138,7 +173,7 @@ mod tests {
 
     #[test]
     fn within_a_wide_code_the_duties_tell() {
-        let mut energy = Energy::new(0.0);
+        let mut energy = at_rest(0.0);
         for step in 1..100_u8 {
             energy.step(energy.energy_j(), f32::from(step), EXACT, FILLING);
         }
@@ -156,12 +191,12 @@ mod tests {
 
     #[test]
     fn what_comes_late_counts_as_flow_and_later_on_does_not() {
-        let mut energy = Energy::new(10.0);
+        let mut energy = at_rest(10.0);
         assert!(!energy.flowing());
         assert_eq!(energy.step(10.0, 12.0, EXACT, FILLING), 2.0);
         assert_eq!(energy.step(12.0, 13.0, EXACT, SHUT), 0.5, "the mean of 12 and 13");
         assert!(energy.flowing());
-        for _ in 0..LATE_STEPS {
+        for _ in 0..25 {
             energy.step(energy.energy_j(), 13.0, EXACT, SHUT);
         }
         assert!(!energy.flowing());

@@ -1,5 +1,5 @@
 //! The gas temperature in real time: an extended Kalman filter whose state moves at every step and
-//! whose covariance moves once per [`INTERVAL_STEPS`].
+//! whose covariance moves once per interval of 20 ms.
 //!
 //! Pressure P and length (hence volume V) are measured fast and well. With the energy balance they
 //! give the enthalpy that came in or left, whatever valve it went through. Without flow, (3) predicts
@@ -47,28 +47,21 @@ mod trend;
 
 use self::agreement::Agreement;
 use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
-use self::energy::Energy;
+use self::energy::{Averaging, Energy};
 use self::trend::{FlowState, Trend, Uncertainty};
 use crate::config::Config;
 use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
 use crate::physics::body::Shape;
-use crate::safety::supervisor::PATIENCE_STEPS;
-use crate::sample::{AdcCode, Estimate, OVERSAMPLING};
-use crate::sensing::front_end::{CodeSum, Converter};
+use crate::sample::Estimate;
+use crate::sensing::{GasReading, Reading};
+use crate::step_counts::StepCounts;
 
-/// Steps per update of the covariance and of the sensor's correction.
-pub const INTERVAL_STEPS: u16 = 20;
-
-/// Share of a step's inflow in the inflow that stirs the gas: five milliseconds of averaging.
-const INFLOW_SHARE: f32 = 0.2;
-/// How far the element must have moved, in codes of 12 bit, for a code that has stood still meanwhile to
-/// be a frozen one: three times what a code of erratum RP2040-E11 is wide, so that an element three
-/// times as slow as believed has left it.
-const FROZEN_LSB: f32 = 30.0;
+/// How far the element must have moved, in differences that it shows, for a reading that has stood still
+/// meanwhile to be a frozen one: three times what a code of erratum RP2040-E11 is wide, so that an element
+/// three times as slow as believed has left it.
+const FROZEN: f32 = 30.0;
 /// Nearer than this, and twice the stated deviation, the gas need not move its element \[K\].
 const UNMOVED_K: f32 = 0.3;
-/// Intervals for which a gas sensor that contradicts the model is told: ten seconds at 1 kHz.
-const CONTRADICTED_INTERVALS: u16 = 500;
 /// Pressures beyond which no gas in a muscle or vessel lies \[Pa\].
 const LOWEST_PA: f32 = 5.0e3;
 const HIGHEST_PA: f32 = 1.0e9;
@@ -82,12 +75,12 @@ const LEAST_KG: f32 = 1.0e-9;
 /// Temperatures beyond which neither gas nor wall lies \[K\].
 const COLDEST_K: f32 = 100.0;
 const HOTTEST_K: f32 = 1000.0;
-/// Part of a code that the pressure is uncertain by beside its noise: what linearising leaves.
-const PRESSURE_LSB: f32 = 0.25;
 /// Errors of the pressure beyond so many deviations are no noise: the flow has changed.
 const NOISE_DEVIATIONS: f32 = 4.0;
-/// The same of the length, in codes of 12 bit.
-const LENGTH_LSB: f32 = 1.0;
+/// Parts of the work that an interval leaves, and the step of the next one in which it begins: the first is
+/// the controller's.
+const PARTS: u16 = 5;
+const FIRST_PART: u16 = 2;
 /// What averaging does not take of the variance of one pressure: the lag of its sensor \[-\].
 const NOT_AVERAGED: f32 = 0.1;
 
@@ -95,17 +88,16 @@ const NOT_AVERAGED: f32 = 0.1;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
     /// Measured absolute pressure \[Pa\]; `None` while the sensor is not to be trusted.
-    pub pressure_pa: Option<f32>,
+    pub pressure: Option<Reading>,
     /// Measured length \[m\], limited to what the body can have.
-    pub length_m: f32,
-    /// The pressure's code is one that the converter makes too wide ...
-    pub wide_pressure: bool,
-    /// ... and the length's.
-    pub wide_length: bool,
-    /// Raw code of the gas sensor; `None` while the sensor is not to be trusted.
-    pub gas: Option<AdcCode>,
+    pub length: Reading,
+    /// What the gas sensor has said, where the estimator [starts](Estimator::starts) or an interval
+    /// [ends](Estimator::ends_interval): the mean over it. `None`: nothing to be trusted.
+    pub gas: Option<GasReading>,
     /// What the valves are driven to.
     pub openings: Openings,
+    /// The controller works in this step: what can wait, waits.
+    pub busy: bool,
 }
 
 /// Where gas may go, as the duties tell.
@@ -139,15 +131,12 @@ struct Interval {
     gas_k: f32,
     inflow_kg: f32,
     heat_j: f32,
-    readings: CodeSum,
     flowing_steps: u16,
     /// Work of the gas, and its measured internal energy at the start \[J\].
     work_j: f32,
     start_j: f32,
     /// A step of it had no pressure.
     void: bool,
-    /// The gas sensor's code has changed in it.
-    code_moved: bool,
 }
 
 /// What an interval's pressures and lengths say of the gas, whatever the valves were asked.
@@ -188,6 +177,8 @@ struct Pending {
     innovation_k: Option<f32>,
     /// Gas flowed.
     moved: bool,
+    /// Variance of the mean of the interval's readings of the gas sensor \[K2\].
+    reading_k2: f32,
 }
 
 /// State of the estimator.
@@ -195,27 +186,26 @@ struct Pending {
 pub struct Estimator {
     // Constants of the configuration, worked out once.
     shape: Shape,
-    converter: Converter,
     config: Config,
+    counts: StepCounts,
+    /// Share of a step's inflow in the inflow that stirs the gas.
+    stirring_share: f32,
     per_k_minus_1: f32,
     per_cp: f32,
     per_cp_supply: f32,
     per_cv: f32,
     interval_s: f32,
-    /// Movement of the element at which a code that stands still is a frozen one \[K\].
+    /// Movement of the element at which a reading that stands still is a frozen one \[K\].
     frozen_k: f32,
     /// Largest error of a pressure that is still its noise \[Pa\].
     noise_pa: f32,
-    /// The same of a length \[m\], and half the width of its wide codes \[m\].
+    /// The same of a length \[m\].
     length_noise_m: f32,
-    wide_length_m: f32,
-    /// Half the width of a wide code \[Pa\].
-    wide_code_pa: f32,
     /// Deviation of the temperature that the noise of one pressure leaves, times pressure over
     /// temperature \[Pa\].
     pressure_sd_pa: f32,
-    /// Variance of the mean of an interval's readings of the gas sensor \[K2\].
-    reading_k2: f32,
+    /// Variance of what the gas around the foil differs from the mean, in one interval's reading \[K2\].
+    bias_k2: f32,
     /// Variance of what averaging over a second leaves of them \[K2\].
     lasting_k2: f32,
     // State.
@@ -242,10 +232,9 @@ pub struct Estimator {
     inflow_kg: f32,
     entering: bool,
     missing_steps: u16,
-    gas_code: AdcCode,
     /// What the last readings said \[K\].
     reading_k: f32,
-    /// By how much the element must have moved in the intervals since the code last changed \[K\].
+    /// By how much the element must have moved in the intervals since the reading last changed \[K\].
     unmoved_k: f32,
     frozen: bool,
     contradicted_intervals: u16,
@@ -275,43 +264,41 @@ fn initial_covariance(config: &Config) -> Covariance {
     }
 }
 
+/// Within a wide code, or by noise.
+fn uncertainty(wide: f32, noise: f32) -> Uncertainty {
+    if wide > 0.0 { Uncertainty::WideCode(wide) } else { Uncertainty::Noise(noise) }
+}
+
 impl Estimator {
     /// An estimator that starts with the first measurement.
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
         let sd = &config.estimator;
-        let conversions = f32::from(OVERSAMPLING);
-        let interval_s = f32::from(INTERVAL_STEPS) * config.step_s;
-        let front_end = &config.front_end;
-        let rounding_pa = PRESSURE_LSB * front_end.pressure_code_pa();
-        let pressure_noise_pa2 = front_end.pressure_noise_pa * front_end.pressure_noise_pa;
-        let pressure_sd_pa = sqrt(pressure_noise_pa2 / conversions + rounding_pa * rounding_pa);
-        let gas_noise_k2 = config.gas_sensor.noise_k * config.gas_sensor.noise_k;
-        let bias_k = sd.reading_bias_k(config.gas_sensor.time_constant_s);
+        let counts = StepCounts::new(config);
+        let interval_s = f32::from(counts.interval_steps) * config.step_s;
+        let sensors = &config.sensors;
+        let pressure_sd_pa = sqrt(sensors.pressure.quality(&sensors.adc).noise2);
+        let gas_noise_k2 = sensors.gas.noise_k * sensors.gas.noise_k;
+        let bias_k = sd.reading_bias_k(sensors.gas.time_constant_s);
+        let energy = Energy::new(0.0, Averaging::new(&counts, config.pwm_period_steps));
         Self {
             shape: Shape::new(&config.body),
-            converter: Converter::new(&config.front_end),
             config: *config,
+            counts,
+            stirring_share: 1.0 / f32::from(counts.stirring_steps),
             per_k_minus_1: 1.0 / (k - 1.0),
             per_cp: 1.0 / config.gas.cp_j_kg_k(),
             per_cp_supply: 1.0 / (config.gas.cp_j_kg_k() * config.supply.temperature_k),
             per_cv: (k - 1.0) / config.gas.gas_constant_j_kg_k,
             interval_s,
-            frozen_k: FROZEN_LSB * front_end.gas_code_k(),
+            frozen_k: FROZEN * sensors.gas_element.resolution_k(),
             // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
             pressure_sd_pa: (k - 1.0) / k * pressure_sd_pa,
             // Well below any pressure, so that an energy within the noise is none below 0.
             noise_pa: limit(NOISE_DEVIATIONS * pressure_sd_pa, 0.0, 0.5 * LOWEST_PA),
-            length_noise_m: LENGTH_LSB * front_end.length_code_m(),
-            wide_length_m: 0.5 * front_end.wide_code_lsb * front_end.length_code_m(),
-            wide_code_pa: limit(
-                0.5 * front_end.wide_code_lsb * front_end.pressure_code_pa(),
-                0.0,
-                0.5 * LOWEST_PA,
-            ),
+            length_noise_m: sensors.length.quality(&sensors.adc).resolution,
             // Averaging leaves little of the noise. The bias is the same in every reading of a second.
-            reading_k2: gas_noise_k2 / (conversions * f32::from(INTERVAL_STEPS))
-                + bias_k * bias_k / interval_s,
+            bias_k2: bias_k * bias_k / interval_s,
             lasting_k2: gas_noise_k2 + bias_k * bias_k,
             mass_kg: CompensatedSum::new(1.0),
             gas_k: config.ambient.temperature_k,
@@ -319,20 +306,19 @@ impl Estimator {
             housing_k: config.ambient.temperature_k,
             sensor_k: config.ambient.temperature_k,
             scale: 1.0,
-            lag_s: config.gas_sensor.time_constant_s,
+            lag_s: sensors.gas.time_constant_s,
             covariance: initial_covariance(config),
-            agreement: Agreement::new(config.gas_sensor.time_constant_s),
+            agreement: Agreement::new(sensors.gas.time_constant_s, &counts),
             gas_sd_k: limit(sd.initial_sd_k, LEAST_SD_K, HOTTEST_K),
             pressure_pa: 0.0,
             volume_m3: 0.0,
             measured_j: 0.0,
-            energy: Energy::new(0.0),
+            energy,
             followed_m: 0.0,
             motion: Trend::REST,
             inflow_kg: 0.0,
             entering: false,
             missing_steps: 0,
-            gas_code: AdcCode(0),
             frozen: false,
             reading_k: config.ambient.temperature_k,
             unmoved_k: 0.0,
@@ -364,39 +350,37 @@ impl Estimator {
 
     /// One step.
     pub fn step(&mut self, measurement: &Measurement) {
-        let Some(pressure_pa) = measurement.pressure_pa else {
+        let Some(pressure) = measurement.pressure else {
             self.wait();
             return;
         };
         self.missing_steps = 0;
-        let pressure_pa = limit(pressure_pa, LOWEST_PA, HIGHEST_PA);
+        let pressure_pa = limit(pressure.value, LOWEST_PA, HIGHEST_PA);
+        let length = &measurement.length;
         if !self.started {
             self.start(pressure_pa, measurement);
         }
-        let uncertainty = if measurement.wide_length {
-            Uncertainty::WideCode(self.wide_length_m)
-        } else {
-            Uncertainty::Noise(self.length_noise_m)
-        };
+        let uncertainty = uncertainty(length.wide, self.length_noise_m);
         let flow_state = measurement.openings.flow_state(self.energy.flowing());
-        let change_m = measurement.length_m - self.followed_m;
+        let change_m = length.value - self.followed_m;
         self.followed_m += self.motion.step(change_m, uncertainty, flow_state);
         let volume_m3 = self.shape.volume_m3(self.followed_m);
-        self.propagate(pressure_pa, volume_m3, measurement);
-        if let Some(code) = measurement.gas {
-            if code != self.gas_code {
-                self.gas_code = code;
-                self.interval.code_moved = true;
-                self.frozen = false;
-            }
-            if !self.frozen {
-                self.interval.readings.add(code);
-            }
-        }
-        self.advance_covariance(measurement.length_m);
+        let wide_pa = limit(pressure.wide, 0.0, 0.5 * LOWEST_PA);
+        self.propagate(pressure_pa, wide_pa, volume_m3, measurement.openings);
+        self.advance_covariance(measurement);
         if !self.is_sound() {
             self.heal();
         }
+    }
+
+    /// Whether it starts with the next step, at the temperature that the gas sensor then has.
+    pub fn starts(&self) -> bool {
+        !self.started
+    }
+
+    /// Whether the next step ends an interval: it is to be given the mean of what the gas sensor has said.
+    pub fn ends_interval(&self) -> bool {
+        self.interval.steps + 1 == self.counts.interval_steps
     }
 
     /// Whether every figure is one that gas, wall and sensor can have.
@@ -424,18 +408,18 @@ impl Estimator {
         self.give_up();
     }
 
-    /// Without pressure there is nothing to go by. A few disturbed steps are left out; after
-    /// [`PATIENCE_STEPS`] the estimate is unknown, and starts anew when the pressure is back.
+    /// Without pressure there is nothing to go by. A few disturbed steps are left out; after ten
+    /// milliseconds the estimate is unknown, and starts anew when the pressure is back.
     fn wait(&mut self) {
         // The interval goes on, in phase with the valves' period, and counts for nothing.
         self.interval.void = true;
         self.interval.steps += 1;
-        if self.interval.steps == INTERVAL_STEPS {
+        if self.interval.steps == self.counts.interval_steps {
             self.interval = Interval::default();
             self.pending.work = Work::Drift;
         }
         self.missing_steps = self.missing_steps.saturating_add(1);
-        if self.missing_steps == PATIENCE_STEPS {
+        if self.missing_steps == self.counts.patience_steps {
             self.give_up();
         }
     }
@@ -444,12 +428,13 @@ impl Estimator {
     fn give_up(&mut self) {
         self.started = false;
         self.covariance = initial_covariance(&self.config);
-        self.agreement = Agreement::new(self.config.gas_sensor.time_constant_s);
+        let lag_s = self.config.sensors.gas.time_constant_s;
+        self.agreement = Agreement::new(lag_s, &self.counts);
         self.pending.innovation_k = None;
         self.pending.work = Work::Deviation;
         self.inflow_kg = 0.0;
         self.scale = 1.0;
-        self.lag_s = self.config.gas_sensor.time_constant_s;
+        self.lag_s = lag_s;
         self.gas_sd_k = self.gas_k * sqrt(LARGEST_GAS);
     }
 
@@ -458,19 +443,20 @@ impl Estimator {
         self.balance.take()
     }
 
-    /// Whether the gas sensor's code stands still while its element must have moved, so that the readings
+    /// Whether the gas sensor's reading stands still while its element must have moved, so that the readings
     /// are left out until it changes, or has contradicted the model within the last ten seconds.
     pub fn sensor_implausible(&self) -> bool {
         self.frozen || self.contradicted_intervals > 0
     }
 
-    /// The work of an interval, one part a step, kept clear of those in which the valves' PWM period
-    /// ends (multiples of ten) and the controller has its own to do.
-    fn advance_covariance(&mut self, length_m: f32) {
-        match self.interval.steps {
-            INTERVAL_STEPS => self.end_interval(length_m),
-            2..=9 => self.work(),
-            _ => {}
+    /// The work of an interval, one part a step, kept clear of the steps in which the controller has its own
+    /// to do, as long as there are others left.
+    fn advance_covariance(&mut self, measurement: &Measurement) {
+        let left = self.counts.interval_steps.saturating_sub(self.interval.steps);
+        if left == 0 {
+            self.end_interval(measurement);
+        } else if self.interval.steps >= FIRST_PART && (!measurement.busy || left <= PARTS) {
+            self.work();
         }
     }
 
@@ -499,7 +485,7 @@ impl Estimator {
                 self.agreement.add(innovation_k, self.lag_s, self.pending.moved);
                 let expected_k2 = self.lasting_k2 + self.covariance.sensor_sensor;
                 if self.agreement.smooth_k2() > CONTRADICTION * CONTRADICTION * expected_k2 {
-                    self.contradicted_intervals = CONTRADICTED_INTERVALS;
+                    self.contradicted_intervals = self.counts.ten_seconds_intervals;
                     self.judge_contradiction();
                 }
             }
@@ -520,11 +506,12 @@ impl Estimator {
 
     /// Everything has the sensor's temperature, until something better is known.
     fn start(&mut self, pressure_pa: f32, measurement: &Measurement) {
-        let volume_m3 = self.shape.volume_m3(measurement.length_m);
-        self.followed_m = measurement.length_m;
+        let length_m = measurement.length.value;
+        let volume_m3 = self.shape.volume_m3(length_m);
+        self.followed_m = length_m;
         self.motion = Trend::REST;
-        if let Some(code) = measurement.gas {
-            let reading_k = limit(self.converter.gas_k(code), COLDEST_K, HOTTEST_K);
+        if let Some(gas) = measurement.gas {
+            let reading_k = limit(gas.value_k, COLDEST_K, HOTTEST_K);
             self.gas_k = reading_k;
             self.wall_k = reading_k;
             self.housing_k = reading_k;
@@ -532,18 +519,18 @@ impl Estimator {
         }
         self.unmoved_k = 0.0;
         let energy_j = pressure_pa * volume_m3 * self.per_k_minus_1;
-        self.energy = Energy::new(energy_j);
+        self.energy.restart(energy_j);
         self.measured_j = energy_j;
         self.mass_kg = CompensatedSum::new(energy_j * self.per_cv / self.gas_k);
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
-        self.length_m = measurement.length_m;
+        self.length_m = length_m;
         self.started = true;
-        self.set_conductance(self.shape.surface_m2(measurement.length_m));
+        self.set_conductance(self.shape.surface_m2(length_m));
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
-    fn propagate(&mut self, pressure_pa: f32, volume_m3: f32, measurement: &Measurement) {
+    fn propagate(&mut self, pressure_pa: f32, wide_pa: f32, volume_m3: f32, openings: Openings) {
         let conductance = if self.inflow_kg > 0.0 {
             self.still_j_k + self.stirred_j_k_kg * self.inflow_kg
         } else {
@@ -553,12 +540,7 @@ impl Estimator {
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
         let closed_j = self.energy.energy_j() - work_j - heat_j;
         let per_pa = volume_m3 * self.per_k_minus_1;
-        let uncertainty = if measurement.wide_pressure {
-            Uncertainty::WideCode(self.wide_code_pa * per_pa)
-        } else {
-            Uncertainty::Noise(self.noise_pa * per_pa)
-        };
-        let openings = measurement.openings;
+        let uncertainty = uncertainty(wide_pa * per_pa, self.noise_pa * per_pa);
         let measured_j = pressure_pa * per_pa;
         let enthalpy_j = self.energy.step(closed_j, measured_j, uncertainty, openings);
         if self.interval.steps == 0 {
@@ -590,7 +572,7 @@ impl Estimator {
                 enthalpy_j * self.per_cp / self.gas_k
             };
             self.mass_kg.add(change_kg);
-            self.inflow_kg += INFLOW_SHARE * (inflow_kg - self.inflow_kg);
+            self.inflow_kg += self.stirring_share * (inflow_kg - self.inflow_kg);
             self.interval.flowing_steps += 1;
         } else {
             self.inflow_kg = 0.0;
@@ -620,14 +602,15 @@ impl Estimator {
         self.stirred_j_k_kg = heat.inner_per_flow * scaled_m2;
     }
 
-    fn end_interval(&mut self, length_m: f32) {
+    fn end_interval(&mut self, measurement: &Measurement) {
+        let length_m = measurement.length.value;
         let interval = self.interval;
         self.interval = Interval::default();
         if interval.void {
             self.pending.work = Work::Drift;
             return;
         }
-        let steps = f32::from(INTERVAL_STEPS);
+        let steps = f32::from(self.counts.interval_steps);
         let duration_s = self.interval_s;
         let gas_k = interval.gas_k / steps;
         let speed_m_s = (length_m - self.length_m) / duration_s;
@@ -640,7 +623,7 @@ impl Estimator {
         let outer_w_k = heat.outer_w_k(surface_m2, speed_m_s);
         let outer_share = limit(outer_w_k * duration_s * per_wall, 0.0, 1.0);
         let friction_j = self.config.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s;
-        let housing_s = self.config.gas_sensor.housing_time_constant_s;
+        let housing_s = self.config.sensors.gas.housing_time_constant_s;
         // Means over the interval on both sides: implicit Euler then delays by just the lag.
         self.housing_k += duration_s / (housing_s + duration_s) * (gas_k - self.housing_k);
         let lag_share = duration_s / (self.lag_s + 0.5 * duration_s);
@@ -673,18 +656,20 @@ impl Estimator {
         });
         let forget = duration_s / self.config.estimator.memory_s;
         self.scale += forget * (1.0 - self.scale);
-        self.lag_s += forget * (self.config.gas_sensor.time_constant_s - self.lag_s);
+        self.lag_s += forget * (self.config.sensors.gas.time_constant_s - self.lag_s);
         let warming_k = (interval.heat_j + friction_j) * per_wall
             - outer_share * (self.wall_k - self.config.ambient.temperature_k);
         self.wall_k = limit(self.wall_k + warming_k, COLDEST_K, HOTTEST_K);
         let sensor_change_k = lag_share * (self.housing_k - self.sensor_k);
         self.sensor_k += sensor_change_k;
         let away_k = absolute(self.housing_k - self.reading_k) - UNMOVED_K - 2.0 * self.gas_sd_k;
-        if interval.code_moved {
+        if measurement.gas.is_some_and(|gas| gas.moved) {
             self.unmoved_k = 0.0;
+            self.frozen = false;
         } else {
             self.unmoved_k += lag_share * limit(away_k, 0.0, HOTTEST_K);
         }
+        let reading = measurement.gas.filter(|_| !self.frozen);
         self.frozen |= self.unmoved_k > self.frozen_k;
         self.contradicted_intervals = self.contradicted_intervals.saturating_sub(1);
         self.distrusted &= self.contradicted_intervals > 0;
@@ -693,9 +678,11 @@ impl Estimator {
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag.
         let middle_k = self.sensor_k - 0.5 * sensor_change_k;
-        let reading_k = self.converter.mean_gas_k(&interval.readings);
-        self.reading_k = reading_k.unwrap_or(self.reading_k);
-        self.pending.innovation_k = reading_k.map(|reading_k| reading_k - middle_k);
+        if let Some(gas) = reading {
+            self.reading_k = gas.value_k;
+            self.pending.reading_k2 = gas.noise_k2 + self.bias_k2;
+        }
+        self.pending.innovation_k = reading.map(|gas| gas.value_k - middle_k);
     }
 
     fn add_drift(&mut self) {
@@ -718,7 +705,8 @@ impl Estimator {
     /// Kalman update with the innovation of one interval's readings of the gas sensor.
     fn correct(&mut self, innovation: f32) {
         let p = self.covariance;
-        let per_s = 1.0 / (p.sensor_sensor + self.reading_k2);
+        let reading_k2 = self.pending.reading_k2;
+        let per_s = 1.0 / (p.sensor_sensor + reading_k2);
         let [gas, wall, sensor, scale, lag] = [
             p.gas_sensor * per_s,
             p.wall_sensor * per_s,
@@ -726,7 +714,7 @@ impl Estimator {
             p.sensor_scale * per_s,
             p.sensor_lag * per_s,
         ];
-        self.covariance.reduce(gas, wall, scale, lag, self.reading_k2 * per_s);
+        self.covariance.reduce(gas, wall, scale, lag, reading_k2 * per_s);
 
         // u = dT/T = -dm/m
         let relative = limit(gas * innovation, -0.05, 0.05);
@@ -737,8 +725,8 @@ impl Estimator {
         self.scale = limit(self.scale * exp(limit(scale * innovation, -0.1, 0.1)), 0.2, 5.0);
         self.lag_s = limit(
             self.lag_s * exp(limit(lag * innovation, -0.1, 0.1)),
-            0.2 * self.config.gas_sensor.time_constant_s,
-            5.0 * self.config.gas_sensor.time_constant_s,
+            0.2 * self.config.sensors.gas.time_constant_s,
+            5.0 * self.config.sensors.gas.time_constant_s,
         );
     }
 
@@ -756,21 +744,30 @@ impl Estimator {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensing::Validity;
     use proptest::prelude::*;
 
-    fn measurement(pressure_pa: f32, length_m: f32, code: u16, flow: u8) -> Measurement {
+    fn reading(value: f32) -> Reading {
+        Reading { value, wide: 0.0, validity: Validity::Valid }
+    }
+
+    /// Valves and sensors of a step; `flow`: 1 in, 2 out.
+    fn measurement(pressure_pa: f32, length_m: f32, gas_k: f32, flow: u8) -> Measurement {
         Measurement {
-            pressure_pa: (pressure_pa > 0.0).then_some(pressure_pa),
-            length_m,
-            wide_pressure: false,
-            wide_length: false,
-            gas: (code > 0).then_some(AdcCode(code)),
+            pressure: (pressure_pa > 0.0).then_some(reading(pressure_pa)),
+            length: reading(length_m),
+            gas: (gas_k > 0.0).then_some(GasReading {
+                value_k: gas_k,
+                noise_k2: 1.0e-4,
+                moved: true,
+            }),
             openings: Openings {
                 turned: false,
                 driven: flow != 0,
                 charging: flow & 1 != 0,
                 discharging: flow & 2 != 0,
             },
+            busy: false,
         }
     }
 
@@ -785,23 +782,25 @@ mod tests {
         );
     }
 
-    /// A fast fill moves the element further in one interval than a frozen code is allowed, and the code
-    /// with it.
+    /// A fast fill moves the element further in one interval than a frozen reading is allowed, and the
+    /// reading with it.
     #[test]
-    fn a_code_that_moves_is_not_frozen_however_fast_its_element() {
+    fn a_reading_that_moves_is_not_frozen_however_fast_its_element() {
         let mut config = Config::default();
-        config.gas_sensor.time_constant_s = 0.3;
-        config.gas_sensor.housing_time_constant_s = 0.001;
-        for (moves, implausible) in [(1, false), (0, true)] {
+        config.sensors.gas.time_constant_s = 0.3;
+        config.sensors.gas.housing_time_constant_s = 0.001;
+        for (moved, implausible) in [(true, false), (false, true)] {
             let mut estimator = Estimator::new(&config);
             let shown = (0..140_u16).any(|step| {
-                let pressure_pa =
-                    if step < 40 { 1.2e5 } else { 1.2e5 + 3.0e3 * f32::from(step - 40) };
-                let code = 15_950 + moves * step;
-                estimator.step(&measurement(pressure_pa, 0.28, code, u8::from(step >= 40)));
+                let after = f32::from(step.saturating_sub(40));
+                let gas_k = 298.0 + if moved { 0.05 * after } else { 0.0 };
+                let measurement =
+                    measurement(1.2e5 + 3.0e3 * after, 0.28, gas_k, u8::from(step >= 40));
+                let gas = measurement.gas.map(|gas| GasReading { moved, ..gas });
+                estimator.step(&Measurement { gas, ..measurement });
                 estimator.sensor_implausible()
             });
-            assert_eq!(shown, implausible, "{moves} codes in a step");
+            assert_eq!(shown, implausible, "moved: {moved}");
         }
     }
 
@@ -810,13 +809,10 @@ mod tests {
     fn contradicted(ambient_k: f32, reads_k: f32) -> (Estimator, Estimate) {
         let mut config = Config::default();
         config.ambient.temperature_k = ambient_k;
-        let converter = Converter::new(&config.front_end);
-        let code = |k: f32| (0..32_760).find(|code| converter.gas_k(AdcCode(*code)) > k).unwrap();
-        let (before, after) = (code(298.0), code(reads_k));
         let mut estimator = Estimator::new(&config);
         for step in 0..30_000_u16 {
-            let code = if step < 20_000 { before } else { after };
-            estimator.step(&measurement(2.0e5, 0.28, code + step % 2, 0));
+            let gas_k = if step < 20_000 { 298.0 } else { reads_k };
+            estimator.step(&measurement(2.0e5, 0.28, gas_k, 0));
         }
         let estimate = estimator.estimate();
         (estimator, estimate)
@@ -837,19 +833,19 @@ mod tests {
     #[test]
     fn a_lost_pressure_leaves_nothing_stale() {
         let config = Config::default();
-        let healthy = |step: u16| measurement(2.0e5, 0.28, 16_000 + step % 2, 0);
-        let lost = measurement(0.0, 0.28, 16_000, 0);
+        let healthy = measurement(2.0e5, 0.28, 298.0, 0);
+        let lost = measurement(0.0, 0.28, 298.0, 0);
         for before in (0..3).chain(2000..2020) {
-            for missing in [PATIENCE_STEPS, 11, 12, 15, 20, 27, 40] {
+            for missing in [10, 11, 12, 15, 20, 27, 40] {
                 let mut estimator = Estimator::new(&config);
-                for step in 0..before {
-                    estimator.step(&healthy(step));
+                for _ in 0..before {
+                    estimator.step(&healthy);
                 }
                 for _ in 0..missing {
                     estimator.step(&lost);
                 }
                 for step in 0..200 {
-                    estimator.step(&healthy(step));
+                    estimator.step(&healthy);
                     let Estimate { gas_sd_k, valid, .. } = estimator.estimate();
                     assert!(gas_sd_k > 2.0 && !valid, "{gas_sd_k} K, {before}, {missing}, {step}");
                 }
@@ -860,12 +856,10 @@ mod tests {
     #[test]
     fn a_sensor_beyond_what_gas_can_be_starts_within_it() {
         let mut config = Config::default();
-        config.front_end.gas_min_k = 73.0;
-        config.front_end.gas_max_k = 74.0;
         config.estimator.initial_sd_k = 0.0;
         let mut estimator = Estimator::new(&config);
         assert!(estimator.estimate().gas_sd_k > 0.0);
-        estimator.step(&measurement(2.0e5, 0.28, 16_000, 0));
+        estimator.step(&measurement(2.0e5, 0.28, 73.5, 0));
         let Estimate { gas_k, wall_k, .. } = estimator.estimate();
         assert!([gas_k, wall_k].iter().all(|t| (COLDEST_K..100.1).contains(t)), "{gas_k} {wall_k}");
     }
@@ -876,25 +870,23 @@ mod tests {
         #[test]
         fn it_finds_back_from_nonsense(
             nonsense in proptest::collection::vec(
-                (-1.0e5_f32..1.0e6, 0.2_f32..0.3, 0_u16..32_760, 0_u8..4, 1_usize..80),
+                (-1.0e5_f32..1.0e6, 0.2_f32..0.3, -10.0_f32..340.0, 0_u8..4, 1_usize..80),
                 1..40,
             ),
         ) {
             let config = Config::default();
-            let converter = Converter::new(&config.front_end);
-            let code = (0..32_760).find(|code| converter.gas_k(AdcCode(*code)) > 298.0).unwrap();
             let mut estimator = Estimator::new(&config);
-            for (pressure_pa, length_m, code, flow, steps) in nonsense {
+            for (pressure_pa, length_m, reads_k, flow, steps) in nonsense {
                 for _ in 0..steps {
-                    estimator.step(&measurement(pressure_pa, length_m, code, flow));
+                    estimator.step(&measurement(pressure_pa, length_m, reads_k, flow));
                     let Estimate { gas_k, gas_sd_k, wall_k, mass_kg, .. } = estimator.estimate();
                     prop_assert!([gas_k, wall_k].iter().all(|t| (100.0..=1000.0).contains(t)));
                     prop_assert!(gas_sd_k.is_finite() && gas_sd_k > 0.0 && mass_kg > 0.0);
                 }
             }
-            // Closed, at rest, 25 degC; the gas sensor's code moves with its noise.
-            for step in 0..60_000_u16 {
-                estimator.step(&measurement(2.0e5, 0.28, code + step % 2, 0));
+            // Closed, at rest, 25 degC.
+            for _ in 0..60_000 {
+                estimator.step(&measurement(2.0e5, 0.28, 298.0, 0));
             }
             let Estimate { gas_k, gas_sd_k, .. } = estimator.estimate();
             prop_assert!((gas_k - 298.0).abs() < 3.0 + 3.0 * gas_sd_k, "{gas_k} +- {gas_sd_k}");

@@ -14,12 +14,12 @@ use crate::control::{SetPoint, SetPointError};
 use crate::safety::supervisor::FirstFailure;
 use crate::sample::{Sample, Telemetry};
 use cobs::{DecodeResult, DecoderState};
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 5;
+pub const PROTOCOL: u16 = 6;
 /// Speed of the line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
@@ -28,7 +28,8 @@ pub const MAX_FRAME: usize = 512;
 /// Longest message and CRC before COBS adds its byte per 254, begun or whole, and the zero.
 const MAX_PAYLOAD: usize = MAX_FRAME - 4;
 const CRC_BYTES: usize = 4;
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+/// Bit by bit: a table takes 1 KB of flash.
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
 
 /// From the host to the board.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -438,7 +439,7 @@ mod tests {
         let request = |command| hex(encode(&Request { sequence: 7, command }).unwrap());
         let answer = |answer| hex(encode(&Message::Reply(Reply { sequence: 7, answer })).unwrap());
         let pressure_pa = 2.5e5;
-        let failure = FirstFailure { faults: Faults::BURST, pressure: AdcCode(12_000), step: 9 };
+        let failure = FirstFailure { faults: Faults::BURST, pressure_pa: 2.5e5, step: 9 };
         let version =
             Version { protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false };
         let phase = Phase::Stepping;
@@ -454,14 +455,14 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807070a4eb09a5500"),
             (request(HostCommand::Alive), "07070bb05d4a9900"),
             (request(HostCommand::Step(sample)), "0a070cda3cce7ccdb90102010105a67c65cf00"),
-            (answer(Answer::Version(version)), "0301070205020101010522ffc61300"),
+            (answer(Answer::Version(version)), "030107020602010101058c8d529500"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
                 answer(Answer::LastReset(LastReset::Panic { line: 300, phase })),
                 "0c01070502ac0203b534aa3f00",
             ),
-            (answer(Answer::FirstFailure(Some(failure))), "0e010706018008e05d090b3c42f800"),
+            (answer(Answer::FirstFailure(Some(failure))), "07010706018008092474480992e1f4ae00"),
         ] {
             assert_eq!(bytes, expected);
         }
@@ -469,7 +470,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (267, 1_982_494_549)), (encode(&telemetry), (73, 4_047_776_586))]
+            [(encode(&config), (292, 971_016_324)), (encode(&telemetry), (73, 4_047_776_586))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);

@@ -107,7 +107,7 @@ impl Model {
         let friction_w = self.config.friction.wall_heat_w(self.wall_k, speed_m_s);
         self.wall_k += (to_wall_j + (friction_w - to_ambient_w) * step_s) / wall_j_k;
         self.sensor_k =
-            lag_step(self.sensor_k, self.gas_k(), self.config.gas_sensor.time_constant_s, step_s);
+            lag_step(self.sensor_k, self.gas_k(), self.config.sensors.gas.time_constant_s, step_s);
     }
 
     /// Length at which load and muscle balance, with Coulomb friction: the length stays as it is

@@ -26,34 +26,12 @@
 //!
 //! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone. Another
 //! configuration or another start of the core is no way round: the supervisor outlives both, and
-//! after each of them the muscle vents for the [`JUDGING_STEPS`] that it takes to judge the sensors.
+//! after each of them the muscle vents for the 50 ms that it takes to judge the sensors.
 
 use crate::config::Config;
-use crate::math::limit;
-use crate::sample::{AdcCode, CODE_MAX, Faults, Sample};
-use crate::sensing::front_end::{FrontEnd, at_rail};
-
-/// Steps for which a fault of the pressure channel must last before the muscle is vented: one
-/// disturbed conversion is no fault, ten milliseconds of them are.
-pub const PATIENCE_STEPS: u16 = 10;
-
-/// Steps after a start for which the muscle vents, whatever is asked: a line that is shorted, beyond
-/// the limit or noisy shows by then.
-pub const JUDGING_STEPS: u16 = 50;
-
-/// Steps with gas flowing for which a code may stand still. The noise of eight summed conversions
-/// moves it at almost every step, and so does gas that flows; only in a code of erratum RP2040-E11
-/// neither is seen.
-pub const FROZEN_STEPS: u16 = 60;
-
-/// A change of the change from step to step beyond this is a jerk: 2 % of the range. The gas of a
-/// muscle behind a fast valve makes a fifth of it.
-const JERK: i32 = (CODE_MAX / 50) as i32;
-/// What a jerk adds to the count of a noisy line; a step without one takes 1 away.
-const JERK_WEIGHT: u16 = 4;
-/// Count from which a line is noisy, ten jerks, and the most that is counted.
-const NOISY: u16 = 40;
-const MOST_NOISY: u16 = 60;
+use crate::sample::Faults;
+use crate::sensing::{Readings, Validity};
+use crate::step_counts::StepCounts;
 
 /// What a missed step adds to the count of late ones; a step takes 1 away.
 const LATE_WEIGHT: u16 = 20;
@@ -75,50 +53,14 @@ const LATCHING: Faults = Faults::EMERGENCY_STOP
 /// Faults that vent.
 const VENTING: Faults = LATCHING.with(Faults::NOT_CONFIGURED);
 
-/// The last codes of a channel, and how much they jerked.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Line {
-    last: u16,
-    before: u16,
-    jerks: u16,
-    still_steps: u16,
-}
-
-impl Line {
-    /// Takes the next code; `wide`: one in which a healthy line may stand still.
-    fn add(&mut self, code: AdcCode, wide: bool, flowing: bool) {
-        let [now, last, before] = [code.0, self.last, self.before].map(i32::from);
-        self.jerks = if (now - 2 * last + before).abs() > JERK {
-            (self.jerks + JERK_WEIGHT).min(MOST_NOISY)
-        } else {
-            self.jerks.saturating_sub(1)
-        };
-        if now != last || wide {
-            self.still_steps = 0;
-        } else if flowing {
-            self.still_steps = self.still_steps.saturating_add(1);
-        }
-        self.before = self.last;
-        self.last = code.0;
-    }
-
-    fn frozen(&self) -> bool {
-        self.still_steps >= FROZEN_STEPS
-    }
-
-    fn noisy(&self) -> bool {
-        self.jerks >= NOISY
-    }
-}
-
 /// The first fault that vented, and what held with it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct FirstFailure {
     /// Every fault of that step, those that are only shown included.
     pub faults: Faults,
-    /// The pressure's code of that step.
-    pub pressure: AdcCode,
+    /// Absolute pressure that was read in that step \[Pa\].
+    pub pressure_pa: f32,
     /// Number of that step.
     pub step: u32,
 }
@@ -126,8 +68,6 @@ pub struct FirstFailure {
 /// What the core is doing while a step's inputs are looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Activity {
-    /// Gas has flowed since the last step: in, or out of a muscle that is not empty, as a set point asks.
-    pub flowing: bool,
     /// A set point other than to vent holds.
     pub driven: bool,
     /// Number of the step.
@@ -138,13 +78,24 @@ pub struct Activity {
     pub impossible_length: bool,
 }
 
+/// What the board tells of itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BoardState {
+    /// The emergency stop line is open or low.
+    pub emergency_stop: bool,
+    /// A request of the host has come since the step before.
+    pub heard: bool,
+    /// The host asks more than is carried out.
+    pub flooded: bool,
+    /// Steps that were left out before this one.
+    pub missed_steps: u8,
+}
+
 /// What the configuration makes of the supervisor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Limits {
     pressure_pa: f32,
-    front_end: FrontEnd,
-    /// Steps of silence after which the link is lost; none: it never is.
-    silent_steps: Option<u32>,
+    counts: StepCounts,
     configured: bool,
 }
 
@@ -156,47 +107,36 @@ pub struct Supervisor {
     present: Faults,
     first: Option<FirstFailure>,
     judging_steps: u16,
-    pressure_sensor_steps: u16,
+    pressure_trusted: bool,
     overpressure_steps: u16,
     impossible_length_steps: u16,
     silent_steps: u32,
     late: u16,
-    pressure: Line,
-    gas: Line,
-    length: Line,
 }
 
 impl Supervisor {
     /// One that has seen nothing yet; `configured`: somebody has told the board this configuration.
     pub fn new(config: &Config, configured: bool) -> Self {
-        let silent_steps = (config.link.timeout_s > 0.0)
-            .then(|| limit(config.link.timeout_s / config.step_s + 0.5, 1.0, 1.0e9) as u32);
+        let counts = StepCounts::new(config);
         Self {
-            limits: Limits {
-                pressure_pa: config.pressure_limit_pa,
-                front_end: config.front_end,
-                silent_steps,
-                configured,
-            },
+            limits: Limits { pressure_pa: config.pressure_limit_pa, counts, configured },
             latched: Faults::NONE,
             present: Faults::NONE,
             first: None,
-            judging_steps: JUDGING_STEPS,
-            pressure_sensor_steps: 0,
+            judging_steps: counts.judging_steps,
+            pressure_trusted: false,
             overpressure_steps: 0,
             impossible_length_steps: 0,
             silent_steps: 0,
             late: 0,
-            pressure: Line::default(),
-            gas: Line::default(),
-            length: Line::default(),
         }
     }
 
     /// What it goes on with after the core was started anew as one with the supervisor `other`:
     /// everything that it has counted and latched, and the sensors are judged again.
     pub fn after_restart(&self, other: &Self) -> Self {
-        Self { limits: other.limits, judging_steps: JUDGING_STEPS, silent_steps: 0, ..*self }
+        let limits = other.limits;
+        Self { limits, judging_steps: limits.counts.judging_steps, silent_steps: 0, ..*self }
     }
 
     /// Takes over what was latched before the board restarted.
@@ -221,45 +161,34 @@ impl Supervisor {
     }
 
     /// Looks at the inputs of one step; returns the faults that hold.
-    pub fn step(&mut self, sample: &Sample, pressure_pa: f32, activity: Activity) -> Faults {
-        let Activity { flowing, driven, step, found, impossible_length } = activity;
+    pub fn step(&mut self, board: &BoardState, readings: &Readings, activity: Activity) -> Faults {
+        let Activity { driven, step, found, impossible_length } = activity;
+        let Readings { pressure, length, gas } = readings;
         self.judging_steps = self.judging_steps.saturating_sub(1);
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
-        self.pressure_sensor_steps = count(at_rail(sample.pressure), self.pressure_sensor_steps);
         self.overpressure_steps =
-            count(pressure_pa > self.limits.pressure_pa, self.overpressure_steps);
+            count(pressure.value > self.limits.pressure_pa, self.overpressure_steps);
         self.impossible_length_steps = count(impossible_length, self.impossible_length_steps);
-        let silent = driven && !sample.heard;
+        let silent = driven && !board.heard;
         self.silent_steps = if silent { self.silent_steps.saturating_add(1) } else { 0 };
-        let missed = u16::from(sample.missed_steps).saturating_mul(LATE_WEIGHT);
+        let missed = u16::from(board.missed_steps).saturating_mul(LATE_WEIGHT);
         self.late = self.late.saturating_sub(1).saturating_add(missed).min(LATEST);
-        let front_end = &self.limits.front_end;
-        self.pressure.add(sample.pressure, front_end.widens(sample.pressure), flowing);
-        // The sensor's lag keeps its code still longer than that: the estimator knows when it is frozen.
-        self.gas.add(sample.gas, false, false);
-        self.length.add(sample.length, front_end.widens(sample.length), flowing);
-        let pressure_lost = self.pressure_sensor_steps >= PATIENCE_STEPS
-            || self.pressure.frozen()
-            || self.pressure.noisy();
-        let length_lost = at_rail(sample.length)
-            || self.impossible_length_steps >= PATIENCE_STEPS
-            || self.length.frozen()
-            || self.length.noisy();
+        self.pressure_trusted = pressure.validity == Validity::Valid;
+        let StepCounts { patience_steps, silent_steps, .. } = self.limits.counts;
+        let length_lost =
+            length.validity != Validity::Valid || self.impossible_length_steps >= patience_steps;
         let mut present = found;
         for (condition, fault) in [
-            (sample.emergency_stop, Faults::EMERGENCY_STOP),
-            (pressure_lost, Faults::PRESSURE_SENSOR),
-            (self.overpressure_steps >= PATIENCE_STEPS, Faults::OVERPRESSURE),
-            (at_rail(sample.gas) || self.gas.noisy(), Faults::GAS_SENSOR),
+            (board.emergency_stop, Faults::EMERGENCY_STOP),
+            (pressure.validity == Validity::Lost, Faults::PRESSURE_SENSOR),
+            (self.overpressure_steps >= patience_steps, Faults::OVERPRESSURE),
+            (*gas != Validity::Valid, Faults::GAS_SENSOR),
             (length_lost, Faults::LENGTH_SENSOR),
-            (
-                self.limits.silent_steps.is_some_and(|steps| self.silent_steps >= steps),
-                Faults::LINK_LOST,
-            ),
+            (silent_steps.is_some_and(|steps| self.silent_steps >= steps), Faults::LINK_LOST),
             (self.late >= TOO_LATE, Faults::MISSED_STEPS),
             (!self.limits.configured, Faults::NOT_CONFIGURED),
-            (sample.flooded, Faults::LINK_FLOODED),
+            (board.flooded, Faults::LINK_FLOODED),
         ] {
             if condition {
                 present = present.with(fault);
@@ -268,7 +197,8 @@ impl Supervisor {
         self.present = present;
         let latched = self.latched.with(present.of(LATCHING));
         if self.latched == Faults::NONE && latched != Faults::NONE {
-            self.first = Some(FirstFailure { faults: present, pressure: sample.pressure, step });
+            let pressure_pa = pressure.value;
+            self.first = Some(FirstFailure { faults: present, pressure_pa, step });
         }
         self.latched = latched;
         self.faults()
@@ -281,7 +211,7 @@ impl Supervisor {
 
     /// Whether the pressure of the last step is to be trusted.
     pub fn pressure_trusted(&self) -> bool {
-        self.pressure_sensor_steps == 0 && !self.present.intersects(Faults::PRESSURE_SENSOR)
+        self.pressure_trusted
     }
 
     /// Faults for which the muscle must vent.
@@ -299,20 +229,70 @@ impl Supervisor {
 mod tests {
     use super::*;
     use crate::config::LinkConfig;
+    use crate::sample::{AdcCode, CODE_MAX, Sample};
+    use crate::sensing::{FROZEN_CODES, Sensing};
+    use core::ops::{Deref, DerefMut};
+
+    const PATIENCE_STEPS: u16 = 10;
+    const JUDGING_STEPS: u16 = 50;
 
     const HEALTHY: Sample = Sample::new(AdcCode(10_000), AdcCode(16_000), AdcCode(20_000));
-    const IDLE: Activity = Activity {
-        flowing: false,
-        driven: false,
-        step: 0,
-        found: Faults::NONE,
-        impossible_length: false,
-    };
-    const FLOWING: Activity = Activity { flowing: true, driven: true, ..IDLE };
+    const IDLE: Activity =
+        Activity { driven: false, step: 0, found: Faults::NONE, impossible_length: false };
+
+    /// A supervisor with the sensing before it.
+    #[derive(Clone, Copy)]
+    struct Bench {
+        sensing: Sensing,
+        supervisor: Supervisor,
+        flowing: bool,
+    }
+
+    impl Bench {
+        fn new(config: &Config) -> Self {
+            Self {
+                sensing: Sensing::new(config),
+                supervisor: Supervisor::new(config, true),
+                flowing: false,
+            }
+        }
+
+        /// A step on that sample, but for its pressure.
+        fn step(&mut self, sample: &Sample, pressure_pa: f32, activity: Activity) -> Faults {
+            let mut readings = self.sensing.read(sample, self.flowing);
+            readings.pressure.value = pressure_pa;
+            let Sample { emergency_stop, heard, flooded, missed_steps, .. } = *sample;
+            let board = BoardState { emergency_stop, heard, flooded, missed_steps };
+            self.supervisor.step(&board, &readings, activity)
+        }
+
+        fn after_restart(&self, config: &Config) -> Self {
+            let other = Self::new(config);
+            Self {
+                sensing: self.sensing.after_restart(&other.sensing),
+                supervisor: self.supervisor.after_restart(&other.supervisor),
+                flowing: false,
+            }
+        }
+    }
+
+    impl Deref for Bench {
+        type Target = Supervisor;
+
+        fn deref(&self) -> &Supervisor {
+            &self.supervisor
+        }
+    }
+
+    impl DerefMut for Bench {
+        fn deref_mut(&mut self) -> &mut Supervisor {
+            &mut self.supervisor
+        }
+    }
 
     /// One that has judged its healthy sensors.
-    fn judged() -> Supervisor {
-        let mut supervisor = Supervisor::new(&Config::default(), true);
+    fn judged() -> Bench {
+        let mut supervisor = Bench::new(&Config::default());
         for _ in 0..JUDGING_STEPS {
             supervisor.step(&HEALTHY, 2.0e5, IDLE);
         }
@@ -345,7 +325,7 @@ mod tests {
         assert!(!must_vent(&supervisor));
 
         let autonomous = Config { link: LinkConfig { timeout_s: 0.0 }, ..Config::default() };
-        let mut supervisor = Supervisor::new(&autonomous, true);
+        let mut supervisor = Bench::new(&autonomous);
         for _ in 0..10_000 {
             assert_eq!(supervisor.step(&silent, 2.0e5, driven), Faults::NONE);
         }
@@ -377,7 +357,7 @@ mod tests {
         supervisor.step(&stopped, 2.0e5, at(2));
         let first = FirstFailure {
             faults: Faults::EMERGENCY_STOP.with(Faults::GAS_SENSOR),
-            pressure: HEALTHY.pressure,
+            pressure_pa: 2.0e5,
             step: 2,
         };
         assert_eq!(supervisor.first_failure(), Some(first));
@@ -446,9 +426,10 @@ mod tests {
     }
 
     /// So many steps with gas flowing, or without; the faults after them.
-    fn stand(supervisor: &mut Supervisor, sample: &Sample, steps: u16, flowing: bool) -> Faults {
+    fn stand(supervisor: &mut Bench, sample: &Sample, steps: u16, flowing: bool) -> Faults {
+        supervisor.flowing = flowing;
         for _ in 0..steps {
-            supervisor.step(sample, 2.0e5, if flowing { FLOWING } else { IDLE });
+            supervisor.step(sample, 2.0e5, IDLE);
         }
         supervisor.faults()
     }
@@ -462,8 +443,8 @@ mod tests {
             ..HEALTHY
         };
         assert_eq!(stand(&mut supervisor, &HEALTHY, 200, false), Faults::NONE, "at rest");
-        assert_eq!(stand(&mut supervisor, &HEALTHY, FROZEN_STEPS - 1, true), Faults::NONE);
-        assert_eq!(stand(&mut supervisor, &moved(1), FROZEN_STEPS, true), Faults::NONE, "it moved");
+        assert_eq!(stand(&mut supervisor, &HEALTHY, FROZEN_CODES - 1, true), Faults::NONE);
+        assert_eq!(stand(&mut supervisor, &moved(1), FROZEN_CODES, true), Faults::NONE, "it moved");
         assert_eq!(stand(&mut supervisor, &moved(1), 200, false), Faults::NONE, "nothing flows");
         let both = Faults::PRESSURE_SENSOR.with(Faults::LENGTH_SENSOR);
         assert_eq!(stand(&mut supervisor, &moved(1), 1, true), both);
@@ -489,10 +470,10 @@ mod tests {
     #[test]
     fn without_wide_codes_every_code_that_stands_still_is_frozen() {
         let mut config = Config::default();
-        config.front_end.wide_code_lsb = 0.0;
-        let mut supervisor = Supervisor::new(&config, true);
+        config.sensors.adc.wide_code_lsb = 0.0;
+        let mut supervisor = Bench::new(&config);
         let sample = Sample { pressure: AdcCode(12_288), ..HEALTHY };
-        let faults = stand(&mut supervisor, &sample, JUDGING_STEPS + FROZEN_STEPS, true);
+        let faults = stand(&mut supervisor, &sample, JUDGING_STEPS + FROZEN_CODES, true);
         assert!(faults.intersects(Faults::PRESSURE_SENSOR));
     }
 
@@ -508,7 +489,7 @@ mod tests {
                 length: AdcCode(30_000 - code),
                 ..HEALTHY
             };
-            assert_eq!(supervisor.step(&sample, 2.0e5, FLOWING), Faults::NONE);
+            assert_eq!(stand(&mut supervisor, &sample, 1, true), Faults::NONE);
         }
         for step in 0..40_u32 {
             let noise = (step * 7919 % 3000) as u16;
@@ -523,7 +504,7 @@ mod tests {
         }
         assert_eq!(supervisor.faults(), Faults::PRESSURE_SENSOR);
         assert!(!supervisor.pressure_trusted());
-        for _ in 0..MOST_NOISY {
+        for _ in 0..60 {
             supervisor.step(&HEALTHY, 2.0e5, IDLE);
         }
         assert!(supervisor.pressure_trusted() && must_vent(&supervisor));
@@ -567,7 +548,7 @@ mod tests {
         let pressure_limit_pa = 3.0e5;
         let lower =
             Config { pressure_limit_pa, link: LinkConfig { timeout_s: 0.3 }, ..Config::default() };
-        let restarted = judged().after_restart(&Supervisor::new(&lower, true));
+        let restarted = judged().after_restart(&lower);
         let mut supervisor = restarted;
         for _ in 0..PATIENCE_STEPS {
             supervisor.step(&HEALTHY, 3.0e5, IDLE);
@@ -584,7 +565,7 @@ mod tests {
             for _ in 1..300 {
                 assert_eq!(supervisor.step(&silent, 2.0e5, driven), Faults::NONE);
             }
-            let again = supervisor.after_restart(&Supervisor::new(&lower, true));
+            let again = supervisor.after_restart(&lower);
             assert_eq!(supervisor.step(&silent, 2.0e5, driven), Faults::LINK_LOST);
             supervisor = again;
         }

@@ -29,11 +29,12 @@
 //! that has drifted.
 
 use crate::config::{Config, Load};
-use crate::estimation::{Balance, INTERVAL_STEPS};
+use crate::estimation::Balance;
 use crate::math::{absolute, limit};
 use crate::physics::body::Shape;
 use crate::physics::valve::reference_density_kg_m3;
 use crate::sample::{Command, Duty, Faults};
+use crate::step_counts::StepCounts;
 
 /// Share of the gas that has to be missing, or too much \[-\].
 const TRIP: f32 = 0.25;
@@ -45,28 +46,28 @@ const FORGOTTEN_DRIVEN_PER_S: f32 = 0.005;
 /// A loss faster than that is a burst, or an outlet that stands open; a slower one a leak. And a valve
 /// that is asked for more than that and changes nothing is stuck \[1/s\].
 const BURST_PER_S: f32 = 1.0;
-/// Smoothing of rates: five windows.
-const RATE_SHARE: f32 = 0.2;
 /// How wrong a believed flow may be \[-\].
 const WRONG: f32 = 4.0;
 /// How wrong a believed load may be \[-\].
 const WRONG_LOAD: f32 = 3.0;
 /// The muscle counts as empty up to this multiple of the ambient pressure \[-\].
 pub const EMPTY: f32 = 1.15;
-/// Windows for which a force must be impossible: a second at 1 kHz.
-const IMPOSSIBLE_WINDOWS: u16 = 50;
 /// Part of the rest length near either stop that is left out, and the way in a window that is no rest \[-\].
 const NEAR_STOP: f32 = 0.02;
 const AT_REST: f32 = 0.002;
 /// What the force law may be wrong by, share of the force at the rest length \[-\].
 const LAW: f32 = 0.15;
-/// Windows for which a leak is shown after it was found: ten seconds at 1 kHz.
-const SHOWN_WINDOWS: u16 = 500;
 
 /// What the configuration makes of it, worked out once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Limits {
     window_s: f32,
+    /// Share of a window in a smoothed rate: a tenth of a second.
+    rate_share: f32,
+    /// Windows for which a force must be impossible: a second.
+    impossible_windows: u16,
+    /// Windows for which a leak is shown after it was found: ten seconds.
+    shown_windows: u16,
     /// Flow per pressure of an open valve \[kg/(s Pa)\].
     open_kg_s_pa: f32,
     supply_pa: f32,
@@ -127,8 +128,9 @@ impl Side {
 
     /// Counts a window in which it was asked for one share of the gas and passed another, if gas
     /// could pass nowhere else.
-    fn count(&mut self, asked: f32, passed: f32, other: &Self, window_s: f32) {
-        self.asked_per_s += RATE_SHARE * (asked / window_s - self.asked_per_s);
+    fn count(&mut self, asked: f32, passed: f32, other: &Self, limits: &Limits) {
+        let window_s = limits.window_s;
+        self.asked_per_s += limits.rate_share * (asked / window_s - self.asked_per_s);
         if other.driven_lately() {
             return;
         }
@@ -172,9 +174,13 @@ impl Watch {
             Load::Isotonic { force_n } => Some((force_n, 2.0 * config.friction.force_n)),
             Load::Isometric { .. } => None,
         };
+        let counts = StepCounts::new(config);
         Self {
             limits: Limits {
-                window_s: f32::from(INTERVAL_STEPS) * config.step_s,
+                window_s: f32::from(counts.interval_steps) * config.step_s,
+                rate_share: 1.0 / f32::from(counts.tenth_intervals),
+                impossible_windows: counts.second_intervals,
+                shown_windows: counts.ten_seconds_intervals,
                 open_kg_s_pa: config.valve.conductance_m3_s_pa
                     * reference_density_kg_m3(&config.gas),
                 supply_pa: config.supply.pressure_pa,
@@ -242,10 +248,10 @@ impl Watch {
         } else {
             0.0
         };
-        self.inlet.count(inflow, most_gained, &self.outlet, limits.window_s);
-        self.outlet.count(outflow, -least_gained, &self.inlet, limits.window_s);
+        self.inlet.count(inflow, most_gained, &self.outlet, limits);
+        self.outlet.count(outflow, -least_gained, &self.inlet, limits);
         let lost = if self.outlet.driven_lately() { 0.0 } else { -most_gained };
-        self.lost_per_s += RATE_SHARE * (lost / limits.window_s - self.lost_per_s);
+        self.lost_per_s += limits.rate_share * (lost / limits.window_s - self.lost_per_s);
     }
 
     /// Counts windows in which pressure and length stand for a force that cannot be.
@@ -283,14 +289,14 @@ impl Watch {
             } else if self.inlet.asked_per_s + self.lost_per_s > BURST_PER_S {
                 found = found.with(Faults::NO_INFLOW);
             } else {
-                self.leak_windows = SHOWN_WINDOWS;
+                self.leak_windows = self.limits.shown_windows;
             }
         }
         if self.outlet.trips() {
             let asked = self.outlet.driven_lately();
             found = found.with(if asked { Faults::NO_OUTFLOW } else { Faults::GAS_GAINED });
         }
-        if self.impossible_windows > IMPOSSIBLE_WINDOWS {
+        if self.impossible_windows > self.limits.impossible_windows {
             found = found.with(Faults::FORCE);
             self.impossible_windows = 0;
         }
@@ -342,7 +348,7 @@ mod tests {
         }
 
         fn window(&mut self, command: Command, balance: Balance, length_m: Option<f32>) -> Faults {
-            for _ in 0..INTERVAL_STEPS {
+            for _ in 0..20 {
                 self.watch.drive(command);
             }
             self.watch.add(&self.shape, &balance, length_m)
@@ -408,7 +414,7 @@ mod tests {
         let shown = (1..FOREVER)
             .take_while(|_| bench.window(Command::CLOSED, still, Some(STILL_M)) == Faults::LEAK)
             .count();
-        assert!(shown.abs_diff(SHOWN_WINDOWS.into()) <= 2, "{shown} windows");
+        assert!(shown.abs_diff(500) <= 2, "{shown} windows");
         let found = Bench::nominal().finds(Command::CLOSED, gas(-1.3 * share, PRESSURE_PA));
         close(found, windows_to_trip(1.3 * share, FORGOTTEN_PER_S), Faults::BURST);
     }
@@ -580,7 +586,7 @@ mod tests {
         let tolerance_n = 2.0 * 15.0 + LAW * geometry.force_n(gauge_pa, 0.3);
         let least_n = (force_n - tolerance_n) / WRONG_LOAD;
         let most_n = (force_n + tolerance_n) * WRONG_LOAD;
-        let windows = Some(u32::from(IMPOSSIBLE_WINDOWS) + 4);
+        let windows = Some(54);
         assert_eq!(force_found(0.98 * least_n, gauge_pa, LENGTH_M), windows);
         for load_n in [1.02 * least_n, force_n, 0.98 * most_n] {
             assert_eq!(force_found(load_n, gauge_pa, LENGTH_M), None, "{load_n} N");
@@ -628,7 +634,7 @@ mod tests {
                     .count()
             };
             // The first one tells nothing, and the second has moved there.
-            assert_eq!(windows(2 + IMPOSSIBLE_WINDOWS, Some(LENGTH_M), 6.0e5), 0);
+            assert_eq!(windows(52, Some(LENGTH_M), 6.0e5), 0);
             assert_eq!(windows(between, length_m, pressure_pa), 0);
             assert_eq!(windows(between, Some(LENGTH_M), 6.0e5), 0);
             // What is found comes a window late.

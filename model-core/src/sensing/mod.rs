@@ -1,3 +1,352 @@
-//! From raw codes to readings in SI.
+//! From raw codes to readings in SI: what is known of the converter and of the sensors, and nowhere else.
+//!
+//! ```text
+//! Sample --adc: linearised code--> sensor: value, calibrated --health: lost?--> Readings
+//! ```
+//!
+//! Estimator, controller and supervisor see [`Reading`]s and their [`Quality`], whatever they come from.
+//! Pressure and length have one in every step; the gas sensor, which is slow, the mean of an interval.
 
-pub mod front_end;
+pub mod adc;
+pub mod gas;
+mod health;
+pub mod length;
+pub mod platinum;
+pub mod pressure;
+
+use self::adc::{Adc, CodeSum, Line, Linearisation};
+use self::gas::{GasElement, GasLine, GasSensor};
+pub use self::health::FROZEN_CODES;
+use self::health::{Health, Stillness};
+use self::length::LengthSensor;
+use self::pressure::PressureSensor;
+use crate::config::{Config, ConfigError};
+use crate::sample::{AdcCode, OVERSAMPLING, Sample};
+use crate::step_counts::StepCounts;
+
+/// The sensors and their converter.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+pub struct Sensors {
+    /// The converter.
+    pub adc: Adc,
+    /// Muscle pressure.
+    pub pressure: PressureSensor,
+    /// Muscle length.
+    pub length: LengthSensor,
+    /// Gas temperature.
+    pub gas: GasSensor,
+    /// What the gas sensor is.
+    pub gas_element: GasElement,
+}
+
+impl Sensors {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value that is not a number or lies outside of its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        self.adc.check()?;
+        self.pressure.check()?;
+        self.length.check()?;
+        self.gas.check()?;
+        self.gas_element.check()
+    }
+}
+
+/// What puts a sensor right: value = gain reading + offset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibration {
+    /// Factor \[-\].
+    pub gain: f32,
+    /// In the sensor's unit.
+    pub offset: f32,
+}
+
+/// How far a reading may be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Validity {
+    /// As it is.
+    Valid,
+    /// Not now; it may be a disturbance.
+    Suspect,
+    /// Not at all: its line is open, shorted, frozen or noisy.
+    Lost,
+}
+
+/// One reading of a sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// In SI.
+    pub value: f32,
+    /// Half the width of the code that it stands in, where a healthy line may stand still in it; the truth
+    /// is anywhere within. 0: the code is no wider than the others.
+    pub wide: f32,
+    /// How far it may be used.
+    pub validity: Validity,
+}
+
+impl Reading {
+    /// One that says what it means.
+    pub const fn exact(value: f32) -> Self {
+        Self { value, wide: 0.0, validity: Validity::Valid }
+    }
+}
+
+/// Mean of the gas sensor's readings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GasReading {
+    /// Temperature of the element \[K\].
+    pub value_k: f32,
+    /// Variance of its noise \[K2\].
+    pub noise_k2: f32,
+    /// It is not the same code ever since the reading before.
+    pub moved: bool,
+}
+
+/// What the readings of one sensor are worth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quality {
+    /// Variance of the noise of one reading.
+    pub noise2: f32,
+    /// Smallest difference that it shows.
+    pub resolution: f32,
+    /// Half the width of its widest codes.
+    pub wide: f32,
+}
+
+/// The readings of one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Readings {
+    /// Absolute pressure \[Pa\].
+    pub pressure: Reading,
+    /// Length \[m\].
+    pub length: Reading,
+    /// How far those of the gas sensor may be used.
+    pub gas: Validity,
+}
+
+/// A line of the converter with a sensor that has a reading in every step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Channel {
+    line: Line,
+    /// Half the width of its widest codes.
+    wide: f32,
+    health: Health,
+}
+
+impl Channel {
+    /// Not inlined: two calls.
+    #[inline(never)]
+    fn read(&mut self, linearisation: &Linearisation, code: AdcCode, usual: Stillness) -> Reading {
+        let widened = linearisation.widens(code);
+        Reading {
+            value: self.line.at(linearisation.ideal(code)),
+            wide: if widened { self.wide } else { 0.0 },
+            validity: self.health.add(code, if widened { Stillness::Wide } else { usual }),
+        }
+    }
+}
+
+/// Every sensor of one muscle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sensing {
+    linearisation: Linearisation,
+    pressure: Channel,
+    length: Channel,
+    gas: GasLine,
+    gas_health: Health,
+    gas_noise_k2: f32,
+    gas_codes: CodeSum,
+    gas_code: Option<AdcCode>,
+    gas_moved: bool,
+}
+
+impl Sensing {
+    /// Works the constants out.
+    pub fn new(config: &Config) -> Self {
+        let Sensors { adc, pressure, length, gas, gas_element } = &config.sensors;
+        Self {
+            linearisation: Linearisation::new(adc),
+            // One disturbed pressure is no fault, ten milliseconds of them are. Without length or gas
+            // temperature the model goes on, so that there is nothing to wait for.
+            pressure: Channel {
+                line: pressure.line(),
+                wide: pressure.quality(adc).wide,
+                health: Health::new(StepCounts::new(config).patience_steps),
+            },
+            length: Channel {
+                line: length.line(),
+                wide: length.quality(adc).wide,
+                health: Health::new(1),
+            },
+            gas: GasLine::new(gas, gas_element),
+            gas_health: Health::new(1),
+            gas_noise_k2: gas.noise_k * gas.noise_k,
+            gas_codes: CodeSum::default(),
+            gas_code: None,
+            gas_moved: false,
+        }
+    }
+
+    /// What it goes on with after the core was started anew as one with `other`: what it knows of the
+    /// lines' health.
+    pub fn after_restart(&self, other: &Self) -> Self {
+        let mut next = *other;
+        next.pressure.health = self.pressure.health.with_patience_of(&other.pressure.health);
+        next.length.health = self.length.health;
+        next.gas_health = self.gas_health;
+        next
+    }
+
+    /// The readings of one step; `flowing`: gas flows, so that healthy lines of pressure and length do not
+    /// stand still.
+    pub fn read(&mut self, sample: &Sample, flowing: bool) -> Readings {
+        let usual = if flowing { Stillness::Suspicious } else { Stillness::Usual };
+        Readings {
+            pressure: self.pressure.read(&self.linearisation, sample.pressure, usual),
+            length: self.length.read(&self.linearisation, sample.length, usual),
+            // The sensor's lag keeps its code still for long: the estimator knows when it is frozen.
+            gas: self.gas_health.add(sample.gas, Stillness::Usual),
+        }
+    }
+
+    /// Absolute pressure \[Pa\] by one code.
+    pub fn pressure_pa(&self, code: AdcCode) -> f32 {
+        self.pressure.line.at(self.linearisation.ideal(code))
+    }
+
+    /// Length \[m\] by one code.
+    pub fn length_m(&self, code: AdcCode) -> f32 {
+        self.length.line.at(self.linearisation.ideal(code))
+    }
+
+    /// Takes a code of the gas sensor for the next [mean](Self::take_gas).
+    pub fn add_gas(&mut self, code: AdcCode) {
+        self.gas_moved |= self.gas_code != Some(code);
+        self.gas_code = Some(code);
+        self.gas_codes.add(code);
+    }
+
+    /// Temperature of the gas sensor \[K\] by one code.
+    pub fn gas_k(&self, code: AdcCode) -> f32 {
+        self.gas.at(self.linearisation.ideal(code))
+    }
+
+    /// What the gas sensor has said last; `None`: nothing yet.
+    pub fn last_gas(&self) -> Option<GasReading> {
+        self.gas_code.map(|code| GasReading {
+            value_k: self.gas_k(code),
+            noise_k2: self.gas_noise_k2 / f32::from(OVERSAMPLING),
+            moved: self.gas_moved,
+        })
+    }
+
+    /// Mean of what the gas sensor has said since the last one; `None`: nothing.
+    pub fn take_gas(&mut self) -> Option<GasReading> {
+        let codes = core::mem::take(&mut self.gas_codes);
+        let moved = core::mem::take(&mut self.gas_moved);
+        let conversions = f32::from(OVERSAMPLING) * f32::from(codes.count());
+        self.linearisation.mean(&codes).map(|code| GasReading {
+            value_k: self.gas.at(code),
+            noise_k2: self.gas_noise_k2 / conversions,
+            moved,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sensing(sensors: Sensors) -> Sensing {
+        Sensing::new(&Config { sensors, ..Config::default() })
+    }
+
+    fn straight() -> Sensors {
+        Sensors { adc: Adc { wide_code_lsb: 0.0 }, ..Sensors::default() }
+    }
+
+    /// Pressure, length and gas temperature at one code.
+    fn values(sensing: &Sensing, code: AdcCode) -> [f32; 3] {
+        [sensing.pressure_pa(code), sensing.length_m(code), sensing.gas_k(code)]
+    }
+
+    #[test]
+    fn range_ends() {
+        let sensing = sensing(straight());
+        let code = |fraction: f32| AdcCode((fraction * 32768.0) as u16);
+        assert!(values(&sensing, code(0.1))[0].abs() < 150.0);
+        assert!((values(&sensing, code(0.9))[0] - 700_000.0).abs() < 150.0);
+        // A sum of eight truncated codes: its middle lies four above it.
+        let middle_pa = 700_000.0 * (f32::from(code(0.5).0 + 4) / 32768.0 - 0.1) / 0.8;
+        assert!((values(&sensing, code(0.5))[0] - middle_pa).abs() < 1.0);
+        assert!((values(&sensing, code(0.95))[1] - 0.4).abs() < 1e-4);
+        assert!((values(&sensing, code(0.05))[2] - 270.0).abs() < 0.02);
+        assert!((values(&sensing, code(0.95))[2] - 330.0).abs() < 0.02);
+    }
+
+    /// What a difference is worth is what eight of a sum make.
+    #[test]
+    fn the_resolution_is_what_one_code_makes() {
+        let sensors = straight();
+        let sensing = sensing(sensors);
+        let [low, high] = [0.05_f32, 0.95].map(|share| AdcCode((share * 32_768.0) as u16));
+        let codes = f32::from(high.0 - low.0) / 8.0;
+        let stated = [
+            sensors.pressure.quality(&sensors.adc).resolution,
+            sensors.length.quality(&sensors.adc).resolution,
+            sensors.gas_element.resolution_k(),
+        ];
+        for (i, stated) in stated.iter().enumerate() {
+            let made = (values(&sensing, high)[i] - values(&sensing, low)[i]) / codes;
+            assert!((stated / made - 1.0).abs() < 1e-3, "{stated} for {made}");
+        }
+    }
+
+    /// Gain and offset turn what a sensor says into what is true.
+    #[test]
+    fn a_calibration_puts_a_sensor_right() {
+        let mut sensors = straight();
+        let code = AdcCode(16_000);
+        let [raw_pa, raw_m, raw_k] = values(&sensing(sensors), code);
+        sensors.pressure = PressureSensor { gain: 1.02, offset_pa: -900.0, ..sensors.pressure };
+        sensors.length = LengthSensor { gain: 0.98, offset_m: 0.003, ..sensors.length };
+        sensors.gas = GasSensor { gain: 1.01, offset_k: -2.5, ..sensors.gas };
+        let [pressure_pa, length_m, gas_k] = values(&sensing(sensors), code);
+        assert!((pressure_pa - (1.02 * raw_pa - 900.0)).abs() < 0.1, "{pressure_pa} of {raw_pa}");
+        assert!((length_m - (0.98 * raw_m + 0.003)).abs() < 1e-6, "{length_m} of {raw_m}");
+        assert!((gas_k - (1.01 * raw_k - 2.5)).abs() < 1e-3, "{gas_k} of {raw_k}");
+    }
+
+    /// The mean is that of the codes since the last one, and says whether any of them moved.
+    #[test]
+    fn the_gas_is_read_as_a_mean() {
+        let mut sensing = sensing(Sensors::default());
+        assert_eq!(sensing.take_gas(), None);
+        assert_eq!(sensing.last_gas(), None);
+        for (codes, moved) in
+            [(&[15_000_u16; 20][..], true), (&[15_000; 5], false), (&[15_000, 15_008], true)]
+        {
+            for code in codes {
+                sensing.add_gas(AdcCode(*code));
+            }
+            let last_k = sensing.last_gas().unwrap().value_k;
+            let gas = sensing.take_gas().unwrap();
+            assert_eq!(gas.moved, moved, "{codes:?}");
+            let variance_k2 = 0.05 * 0.05 / (8.0 * codes.len() as f32);
+            assert!((gas.noise_k2 / variance_k2 - 1.0).abs() < 1e-5, "{codes:?}");
+            let middle_k = 0.5 * (sensing.gas_k(AdcCode(15_000)) + last_k);
+            assert!((gas.value_k - middle_k).abs() < 1e-4, "{codes:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_code_gives_a_finite_value(code in any::<u16>()) {
+            let values = values(&sensing(Sensors::default()), AdcCode(code));
+            prop_assert!(values.iter().all(|value| value.is_finite()), "{values:?}");
+        }
+    }
+}

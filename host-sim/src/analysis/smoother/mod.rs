@@ -21,7 +21,8 @@ use crate::analysis::core_model::{
 };
 use model_core::physics::body::Shape;
 use model_core::sample::OVERSAMPLING;
-use model_core::sensing::front_end::{CodeSum, Converter, FrontEnd};
+use model_core::sensing::Sensing;
+use model_core::sensing::adc::Adc;
 use model_core::{AdcCode, Config, Duty, Faults, Telemetry};
 
 /// Steps per interval, as in the core.
@@ -58,9 +59,9 @@ pub struct Best {
 pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
     let Some(first) = run.first() else { return Best::default() };
     let model = Model::new(config);
-    let converter = Converter::new(&config.front_end);
+    let mut sensing = Sensing::new(config);
     let known = known(config, run);
-    let reading_k = f64::from(converter.gas_k(first.sample.gas));
+    let reading_k = f64::from(sensing.gas_k(first.sample.gas));
     let initial =
         State::from([model.mass(&known[0], reading_k), reading_k, reading_k, reading_k, 0.0, 0.0]);
     let mut state = initial;
@@ -94,17 +95,16 @@ pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
             predicted_covariance,
         });
         (state, covariance, inflow_kg_s) = (predicted, predicted_covariance, inflow_after_kg_s);
-        let mut sum = CodeSum::default();
         for telemetry in &run[start + 1..=start + count] {
             if !telemetry.faults.intersects(Faults::GAS_SENSOR) {
-                sum.add(telemetry.sample.gas);
+                sensing.add_gas(telemetry.sample.gas);
             }
         }
-        if let Some(reading_k) = converter.mean_gas_k(&sum) {
+        if let Some(reading) = sensing.take_gas() {
             let (expected_k, row) = model.reading(&state, count);
             let carried = covariance * row;
             let variance = row.dot(&carried) + reading_variance(config, count);
-            state += carried * ((f64::from(reading_k) - expected_k) / variance);
+            state += carried * ((f64::from(reading.value_k) - expected_k) / variance);
             covariance -= carried * carried.transpose() / variance;
         }
     }
@@ -143,8 +143,8 @@ fn initial_covariance(config: &Config) -> Matrix {
 /// Variance of the mean of so many steps' readings of the gas sensor, as the core has it: noise,
 /// and a bias that counts as if it were the same in every reading of a second \[K2\].
 fn reading_variance(config: &Config, steps: usize) -> f64 {
-    let noise_k2 = f64::from(config.gas_sensor.noise_k).powi(2);
-    let lag_s = config.gas_sensor.time_constant_s;
+    let noise_k2 = f64::from(config.sensors.gas.noise_k).powi(2);
+    let lag_s = config.sensors.gas.time_constant_s;
     let bias_k2 = f64::from(config.estimator.reading_bias_k(lag_s)).powi(2);
     noise_k2 / (f64::from(OVERSAMPLING) * steps as f64)
         + bias_k2 / (steps as f64 * f64::from(config.step_s))
@@ -153,22 +153,24 @@ fn reading_variance(config: &Config, steps: usize) -> f64 {
 /// Smoothed pressure and length, and which valve may have passed gas, step by step.
 fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let shape = Shape::new(&config.body);
-    let front_end = &config.front_end;
+    let sensors = &config.sensors;
     let flowing = flowing(config, run);
     let smoothed =
         |value: fn(&Telemetry) -> f32, code: fn(&Telemetry) -> AdcCode, line: Channel| {
             let reading = |i: usize| Reading {
                 value: f64::from(value(&run[i])),
-                variance: line.variance(code(&run[i]), front_end),
+                variance: line.variance(code(&run[i]), &sensors.adc),
                 turns: i >= 2 && run[i - 1].command.turns(run[i - 2].command),
                 flowing: flowing[i] != (false, false),
             };
             trend::smooth(&(0..run.len()).map(reading).collect::<Vec<_>>())
         };
-    let noise_pa = f64::from(front_end.pressure_noise_pa);
-    let pressure = Channel { code: f64::from(front_end.pressure_code_pa()), noise: noise_pa };
+    let noise_pa = f64::from(sensors.pressure.noise_pa);
+    let pressure_code_pa = f64::from(sensors.pressure.quality(&sensors.adc).resolution);
+    let pressure = Channel { code: pressure_code_pa, noise: noise_pa };
     // The core is told no noise of the length; what a code's width hides is more than it.
-    let length = Channel { code: f64::from(front_end.length_code_m()), noise: 0.0 };
+    let length_code_m = f64::from(sensors.length.quality(&sensors.adc).resolution);
+    let length = Channel { code: length_code_m, noise: 0.0 };
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure, pressure);
     let length_m = smoothed(|t| t.length_m, |t| t.sample.length, length);
     let steps = flowing.iter().zip(pressure_pa.into_iter().zip(length_m));
@@ -212,13 +214,12 @@ struct Channel {
 
 impl Channel {
     /// Of a sum of conversions: noise, and the width of the code that was read, uniformly filled.
-    fn variance(&self, code: AdcCode, front_end: &FrontEnd) -> f64 {
+    fn variance(&self, code: AdcCode, adc: &Adc) -> f64 {
         let conversions = f64::from(OVERSAMPLING);
         let rounding2 = self.code.powi(2) / 12.0;
         let read = f64::from(code.0) / conversions;
         let wide = WIDE_CODES.iter().any(|wide| (read - wide).abs() < 1.0);
-        let hidden2 =
-            if wide { f64::from(front_end.wide_code_lsb).powi(2) * rounding2 } else { 0.0 };
+        let hidden2 = if wide { f64::from(adc.wide_code_lsb).powi(2) * rounding2 } else { 0.0 };
         (self.noise.powi(2) + rounding2) / conversions + hidden2
     }
 }

@@ -2,7 +2,7 @@
 //! behind them what `thermyo replay` needs.
 
 use crate::files::rows::Rows;
-use model_core::sensing::front_end::Converter;
+use model_core::sensing::Sensing;
 use model_core::{Config, Telemetry};
 use std::fs::File;
 use std::io::{self, Write};
@@ -71,7 +71,7 @@ impl<W: Write> Recorder<W> {
     pub fn write(&mut self, config: &Config, telemetry: &Telemetry) -> io::Result<()> {
         let Telemetry { step, sample, pressure_pa, length_m, estimate, command, faults, .. } =
             telemetry;
-        let sensor_k = Converter::new(&config.front_end).gas_k(sample.gas);
+        let sensor_k = Sensing::new(config).gas_k(sample.gas);
         let time_s = self.clock.time_s(*step, f64::from(config.step_s));
         self.rows += 1;
         self.out.push(&format!(

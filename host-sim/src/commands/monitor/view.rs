@@ -3,7 +3,7 @@
 use super::{Session, Status};
 use model_core::control::Mode;
 use model_core::link::LastReset;
-use model_core::sensing::front_end::Converter;
+use model_core::sensing::Sensing;
 use model_core::{Faults, Telemetry};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -39,7 +39,8 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
         Some(reason) => format!("last restart: {reason:?}"),
     };
     let first = session.first_failure().map_or(String::new(), |first| {
-        format!("first failure: {} at step {}", first.faults, first.step)
+        let bar = first.pressure_pa / 1.0e5;
+        format!("first failure: {} at {bar:.2} bar, step {}", first.faults, first.step)
     });
     let timing = session.timing().map_or(String::new(), |timing| {
         format!(
@@ -59,7 +60,7 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
 }
 
 fn draw_gauges(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Telemetry) {
-    let front_end = session.config().front_end;
+    let sensors = session.config().sensors;
     let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
     let mode = mode.map_or("", |(_, name)| name);
     let limited = if telemetry.limited { ", limited" } else { "" };
@@ -72,8 +73,8 @@ fn draw_gauges(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Tel
     let (pressure, length) = (telemetry.pressure_pa, telemetry.length_m);
     let (inlet, outlet) = (telemetry.command.inlet.share(), telemetry.command.outlet.share());
     let gauges = [
-        ("pressure", pressure / front_end.pressure_range_pa, format!("{:.1} kPa", pressure / 1e3)),
-        ("length", length / front_end.length_range_m, format!("{:.1} mm", length * 1e3)),
+        ("pressure", pressure / sensors.pressure.range_pa, format!("{:.1} kPa", pressure / 1e3)),
+        ("length", length / sensors.length.range_m, format!("{:.1} mm", length * 1e3)),
         ("inlet", inlet, format!("{:.1} %", inlet * 100.0)),
         ("outlet", outlet, format!("{:.1} %", outlet * 100.0)),
     ];
@@ -107,7 +108,7 @@ fn draw_gauges(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Tel
 
 fn draw_plot(frame: &mut Frame, area: Rect, session: &Session) {
     let config = session.config();
-    let converter = Converter::new(&config.front_end);
+    let sensing = Sensing::new(&config);
     let last = session.history().back().map_or(0, |telemetry| telemetry.step);
     let points = |value: &dyn Fn(&Telemetry) -> f32| -> Vec<(f64, f64)> {
         session
@@ -121,7 +122,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, session: &Session) {
             .collect()
     };
     let estimate = points(&|telemetry| telemetry.estimate.gas_k);
-    let sensor = points(&|telemetry| converter.gas_k(telemetry.sample.gas));
+    let sensor = points(&|telemetry| sensing.gas_k(telemetry.sample.gas));
     let all = || estimate.iter().chain(&sensor);
     let low = all().map(|point| point.1).fold(f64::INFINITY, f64::min) - 0.5;
     let high = all().map(|point| point.1).fold(f64::NEG_INFINITY, f64::max) + 0.5;

@@ -1,0 +1,117 @@
+//! Time in steps: the one place where seconds become steps.
+
+use crate::config::Config;
+use crate::math::limit;
+
+/// Counts that follow from the step's length. A figure in the core's documentation that is given in steps
+/// is the one at a step of a millisecond.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StepCounts {
+    /// Steps per update of the covariance: 20 ms, and long enough for its work to be done in parts.
+    pub interval_steps: u16,
+    /// Steps for which a fault of the pressure channel must last before the muscle is vented: 10 ms, and
+    /// three of them at least. One disturbed conversion is no fault.
+    pub patience_steps: u16,
+    /// Steps after a start for which the muscle vents, whatever is asked, 50 ms: a line that is shorted,
+    /// beyond the limit or noisy shows by then.
+    pub judging_steps: u16,
+    /// Steps after the valves have shut in which corrections of the energy still count as flow: 25 ms.
+    pub late_steps: u16,
+    /// Steps of silence after which the link is lost; none: it never is.
+    pub silent_steps: Option<u32>,
+    /// Steps over which the energy is averaged while both valves are shut: 0.1 s. Longer, and the errors
+    /// of the heat would show.
+    pub shut_steps: u16,
+    /// Steps over which the inflow that stirs the gas is averaged: 5 ms.
+    pub stirring_steps: u16,
+    /// Intervals in a tenth of a second, ...
+    pub tenth_intervals: u16,
+    /// ... in half a second, ...
+    pub half_second_intervals: u16,
+    /// ... in a second, ...
+    pub second_intervals: u16,
+    /// ... in five, ...
+    pub five_seconds_intervals: u16,
+    /// ... and in ten.
+    pub ten_seconds_intervals: u16,
+}
+
+impl StepCounts {
+    /// Of a checked configuration.
+    pub fn new(config: &Config) -> Self {
+        // Whole numbers: on a processor without floating point they take a tenth of the time.
+        let step_ns = (config.step_s * 1.0e9 + 0.5) as u32;
+        let steps = |time_ms: u32, least| count(1_000_000 * time_ms, step_ns, least);
+        let interval_steps = steps(20, 10);
+        let interval_us = u32::from(interval_steps) * (step_ns / 1000);
+        let intervals = |time_ms: u32| count(1000 * time_ms, interval_us, 1);
+        let timeout_s = config.link.timeout_s;
+        let silent = || limit(timeout_s / config.step_s + 0.5, 1.0, 1.0e9) as u32;
+        Self {
+            interval_steps,
+            patience_steps: steps(10, 3),
+            judging_steps: steps(50, 50),
+            late_steps: steps(25, 2),
+            silent_steps: (timeout_s > 0.0).then(silent),
+            shut_steps: steps(100, 2),
+            stirring_steps: steps(5, 1),
+            tenth_intervals: intervals(100),
+            half_second_intervals: intervals(500),
+            second_intervals: intervals(1000),
+            five_seconds_intervals: intervals(5000),
+            ten_seconds_intervals: intervals(10_000),
+        }
+    }
+}
+
+/// How often `part` goes into `whole`, to the nearest whole number; at least that often.
+fn count(whole: u32, part: u32, least: u16) -> u16 {
+    let nearest = (whole + part / 2).checked_div(part).unwrap_or(u32::MAX);
+    u16::try_from(nearest).unwrap_or(u16::MAX).max(least)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_millisecond_makes_the_documented_counts() {
+        let counts = StepCounts::new(&Config::default());
+        assert_eq!(
+            [counts.interval_steps, counts.patience_steps, counts.judging_steps],
+            [20, 10, 50]
+        );
+        assert_eq!([counts.late_steps, counts.shut_steps, counts.stirring_steps], [25, 100, 5]);
+        assert_eq!(counts.silent_steps, Some(500));
+        let intervals = [
+            counts.tenth_intervals,
+            counts.half_second_intervals,
+            counts.second_intervals,
+            counts.five_seconds_intervals,
+            counts.ten_seconds_intervals,
+        ];
+        assert_eq!(intervals, [5, 25, 50, 250, 500]);
+    }
+
+    /// Whatever the step, a time stays what it is, to a step and to the least count.
+    #[test]
+    fn other_steps_take_as_long() {
+        for step_s in [1.0e-4_f32, 2.5e-4, 5.0e-4, 2.0e-3, 0.01, 0.1] {
+            let counts = StepCounts::new(&Config { step_s, ..Config::default() });
+            let interval_s = f32::from(counts.interval_steps) * step_s;
+            for (steps, time_s, least) in [
+                (counts.interval_steps, 0.02, 10),
+                (counts.patience_steps, 0.01, 3),
+                (counts.judging_steps, 0.05, 50),
+                (counts.late_steps, 0.025, 2),
+                (counts.shut_steps, 0.1, 2),
+                (counts.stirring_steps, 0.005, 1),
+            ] {
+                let off_s = f32::from(steps) * step_s - time_s;
+                assert!(steps == least || off_s.abs() <= 0.51 * step_s, "{steps} of {step_s} s");
+            }
+            let shown_s = f32::from(counts.ten_seconds_intervals) * interval_s;
+            assert!((shown_s - 10.0).abs() <= 0.51 * interval_s, "{shown_s} s");
+        }
+    }
+}
