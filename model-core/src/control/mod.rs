@@ -395,6 +395,35 @@ mod tests {
         }
     }
 
+    /// Another goal of the same kind goes on from what the loop has learnt; after another kind it starts
+    /// anew.
+    #[test]
+    fn what_a_loop_has_learnt_lasts_as_long_as_its_kind() {
+        let config = Config::default();
+        for (goal, other_goal) in [
+            (SetPoint::Pressure { pressure_pa: 3.0e5 }, SetPoint::Pressure { pressure_pa: 3.1e5 }),
+            (
+                SetPoint::Contraction { contraction: 0.1 },
+                SetPoint::Contraction { contraction: 0.2 },
+            ),
+            (
+                SetPoint::MassFlowCycle { flow_kg_s: 1.0e-3, period_s: 2.0 },
+                SetPoint::MassFlowCycle { flow_kg_s: 2.0e-3, period_s: 3.0 },
+            ),
+        ] {
+            let mut controller = Controller::new(&config);
+            set(&mut controller, goal);
+            periods(&mut controller, &config, 5, feedback(2.9e5, LENGTH_M));
+            let learnt = controller.active;
+            assert_ne!(learnt, ActiveLoop::Open, "{goal:?}");
+            set(&mut controller, other_goal);
+            assert_eq!(controller.active, learnt, "{other_goal:?}");
+            set(&mut controller, SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
+            set(&mut controller, goal);
+            assert_eq!(controller.active, ActiveLoop::Open, "{goal:?}");
+        }
+    }
+
     #[test]
     fn pressure_rests_and_wakes() {
         let config = Config::default();
