@@ -425,6 +425,21 @@ mod tests {
     }
 
     #[test]
+    fn what_a_flow_owes_is_forgotten_with_its_kind() {
+        let config = Config::default();
+        let flow = |flow_kg_s| SetPoint::MassFlow { flow_kg_s };
+        let now = feedback(2.0e5, LENGTH_M);
+        let mut controller = Controller::new(&config);
+        set(&mut controller, flow(5.0e-3));
+        periods(&mut controller, &config, 3, now);
+        set(&mut controller, flow(0.0));
+        assert!(periods(&mut controller, &config, 1, now).inlet > Duty::ZERO, "still owed");
+        set(&mut controller, SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
+        set(&mut controller, flow(0.0));
+        assert_eq!(periods(&mut controller, &config, 1, now), Command::CLOSED);
+    }
+
+    #[test]
     fn pressure_rests_and_wakes() {
         let config = Config::default();
         let mut controller = Controller::new(&config);
@@ -501,6 +516,25 @@ mod tests {
             periods(&mut controller, &config, 2, feedback(limit_pa, 0.22)).inlet,
             Duty::ZERO
         );
+    }
+
+    #[test]
+    fn only_what_asks_for_too_much_is_marked_as_limited() {
+        let config = Config::default();
+        let mut controller = Controller::new(&config);
+        let near = feedback(config.working_limit_pa() - 100.0, LENGTH_M);
+        for (set_point, limited) in [
+            (SetPoint::MassFlow { flow_kg_s: 1.0e-3 }, true),
+            (SetPoint::MassFlow { flow_kg_s: -1.0e-3 }, false),
+            (SetPoint::Pressure { pressure_pa: 6.8e5 }, true),
+            (SetPoint::Pressure { pressure_pa: 5.0e5 }, false),
+            (SetPoint::Pressure { pressure_pa: 6.8e5 }, true),
+            (SetPoint::Vent, false),
+        ] {
+            set(&mut controller, set_point);
+            periods(&mut controller, &config, 1, near);
+            assert_eq!(controller.limited(), limited, "{set_point:?}");
+        }
     }
 
     /// The PWM of the board goes on while steps are left out.
