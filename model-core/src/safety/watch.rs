@@ -688,6 +688,8 @@ mod tests {
             assert_eq!(bench.window(Command::CLOSED, nonsense, None), Faults::NONE);
         }
         assert_eq!(bench.window(Command::CLOSED, nonsense, Some(STILL_M)), Faults::NONE);
+        let still = gas(0.0, PRESSURE_PA);
+        assert_eq!(bench.windows(100, Command::CLOSED, still), Faults::NONE);
         let leak = gas(-0.015, PRESSURE_PA);
         assert!(bench.finds(Command::CLOSED, leak).is_some(), "with it, again");
     }
