@@ -542,6 +542,20 @@ mod tests {
         assert_eq!(core.supervisor().first_failure(), Some(first));
     }
 
+    /// Also if there was no fault, or none of this start.
+    #[test]
+    fn who_clears_faults_vents() {
+        let mut driving = judged_core(&Config::default(), HALF, &HEALTHY);
+        driving.clear_faults();
+        assert_eq!(driving.step(&HEALTHY).command, Command::VENT);
+        let first = FirstFailure { faults: Faults::BURST, pressure: AdcCode(12_000), step: 9 };
+        let mut recalled = core_with(HALF);
+        recalled.recall(first, Faults::BURST);
+        recalled.clear_faults();
+        assert_eq!(judged(&mut recalled, &HEALTHY).command, Command::VENT);
+        assert_eq!(recalled.set(HALF), Ok(()));
+    }
+
     #[test]
     fn a_board_that_nobody_has_configured_vents() {
         let mut core = Core::unconfigured().unwrap();
@@ -590,6 +604,26 @@ mod tests {
         let found = faults.iter().position(|faults| faults.intersects(Faults::GAS_GAINED));
         assert!(found.is_some_and(|step| (300..600).contains(&step)), "{found:?}");
         assert_eq!(core.step(&INFLATED).command, Command::VENT);
+    }
+
+    /// The watch knows which valve is driven: gas that does not move has another fault for each.
+    #[test]
+    fn a_valve_that_is_driven_and_moves_nothing_vents() {
+        for (inlet, outlet, fault) in
+            [(0.5, 0.0, Faults::NO_INFLOW), (0.0, 0.5, Faults::NO_OUTFLOW)]
+        {
+            let set_point = SetPoint::Duty { inlet, outlet };
+            let mut core = judged_core(&Config::default(), set_point, &INFLATED);
+            let found = (0..2000_u16).find_map(|step| {
+                // A line that is alive.
+                let [pressure, length] =
+                    [INFLATED.pressure, INFLATED.length].map(|code| AdcCode(code.0 + step % 2));
+                let faults = core.step(&Sample { pressure, length, ..INFLATED }).faults;
+                (faults != Faults::NONE).then_some(faults)
+            });
+            assert_eq!(found, Some(fault));
+            assert_eq!(core.step(&INFLATED).command, Command::VENT);
+        }
     }
 
     /// 6 bar would hold four times the load there; where the length is lost, it is made of the load.

@@ -401,6 +401,50 @@ mod tests {
         }
     }
 
+    /// Another goal of the same kind goes on from what the loop has learnt; after another kind it starts
+    /// anew.
+    #[test]
+    fn what_a_loop_has_learnt_lasts_as_long_as_its_kind() {
+        let config = Config::default();
+        for (goal, other_goal) in [
+            (SetPoint::Pressure { pressure_pa: 3.0e5 }, SetPoint::Pressure { pressure_pa: 3.1e5 }),
+            (
+                SetPoint::Contraction { contraction: 0.1 },
+                SetPoint::Contraction { contraction: 0.2 },
+            ),
+            (
+                SetPoint::MassFlowCycle { flow_kg_s: 1.0e-3, period_s: 2.0 },
+                SetPoint::MassFlowCycle { flow_kg_s: 2.0e-3, period_s: 3.0 },
+            ),
+        ] {
+            let mut controller = Controller::new(&config);
+            set(&mut controller, goal);
+            periods(&mut controller, &config, 5, feedback(2.9e5, LENGTH_M));
+            let learnt = controller.active;
+            assert_ne!(learnt, ActiveLoop::Open, "{goal:?}");
+            set(&mut controller, other_goal);
+            assert_eq!(controller.active, learnt, "{other_goal:?}");
+            set(&mut controller, SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
+            set(&mut controller, goal);
+            assert_eq!(controller.active, ActiveLoop::Open, "{goal:?}");
+        }
+    }
+
+    #[test]
+    fn what_a_flow_owes_is_forgotten_with_its_kind() {
+        let config = Config::default();
+        let flow = |flow_kg_s| SetPoint::MassFlow { flow_kg_s };
+        let now = feedback(2.0e5, LENGTH_M);
+        let mut controller = Controller::new(&config);
+        set(&mut controller, flow(5.0e-3));
+        periods(&mut controller, &config, 3, now);
+        set(&mut controller, flow(0.0));
+        assert!(periods(&mut controller, &config, 1, now).inlet > Duty::ZERO, "still owed");
+        set(&mut controller, SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
+        set(&mut controller, flow(0.0));
+        assert_eq!(periods(&mut controller, &config, 1, now), Command::CLOSED);
+    }
+
     #[test]
     fn pressure_rests_and_wakes() {
         let config = Config::default();
@@ -478,6 +522,25 @@ mod tests {
             periods(&mut controller, &config, 2, feedback(limit_pa, 0.22)).inlet,
             Duty::ZERO
         );
+    }
+
+    #[test]
+    fn only_what_asks_for_too_much_is_marked_as_limited() {
+        let config = Config::default();
+        let mut controller = Controller::new(&config);
+        let near = feedback(config.working_limit_pa() - 100.0, LENGTH_M);
+        for (set_point, limited) in [
+            (SetPoint::MassFlow { flow_kg_s: 1.0e-3 }, true),
+            (SetPoint::MassFlow { flow_kg_s: -1.0e-3 }, false),
+            (SetPoint::Pressure { pressure_pa: 6.8e5 }, true),
+            (SetPoint::Pressure { pressure_pa: 5.0e5 }, false),
+            (SetPoint::Pressure { pressure_pa: 6.8e5 }, true),
+            (SetPoint::Vent, false),
+        ] {
+            set(&mut controller, set_point);
+            periods(&mut controller, &config, 1, near);
+            assert_eq!(controller.limited(), limited, "{set_point:?}");
+        }
     }
 
     /// The PWM of the board goes on while steps are left out.

@@ -395,6 +395,23 @@ mod tests {
         }
     }
 
+    /// A pulse of a valve as slow as this one would end after its period, however short.
+    #[test]
+    fn where_nothing_is_asked_for_nothing_is_in_flight() {
+        let mut config = Config::default();
+        config.drive = ValveDrive {
+            minimum_pulse_s: 0.0,
+            switch_time_s: 0.008,
+            dead_time_s: 0.004,
+            ..config.drive
+        };
+        let mut drive = FlowDrive::new(&config);
+        drive.mass(&config, 1.0e-6, MUSCLE);
+        assert!(drive.in_flight_kg() > 0.0);
+        assert_eq!(drive.mass(&config, 0.0, MUSCLE), Command::CLOSED);
+        assert_eq!(drive.in_flight_kg(), 0.0);
+    }
+
     #[test]
     fn what_leaves_after_its_period_is_in_flight_too() {
         let config = Config::default();

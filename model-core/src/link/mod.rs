@@ -504,6 +504,27 @@ mod tests {
         assert_eq!(decoder.malformed(), 1);
     }
 
+    /// Nor is it a message if it begins with one and its checksum.
+    #[test]
+    fn an_overlong_frame_is_no_message_whatever_it_begins_with() {
+        type Bytes = heapless::Vec<u8, MAX_PAYLOAD>;
+        let mut bytes = Bytes::new();
+        // The length itself takes two.
+        bytes.resize(MAX_PAYLOAD - CRC_BYTES - 2, 7).unwrap();
+        let mut content = [0; MAX_PAYLOAD + 1];
+        let end = postcard::to_slice(&bytes, &mut content).unwrap().len();
+        let checksum = CRC.checksum(&content[..end]).to_le_bytes();
+        content[end..MAX_PAYLOAD].copy_from_slice(&checksum);
+        for (length, expected) in [(MAX_PAYLOAD, (1, 0)), (MAX_PAYLOAD + 1, (0, 1))] {
+            let mut frame = [0; 2 * MAX_FRAME];
+            let stuffed = cobs::try_encode(&content[..length], &mut frame).unwrap();
+            frame[stuffed] = 0;
+            let mut decoder = Decoder::new();
+            let messages = decode_all::<Bytes>(&mut decoder, &frame[..=stuffed]);
+            assert_eq!((messages.len(), decoder.malformed()), expected, "{length} bytes");
+        }
+    }
+
     /// Up to the longest that a frame holds with its checksum, whatever COBS makes of the bytes.
     #[test]
     fn every_length_arrives_or_is_refused() {

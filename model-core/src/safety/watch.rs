@@ -461,6 +461,28 @@ mod tests {
         }
     }
 
+    /// A loop that makes up for a leak may ask for as much as is lost, and for more in a single pulse: an
+    /// inlet counts as stuck only if its mean is more than a burst takes.
+    #[test]
+    fn an_inlet_that_passes_nothing_is_a_leak_up_to_what_a_burst_takes() {
+        let per_s = open(1.0, over_pa(7.0e5, PRESSURE_PA));
+        let still = gas(0.0, PRESSURE_PA);
+        for (asked_per_s, fault) in
+            [(0.9 * BURST_PER_S, Faults::LEAK), (1.1 * BURST_PER_S, Faults::NO_INFLOW)]
+        {
+            let (_, found) = Bench::nominal().finds(inlet(asked_per_s / per_s), still).unwrap();
+            assert_eq!(found, fault, "{asked_per_s} 1/s");
+        }
+        let mut bench = Bench::nominal();
+        let pulse = inlet(5.0 * 0.6 * BURST_PER_S / per_s);
+        let found = (0..FOREVER).find_map(|window| {
+            let command = if window % 5 == 0 { pulse } else { Command::CLOSED };
+            let found = bench.window(command, still, Some(STILL_M));
+            (found != Faults::NONE).then_some(found)
+        });
+        assert_eq!(found, Some(Faults::LEAK), "in one window of five");
+    }
+
     #[test]
     fn an_outlet_that_passes_nothing_is_found_until_the_muscle_is_empty() {
         let ambient_pa = 101_325.0;
@@ -672,6 +694,8 @@ mod tests {
             assert_eq!(bench.window(Command::CLOSED, nonsense, None), Faults::NONE);
         }
         assert_eq!(bench.window(Command::CLOSED, nonsense, Some(STILL_M)), Faults::NONE);
+        let still = gas(0.0, PRESSURE_PA);
+        assert_eq!(bench.windows(100, Command::CLOSED, still), Faults::NONE);
         let leak = gas(-0.015, PRESSURE_PA);
         assert!(bench.finds(Command::CLOSED, leak).is_some(), "with it, again");
     }
