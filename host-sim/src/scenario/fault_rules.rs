@@ -1,8 +1,7 @@
 //! Rules for the windows of faults: what belongs together, what the plant has, what overlaps.
 
-use super::faults::{ChannelFault, FaultWindow, ValveFault};
-use super::model::{DriveKind, PlantKind, Scenario};
 use super::schema::limits;
+use super::tables::{ChannelFault, DriveKind, FaultWindow, PlantKind, Scenario, ValveFault};
 use super::violation::{Violation, within};
 
 /// Checks every window, and every pair of them.

@@ -1,10 +1,10 @@
 //! From a scenario file to everything that a run needs.
 
 use super::document::{Document, Entries, Entry};
-use super::geometry;
-use super::model::{DriveKind, Muscle, PlantKind, PlantModel, Scenario};
+use super::geometry::{Dimensions, Given};
 use super::rules;
 use super::schema::{Allowed, Limits, limits};
+use super::tables::{DriveKind, PlantKind, PlantModel, Scenario};
 use super::violation::{Fault, Violation};
 use crate::files::input::{InputError, Problem, read_text};
 use crate::files::table::read_table;
@@ -19,7 +19,7 @@ const LENGTH_USE: f64 = 0.8;
 /// A scenario, checked, with every default filled in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
-    /// What the plant is. Its CSV paths are absolute; its muscle's dimensions are all filled in.
+    /// What the plant is. Its CSV paths are absolute.
     pub plant: Scenario,
     /// What the core is told: the plant's scenario, overlaid by `[believed]`.
     pub believed: Scenario,
@@ -77,7 +77,8 @@ pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
 pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let Document { origin, plant: given, believed: told } = document;
     let mut plant = overlaid(&Scenario::default(), given, origin)?;
-    geometry::resolve(&mut plant.muscle).map_err(|found| blame(found, given, origin))?;
+    let dimensions = Given::of(given).resolved().map_err(|found| blame(found, given, origin))?;
+    plant.muscle = dimensions.applied_to(&plant.muscle);
     let volumes = limits("vessel.volume_m3");
     let volume_profile = profile(given.get("vessel.volume_csv"), (volumes, ""), origin)?;
     fit_sizes(&mut plant, given, volume_profile.as_ref());
@@ -106,22 +107,18 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
 
     let mut believed = overlaid(&plant, told, origin)?;
     let threaded = given.get("muscle.thread_length_m").is_some();
-    let muscle = overlaid(&Scenario::default(), told, origin)?.muscle;
-    let dimensions = geometry::overlay(&muscle, &plant.muscle, threaded);
-    believed.muscle = Muscle {
-        zones: believed.muscle.zones,
-        bladder_stiffness_n_m: believed.muscle.bladder_stiffness_n_m,
-        dead_volume_m3: believed.muscle.dead_volume_m3,
-        ..dimensions
-    };
-    geometry::resolve(&mut believed.muscle).map_err(|found| blame(found, told, origin))?;
+    let dimensions = Given::of(told)
+        .completed_from(Dimensions::of(&plant.muscle), threaded)
+        .resolved()
+        .map_err(|found| blame(found, told, origin))?;
+    believed.muscle = dimensions.applied_to(&believed.muscle);
     rules::check_told(&believed).map_err(|found| blame(found, told, origin))?;
     Ok(Loaded { plant, believed, volume_profile, drive_profile })
 }
 
 /// A scenario with the entries of a file written over it.
 fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
-    // Schema and structs name the same keys and types, which a test watches over.
+    // Schema and structs are one declaration: an entry that passed the schema fits the struct.
     let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
     let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
     for entry in entries.iter() {
@@ -138,7 +135,7 @@ fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenari
 /// Sizes that follow from others where the file leaves them open.
 fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
     let longest_m = match plant.plant.kind {
-        PlantKind::Muscle => plant.muscle.rest_length_m.unwrap_or_default(),
+        PlantKind::Muscle => plant.muscle.rest_length_m,
         PlantKind::Vessel => {
             let volumes = volume.map_or(&[][..], Profile::points).iter().map(|point| point.1);
             let largest_m3 = volumes.reduce(f64::max).unwrap_or(plant.vessel.volume_m3);

@@ -1,123 +1,75 @@
 //! Faults that a run injects: `[faults]` is one window of time, every `[faults.NAME]` another one.
 
+use crate::scenario::declare::{choice, table};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A fault of one analog channel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ChannelFault {
-    /// Healthy.
-    None,
-    /// The line is open: the code goes to the upper rail.
-    Open,
-    /// The line is shorted to ground: the code goes to the lower rail.
-    Shorted,
-    /// The code stays what it was when the fault began.
-    Frozen,
-    /// Strong noise on the line, 5 % of the range.
-    Noisy,
-    /// The sensor's reading runs away at a steady rate from the window's start on.
-    Drifting,
+choice! {
+    /// A fault of one analog channel.
+    ChannelFault {
+        /// Healthy.
+        None = "none",
+        /// The line is open: the code goes to the upper rail.
+        Open = "open",
+        /// The line is shorted to ground: the code goes to the lower rail.
+        Shorted = "shorted",
+        /// The code stays what it was when the fault began.
+        Frozen = "frozen",
+        /// Strong noise on the line, 5 % of the range.
+        Noisy = "noisy",
+        /// The sensor's reading runs away at a steady rate from the window's start on.
+        Drifting = "drifting",
+    }
 }
 
-/// A fault of one valve.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ValveFault {
-    /// Healthy.
-    None,
-    /// Stuck open.
-    Open,
-    /// Stuck shut.
-    Shut,
-    /// It does not close tightly.
-    Leaking,
+choice! {
+    /// A fault of one valve.
+    ValveFault {
+        /// Healthy.
+        None = "none",
+        /// Stuck open.
+        Open = "open",
+        /// Stuck shut.
+        Shut = "shut",
+        /// It does not close tightly.
+        Leaking = "leaking",
+    }
 }
 
-/// A fault of the line between host and board.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LinkFault {
-    /// Healthy.
-    None,
-    /// The host goes silent.
-    Lost,
-    /// More requests arrive than the board takes.
-    Flooded,
+choice! {
+    /// A fault of the line between host and board.
+    LinkFault {
+        /// Healthy.
+        None = "none",
+        /// The host goes silent.
+        Lost = "lost",
+        /// More requests arrive than the board takes.
+        Flooded = "flooded",
+    }
 }
 
-/// What is broken in one window of time.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct FaultWindow {
-    /// Pressure channel.
-    pub pressure: ChannelFault,
-    /// Its drift \[Pa/s\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pressure_drift_pa_s: Option<f64>,
-    /// Gas sensor's channel.
-    pub gas: ChannelFault,
-    /// Its drift \[K/s\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gas_drift_k_s: Option<f64>,
-    /// Length channel.
-    pub length: ChannelFault,
-    /// Its drift \[m/s\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub length_drift_m_s: Option<f64>,
-    /// Inlet valve.
-    pub inlet: ValveFault,
-    /// Share of its full conductance that a leaking inlet passes when it is shut \[-\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inlet_leak: Option<f64>,
-    /// Outlet valve.
-    pub outlet: ValveFault,
-    /// Share of its full conductance that a leaking outlet passes when it is shut \[-\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub outlet_leak: Option<f64>,
-    /// Sonic conductance of a hole from the gas to ambient; 0 for none \[m3/(s Pa)\].
-    pub leak_conductance_m3_s_pa: f64,
-    /// Absolute supply pressure in the window \[Pa\].
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub supply_pressure_pa: Option<f64>,
-    /// The emergency stop is pressed.
-    pub emergency_stop: bool,
-    /// Line between host and board.
-    pub link: LinkFault,
-    /// Steps that the board leaves out together, at the window's start and again after every
-    /// `missed_period_s`; 0 for none.
-    pub missed_steps: u8,
-    /// See `missed_steps` \[s\].
-    pub missed_period_s: f64,
-    /// Start of the window \[s\].
-    pub from_s: f64,
-    /// End of the window \[s\].
-    pub until_s: f64,
-}
-
-impl Default for FaultWindow {
-    fn default() -> Self {
-        Self {
-            pressure: ChannelFault::None,
-            pressure_drift_pa_s: None,
-            gas: ChannelFault::None,
-            gas_drift_k_s: None,
-            length: ChannelFault::None,
-            length_drift_m_s: None,
-            inlet: ValveFault::None,
-            inlet_leak: None,
-            outlet: ValveFault::None,
-            outlet_leak: None,
-            leak_conductance_m3_s_pa: 0.0,
-            supply_pressure_pa: None,
-            emergency_stop: false,
-            link: LinkFault::None,
-            missed_steps: 0,
-            missed_period_s: 1.0,
-            from_s: 0.0,
-            until_s: 1.0e6,
-        }
+table! {
+    /// What is broken in one window of time.
+    "faults", "faults that the run injects in one window of time; every [faults.NAME] is another";
+    FaultWindow {
+        pressure: choice ChannelFault::None, "fault of the pressure channel";
+        pressure_drift_pa_s: optional "Pa/s", -1.0e8 to 1.0e8, "drift of its sensor from the start on (drifting)";
+        gas: choice ChannelFault::None, "fault of the gas sensor's channel";
+        gas_drift_k_s: optional "K/s", -1000.0 to 1000.0, "drift of its sensor from the start on (drifting)";
+        length: choice ChannelFault::None, "fault of the length channel";
+        length_drift_m_s: optional "m/s", -10.0 to 10.0, "drift of its sensor from the start on (drifting)";
+        inlet: choice ValveFault::None, "fault of the inlet valve: stuck open, stuck shut, not tight";
+        inlet_leak: optional "", 0.0 to 1.0, "share of the conductance passed when shut (leaking)";
+        outlet: choice ValveFault::None, "fault of the outlet valve: stuck open, stuck shut, not tight";
+        outlet_leak: optional "", 0.0 to 1.0, "share of the conductance passed when shut (leaking)";
+        leak_conductance_m3_s_pa: real 0.0, "m3/(s Pa)", 0.0 to 1.0e-3, "sonic conductance of a hole from the gas to ambient, large for a burst; 0: none";
+        supply_pressure_pa: optional "Pa", 1.0 to 1.0e8, "in place of the supply's own; below the gas's, gas flows back through an open inlet";
+        emergency_stop: switch false, "the emergency stop is pressed";
+        link: choice LinkFault::None, "fault of the line to the board: the host is silent, or sends too much";
+        missed_steps: whole u8, 0, 0 to 200, "steps that the board leaves out together";
+        missed_period_s: real 1.0, "s", 1.0e-3 to 1.0e6, "they are left out again after that time";
+        from_s: real 0.0, "s", 0.0 to 1.0e6, "start of the window";
+        until_s: real 1.0e6, "s", 0.0 to 1.0e6, "end of the window";
     }
 }
 

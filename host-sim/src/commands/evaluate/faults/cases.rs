@@ -325,7 +325,7 @@ pub fn all() -> Vec<Fault> {
                 "2 to 10 % of the rest length per second, up or down",
                 |draw, s, w| {
                     w.length = ChannelFault::Drifting;
-                    let rest_m = s.muscle.rest_length_m.unwrap_or_default();
+                    let rest_m = s.muscle.rest_length_m;
                     w.length_drift_m_s = Some(draw.sign() * draw.factor([0.02, 0.1]) * rest_m);
                 },
                 LENGTH.with(FORCE).with(FLOW),
