@@ -16,7 +16,8 @@
 //!
 //! What leaves one of these out does not compile, or fails a test that names it.
 
-use super::schema::{Allowed, Key, Limits};
+pub use super::schema::Allowed;
+use super::schema::{Key, Limits};
 use model_core::parameter::Parameter;
 
 /// The parameter of that name, while compiling.
@@ -48,11 +49,30 @@ const fn equal(a: &[u8], b: &[u8]) -> bool {
     true
 }
 
+/// A key of the scenario's own.
+pub const fn key(name: &'static str, allowed: Allowed, meaning: &'static str) -> Key {
+    Key { name, allowed, meaning, core: false }
+}
+
+/// The key of a number.
+pub const fn real(
+    name: &'static str,
+    unit: &'static str,
+    [min, max]: [f64; 2],
+    meaning: &'static str,
+) -> Key {
+    key(name, Allowed::Real(Limits { min, max, unit }), meaning)
+}
+
+/// The key of a whole number.
+pub const fn whole(name: &'static str, [min, max]: [i64; 2], meaning: &'static str) -> Key {
+    key(name, Allowed::Whole { min, max }, meaning)
+}
+
 /// The key of a parameter that the core declares.
 pub const fn key_of(parameter: &Parameter) -> Key {
     let Parameter { name, unit, minimum, maximum, meaning, .. } = *parameter;
-    let allowed = Allowed::Real(Limits { min: minimum, max: maximum, unit });
-    Key { name, allowed, meaning, core: false }
+    real(name, unit, [minimum, maximum], meaning)
 }
 
 /// The keys of a table that is the core's own.
@@ -110,10 +130,7 @@ macro_rules! table {
                     <$core>::PARAMETERS,
                     stringify!($name),
                 ) }.default,
-                $crate::scenario::declare::key_of(&$crate::scenario::declare::parameter(
-                    <$core>::PARAMETERS,
-                    stringify!($name),
-                ))
+                key_of(&parameter(<$core>::PARAMETERS, stringify!($name)))
             }]
             [$($told)* $name] $($rest)*
         }
@@ -134,7 +151,7 @@ macro_rules! table {
                 []
                 concat!("As the core has it: [`", stringify!($parameter), "`]."),
                 $name: f64 = $parameter.default,
-                $crate::scenario::declare::key_of(&$parameter)
+                key_of(&$parameter)
             }]
             $told $($rest)*
         }
@@ -149,14 +166,7 @@ macro_rules! table {
                 []
                 concat!($meaning, $crate::scenario::declare::unit!($unit), "."),
                 $name: f64 = $default,
-                $crate::scenario::schema::Key {
-                    name: stringify!($name),
-                    allowed: $crate::scenario::schema::Allowed::Real(
-                        $crate::scenario::schema::Limits { min: $min, max: $max, unit: $unit },
-                    ),
-                    meaning: $meaning,
-                    core: false,
-                }
+                real(stringify!($name), $unit, [$min, $max], $meaning)
             }]
             $told $($rest)*
         }
@@ -170,14 +180,7 @@ macro_rules! table {
                 [#[serde(skip_serializing_if = "Option::is_none")]]
                 concat!($meaning, $crate::scenario::declare::unit!($unit), "."),
                 $name: Option<f64> = None,
-                $crate::scenario::schema::Key {
-                    name: stringify!($name),
-                    allowed: $crate::scenario::schema::Allowed::Real(
-                        $crate::scenario::schema::Limits { min: $min, max: $max, unit: $unit },
-                    ),
-                    meaning: $meaning,
-                    core: false,
-                }
+                real(stringify!($name), $unit, [$min, $max], $meaning)
             }]
             $told $($rest)*
         }
@@ -192,16 +195,12 @@ macro_rules! table {
                 []
                 concat!($meaning, "."),
                 $name: $type = $default,
-                $crate::scenario::schema::Key {
-                    name: stringify!($name),
+                whole(
+                    stringify!($name),
                     // The type holds both.
-                    allowed: $crate::scenario::schema::Allowed::Whole {
-                        min: { let min: $type = $min; min as i64 },
-                        max: { let max: $type = $max; max as i64 },
-                    },
-                    meaning: $meaning,
-                    core: false,
-                }
+                    [{ let min: $type = $min; min as i64 }, { let max: $type = $max; max as i64 }],
+                    $meaning,
+                )
             }]
             $told $($rest)*
         }
@@ -215,12 +214,7 @@ macro_rules! table {
                 []
                 concat!($meaning, "."),
                 $name: $type = $type::$default,
-                $crate::scenario::schema::Key {
-                    name: stringify!($name),
-                    allowed: $crate::scenario::schema::Allowed::Choice($type::WORDS),
-                    meaning: $meaning,
-                    core: false,
-                }
+                key(stringify!($name), Allowed::Choice($type::WORDS), $meaning)
             }]
             $told $($rest)*
         }
@@ -234,12 +228,7 @@ macro_rules! table {
                 []
                 concat!($meaning, "."),
                 $name: bool = $default,
-                $crate::scenario::schema::Key {
-                    name: stringify!($name),
-                    allowed: $crate::scenario::schema::Allowed::Switch,
-                    meaning: $meaning,
-                    core: false,
-                }
+                key(stringify!($name), Allowed::Switch, $meaning)
             }]
             $told $($rest)*
         }
@@ -253,12 +242,7 @@ macro_rules! table {
                 []
                 concat!($meaning, "."),
                 $name: Vec<String> = Vec::new(),
-                $crate::scenario::schema::Key {
-                    name: stringify!($name),
-                    allowed: $crate::scenario::schema::Allowed::List,
-                    meaning: $meaning,
-                    core: false,
-                }
+                key(stringify!($name), Allowed::List, $meaning)
             }]
             $told $($rest)*
         }
@@ -272,12 +256,7 @@ macro_rules! table {
                 [#[serde(skip_serializing_if = "Option::is_none")]]
                 concat!($meaning, ": a CSV with the columns time_s,", $column, "."),
                 $name: Option<std::path::PathBuf> = None,
-                $crate::scenario::schema::Key {
-                    name: stringify!($name),
-                    allowed: $crate::scenario::schema::Allowed::Csv { columns: ["time_s", $column] },
-                    meaning: $meaning,
-                    core: false,
-                }
+                key(stringify!($name), Allowed::Csv { columns: ["time_s", $column] }, $meaning)
             }]
             $told $($rest)*
         }
@@ -311,7 +290,10 @@ macro_rules! table {
         }
 
         impl $struct {
-            const KEYS: &[$crate::scenario::schema::Key] = &[$($key),*];
+            const KEYS: &[$crate::scenario::schema::Key] = {
+                use $crate::scenario::declare::*;
+                &[$($key),*]
+            };
 
             /// Its entry in the schema.
             pub const TABLE: $crate::scenario::schema::Table =

@@ -107,7 +107,7 @@ pub static TABLES: &[Table] = &[
     )
     .believed(),
     Link::TABLE,
-    FaultWindow::TABLE,
+    FaultKeys::TABLE,
     Identify::TABLE,
 ];
 
