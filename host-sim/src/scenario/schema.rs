@@ -1,6 +1,6 @@
 //! What is known of every key of a scenario: unit, what it may be, and what it means.
 //!
-//! Validation, suggestions and the comments of `thermyo check` all read it. [`super::declare`] makes
+//! Validation, suggestions and the comments of `thermyo check` all read it. `declare.rs` makes
 //! it, along with the structs and their defaults. No range is wider than what the core works with
 //! (`model_core::config::Config::check`), or [`super::core_config`] narrows what the core is told: a
 //! scenario that passes here, runs.

@@ -144,7 +144,7 @@ table! {
 }
 
 /// Keys that have to be there: the one that says so, with its word, and the one that is needed.
-pub const NEEDED: [[&str; 3]; 5] = [
+pub(in crate::scenario) const NEEDED: [[&str; 3]; 5] = [
     ["pressure", "drifting", "pressure_drift_pa_s"],
     ["gas", "drifting", "gas_drift_k_s"],
     ["length", "drifting", "length_drift_m_s"],
