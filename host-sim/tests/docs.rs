@@ -1,5 +1,6 @@
-//! Every file of the repository that a document names is there.
+//! Every file of the repository that a document names is there, and the tuning values are the core's.
 
+use model_core::config::{ControllerConfig, EstimatorConfig};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -90,4 +91,35 @@ fn what_is_not_there_is_found() {
                 `cargo run -- run scenarios/gone.toml`. It is in `model-core/src/`.";
     let expected = ["gone.svg", "docs/gone.md", "gone.rs", "scenarios/gone.toml"];
     assert_eq!(missing(text, &repository(), &sources()), expected);
+}
+
+/// Key, default and unit of each row of the table of tuning values.
+fn tuning(document: &str) -> Vec<[String; 3]> {
+    let text = fs::read_to_string(repository().join(document)).unwrap();
+    let rows =
+        text.lines().skip_while(|line| !line.starts_with("| key | default | unit |")).skip(2);
+    rows.take_while(|line| line.starts_with('|'))
+        .map(|row| {
+            let mut cells = row.split('|').skip(1).map(str::trim);
+            [(); 3].map(|()| cells.next().unwrap().replace('`', "").replace('²', "2"))
+        })
+        .collect()
+}
+
+#[test]
+fn the_tables_of_tuning_values_are_those_of_the_core() {
+    for (document, parameters) in [
+        ("docs/control.md", ControllerConfig::PARAMETERS),
+        ("docs/estimator.md", EstimatorConfig::PARAMETERS),
+    ] {
+        let rows = tuning(document);
+        let names: Vec<&str> = rows.iter().map(|[name, ..]| name.as_str()).collect();
+        let declared: Vec<&str> = parameters.iter().map(|parameter| parameter.name).collect();
+        assert_eq!(names, declared, "{document}");
+        for ([name, default, unit], parameter) in rows.iter().zip(parameters) {
+            assert_eq!(default.parse(), Ok(parameter.default), "{document}: {name}");
+            let declared = if parameter.unit.is_empty() { "-" } else { parameter.unit };
+            assert_eq!(unit, declared, "{document}: {name}");
+        }
+    }
 }

@@ -174,8 +174,8 @@ fn agrees_with_an_independent_solver() {
     scenario.muscle.zones = 1;
     let gas = IdealGas::new(&scenario.gas);
     let braid = Geometry::new(
-        scenario.muscle.thread_length_m.unwrap(),
-        scenario.muscle.turns.unwrap(),
+        scenario.muscle.thread_length_m,
+        scenario.muscle.turns,
         scenario.muscle.dead_volume_m3,
     );
     let length = scenario.load.length_m;

@@ -174,8 +174,8 @@ fn agrees_with_an_independent_solver() {
     let gas = IdealGas::new(&scenario.gas);
     let system = Independent {
         braid: Geometry::new(
-            scenario.muscle.thread_length_m.unwrap(),
-            scenario.muscle.turns.unwrap(),
+            scenario.muscle.thread_length_m,
+            scenario.muscle.turns,
             scenario.muscle.dead_volume_m3,
         ),
         valve: Iso6358::valve(

@@ -34,12 +34,11 @@ fn assert_messages(cases: &[(&str, &str)]) {
 fn nothing_said_means_the_defaults() {
     for text in ["", "\n\n# nothing\n", "\u{feff}", "[believed]\n[sensor]\n[believed.sensor.gas]"] {
         let loaded = valid(text);
-        let expected = Scenario { muscle: loaded.plant.muscle.clone(), ..Scenario::default() };
-        assert_eq!(loaded.plant, expected);
+        assert_eq!(loaded.plant, Scenario::default());
         assert_eq!(loaded.believed, loaded.plant);
-        assert_eq!(loaded.plant.muscle.rest_length_m, Some(0.3));
-        assert_eq!(loaded.plant.muscle.diameter_m, Some(0.02));
-        assert_eq!(loaded.plant.muscle.braid_angle_deg, Some(23.0));
+        assert_eq!(loaded.plant.muscle.rest_length_m, 0.3);
+        assert_eq!(loaded.plant.muscle.diameter_m, 0.02);
+        assert_eq!(loaded.plant.muscle.braid_angle_deg, 23.0);
     }
 }
 
@@ -317,23 +316,23 @@ fn geometry_comes_from_either_pair() {
     let angle = 25.0_f64.to_radians();
     let b = 0.25 / angle.cos();
     let n = b * angle.sin() / (std::f64::consts::PI * 0.03);
-    assert!((rest.muscle.thread_length_m.unwrap() / b - 1.0).abs() < 1e-14);
-    assert!((rest.muscle.turns.unwrap() / n - 1.0).abs() < 1e-14);
+    assert!((rest.muscle.thread_length_m / b - 1.0).abs() < 1e-14);
+    assert!((rest.muscle.turns / n - 1.0).abs() < 1e-14);
 
     let thread = valid(&format!("[muscle]\nthread_length_m = {b:?}\nturns = {n:?}")).plant.muscle;
     let length = b * 23.0_f64.to_radians().cos();
-    assert!((thread.rest_length_m.unwrap() / length - 1.0).abs() < 1e-15);
-    assert!((thread.braid_angle_deg.unwrap() - 23.0).abs() < 1e-10);
+    assert!((thread.rest_length_m / length - 1.0).abs() < 1e-15);
+    assert!((thread.braid_angle_deg - 23.0).abs() < 1e-10);
 
     let text = format!("[muscle]\nthread_length_m = {b:?}\nturns = {n:?}\nrest_length_m = 0.25");
     let thread = valid(&text).plant.muscle;
-    assert!((thread.diameter_m.unwrap() - 0.03).abs() < 1e-14);
-    assert!((thread.braid_angle_deg.unwrap() - 25.0).abs() < 1e-10);
+    assert!((thread.diameter_m - 0.03).abs() < 1e-14);
+    assert!((thread.braid_angle_deg - 25.0).abs() < 1e-10);
 
     // Both, rounded by hand, agree.
     let both = "[muscle]\nthread_length_m = 0.3259\nturns = 2.027\nrest_length_m = 0.3\n\
                 diameter_m = 0.02\nbraid_angle_deg = 23";
-    assert_eq!(valid(both).plant.muscle.turns, Some(2.027));
+    assert_eq!(valid(both).plant.muscle.turns, 2.027);
 }
 
 #[test]
@@ -382,14 +381,14 @@ fn the_core_can_be_told_another_geometry() {
     let plant = valid("").plant.muscle;
     let thicker = told("diameter_m = 0.025");
     assert_eq!(thicker.thread_length_m, plant.thread_length_m);
-    assert!((thicker.turns.unwrap() / plant.turns.unwrap() - 0.8).abs() < 1e-12);
+    assert!((thicker.turns / plant.turns - 0.8).abs() < 1e-12);
     let more_turns = told("turns = 2.5");
     assert_eq!(more_turns.rest_length_m, plant.rest_length_m);
-    assert!((more_turns.diameter_m.unwrap() - 0.02 * plant.turns.unwrap() / 2.5).abs() < 1e-12);
+    assert!((more_turns.diameter_m - 0.02 * plant.turns / 2.5).abs() < 1e-12);
     // The plant's file speaks of diameter and angle, so these stay.
     let longer = told("rest_length_m = 0.33");
     assert_eq!(longer.braid_angle_deg, plant.braid_angle_deg);
-    assert!((longer.thread_length_m.unwrap() / plant.thread_length_m.unwrap() - 1.1).abs() < 1e-12);
+    assert!((longer.thread_length_m / plant.thread_length_m - 1.1).abs() < 1e-12);
     assert_eq!(told("zones = 3").turns, plant.turns);
 }
 
@@ -513,7 +512,7 @@ fn the_print_explains_every_key() {
         "duration_s = 100.0  # s, 0.001 to 1e6: simulated time",
         "zones = 8  # 1 to 64: axial zones of gas and wall (full)",
         "kind = \"muscle\"  # \"muscle\" | \"vessel\": what holds the gas",
-        "conductance_m3_s_pa = 4e-9  # m3/(s Pa), 1e-13 to 0.001: sonic conductance C",
+        "conductance_m3_s_pa = 4e-9  # m3/(s Pa), 1e-13 to 0.001: sonic conductance C at ANR (ISO 6358)",
         "critical_ratio = 0.3  # 0.01 to 0.99: critical pressure ratio b",
         "# volume_csv = \"FILE.csv\"  # CSV file, time_s,volume_m3: volume over time, of a moving piston",
     ] {
@@ -599,7 +598,7 @@ proptest! {
                 // What passes here, the core takes.
                 prop_assert_eq!(core_config(&loaded.believed).check(), Ok(()));
                 let working = loaded.plant.load.kind != LoadKind::Isometric
-                    || loaded.plant.load.length_m <= loaded.plant.muscle.rest_length_m.unwrap();
+                    || loaded.plant.load.length_m <= loaded.plant.muscle.rest_length_m;
                 prop_assert!(working);
             }
             Err(message) => prop_assert!(one_line(&message), "{}", message),

@@ -1,11 +1,21 @@
 //! Everything that the core is told before it starts, and what each value may be.
 
-use crate::parameter::parameters;
+use crate::parameter::{Parameter, parameters};
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::geometry::{Braid, Friction, Muscle};
 use crate::physics::heat::{Heat, Wall};
 use crate::physics::valve::Valve;
 use crate::sensing::Sensors;
+
+/// Fixed step of the core.
+pub const STEP_S: Parameter = Parameter {
+    name: "step_s",
+    default: 0.001,
+    unit: "s",
+    minimum: 1.0e-4,
+    maximum: 0.1,
+    meaning: "step of the core",
+};
 
 /// Configuration of the core. [`Config::default`] is the nominal muscle of the project's scenarios.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -166,7 +176,7 @@ parameters! {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            step_s: 0.001,
+            step_s: STEP_S.default as f32,
             gas: Gas::default(),
             ambient: Ambient::default(),
             supply: Supply::default(),
@@ -197,7 +207,8 @@ impl Default for Config {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize))]
 pub struct ConfigError {
-    /// Which one.
+    /// The key of the scenario that says it; in brackets what the core makes of it, where that is another
+    /// number.
     pub field: &'static str,
     /// What it is.
     pub value: f32,
@@ -228,7 +239,7 @@ impl Config {
     /// # Errors
     /// The first value that is not a number or lies outside of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        within("step_s", self.step_s, 1.0e-4, 0.1)?;
+        within("run.step_s", self.step_s, STEP_S.minimum as f32, STEP_S.maximum as f32)?;
         self.gas.check()?;
         self.ambient.check()?;
         self.supply.check()?;
@@ -255,11 +266,17 @@ impl Config {
         }
         within("load.mass_kg", self.moving_mass_kg, 0.0, 1.0e6)?;
         self.valve.check()?;
-        within("valve.period_steps", f32::from(self.pwm_period_steps), 1.0, 1000.0)?;
+        within(
+            "valve.pwm_hz (its period, in steps)",
+            f32::from(self.pwm_period_steps),
+            1.0,
+            1000.0,
+        )?;
         self.sensors.check()?;
         self.estimator.check()?;
         self.controller.check()?;
-        within("pressure_limit_pa", self.pressure_limit_pa, 1.0, 1.0e9)?;
+        let limit = "sensor.pressure.range_pa (the pressure limit below it)";
+        within(limit, self.pressure_limit_pa, 1.0, 1.0e9)?;
         self.link.check()
     }
 }

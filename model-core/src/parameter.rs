@@ -1,5 +1,14 @@
 //! A parameter is declared once: name, unit, range, default and meaning. The struct that holds it, its
 //! default, its check and its documentation follow from that, and on the host the key of the scenario.
+//!
+//! # How to add a parameter
+//!
+//! One line in the `parameters!` of its table. Its name ends in the unit; the table's path and its name are
+//! the key that a user writes, and what an error calls it. A key of `[estimator]` or `[controller]` is in the
+//! scenario with that; `docs/estimator.md` and `docs/control.md` have a row for each, which a test compares.
+//! For the other tables the scenario says which of the core's parameters it takes: `declare.rs` in `host-sim`
+//! has the rest of this list. The bytes of the configuration on the wire change: raise `PROTOCOL` in
+//! `link` and pin the new ones there.
 
 use crate::config::{ConfigError, within};
 

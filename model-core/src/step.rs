@@ -548,7 +548,7 @@ mod tests {
         let mut driving = judged_core(&Config::default(), HALF, &HEALTHY);
         driving.clear_faults();
         assert_eq!(driving.step(&HEALTHY).command, Command::VENT);
-        let first = FirstFailure { faults: Faults::BURST, pressure: AdcCode(12_000), step: 9 };
+        let first = FirstFailure { faults: Faults::BURST, pressure_pa: 2.5e5, step: 9 };
         let mut recalled = core_with(HALF);
         recalled.recall(first, Faults::BURST);
         recalled.clear_faults();

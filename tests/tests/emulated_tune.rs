@@ -18,7 +18,7 @@ fn a_board_is_tuned() {
     let plant = &loaded.plant;
     for (path, truth, (low, high)) in [
         ("friction.force_n", plant.friction.force_n, (-2.0, 2.0)),
-        ("muscle.turns", plant.muscle.turns.unwrap(), (-0.3, 0.3)),
+        ("muscle.turns", plant.muscle.turns, (-0.3, 0.3)),
         ("valve.conductance_m3_s_pa", plant.valve.conductance_m3_s_pa, (-7.0, -4.0)),
         ("valve.switch_time_s", plant.valve.switch_time_s, (-10.0, 2.0)),
     ] {

@@ -18,7 +18,7 @@ fn a_muscle_told_wrong_is_found() {
     let loaded = told(&host_sim::commands::evaluate::nominal().unwrap(), ALL_WRONG.1);
     let tuned = tuned(&loaded).unwrap();
     let (plant, findings) = (&loaded.plant, &tuned.findings);
-    let turns = plant.muscle.turns.unwrap();
+    let turns = plant.muscle.turns;
     for (path, truth, bounds) in [
         ("friction.force_n", plant.friction.force_n, (-2.0, 2.0)),
         ("friction.viscous_n_s_m", plant.friction.viscous_n_s_m, (-6.0, 6.0)),

@@ -8,6 +8,7 @@
 use super::bristle::{Bristle, Drag};
 use super::closure::Closure;
 use super::flow::{Iso6358, Streams};
+use super::geometry::Geometry;
 use super::heat::InnerHeat;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
@@ -297,10 +298,10 @@ impl Full {
     /// The full muscle of a scenario.
     ///
     /// # Errors
-    /// [`BuildError::GeometryUnresolved`] when the loader has not filled in the braid, and
     /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario) -> Result<Self, BuildError> {
-        let (braid, rest_length) = super::resolved_braid(scenario)?;
+        let braid = Geometry::of(&scenario.muscle);
+        let rest_length = scenario.muscle.rest_length_m;
         let zones = scenario.muscle.zones.max(1);
         let pull = Pull::new(scenario, braid, rest_length);
         let closure = Closure::new(scenario);

@@ -1,5 +1,6 @@
 //! Geometry of the braid, eq. (10), (11), and the force that follows from it.
 
+use crate::scenario::Muscle;
 use std::f64::consts::PI;
 
 /// A braid of inextensible threads around a cylinder.
@@ -27,6 +28,11 @@ impl Geometry {
             thread_squared: thread_length_m * thread_length_m,
             per_turns: 1.0 / (4.0 * PI * turns * turns),
         }
+    }
+
+    /// The braid of a muscle.
+    pub fn of(muscle: &Muscle) -> Self {
+        Self::new(muscle.thread_length_m, muscle.turns, muscle.dead_volume_m3)
     }
 
     /// From length \[m\], diameter \[m\] and braid angle to the axis \[deg\] at rest (paper, Fig. 1).

@@ -7,6 +7,7 @@
 
 use super::closure::Closure;
 use super::flow::Streams;
+use super::geometry::Geometry;
 use super::heat::InnerHeat;
 use super::local_power::LocalPower;
 use super::ode::rk4;
@@ -206,10 +207,10 @@ impl Lumped {
     /// The lumped muscle of a scenario.
     ///
     /// # Errors
-    /// [`BuildError::GeometryUnresolved`] when the loader has not filled in the braid, and
     /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario) -> Result<Self, BuildError> {
-        let (braid, rest_length) = super::resolved_braid(scenario)?;
+        let braid = Geometry::of(&scenario.muscle);
+        let rest_length = scenario.muscle.rest_length_m;
         let pull = Pull::new(scenario, braid, rest_length);
         let closure = Closure::new(scenario);
         let gas = &closure.gas;

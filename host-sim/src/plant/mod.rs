@@ -199,8 +199,6 @@ const LEAK_TOO_LARGE: &str =
 /// Why a scenario that passed validation still makes no plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BuildError {
-    /// Thread length, turns and rest length of the muscle are not all there.
-    GeometryUnresolved,
     /// The volume profile holds a volume that is not positive.
     VolumeNotPositive {
         /// When \[s\].
@@ -220,10 +218,6 @@ pub enum BuildError {
 impl fmt::Display for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::GeometryUnresolved => write!(
-                f,
-                "[muscle] thread_length_m, turns and rest_length_m must be resolved before the plant is built"
-            ),
             Self::VolumeNotPositive { time_s, volume_m3 } => {
                 write!(
                     f,
@@ -341,17 +335,6 @@ fn check_length(time_s: f64, length: f64, braid: &Geometry) -> Result<(), Diverg
     }
     let thread = braid.thread_length_m;
     Err(Diverged { time_s, state: format!("length = {length} m, thread length = {thread} m") })
-}
-
-/// The braid of a loaded scenario and its rest length \[m\].
-fn resolved_braid(scenario: &Scenario) -> Result<(Geometry, f64), BuildError> {
-    let muscle = &scenario.muscle;
-    match (muscle.thread_length_m, muscle.turns, muscle.rest_length_m) {
-        (Some(thread), Some(turns), Some(rest)) => {
-            Ok((Geometry::new(thread, turns, muscle.dead_volume_m3), rest))
-        }
-        _ => Err(BuildError::GeometryUnresolved),
-    }
 }
 
 /// Work of the gas, the integral of P dV through three equidistant instants: exact where P and V are

@@ -89,7 +89,7 @@ impl RunRecorder {
             measured: &measured,
             summary: &rows(summary),
             axial_wall_k: &summary.axial_temperature_k,
-            rest_length_m: loaded.plant.muscle.rest_length_m.filter(|_| !self.is_vessel),
+            rest_length_m: (!self.is_vessel).then_some(loaded.plant.muscle.rest_length_m),
             last_stroke: &self.last_stroke,
             detail_s,
         })

@@ -1,15 +1,11 @@
 //! A scenario as `thermyo check` prints it: every key, its value, and what it may be.
 
+use super::geometry::DIMENSIONS;
 use super::load::Loaded;
-use super::model::Scenario;
 use super::schema::{Allowed, FAULTS, Key, TABLES, Table};
+use super::tables::Scenario;
 use std::fmt::Write;
 use toml::Value;
-
-/// The dimensions of the muscle, which the core is told all together or not at all: any of them
-/// alone would let the others follow anew.
-const DIMENSIONS: [&str; 5] =
-    ["thread_length_m", "turns", "rest_length_m", "diameter_m", "braid_angle_deg"];
 
 /// The scenario as TOML with every default filled in; what it reads back to is the same to the bit.
 pub fn render(loaded: &Loaded) -> String {
@@ -30,6 +26,7 @@ pub fn render(loaded: &Loaded) -> String {
         let differs = |key: &&Key| {
             !same(value(&plant, table.name, key.name), value(&believed, table.name, key.name))
         };
+        // The core is told all of them or none: any of them alone would let the others follow anew.
         let is_dimension = |key: &Key| table.name == "muscle" && DIMENSIONS.contains(&key.name);
         let dimensions_differ = table.keys.iter().any(|key| is_dimension(key) && differs(&key));
         let lines = table

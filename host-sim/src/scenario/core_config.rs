@@ -2,16 +2,13 @@
 
 use crate::plant::heat::InnerHeat;
 use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
-use model_core::config::{Ambient, Body, Config, EstimatorConfig, LinkConfig, Load, Supply};
-use model_core::physics::gas::Gas;
+use model_core::config::{Body, Config, EstimatorConfig, Load};
 use model_core::physics::geometry::{Braid, Friction, Muscle};
 use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
 use model_core::sensing::adc::Adc;
 use model_core::sensing::gas::{GasElement, GasSensor, Pt1000};
-use model_core::sensing::length::LengthSensor;
-use model_core::sensing::pressure::PressureSensor;
 
 /// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
 /// \[W/(m2 K)\].
@@ -86,18 +83,18 @@ impl OneZone {
     }
 }
 
-/// The core's configuration for `believed`. `plant` only says which kind of plant it is; a muscle's
-/// geometry has been resolved by the loader.
+/// The core's configuration for `believed`, whose `plant` only says which kind of plant it is. What is
+/// not named here, the core has as the scenario says it.
 pub fn core_config(believed: &Scenario) -> Config {
     let s = believed;
     let one_zone = OneZone::of(s);
     let body = match s.plant.kind {
         PlantKind::Muscle => Body::Muscle(Muscle {
             braid: Braid {
-                thread_length_m: s.muscle.thread_length_m.unwrap_or_default() as f32,
-                turns: s.muscle.turns.unwrap_or_default() as f32,
+                thread_length_m: s.muscle.thread_length_m as f32,
+                turns: s.muscle.turns as f32,
             },
-            rest_length_m: s.muscle.rest_length_m.unwrap_or_default() as f32,
+            rest_length_m: s.muscle.rest_length_m as f32,
             bladder_stiffness_n_m: s.muscle.bladder_stiffness_n_m as f32,
             dead_volume_m3: (s.muscle.dead_volume_m3 + one_zone.tube_m3) as f32,
         }),
@@ -110,76 +107,51 @@ pub fn core_config(believed: &Scenario) -> Config {
         PlantKind::Muscle => one_zone.wall * s.wall.heat_capacity_j_k,
         PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
     };
-    let switching = s.is_full_muscle();
-    // Only `full` has them.
     let full = s.plant.model == PlantModel::Full;
-    let where_full = |value: f64| if full { value as f32 } else { 0.0 };
     let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
     Config {
         step_s: s.run.step_s as f32,
-        gas: Gas {
-            gas_constant_j_kg_k: s.gas.gas_constant_j_kg_k as f32,
-            heat_capacity_ratio: s.gas.heat_capacity_ratio as f32,
-        },
-        ambient: Ambient {
-            pressure_pa: s.ambient.pressure_pa as f32,
-            temperature_k: s.ambient.temperature_k as f32,
-        },
-        supply: Supply {
-            pressure_pa: s.supply.pressure_pa as f32,
-            temperature_k: s.supply.temperature_k as f32,
-        },
+        gas: s.gas.core(),
+        ambient: s.ambient.core(),
+        supply: s.supply.core(),
         body,
         heat: Heat {
             inner_w_m2_k: inner_w_m2_k as f32,
             inner_per_flow: (one_zone.stirring * inner_per_flow) as f32,
-            outer_w_m2_k: s.heat.outer_w_m2_k as f32,
-            outer_per_speed: s.heat.outer_per_speed as f32,
+            ..s.heat.core()
         },
         wall: Wall { heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32 },
-        friction: Friction {
-            force_n: s.friction.force_n as f32,
-            reference_temperature_k: s.friction.reference_temperature_k as f32,
-            softening_per_k: s.friction.softening_per_k as f32,
-            heat_fraction: s.friction.heat_fraction as f32,
-            presliding_stiffness_n_m: if full {
-                s.friction.presliding_stiffness_n_m as f32
-            } else {
-                LUMPED_PRESLIDING_N_M
-            },
-            viscous_n_s_m: where_full(s.friction.viscous_n_s_m),
+        friction: if full {
+            s.friction.core()
+        } else {
+            Friction {
+                presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
+                viscous_n_s_m: 0.0,
+                ..s.friction.core()
+            }
         },
         load: match s.load.kind {
             LoadKind::Isotonic => Load::Isotonic { force_n: s.load.force_n as f32 },
             LoadKind::Isometric => Load::Isometric { length_m: s.load.length_m as f32 },
             LoadKind::Mass => Load::Isotonic { force_n: (s.load.mass_kg * GRAVITY_M_S2) as f32 },
         },
-        moving_mass_kg: where_full(s.load.mass_kg),
-        valve: Valve {
-            conductance_m3_s_pa: s.valve.conductance_m3_s_pa as f32,
-            critical_ratio: s.valve.critical_ratio as f32,
+        moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
+        valve: if s.is_full_muscle() {
+            s.valve.core()
+        } else {
             // Every other plant has ideal valves.
-            switch_time_s: if switching { s.valve.switch_time_s as f32 } else { 0.0 },
-            dead_time_s: if switching { s.valve.dead_time_s as f32 } else { 0.0 },
+            Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() }
         },
         pwm_period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
         sensors: Sensors {
             adc: Adc { wide_code_lsb: RP2040_WIDE_CODE_LSB },
-            pressure: PressureSensor {
-                range_pa: s.sensor.pressure.range_pa as f32,
-                noise_pa: s.sensor.pressure.noise_pa as f32,
-                ..PressureSensor::default()
-            },
-            length: LengthSensor {
-                range_m: s.sensor.length.range_m as f32,
-                ..LengthSensor::default()
-            },
+            pressure: s.sensor.pressure.core(),
+            length: s.sensor.length.core(),
             gas: GasSensor {
                 time_constant_s: ((s.sensor.gas.time_constant_s / one_zone.swing) as f32)
                     .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
                 housing_time_constant_s: one_zone.housing_s as f32,
-                noise_k: s.sensor.gas.noise_k as f32,
-                ..GasSensor::default()
+                ..s.sensor.gas.core()
             },
             gas_element: GasElement::Pt1000(Pt1000 {
                 range_min_k: s.sensor.gas.range_min_k as f32,
@@ -193,7 +165,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         controller: s.controller,
         pressure_limit_pa: pressure_limit_pa(s) as f32,
-        link: LinkConfig { timeout_s: s.link.timeout_s as f32 },
+        link: s.link.core(),
     }
 }
 
@@ -207,7 +179,7 @@ fn inner_heat(s: &Scenario) -> (f64, f64) {
         }
         HeatModel::Correlation => {
             let diameter_m = match s.plant.kind {
-                PlantKind::Muscle => s.muscle.diameter_m.unwrap_or_default(),
+                PlantKind::Muscle => s.muscle.diameter_m,
                 PlantKind::Vessel => s.vessel.characteristic_length_m,
             };
             let wall_k = s.ambient.temperature_k;

@@ -1,9 +1,29 @@
 //! Rules for the windows of faults: what belongs together, what the plant has, what overlaps.
 
-use super::faults::{ChannelFault, FaultWindow, ValveFault};
-use super::model::{DriveKind, PlantKind, Scenario};
-use super::schema::limits;
+use super::document::{Entries, Entry};
+use super::schema::{FAULTS, is_fault_window, limits};
+use super::tables::{DriveKind, FaultWindow, NEEDED, PlantKind, Scenario};
 use super::violation::{Violation, within};
+
+/// Checks that what drifts or leaks is given with its number.
+///
+/// # Errors
+/// The first one without.
+pub fn check_given(entries: &Entries) -> Result<(), Violation> {
+    for Entry { table: path, key, value, .. } in entries.iter() {
+        let is_window = path == FAULTS || is_fault_window(path);
+        for [line, fault, needed] in NEEDED {
+            let needed = format!("{path}.{needed}");
+            let says_so = is_window && key.name == line && value.as_str() == Some(fault);
+            if says_so && entries.get(&needed).is_none() {
+                let line = format!("{path}.{line}");
+                let why = format!("{line} = \"{fault}\" needs it");
+                return Err(Violation::missing(&needed, &line, &why));
+            }
+        }
+    }
+    Ok(())
+}
 
 /// Checks every window, and every pair of them.
 ///
@@ -25,29 +45,7 @@ fn check_alone(path: &str, window: &FaultWindow) -> Result<(), Violation> {
     let until = format!("{path}.until_s");
     let latest = limits(&until).max;
     let why = format!("not before {path}.from_s");
-    within(&until, window.until_s, (window.from_s, latest), &why)?;
-    let drifts = |fault| fault == ChannelFault::Drifting;
-    let leaks = |fault| fault == ValveFault::Leaking;
-    for (line, fault, needed, needs, given) in [
-        (
-            "pressure",
-            "drifting",
-            "pressure_drift_pa_s",
-            drifts(window.pressure),
-            window.pressure_drift_pa_s,
-        ),
-        ("gas", "drifting", "gas_drift_k_s", drifts(window.gas), window.gas_drift_k_s),
-        ("length", "drifting", "length_drift_m_s", drifts(window.length), window.length_drift_m_s),
-        ("inlet", "leaking", "inlet_leak", leaks(window.inlet), window.inlet_leak),
-        ("outlet", "leaking", "outlet_leak", leaks(window.outlet), window.outlet_leak),
-    ] {
-        if needs && given.is_none() {
-            let line = format!("{path}.{line}");
-            let why = format!("{line} = \"{fault}\" needs it");
-            return Err(Violation::missing(&format!("{path}.{needed}"), &line, &why));
-        }
-    }
-    Ok(())
+    within(&until, window.until_s, (window.from_s, latest), &why)
 }
 
 /// A vessel has a nozzle or nothing in place of valves, where its drive says so.

@@ -1,10 +1,11 @@
 //! From a scenario file to everything that a run needs.
 
 use super::document::{Document, Entries, Entry};
-use super::geometry;
-use super::model::{DriveKind, Muscle, PlantKind, PlantModel, Scenario};
+use super::fault_rules;
+use super::geometry::{Dimensions, Given};
 use super::rules;
 use super::schema::{Allowed, Limits, limits};
+use super::tables::{DriveKind, PlantKind, PlantModel, Scenario};
 use super::violation::{Fault, Violation};
 use crate::files::input::{InputError, Problem, read_text};
 use crate::files::table::read_table;
@@ -19,7 +20,7 @@ const LENGTH_USE: f64 = 0.8;
 /// A scenario, checked, with every default filled in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
-    /// What the plant is. Its CSV paths are absolute; its muscle's dimensions are all filled in.
+    /// What the plant is. Its CSV paths are absolute.
     pub plant: Scenario,
     /// What the core is told: the plant's scenario, overlaid by `[believed]`.
     pub believed: Scenario,
@@ -76,21 +77,26 @@ pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
 /// As [`load`].
 pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let Document { origin, plant: given, believed: told } = document;
+    fault_rules::check_given(given).map_err(|found| blame(found, given, origin))?;
     let mut plant = overlaid(&Scenario::default(), given, origin)?;
-    geometry::resolve(&mut plant.muscle).map_err(|found| blame(found, given, origin))?;
+    let dimensions = Given::of(given).resolved().map_err(|found| blame(found, given, origin))?;
+    plant.muscle = dimensions.applied_to(&plant.muscle);
     let volumes = limits("vessel.volume_m3");
-    let volume_profile = profile(given.get("vessel.volume_csv"), (volumes, ""), origin)?;
+    let volume_csv = plant.vessel.volume_csv.as_deref();
+    let volume_profile =
+        profile(volume_csv, given.get("vessel.volume_csv"), (volumes, ""), origin)?;
     fit_sizes(&mut plant, given, volume_profile.as_ref());
     rules::check_plant(&plant).map_err(|found| blame(found, given, origin))?;
     let set_points = rules::set_points(&plant);
-    let drive_profile = profile(given.get("drive.profile_csv"), set_points, origin)?;
+    let drive_csv = plant.drive.profile_csv.as_deref();
+    let drive_profile = profile(drive_csv, given.get("drive.profile_csv"), set_points, origin)?;
     for (path, found) in [
         (&mut plant.vessel.volume_csv, given.get("vessel.volume_csv")),
         (&mut plant.drive.profile_csv, given.get("drive.profile_csv")),
     ] {
-        if let Some(entry) = found {
+        if let (Some(path), Some(entry)) = (path, found) {
             // Absolute, so that the scenario that `check` prints works in any folder.
-            let file = csv_path(entry, origin);
+            let file = beside(origin, path);
             let file = std::path::absolute(&file).unwrap_or(file);
             if file.to_str().is_none() {
                 let problem = Problem::NotAllowed {
@@ -100,28 +106,25 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
                 };
                 return Err(at(entry, origin, problem));
             }
-            *path = Some(file);
+            *path = file;
         }
     }
 
     let mut believed = overlaid(&plant, told, origin)?;
     let threaded = given.get("muscle.thread_length_m").is_some();
-    let muscle = overlaid(&Scenario::default(), told, origin)?.muscle;
-    let dimensions = geometry::overlay(&muscle, &plant.muscle, threaded);
-    believed.muscle = Muscle {
-        zones: believed.muscle.zones,
-        bladder_stiffness_n_m: believed.muscle.bladder_stiffness_n_m,
-        dead_volume_m3: believed.muscle.dead_volume_m3,
-        ..dimensions
-    };
-    geometry::resolve(&mut believed.muscle).map_err(|found| blame(found, told, origin))?;
+    let dimensions = Given::of(told)
+        .completed_from(Dimensions::of(&plant.muscle), threaded)
+        .resolved()
+        .map_err(|found| blame(found, told, origin))?;
+    believed.muscle = dimensions.applied_to(&believed.muscle);
     rules::check_told(&believed).map_err(|found| blame(found, told, origin))?;
     Ok(Loaded { plant, believed, volume_profile, drive_profile })
 }
 
 /// A scenario with the entries of a file written over it.
 fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
-    // Schema and structs name the same keys and types, which a test watches over.
+    // Schema and structs are one declaration: an entry that passed the schema fits the struct. What
+    // drifts or leaks has its number.
     let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
     let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
     for entry in entries.iter() {
@@ -138,7 +141,7 @@ fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenari
 /// Sizes that follow from others where the file leaves them open.
 fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
     let longest_m = match plant.plant.kind {
-        PlantKind::Muscle => plant.muscle.rest_length_m.unwrap_or_default(),
+        PlantKind::Muscle => plant.muscle.rest_length_m,
         PlantKind::Vessel => {
             let volumes = volume.map_or(&[][..], Profile::points).iter().map(|point| point.1);
             let largest_m3 = volumes.reduce(f64::max).unwrap_or(plant.vessel.volume_m3);
@@ -184,25 +187,23 @@ fn at(entry: &Entry, origin: &Path, problem: Problem) -> InputError {
     InputError { file: origin.to_path_buf(), line: entry.line, problem: Box::new(problem) }
 }
 
-/// Where the file lies that an entry names.
-fn csv_path(entry: &Entry, origin: &Path) -> PathBuf {
-    let folder = origin.parent().unwrap_or(Path::new(""));
-    folder.join(entry.value.as_str().unwrap_or_default())
+/// Where a file lies whose path is relative to the folder of `origin`.
+fn beside(origin: &Path, path: &Path) -> PathBuf {
+    origin.parent().unwrap_or(Path::new("")).join(path)
 }
 
 /// The profile in the CSV file that an entry names; its values stay within `allowed`.
 fn profile(
+    path: Option<&Path>,
     entry: Option<&Entry>,
     (allowed, why): (Limits, &str),
     origin: &Path,
 ) -> Result<Option<Profile>, InputError> {
-    let Some((entry, Allowed::Csv { columns })) = entry.map(|entry| (entry, entry.key.allowed))
-    else {
-        return Ok(None);
-    };
+    let (Some(path), Some(entry)) = (path, entry) else { return Ok(None) };
+    let Allowed::Csv { columns } = entry.key.allowed else { return Ok(None) };
     let separator = if why.is_empty() { "" } else { ", " };
     let said = format!("{allowed}{separator}{why}");
-    read_profile(&csv_path(entry, origin), columns, &allowed, &said).map(Some).map_err(|error| {
+    read_profile(&beside(origin, path), columns, &allowed, &said).map(Some).map_err(|error| {
         if error.line.is_some() {
             return error;
         }

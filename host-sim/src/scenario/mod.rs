@@ -6,22 +6,21 @@
 
 mod check;
 pub mod core_config;
+mod declare;
 mod document;
 mod fault_rules;
-mod faults;
 mod geometry;
 mod load;
-mod model;
 mod number;
 pub mod profile;
 mod rules;
 pub mod schema;
+mod tables;
 mod violation;
 
 pub use check::render;
 pub use document::Document;
-pub use faults::{ChannelFault, FaultWindow, Faults, LinkFault, ValveFault};
 pub use load::{Loaded, assemble, load, parse};
-pub use model::*;
 pub use number::{number, with_numbers};
 pub use rules::OBSERVABLE;
+pub use tables::*;

@@ -1,6 +1,6 @@
 //! Numbers of a scenario by the path of their key.
 
-use super::model::Scenario;
+use super::tables::Scenario;
 use toml::{Table, Value};
 
 fn tree(scenario: &Scenario) -> Table {

@@ -1,9 +1,9 @@
 //! Rules that tie several keys together.
 
 use super::fault_rules;
-use super::model::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::number::number;
 use super::schema::{Limits, fittable, fittable_paths, limits};
+use super::tables::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::violation::{Violation, within};
 use crate::files::input::nearest;
 use crate::scenario::core_config::pressure_limit_pa;
@@ -174,6 +174,5 @@ fn highest_pa(scenario: &Scenario) -> f64 {
 
 /// Shortest length, b/sqrt(3), where the force vanishes, and rest length \[m\].
 fn working_lengths_m(muscle: &Muscle) -> [f64; 2] {
-    let thread_m = muscle.thread_length_m.unwrap_or_default();
-    [thread_m / 3.0_f64.sqrt(), muscle.rest_length_m.unwrap_or_default()]
+    [muscle.thread_length_m / 3.0_f64.sqrt(), muscle.rest_length_m]
 }

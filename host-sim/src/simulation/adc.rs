@@ -88,21 +88,31 @@ struct Channel {
     sensor: f64,
     /// Deviation of the converter's noise in a sum of conversions, as a share of the reference.
     converter: f64,
+    /// What puts the sensor right: value = gain reading + offset.
+    gain: f64,
+    offset: f64,
 }
 
 impl Channel {
-    fn new(noise: Noise, per_conversion: f64) -> Self {
+    fn new(noise: Noise, per_conversion: f64, gain: f64, offset: f64) -> Self {
         let averaging = f64::from(OVERSAMPLING).sqrt();
         Self {
             noise,
             sensor: per_conversion / averaging,
             converter: CONVERTER_NOISE_LSB / FULL_SCALE / averaging,
+            gain,
+            offset,
         }
     }
 
     /// A value with the sensor's noise on it.
     fn sense(&mut self, value: f64) -> f64 {
         value + self.noise.sample(self.sensor)
+    }
+
+    /// What a sensor that its calibration would put right makes of a value.
+    fn uncalibrated(&self, value: f64) -> f64 {
+        (value - self.offset) / self.gain
     }
 
     /// The code for a share of the reference.
@@ -148,9 +158,19 @@ impl VirtualAdc {
         let lowest = bridge_ratio(sensor.gas.range_min_k);
         let initial = scenario.plant.initial_temperature_k;
         Self {
-            pressure: Channel::new(stream(), sensor.pressure.noise_pa),
-            gas: Channel::new(stream(), sensor.gas.noise_k),
-            length: Channel::new(stream(), sensor.length.noise_m),
+            pressure: Channel::new(
+                stream(),
+                sensor.pressure.noise_pa,
+                sensor.pressure.gain,
+                sensor.pressure.offset_pa,
+            ),
+            gas: Channel::new(stream(), sensor.gas.noise_k, sensor.gas.gain, sensor.gas.offset_k),
+            length: Channel::new(
+                stream(),
+                sensor.length.noise_m,
+                sensor.length.gain,
+                sensor.length.offset_m,
+            ),
             wall: stream(),
             wall_noise_k: sensor.wall.noise_k,
             pressure_range_pa: sensor.pressure.range_pa,
@@ -167,11 +187,14 @@ impl VirtualAdc {
         let length = self.length.sense(truth.sensor_length_m);
         self.gas_reading_k = self.gas.sense(truth.sensor_gas_k);
         self.wall_reading_k = truth.sensor_wall_k + self.wall.sample(self.wall_noise_k);
-        let bridge = (bridge_ratio(self.gas_reading_k) - self.bridge.0) / self.bridge.1;
+        let gas_k = self.gas.uncalibrated(self.gas_reading_k);
+        let bridge = (bridge_ratio(gas_k) - self.bridge.0) / self.bridge.1;
+        let pressure_share = self.pressure.uncalibrated(pressure) / self.pressure_range_pa;
+        let length_share = self.length.uncalibrated(length) / self.length_range_m;
         Codes {
-            pressure: self.pressure.convert(0.1 + 0.8 * pressure / self.pressure_range_pa),
+            pressure: self.pressure.convert(0.1 + 0.8 * pressure_share),
             gas: self.gas.convert(0.05 + 0.9 * bridge),
-            length: self.length.convert(0.05 + 0.9 * length / self.length_range_m),
+            length: self.length.convert(0.05 + 0.9 * length_share),
         }
     }
 

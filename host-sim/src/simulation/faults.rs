@@ -42,13 +42,13 @@ impl InjectedFaults {
         let mut sensed = *truth;
         for window in self.active(truth.time_s) {
             let elapsed_s = truth.time_s - window.from_s;
-            for (fault, rate, reading) in [
-                (window.pressure, window.pressure_drift_pa_s, &mut sensed.sensor_pressure_pa),
-                (window.gas, window.gas_drift_k_s, &mut sensed.sensor_gas_k),
-                (window.length, window.length_drift_m_s, &mut sensed.sensor_length_m),
+            for (fault, reading) in [
+                (window.pressure, &mut sensed.sensor_pressure_pa),
+                (window.gas, &mut sensed.sensor_gas_k),
+                (window.length, &mut sensed.sensor_length_m),
             ] {
-                if let (ChannelFault::Drifting, Some(rate)) = (fault, rate) {
-                    *reading += rate * elapsed_s;
+                if let ChannelFault::Drifting { rate_per_s } = fault {
+                    *reading += rate_per_s * elapsed_s;
                 }
             }
         }
@@ -84,15 +84,14 @@ impl InjectedFaults {
     pub fn disturbance(&self, time_s: f64) -> Disturbance {
         let mut disturbance = Disturbance::default();
         for window in self.active(time_s) {
-            for (travel, fault, leak) in [
-                (&mut disturbance.inlet, window.inlet, window.inlet_leak),
-                (&mut disturbance.outlet, window.outlet, window.outlet_leak),
-            ] {
+            for (travel, fault) in
+                [(&mut disturbance.inlet, window.inlet), (&mut disturbance.outlet, window.outlet)]
+            {
                 match fault {
                     ValveFault::None => {}
                     ValveFault::Open => *travel = Travel { shut: 1.0, open: 1.0 },
                     ValveFault::Shut => *travel = Travel { shut: 0.0, open: 0.0 },
-                    ValveFault::Leaking => travel.shut = leak.unwrap_or_default(),
+                    ValveFault::Leaking { share } => travel.shut = share,
                 }
             }
             disturbance.leak_m3_s_pa += window.leak_conductance_m3_s_pa;
@@ -108,7 +107,7 @@ impl InjectedFaults {
     fn line(&mut self, fault: ChannelFault, code: u16, arrived: u16) -> u16 {
         match fault {
             // A drift is in the code already.
-            ChannelFault::None | ChannelFault::Drifting => code,
+            ChannelFault::None | ChannelFault::Drifting { .. } => code,
             ChannelFault::Open => CODE_MAX,
             ChannelFault::Shorted => 0,
             ChannelFault::Frozen => arrived,

@@ -184,7 +184,7 @@ pub fn run(
         board: board.name(),
         period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
             .then_some(scenario.drive.period_s),
-        rest_length_m: scenario.muscle.rest_length_m.filter(|_| !plant_is_vessel(scenario)),
+        rest_length_m: (!plant_is_vessel(scenario)).then_some(scenario.muscle.rest_length_m),
         ledger: plant.ledger(),
         axial_wall_k: plant.axial_wall_k(),
         axial_gas_k: plant.axial_gas_k(),
@@ -299,7 +299,7 @@ impl SetPoints {
         match self.drive.kind {
             DriveKind::Pressure => Some(row.truth.pressure_pa),
             DriveKind::Contraction => {
-                scenario.muscle.rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m)
+                Some(1.0 - row.truth.length_m / scenario.muscle.rest_length_m)
             }
             _ => None,
         }

@@ -1,19 +1,14 @@
-//! What the tests of the muscle share: a resolved scenario and a drive by mass flow.
+//! What the tests of the muscle share: a scenario and a drive by mass flow.
 
 use host_sim::plant::flow::Iso6358;
 use host_sim::plant::gas::IdealGas;
-use host_sim::plant::geometry::Geometry;
 use host_sim::plant::{Actuation, Truth};
 use host_sim::scenario::{PlantModel, Scenario};
 
-/// The default muscle, 0.30 m long, 20 mm wide, braided at 23 degrees, with its braid resolved.
+/// The default muscle, 0.30 m long, 20 mm wide, braided at 23 degrees.
 pub fn muscle(model: PlantModel) -> Scenario {
     let mut scenario = Scenario::default();
     scenario.plant.model = model;
-    let braid = Geometry::from_braid(0.30, 0.020, 23.0, 0.0);
-    scenario.muscle.thread_length_m = Some(braid.thread_length_m);
-    scenario.muscle.turns = Some(braid.turns);
-    scenario.muscle.rest_length_m = Some(0.30);
     scenario
 }
 

@@ -399,12 +399,8 @@ mod tests {
     #[test]
     fn where_nothing_is_asked_for_nothing_is_in_flight() {
         let mut config = Config::default();
-        config.drive = ValveDrive {
-            minimum_pulse_s: 0.0,
-            switch_time_s: 0.008,
-            dead_time_s: 0.004,
-            ..config.drive
-        };
+        config.valve = Valve { switch_time_s: 0.008, dead_time_s: 0.004, ..config.valve };
+        config.controller.minimum_pulse_s = 0.0;
         let mut drive = FlowDrive::new(&config);
         drive.mass(&config, 1.0e-6, MUSCLE);
         assert!(drive.in_flight_kg() > 0.0);

@@ -227,6 +227,16 @@ mod tests {
         assert_eq!(differences(&Config::default()), "muscle, isotonic: ");
     }
 
+    /// What the core complains of, a user can look up; the rest no key says.
+    #[test]
+    fn every_number_is_named_by_a_key_of_the_scenario() {
+        for name in kinds().iter().flat_map(|kind| &kind.names) {
+            let key = name.split(' ').next().unwrap_or_default();
+            let known = host_sim::scenario::schema::key(key).is_some();
+            assert!(known || ["vessel.section_m2", "adc.wide_code_lsb"].contains(name), "{name}");
+        }
+    }
+
     #[test]
     fn every_number_reaches_both_ends_of_its_range() {
         let kinds = kinds();

@@ -46,7 +46,7 @@ fn trace(
     board: &mut dyn Board,
 ) -> Result<Vec<Point>, RunError> {
     let loaded = loaded.driven(kind, profile);
-    let rest_m = rest_length_m(&loaded.plant);
+    let rest_m = loaded.plant.muscle.rest_length_m;
     let mut points = Vec::new();
     let mut observer = |row: &Row| {
         let command = row.telemetry.command;
@@ -63,10 +63,6 @@ fn trace(
     };
     run::run(&loaded, board, None, &mut observer)?;
     Ok(points)
-}
-
-fn rest_length_m(scenario: &Scenario) -> f64 {
-    scenario.muscle.rest_length_m.expect("the loader fills it in")
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {
@@ -381,8 +377,8 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
 /// Another volume by another number of turns, which go into it, and into the force, squared.
 pub(super) fn volume(scenario: &mut Scenario, factor: f64) {
     let muscle = &mut scenario.muscle;
-    muscle.turns = muscle.turns.map(|turns| turns / factor.sqrt());
-    muscle.diameter_m = muscle.diameter_m.map(|diameter| diameter * factor.sqrt());
+    muscle.turns /= factor.sqrt();
+    muscle.diameter_m *= factor.sqrt();
 }
 
 /// Loads that are no constant force: a hanging mass, and a fixed length.
@@ -499,7 +495,7 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
                 let rms = |loaded: &Loaded, board: &mut dyn Board| {
                     sine(loaded, 0.5, 0.15, board).map(|slow| slow.rms_percent)
                 };
-                let rest_m = rest_length_m(&full.plant);
+                let rest_m = full.plant.muscle.rest_length_m;
                 let compensated = rms(&loaded, &mut CoreBoard::default())?;
                 let uncompensated = rms(&fixed, &mut CoreBoard::default())?;
                 let usual = rms(&loaded, &mut PidBoard::new(USUAL_GAINS, rest_m))?;

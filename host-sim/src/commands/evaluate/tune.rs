@@ -52,7 +52,7 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<Line, TuneError>
     let loaded = told(nominal, change);
     let tuned = tuned(&loaded)?;
     let plant = &loaded.plant;
-    let turns = plant.muscle.turns.expect("the loader fills it in");
+    let turns = plant.muscle.turns;
     let error = |truth, path| error_percent(&tuned, truth, path).abs();
     let rms = |loaded: &Loaded| {
         sine(loaded, 0.5, 0.15, &mut CoreBoard::default()).map(|slow| slow.rms_percent)

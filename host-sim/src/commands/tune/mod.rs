@@ -227,7 +227,7 @@ pub fn tune(
 fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, TuneError> {
     let config = core_config(&loaded.believed);
     let records = experiment::record(loaded, DriveKind::Pressure, plan.profile.clone(), board)?;
-    let contractions = good_enough(&records, &plan, rest_m(loaded))?;
+    let contractions = good_enough(&records, &plan, loaded.believed.muscle.rest_length_m)?;
     let force = force::fit(&records, &plan, &config)?;
 
     let mut scenario = with_force(loaded, &force);
@@ -264,7 +264,7 @@ fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, Tu
     let parameters = parts.parameters();
     adopt(&mut scenario, &parameters)?;
 
-    let rest_m = rest_m(loaded);
+    let rest_m = loaded.believed.muscle.rest_length_m;
     let before = check::check(loaded, contractions, rest_m, board)?;
     let after = check::check(&scenario, contractions, rest_m, board)?;
     let rms = |checked: &Checked| checked.figures.sine_rms_percent;
@@ -273,10 +273,6 @@ fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, Tu
     }
     let findings = Findings::new(parameters, &records, &force, &basis, [&before, &after]);
     Ok(Tuned { findings, scenario, records, plan, force, before, after })
-}
-
-fn rest_m(loaded: &Loaded) -> f64 {
-    loaded.believed.muscle.rest_length_m.expect("the loader fills it in")
 }
 
 /// Whether the records can be fitted at all; the contractions that were reached.
@@ -326,8 +322,8 @@ fn with_force(loaded: &Loaded, force: &Force) -> Loaded {
     let mut other = loaded.clone();
     let factor = force.area_scale.value.sqrt().recip();
     let muscle = &mut other.believed.muscle;
-    muscle.turns = muscle.turns.map(|turns| turns * factor);
-    muscle.diameter_m = muscle.diameter_m.map(|diameter| diameter / factor);
+    muscle.turns *= factor;
+    muscle.diameter_m /= factor;
     other
 }
 

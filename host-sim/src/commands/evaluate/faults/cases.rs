@@ -202,8 +202,8 @@ pub fn all() -> Vec<Fault> {
                 "pressure sensor drifting up",
                 "10 to 30 kPa/s",
                 |draw, _, w| {
-                    w.pressure = ChannelFault::Drifting;
-                    w.pressure_drift_pa_s = Some(draw.factor([1.0e4, 3.0e4]));
+                    let rate_per_s = draw.factor([1.0e4, 3.0e4]);
+                    w.pressure = ChannelFault::Drifting { rate_per_s };
                 },
                 PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE),
                 40.0,
@@ -218,8 +218,8 @@ pub fn all() -> Vec<Fault> {
                 "pressure sensor drifting down",
                 "10 to 30 kPa/s",
                 |draw, _, w| {
-                    w.pressure = ChannelFault::Drifting;
-                    w.pressure_drift_pa_s = Some(-draw.factor([1.0e4, 3.0e4]));
+                    let rate_per_s = -draw.factor([1.0e4, 3.0e4]);
+                    w.pressure = ChannelFault::Drifting { rate_per_s };
                 },
                 PRESSURE.with(FLOW).with(FORCE),
                 f64::INFINITY,
@@ -271,8 +271,8 @@ pub fn all() -> Vec<Fault> {
                 "gas sensor drifting",
                 "0.5 to 3 K/s, up or down",
                 |draw, _, w| {
-                    w.gas = ChannelFault::Drifting;
-                    w.gas_drift_k_s = Some(draw.sign() * draw.factor([0.5, 3.0]));
+                    let rate_per_s = draw.sign() * draw.factor([0.5, 3.0]);
+                    w.gas = ChannelFault::Drifting { rate_per_s };
                 },
                 GAS,
                 20.0,
@@ -324,9 +324,9 @@ pub fn all() -> Vec<Fault> {
                 "length sensor drifting",
                 "2 to 10 % of the rest length per second, up or down",
                 |draw, s, w| {
-                    w.length = ChannelFault::Drifting;
-                    let rest_m = s.muscle.rest_length_m.unwrap_or_default();
-                    w.length_drift_m_s = Some(draw.sign() * draw.factor([0.02, 0.1]) * rest_m);
+                    let rest_m = s.muscle.rest_length_m;
+                    let rate_per_s = draw.sign() * draw.factor([0.02, 0.1]) * rest_m;
+                    w.length = ChannelFault::Drifting { rate_per_s };
                 },
                 LENGTH.with(FORCE).with(FLOW),
                 20.0,
@@ -380,8 +380,8 @@ pub fn all() -> Vec<Fault> {
                 "inlet leaking",
                 "5 to 20 % of its conductance",
                 |draw, _, w| {
-                    w.inlet = ValveFault::Leaking;
-                    w.inlet_leak = Some(draw.factor([0.05, 0.2]));
+                    let share = draw.factor([0.05, 0.2]);
+                    w.inlet = ValveFault::Leaking { share };
                 },
                 FLOW.with(Faults::OVERPRESSURE),
                 20.0,
@@ -422,8 +422,8 @@ pub fn all() -> Vec<Fault> {
                 "outlet leaking",
                 "5 to 20 % of its conductance",
                 |draw, _, w| {
-                    w.outlet = ValveFault::Leaking;
-                    w.outlet_leak = Some(draw.factor([0.05, 0.2]));
+                    let share = draw.factor([0.05, 0.2]);
+                    w.outlet = ValveFault::Leaking { share };
                 },
                 LOST,
                 30.0,

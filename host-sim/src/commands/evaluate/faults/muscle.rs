@@ -166,8 +166,7 @@ fn rest_force_n(s: &Scenario) -> f64 {
 }
 
 fn braid(s: &Scenario) -> (f64, f64) {
-    let diameter_m = s.muscle.diameter_m.expect("the loader fills it in");
-    (diameter_m, s.muscle.braid_angle_deg.expect("the loader fills it in").to_radians())
+    (s.muscle.diameter_m, s.muscle.braid_angle_deg.to_radians())
 }
 
 /// Contraction at which the load balances [`LIFTING_PA`], without the bladder \[-\].

@@ -1,0 +1,69 @@
+//! The four sensors and their ranges.
+
+use crate::scenario::declare::table;
+use model_core::sensing::{gas, length, pressure};
+use serde::{Deserialize, Serialize};
+
+/// The four sensors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sensors {
+    /// Pt1000 foil in the gas.
+    pub gas: GasSensor,
+    /// Sensor in the braided wall.
+    pub wall: WallSensor,
+    /// Absolute pressure.
+    pub pressure: PressureSensor,
+    /// Muscle length.
+    pub length: LengthSensor,
+}
+
+table! {
+    "sensor.gas", "Pt1000 foil in the gas; its housing is in the plant full only", believed, physical;
+    GasSensor as gas::GasSensor {
+        // A sensor without lag is one of the plant only: the core's filter needs some.
+        core time_constant_s: real 3.0, "s", 0.0 to 1000.0, "lag";
+        core noise_k;
+        position: real 0.5, "", 0.0 to 1.0, "its middle, from port 0 to closed end 1 (full)";
+        span: real 0.25, "", 0.0 to 1.0, "part of the length that it averages over (full)";
+        range_min_k: real 270.0, "K", 73.0 to 800.0, "lowest temperature resolved";
+        range_max_k: real 330.0, "K", 74.0 to 1100.0, "highest temperature resolved";
+        // The lag of a sensor that the gas film around it slows: 0.5 for free convection and for laminar
+        // flow across it.
+        density_exponent: real 0.0, "", 0.0 to 1.0, "n in lag ~ density^-n, time_constant_s at the start; 0.5 in free convection";
+        core housing_time_constant_s;
+        core gain;
+        core offset_k;
+    }
+}
+
+table! {
+    "sensor.wall", "sensor in the braided wall", believed, physical;
+    WallSensor {
+        time_constant_s: real 3.0, "s", 0.0 to 1000.0, "lag";
+        noise_k: real 0.05, "K", 0.0 to 100.0, "noise of one reading, standard deviation";
+        position: real 0.5, "", 0.0 to 1.0, "from port 0 to closed end 1 (full)";
+    }
+}
+
+table! {
+    "sensor.pressure", "absolute pressure sensor, 10 to 90 % of the reference over its range", believed, physical;
+    PressureSensor as pressure::PressureSensor {
+        time_constant_s: real 0.0005, "s", 0.0 to 1000.0, "lag";
+        core noise_pa;
+        core range_pa;
+        core gain;
+        core offset_pa;
+    }
+}
+
+table! {
+    "sensor.length", "length potentiometer", believed, physical;
+    LengthSensor as length::LengthSensor {
+        time_constant_s: real 0.0005, "s", 0.0 to 1000.0, "lag";
+        noise_m: real 2.0e-5, "m", 0.0 to 10.0, "noise of one conversion, standard deviation";
+        core range_m;
+        core gain;
+        core offset_m;
+    }
+}
