@@ -467,11 +467,17 @@ mod tests {
     fn an_inlet_that_passes_nothing_is_a_leak_up_to_what_a_burst_takes() {
         let per_s = open(1.0, over_pa(7.0e5, PRESSURE_PA));
         let still = gas(0.0, PRESSURE_PA);
-        for (asked_per_s, fault) in
-            [(0.9 * BURST_PER_S, Faults::LEAK), (1.1 * BURST_PER_S, Faults::NO_INFLOW)]
-        {
-            let (_, found) = Bench::nominal().finds(inlet(asked_per_s / per_s), still).unwrap();
-            assert_eq!(found, fault, "{asked_per_s} 1/s");
+        // What is lost meanwhile counts with it, what comes against it.
+        for (asked, lost, fault) in [
+            (0.9, 0.0, Faults::LEAK),
+            (1.1, 0.0, Faults::NO_INFLOW),
+            (0.8, 0.3, Faults::NO_INFLOW),
+            (1.2, -0.25, Faults::LEAK),
+        ] {
+            let command = inlet(asked * BURST_PER_S / per_s);
+            let lost = gas(-lost * BURST_PER_S * WINDOW_S, PRESSURE_PA);
+            let (_, found) = Bench::nominal().finds(command, lost).unwrap();
+            assert_eq!(found, fault, "{asked} of a burst");
         }
         let mut bench = Bench::nominal();
         let pulse = inlet(5.0 * 0.6 * BURST_PER_S / per_s);
