@@ -7,6 +7,8 @@
 // With samples from the host nobody reads the converter.
 #![cfg_attr(feature = "hil", allow(dead_code))]
 
+#[cfg(feature = "nucleo-g474re")]
+mod nucleo_g474re;
 #[cfg(feature = "pico")]
 mod pico;
 #[cfg(feature = "pico2")]
@@ -14,6 +16,8 @@ mod pico2;
 #[cfg(any(feature = "pico", feature = "pico2"))]
 mod rp;
 
+#[cfg(feature = "nucleo-g474re")]
+pub use nucleo_g474re::NucleoG474re as Chosen;
 #[cfg(feature = "pico")]
 pub use pico::Pico as Chosen;
 #[cfg(feature = "pico2")]
