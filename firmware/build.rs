@@ -17,8 +17,9 @@ fn main() {
         |name: &&String| env::var_os(format!("CARGO_FEATURE_{}", name.to_uppercase())).is_some();
     let chosen: Vec<_> = names.iter().filter(chosen).collect();
     let [board] = chosen[..] else {
+        let features: Vec<_> = names.iter().map(|name| name.replace('_', "-")).collect();
         panic!(
-            "{} boards are chosen ({chosen:?}): give --no-default-features, and one of {names:?} to --features",
+            "{} boards are chosen: give --no-default-features, and one of {features:?} to --features",
             chosen.len()
         );
     };

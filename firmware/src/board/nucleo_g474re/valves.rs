@@ -28,7 +28,8 @@ pub const MAXIMUM_PERIOD_STEPS: u16 = (65_536 / CLOCKS_PER_STEP) as u16;
 /// PA6 and PA7.
 const COIL_PINS: [usize; 2] = [6, 7];
 
-/// Both pins are low at once whatever the timer does, or show it again.
+/// Both pins are low at once whatever the timer does, or show it again. After a level that is forced in the timer
+/// itself the PWM may come back only when its comparison changes, with a coil that is always on: never.
 pub fn force_low(low: bool) {
     // Their output registers hold low since the start.
     let mode = if low { Moder::OUTPUT } else { Moder::ALTERNATE };
