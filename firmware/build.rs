@@ -1,23 +1,34 @@
-//! Tells the linker the memory map of the chosen board.
+//! Gives the linker the scripts of the chosen board.
 
 use std::env;
+use std::fs;
+use std::path::Path;
 
 fn main() {
     let folder = env::var("CARGO_MANIFEST_DIR").expect("cargo sets it");
-    let runtime = ["-Tlink.x", "-Tdefmt.x", "--nmagic"];
-    let arguments = if env::var_os("CARGO_FEATURE_PICO2").is_some() {
-        // Before the runtime's script, which only provides what is not defined yet.
-        [&["--defsym=PICO2=1", "-Tpico2.x"][..], &runtime].concat()
-    } else {
-        // With the RP2040's second stage boot loader.
-        [&runtime[..], &["-Tlink-rp.x"]].concat()
+    let boards = Path::new(&folder).join("src/board");
+    let mut names: Vec<_> = fs::read_dir(&boards)
+        .expect("the boards' folder")
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| boards.join(name).join("board.x").is_file())
+        .collect();
+    names.sort();
+    let chosen =
+        |name: &&String| env::var_os(format!("CARGO_FEATURE_{}", name.to_uppercase())).is_some();
+    let chosen: Vec<_> = names.iter().filter(chosen).collect();
+    let [board] = chosen[..] else {
+        let features: Vec<_> = names.iter().map(|name| name.replace('_', "-")).collect();
+        panic!(
+            "{} boards are chosen: give --no-default-features, and one of {features:?} to --features",
+            chosen.len()
+        );
     };
-    for argument in arguments {
+    let script = boards.join(board).join("board.x");
+    for argument in [&format!("-T{}", script.display()), "-Tdefmt.x", "--nmagic"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
-    // `memory.x` for a linker that does not run in the workspace's folder, and `pico2.x`.
+    // `memory.x` for a linker that does not run in the workspace's folder.
     println!("cargo:rustc-link-search={folder}/..");
-    println!("cargo:rustc-link-search={folder}");
     println!("cargo:rerun-if-changed=../memory.x");
-    println!("cargo:rerun-if-changed=pico2.x");
+    println!("cargo:rerun-if-changed={}", script.display());
 }

@@ -1,6 +1,7 @@
 //! The control task: sample, step, drive.
 
-use crate::board::{BlackBox, Valves};
+use crate::black_box::BlackBox;
+use crate::board::Valves;
 use crate::shared::{Order, Shared, Tally};
 use crate::source::Source;
 use core::sync::atomic::Ordering;
@@ -17,11 +18,11 @@ const PATIENCE: u32 = 4;
 const FLOODED_STEPS: u32 = 1000;
 
 /// Runs for ever.
-pub async fn run<S: Source, V: Valves, B: BlackBox>(
+pub async fn run<S: Source, V: Valves>(
     mut core: Core,
     mut source: S,
     mut valves: V,
-    mut black_box: B,
+    black_box: &'static BlackBox,
     shared: &'static Shared,
 ) -> ! {
     let mut tally = Tally::NONE;

@@ -3,17 +3,140 @@
 //! Two executors run the tasks. The upper one, in an interrupt, has the control task alone: at every
 //! whole millisecond it samples, steps the core and drives the valves. The lower one, in the thread,
 //! has the line to the host and the supervisor, which feeds the watchdog. The folder `board` knows
-//! the chip; everything else knows the traits in [`board`] only.
+//! the chips; everything else knows the traits in [`board`] only.
 
 #![no_std]
 #![no_main]
 #![deny(clippy::indexing_slicing, clippy::unwrap_used)]
 
+mod black_box;
 mod board;
 mod control;
-#[cfg(feature = "pico")]
-mod float;
 mod link;
 mod shared;
 mod source;
 mod supervisor;
+
+use black_box::{BlackBox, End, Remembered};
+use board::{Board, Chosen, Parts};
+use core::panic::PanicInfo;
+use cortex_m_rt::ExceptionFrame;
+use defmt_rtt as _;
+use embassy_executor::{Executor, InterruptExecutor};
+use embassy_time::Instant;
+use model_core::Core;
+use model_core::link::LastReset;
+use shared::Shared;
+use static_cell::StaticCell;
+
+type Valves = <Chosen as Board>::Valves;
+type Watchdog = <Chosen as Board>::Watchdog;
+type Output = <Chosen as Board>::Output;
+type Receiver = <Chosen as Board>::Receiver;
+type Sender = <Chosen as Board>::Sender;
+#[cfg(not(feature = "hil"))]
+type Source = source::Inputs<<Chosen as Board>::Adc, <Chosen as Board>::Input>;
+#[cfg(feature = "hil")]
+type Source = source::Host;
+
+defmt::timestamp!("{=u64:us}", Instant::now().as_micros());
+
+static SHARED: Shared = Shared::new();
+static CONTROL: InterruptExecutor = InterruptExecutor::new();
+#[unsafe(link_section = ".uninit.black_box")]
+static BLACK_BOX: BlackBox = BlackBox::new();
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let parts: Parts<Chosen> = Board::start();
+    let (last_reset, remembered) = BLACK_BOX.open(parts.reset);
+    let [major, minor, patch] = link::FIRMWARE;
+    defmt::info!("thermyo firmware {}.{}.{}", major, minor, patch);
+
+    #[cfg(not(feature = "hil"))]
+    let source = source::Inputs::new(parts.adc, parts.run_line);
+    #[cfg(feature = "hil")]
+    let source = source::Host::new(&SHARED);
+    let identity = link::Identity {
+        chip: Chosen::CHIP,
+        last_reset,
+        maximum_period_steps: Chosen::maximum_period_steps(),
+    };
+
+    let control = Chosen::start_control(&CONTROL);
+    static THREAD: StaticCell<Executor> = StaticCell::new();
+    THREAD.init_with(Executor::new).run(|thread| {
+        let (Ok(send), Ok(receive), Ok(supervise), Ok(step)) = (
+            send(parts.sender),
+            receive(parts.receiver, identity),
+            supervise(parts.watchdog, parts.led, parts.fault_output, last_reset),
+            step(source, parts.valves, remembered),
+        ) else {
+            panic!("each task is started once");
+        };
+        thread.spawn(send);
+        thread.spawn(receive);
+        thread.spawn(supervise);
+        control.spawn(step);
+    })
+}
+
+/// Runs the control task.
+///
+/// # Safety
+/// Only in the interrupt in which [`Board::start_control`] started its executor.
+pub unsafe fn on_control_interrupt() {
+    // SAFETY: as above.
+    unsafe { CONTROL.on_interrupt() }
+}
+
+#[embassy_executor::task]
+async fn step(source: Source, valves: Valves, remembered: Remembered) -> ! {
+    let Ok(mut core) = Core::unconfigured() else {
+        panic!("the default configuration holds");
+    };
+    if let Some((first, latched)) = remembered {
+        core.recall(first, latched);
+    }
+    control::run(core, source, valves, &BLACK_BOX, &SHARED).await
+}
+
+#[embassy_executor::task]
+async fn send(sender: Sender) -> ! {
+    link::send(sender, &SHARED).await
+}
+
+#[embassy_executor::task]
+async fn receive(receiver: Receiver, identity: link::Identity) -> ! {
+    link::receive(receiver, identity, &SHARED).await
+}
+
+#[embassy_executor::task]
+async fn supervise(
+    watchdog: Watchdog,
+    led: Output,
+    fault_output: Output,
+    last_reset: LastReset,
+) -> ! {
+    supervisor::run(watchdog, led, fault_output, last_reset, &SHARED).await
+}
+
+/// Vents, leaves a note for after the restart, restarts.
+fn give_up(end: End, detail: u32) -> ! {
+    cortex_m::interrupt::disable();
+    Chosen::vent();
+    BLACK_BOX.close(end, detail);
+    Chosen::restart()
+}
+
+#[panic_handler]
+fn panic(info: &PanicInfo) -> ! {
+    let (file, line) = info.location().map_or(("?", 0), |place| (place.file(), place.line()));
+    defmt::error!("panic at {=str}:{=u32}", file, line);
+    give_up(End::Panic, line)
+}
+
+#[cortex_m_rt::exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    give_up(End::HardFault, frame.pc())
+}

@@ -16,9 +16,6 @@ use embedded_hal::digital::OutputPin;
 use model_core::Faults;
 use model_core::link::LastReset;
 
-/// The watchdog restarts the board after this time without food.
-pub const WATCHDOG: Duration = Duration::from_millis(50);
-
 /// Time between two looks.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -42,7 +39,7 @@ pub async fn run<W: Watchdog, L: OutputPin, F: OutputPin>(
         let beat = shared.heartbeat.load(Ordering::Relaxed);
         let missed = shared.tally().missed_steps;
         if beat != heartbeat && missed == missed_steps {
-            watchdog.feed(WATCHDOG);
+            watchdog.feed();
         }
         heartbeat = beat;
         missed_steps = missed;

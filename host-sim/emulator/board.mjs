@@ -7,6 +7,7 @@ const NANOS_PER_CYCLE = 8; // 125 MHz
 const VECTOR_TABLE = 0x10000100; // behind the second stage boot loader
 const UART0 = { slot: 0x40034, irq: 20 };
 const CONTROL_EXCEPTION = 16 + 27; // SWI_IRQ_1, the control task's executor
+const HARD_FAULT = 3; // its exception
 const FLASH_PAGE = 0x10; // upper byte of the addresses that programs have
 const OVERSAMPLING = 8;
 const ADC_NANOS = 2000;
@@ -88,9 +89,10 @@ export class Board {
     chip.gpio[RUN_LINE].setInputValue(this.runLine);
   }
 
-  /** The watchdog restarts everything but itself and its scratch registers. */
+  /** The watchdog restarts everything but itself and its scratch registers; memory keeps its content. */
   watchdogRestart() {
     const { reason, scratchData } = this.chip.peripherals[0x40058];
+    const { sram } = this.chip;
     this.settleCoils();
     const totals = this.coils.map((coil) => coil.total);
     this.nanos = this.now();
@@ -99,6 +101,7 @@ export class Board {
     const watchdog = this.chip.peripherals[0x40058];
     watchdog.reason = reason;
     watchdog.scratchData.set(scratchData);
+    this.chip.sram.set(sram);
     this.resets++;
   }
 
@@ -133,6 +136,12 @@ export class Board {
     if (resumed && this.chip.adc.busy) {
       this.convert(this.chip.adc.activeChannel);
     }
+  }
+
+  /** The processor meets something that it cannot carry out. */
+  fault() {
+    this.chip.core.waiting = false;
+    this.chip.core.exceptionEntry(HARD_FAULT);
   }
 
   /** An instruction at a place becomes an endless loop: the first one from now, the second, ... */

@@ -2,7 +2,7 @@
 // input. All numbers little end first.
 //
 // request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2; u8 inputs
-//           (1: run line high, 2: converter stalled); u8 place and u32 number of the instruction there
+//           (1: run line high, 2: converter stalled, 4: a fault of the processor at the beginning); u8 place and u32 number of the instruction there
 //           that is to hang (0: control, 1: thread, 2: other interrupts; number 0: none); u16 count
 //           and bytes for the UART
 // response: u32 nanoseconds that the inlet's and the outlet's coil were powered; u32 cycles in which the
@@ -36,6 +36,9 @@ while (fill(head)) {
   const inputs = head[10];
   board.setRunLine(!!(inputs & 1));
   board.stallAdc(!!(inputs & 2));
+  if (inputs & 4) {
+    board.fault();
+  }
   const instructions = head.readUInt32LE(12);
   if (instructions > 0) {
     board.armHang(head[11], instructions);

@@ -1,26 +1,17 @@
 //! The image that is flashed computes what the core computes on the host, to the bit, and on time.
 
+use host_sim::board::BoardError;
 use host_sim::board::emulated::EmulatedBoard;
-use host_sim::board::{Board, BoardError, CoreBoard};
-use host_sim::commands::replay::{Row, replay};
 use model_core::link::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
-use model_core::{AdcCode, Config, Sample, SetPoint};
-use system_tests::rig::Muscle;
+use model_core::{Config, Sample};
+use system_tests::parity::{self, STEPS};
 use system_tests::skip_emulator;
 
-const STEPS: u32 = 10_000;
 /// A PWM period of the configuration that is run.
 const PERIOD_STEPS: f64 = 10.0;
 
 /// Worst time of the core's step, the line's interrupts included \[us\].
 const STEP_WORST_US: u32 = 300;
-
-/// Two sensors fail for a while, and the line of the emergency stop opens once.
-fn with_faults(step: u32, sample: Sample) -> Sample {
-    let gas = if (3000..3200).contains(&step) { AdcCode(0) } else { sample.gas };
-    let length = if (4000..4200).contains(&step) { AdcCode(32_760) } else { sample.length };
-    Sample { gas, length, emergency_stop: step == 8000, ..sample }
-}
 
 #[test]
 fn ten_thousand_steps_to_the_bit_and_on_time() {
@@ -28,53 +19,18 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
         return;
     }
     let mut board = EmulatedBoard::new().unwrap();
-    let mut muscle = Muscle::new("[plant]\nmodel = \"lumped\"\n[load]\nforce_n = 120.0\n");
-    let config = *muscle.config();
-    let cycle = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 2.0 };
-    let pressure = SetPoint::Pressure { pressure_pa: 3.0e5 };
-    board.start(&config, cycle).unwrap();
-
-    let (mut rows, mut fed, mut duties_and_pins) = (Vec::new(), Vec::new(), Vec::new());
+    let mut duties_and_pins = Vec::new();
     let started = std::time::Instant::now();
-    for step in 0..=STEPS {
-        if step == 5000 {
-            board.set(pressure).unwrap();
-        }
-        fed.push(with_faults(step, muscle.sample()));
-        let outcome = board.step(&fed[step as usize]).unwrap();
-        muscle.advance(outcome.actuation);
+    let record = parity::run(&mut board, |board, outcome| {
         duties_and_pins.push((outcome.actuation, board.shown().unwrap().actuation()));
-        if let Some(telemetry) = outcome.telemetry {
-            // What was fed is what was read: the conversions add up to the code.
-            let Sample { heard, .. } = telemetry.sample;
-            let sample = Sample { heard, ..fed[telemetry.step as usize] };
-            assert_eq!(telemetry.sample, sample, "step {}", telemetry.step);
-            // The set point arrives with the step: it holds from the next one on.
-            let set_point = match telemetry.step {
-                0 => Some(cycle),
-                5001 => Some(pressure),
-                _ => None,
-            };
-            rows.push(Row { set_point, telemetry });
-        }
-    }
+    });
     let real_time_factor = f64::from(STEPS) * 1.0e-3 / started.elapsed().as_secs_f64();
-    assert_eq!(rows.len(), STEPS as usize);
-    assert!(rows.iter().zip(0..).all(|(row, step)| row.telemetry.step == step));
-    let outcome = replay(&mut CoreBoard::default(), &config, &rows).unwrap();
-    assert_eq!((outcome.mismatches, outcome.first), (0, None));
-    // The run was worth comparing: both valves moved, and the emergency stop vented.
-    let duties: std::collections::BTreeSet<_> = rows
-        .iter()
-        .map(|row| (row.telemetry.command.inlet, row.telemetry.command.outlet))
-        .collect();
-    assert!(duties.len() > 50, "{} commands", duties.len());
-    assert!(rows[9000].telemetry.faults.intersects(model_core::Faults::EMERGENCY_STOP));
+    record.assert_same_on_the_host();
 
     // The timer holds what the core commanded, and the pins do what the timer holds: their time
     // open adds up to the duties', but for the period that is under way.
     let (mut ahead, mut open) = ((0.0, 0.0), (0.0, 0.0));
-    for (row, (set, pins)) in rows.iter().zip(&duties_and_pins) {
+    for (row, (set, pins)) in record.rows.iter().zip(&duties_and_pins) {
         let command = row.telemetry.command;
         assert!((set.inlet - f64::from(command.inlet.share())).abs() < 1e-4, "{set:?} {row:?}");
         assert!((set.outlet - f64::from(command.outlet.share())).abs() < 1e-4, "{set:?} {row:?}");

@@ -271,6 +271,24 @@ fn a_hang_of_the_control_task_ends_in_the_watchdog() {
     assert!(mean_shares(&mut rig, 100, 20).0 > 0.49);
 }
 
+#[test]
+fn a_fault_of_the_processor_vents_at_once_and_is_remembered() {
+    if skip_emulator() {
+        return;
+    }
+    let mut rig = filling();
+    rig.board.inject(Injection::Fault);
+    let ms = time_to_vent(&mut rig, AS_IT_IS);
+    assert!((1..=2).contains(&ms), "{ms} ms");
+    match rig.board.last_reset().unwrap() {
+        LastReset::HardFault { address, phase: Phase::Waiting } => {
+            assert!((0x1000_0000..0x1020_0000).contains(&address), "{address:#x}");
+        }
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(rig.exchange().restarts, 1);
+}
+
 /// Share of a second in which the LED is on, how often it goes on, and the fault output.
 fn shown(rig: &mut Rig, change: Change) -> (f64, usize, bool) {
     let second: Vec<Exchange> = (0..1000).map(|_| rig.exchange_with(change)).collect();

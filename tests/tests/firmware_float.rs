@@ -3,7 +3,7 @@
 
 use system_tests::float_pairs::{KINDS, Random, edge_pairs, same};
 
-#[path = "../../firmware/src/float.rs"]
+#[path = "../../firmware/src/board/pico/float.rs"]
 mod float;
 
 /// Number pairs per kind.
@@ -29,7 +29,7 @@ fn products_and_quotients_are_those_of_the_fpu() {
     }
 }
 
-/// The two steps of the assembly's division, `board/float.s`.
+/// The two steps of the assembly's division, `float.s`.
 #[test]
 fn two_steps_with_a_reciprocal_leave_at_most_the_last_bit() {
     let mut random = Random(1);

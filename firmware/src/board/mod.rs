@@ -1,19 +1,104 @@
-//! The border between the firmware and the chip: small traits here, one file per family of chips.
+//! The border between the firmware and the boards: what a board gives is here, each board is a folder
+//! below, and nothing else knows a chip.
 //!
-//! Another chip means another file beside `rp.rs` that gives these traits, an `embedded-io` serial
-//! port, `embedded-hal` pins and the tasks' start. Nothing else changes.
+//! A board is chosen by the feature with the name of its folder. The folder has `mod.rs`, which
+//! implements [`Board`], and `board.x`, its part of the linker script. `README.md` says how to add one.
 
+// With samples from the host nobody reads the converter.
+#![cfg_attr(feature = "hil", allow(dead_code))]
+
+#[cfg(feature = "nucleo-g474re")]
+mod nucleo_g474re;
 #[cfg(feature = "pico")]
-mod float_calls;
+mod pico;
+#[cfg(feature = "pico2")]
+mod pico2;
+#[cfg(any(feature = "pico", feature = "pico2"))]
 mod rp;
 
+#[cfg(feature = "nucleo-g474re")]
+pub use nucleo_g474re::NucleoG474re as Chosen;
+#[cfg(feature = "pico")]
+pub use pico::Pico as Chosen;
+#[cfg(feature = "pico2")]
+pub use pico2::Pico2 as Chosen;
+
+use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_time::Duration;
-use model_core::link::Phase;
-use model_core::safety::supervisor::FirstFailure;
-use model_core::{Command, Faults};
+use embedded_hal::digital::{InputPin, OutputPin};
+use embedded_io_async::{Read, Write};
+use model_core::Command;
+use model_core::link::Chip;
+
+/// A board.
+pub trait Board: Sized {
+    /// Its chip.
+    const CHIP: Chip;
+    /// Longest PWM period, in steps.
+    fn maximum_period_steps() -> u16;
+
+    /// The analog inputs.
+    type Adc: Adc;
+    /// Both valves.
+    type Valves: Valves;
+    /// The watchdog.
+    type Watchdog: Watchdog;
+    /// A digital input.
+    type Input: InputPin;
+    /// A digital output.
+    type Output: OutputPin;
+    /// What comes from the host.
+    type Receiver: Read;
+    /// What goes to the host.
+    type Sender: Write;
+
+    /// Called once, first of all. Both coils are without power before anything else happens; the line to
+    /// the host runs at [`BAUD`](model_core::link::BAUD), and its interrupt comes before control's; the
+    /// watchdog runs when this returns.
+    fn start() -> Parts<Self>;
+    /// Starts control's executor in an interrupt with a priority below the line's, whose handler calls
+    /// [`on_control_interrupt`](crate::on_control_interrupt).
+    fn start_control(executor: &'static InterruptExecutor) -> SendSpawner;
+    /// Takes the power from both coils, whoever has the pins: nothing else runs any more.
+    fn vent();
+    /// Restarts the board; it then finds [`Reset::Forced`].
+    fn restart() -> !;
+}
+
+/// What a board hands over at the start.
+pub struct Parts<B: Board> {
+    /// Why the board started.
+    pub reset: Reset,
+    /// The analog inputs.
+    pub adc: B::Adc,
+    /// Pulled down: high while the emergency stop is not pressed and its wire not broken.
+    pub run_line: B::Input,
+    /// Both valves, closed for the inlet and open for the outlet.
+    pub valves: B::Valves,
+    /// The watchdog, fed a moment ago.
+    pub watchdog: B::Watchdog,
+    /// The LED, on while high.
+    pub led: B::Output,
+    /// High while a fault holds or is latched.
+    pub fault_output: B::Output,
+    /// What comes from the host.
+    pub receiver: B::Receiver,
+    /// What goes to the host.
+    pub sender: B::Sender,
+}
+
+/// Why a board started.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Reset {
+    /// Power came, or somebody pressed a button.
+    Power,
+    /// The watchdog was not fed.
+    TimedOut,
+    /// [`Board::restart`].
+    Forced,
+}
 
 /// Analog inputs.
-#[cfg(not(feature = "hil"))]
 #[derive(Clone, Copy)]
 pub enum Channel {
     /// Muscle pressure.
@@ -25,7 +110,6 @@ pub enum Channel {
 }
 
 /// A converter of 12 bits.
-#[cfg(not(feature = "hil"))]
 pub trait Adc {
     /// One conversion, 0 to 4095. It blocks for the two microseconds that this takes; the watchdog
     /// ends a longer wait.
@@ -45,16 +129,11 @@ pub trait Valves {
 /// steps of the same kind may take longer and must not miss the period's begin.
 pub const PWM_DELAY: Duration = Duration::from_micros(250);
 
-/// Remembers over a restart what control was doing.
-pub trait BlackBox {
-    /// Control enters a phase.
-    fn note(&mut self, phase: Phase);
-    /// What vented first, and what is latched now.
-    fn record(&mut self, first: Option<FirstFailure>, latched: Faults);
-}
-
 /// Restarts the board when it is not fed.
 pub trait Watchdog {
-    /// Not before this time from now.
-    fn feed(&mut self, timeout: Duration);
+    /// Not before [`WATCHDOG`] from now.
+    fn feed(&mut self);
 }
+
+/// The watchdog restarts the board after this time without food.
+pub const WATCHDOG: Duration = Duration::from_millis(50);

@@ -43,6 +43,8 @@ pub enum Injection {
         /// Which of those that are executed there from now on: 1 is the next.
         instruction: u32,
     },
+    /// A fault of the processor, now.
+    Fault,
 }
 
 /// Where the firmware executes instructions.
@@ -102,6 +104,7 @@ pub struct EmulatedBoard {
     inputs: Sample,
     adc_stalled: bool,
     hang: Option<(Place, u32)>,
+    fault: bool,
     restarts: u32,
     to_board: Vec<u8>,
     from_board: Vec<u8>,
@@ -152,6 +155,7 @@ impl EmulatedBoard {
             inputs: IDLE,
             adc_stalled: false,
             hang: None,
+            fault: false,
             restarts: 0,
             to_board: Vec::new(),
             from_board: Vec::new(),
@@ -222,6 +226,7 @@ impl EmulatedBoard {
         match injection {
             Injection::AdcStalled(stalled) => self.adc_stalled = stalled,
             Injection::Hang { place, instruction } => self.hang = Some((place, instruction)),
+            Injection::Fault => self.fault = true,
         }
     }
 
@@ -295,7 +300,12 @@ impl EmulatedBoard {
         for code in [sample.pressure, sample.gas, sample.length] {
             request.extend_from_slice(&code.0.to_le_bytes());
         }
-        request.push(u8::from(!sample.emergency_stop) | u8::from(self.adc_stalled) << 1);
+        let fault = core::mem::take(&mut self.fault);
+        request.push(
+            u8::from(!sample.emergency_stop)
+                | u8::from(self.adc_stalled) << 1
+                | u8::from(fault) << 2,
+        );
         let (place, instruction) = self.hang.take().unwrap_or((Place::Control, 0));
         request.push(place as u8);
         request.extend_from_slice(&instruction.to_le_bytes());

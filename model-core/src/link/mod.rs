@@ -192,6 +192,8 @@ pub enum Chip {
     Rp2040,
     /// Raspberry Pi Pico 2.
     Rp2350,
+    /// NUCLEO-G474RE.
+    Stm32G474,
 }
 
 /// How the steps were timed since the board started.

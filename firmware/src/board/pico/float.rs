@@ -1,6 +1,6 @@
 //! Single-precision multiply and divide as plain integer functions, for every input and short rather
 //! than fast. On the RP2040 they do what is rare: subnormal, infinite, not a number, over- and
-//! underflow. The rest is `board/float.s`. Same results to the bit: round to nearest, ties to even
+//! underflow. The rest is `float.s`. Same results to the bit: round to nearest, ties to even
 //! (IEEE 754).
 
 const SIGN: u32 = 0x8000_0000;

@@ -1,6 +1,6 @@
 //! Single-precision arithmetic under the names by which compiled code calls it (`float.s`).
 
-use crate::float;
+use super::float;
 
 core::arch::global_asm!(include_str!("float.s"), options(raw));
 

@@ -1,0 +1,146 @@
+//! Remembers over a restart what control was doing and what vented, in memory that a start leaves as it
+//! is.
+
+use crate::board::Reset;
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+use model_core::Faults;
+use model_core::link::{LastReset, Phase};
+use model_core::safety::supervisor::FirstFailure;
+
+/// What vented before the restart, and what was latched then.
+pub type Remembered = Option<(FirstFailure, Faults)>;
+
+/// Why the firmware ended itself.
+#[derive(Clone, Copy)]
+#[repr(u32)]
+pub enum End {
+    /// A panic.
+    Panic = 1,
+    /// A fault of the processor.
+    HardFault = 2,
+}
+
+/// The one instance is a static in the section `.uninit`. One word for each thing, so that a restart in
+/// the middle of writing leaves no halves.
+pub struct BlackBox {
+    /// [`WRITTEN`], or the memory holds whatever came with the power.
+    written: Word,
+    phase: Word,
+    end: Word,
+    /// Line of the panic, address of the fault.
+    detail: Word,
+    latched: Word,
+    /// Faults of the first failure, its pressure \[Pa\] as bits, its step.
+    failure: Word,
+    failure_pressure: Word,
+    failure_step: Word,
+}
+
+const WRITTEN: u32 = 0x7468_7931;
+
+const PHASES: [Phase; 5] =
+    [Phase::Starting, Phase::Waiting, Phase::Sampling, Phase::Stepping, Phase::Driving];
+
+impl BlackBox {
+    /// With nothing in it, not even zeros.
+    pub const fn new() -> Self {
+        Self {
+            written: Word::new(),
+            phase: Word::new(),
+            end: Word::new(),
+            detail: Word::new(),
+            latched: Word::new(),
+            failure: Word::new(),
+            failure_pressure: Word::new(),
+            failure_step: Word::new(),
+        }
+    }
+
+    /// Why the board started, and what vented before; the black box is then ready for the next time.
+    /// Once, before anything else is called.
+    pub fn open(&self, reset: Reset) -> (LastReset, Remembered) {
+        // Memory may outlive a short loss of power: only the chip knows.
+        if reset == Reset::Power || self.written.get() != WRITTEN {
+            let Self {
+                written,
+                phase,
+                end,
+                detail,
+                latched,
+                failure,
+                failure_pressure,
+                failure_step,
+            } = self;
+            for word in [phase, end, detail, latched, failure, failure_pressure, failure_step] {
+                word.set(0);
+            }
+            written.set(WRITTEN);
+        }
+        let phase = *PHASES.get(self.phase.get() as usize).unwrap_or(&Phase::Starting);
+        let (end, detail) = (self.end.get(), self.detail.get());
+        let last_reset = match reset {
+            Reset::Forced if end == End::Panic as u32 => LastReset::Panic { line: detail, phase },
+            Reset::Forced if end == End::HardFault as u32 => {
+                LastReset::HardFault { address: detail, phase }
+            }
+            Reset::TimedOut => LastReset::Watchdog { phase },
+            Reset::Power | Reset::Forced => LastReset::Power,
+        };
+        if last_reset != LastReset::Power {
+            defmt::warn!("restarted in phase {=u32}, cause {=u32}", phase as u32, end);
+        }
+        self.note(Phase::Starting);
+        self.end.set(0);
+        let first = FirstFailure {
+            faults: Faults(self.failure.get() as u16),
+            pressure_pa: f32::from_bits(self.failure_pressure.get()),
+            step: self.failure_step.get(),
+        };
+        let latched = Faults(self.latched.get() as u16);
+        (last_reset, (first.faults != Faults::NONE).then_some((first, latched)))
+    }
+
+    /// Control enters a phase.
+    pub fn note(&self, phase: Phase) {
+        self.phase.set(phase as u32);
+    }
+
+    /// What vented first, and what is latched now.
+    pub fn record(&self, first: Option<FirstFailure>, latched: Faults) {
+        if let Some(FirstFailure { faults, pressure_pa, step }) = first {
+            self.failure.set(u32::from(faults.0));
+            self.failure_pressure.set(pressure_pa.to_bits());
+            self.failure_step.set(step);
+        }
+        self.latched.set(u32::from(latched.0));
+    }
+
+    /// The firmware ends itself.
+    pub fn close(&self, end: End, detail: u32) {
+        self.end.set(end as u32);
+        self.detail.set(detail);
+    }
+}
+
+/// A word whose content the compiler knows nothing about.
+struct Word(UnsafeCell<MaybeUninit<u32>>);
+
+// SAFETY: accesses are volatile and of a whole word, which none of the chips splits.
+unsafe impl Sync for Word {}
+
+impl Word {
+    const fn new() -> Self {
+        Self(UnsafeCell::new(MaybeUninit::uninit()))
+    }
+
+    fn get(&self) -> u32 {
+        // SAFETY: the word is there, and any of its contents is a number.
+        unsafe { self.0.get().cast::<u32>().read_volatile() }
+    }
+
+    fn set(&self, value: u32) {
+        // SAFETY: the word is there.
+        unsafe { self.0.get().cast::<u32>().write_volatile(value) }
+    }
+}

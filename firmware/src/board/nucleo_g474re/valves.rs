@@ -1,0 +1,103 @@
+//! Both valves at TIM3. Its counter runs from 0 to 49 999, so that a duty is its compare value, and 100 %
+//! is above the counter's top: always on.
+
+use super::CLOCK_HZ;
+use crate::board::{PWM_DELAY, Valves};
+use crate::source::STEP;
+use embassy_stm32::Peri;
+use embassy_stm32::gpio::OutputType;
+use embassy_stm32::pac::GPIOA;
+use embassy_stm32::pac::gpio::vals::Moder;
+use embassy_stm32::peripherals::{PA6, PA7, TIM3};
+use embassy_stm32::timer::low_level::{OutputCompareMode, Timer};
+use embassy_stm32::timer::simple_pwm::PwmPin;
+use embassy_stm32::timer::{Ch1, Ch2, Channel};
+use model_core::{Command, Duty};
+
+/// Clocks of the timer in a tick of the counter, per step of the period.
+const CLOCKS_PER_STEP: u32 = {
+    let clocks = CLOCK_HZ / 1_000_000 * STEP.as_micros() as u32;
+    let ticks = Duty::FULL.ticks() as u32;
+    assert!(clocks.is_multiple_of(ticks));
+    clocks / ticks
+};
+
+/// The prescaler divides by up to 65 536.
+pub const MAXIMUM_PERIOD_STEPS: u16 = (65_536 / CLOCKS_PER_STEP) as u16;
+
+/// PA6 and PA7.
+const COIL_PINS: [usize; 2] = [6, 7];
+
+/// Both pins are low at once whatever the timer does, or show it again. After a level that is forced in the timer
+/// itself the PWM may come back only when its comparison changes, with a coil that is always on: never.
+pub fn force_low(low: bool) {
+    // Their output registers hold low since the start.
+    let mode = if low { Moder::OUTPUT } else { Moder::ALTERNATE };
+    GPIOA.moder().modify(|pins| COIL_PINS.iter().for_each(|&pin| pins.set_moder(pin, mode)));
+}
+
+/// TIM3 with its first two channels.
+pub struct Timer3 {
+    timer: Timer<'static, TIM3>,
+    /// Dropped, they would let go of the pins.
+    _pins: (PwmPin<'static, TIM3, Ch1>, PwmPin<'static, TIM3, Ch2>),
+    forced_low: bool,
+}
+
+impl Timer3 {
+    /// The timer stands still, and both coils are without power.
+    pub fn new(
+        timer: Peri<'static, TIM3>,
+        inlet: Peri<'static, PA6>,
+        outlet: Peri<'static, PA7>,
+    ) -> Self {
+        let timer = Timer::new(timer);
+        timer.regs_core().arr().write(|top| top.set_arr(Duty::FULL.ticks() - 1));
+        for channel in [Channel::Ch1, Channel::Ch2] {
+            timer.set_output_compare_mode(channel, OutputCompareMode::PwmMode1);
+            // Compare values are taken over where the counter wraps: a pulse is never cut.
+            timer.set_output_compare_preload(channel, true);
+            timer.enable_channel(channel, true);
+        }
+        timer.generate_update_event();
+        let pins =
+            (PwmPin::new(inlet, OutputType::PushPull), PwmPin::new(outlet, OutputType::PushPull));
+        Self { timer, _pins: pins, forced_low: false }
+    }
+
+    /// Compare values of both channels, taken over together.
+    fn compare(&self, command: Command) {
+        let (inlet, outlet) = command.coils();
+        let cr1 = self.timer.regs_core().cr1();
+        cr1.modify(|cr1| cr1.set_udis(true));
+        self.timer.set_compare_value(Channel::Ch1, inlet.ticks());
+        self.timer.set_compare_value(Channel::Ch2, outlet.ticks());
+        cr1.modify(|cr1| cr1.set_udis(false));
+    }
+}
+
+impl Valves for Timer3 {
+    fn restart(&mut self, period_steps: u16, command: Command) {
+        let steps = u32::from(period_steps.max(1));
+        let full = u32::from(Duty::FULL.ticks());
+        let delay = u64::from(full) * PWM_DELAY.as_micros() / (u64::from(steps) * STEP.as_micros());
+        let registers = self.timer.regs_core();
+        self.timer.stop();
+        registers.psc().write_value((CLOCKS_PER_STEP * steps - 1) as u16);
+        // Takes over the divider, and sets the counter to zero.
+        self.timer.generate_update_event();
+        registers.cnt().write(|counter| counter.set_cnt((full - delay.max(1) as u32) as u16));
+        self.timer.start();
+        self.drive(command);
+    }
+
+    fn drive(&mut self, command: Command) {
+        // A pin acts at once, and the PWM's phase stays.
+        let low = command == Command::VENT;
+        if low != self.forced_low {
+            force_low(low);
+            self.forced_low = low;
+        }
+        self.compare(command);
+    }
+}

@@ -1,0 +1,21 @@
+//! Where the test and the guest meet: a static of the guest, which the test finds by its symbol.
+
+/// Bytes of the link, one exchange at a time.
+#[repr(C)]
+pub struct Mailbox {
+    /// Whose turn it is; zero until the guest has started.
+    pub turn: u32,
+    /// Cycles of the last [`step`](model_core::Core::step).
+    pub step_cycles: u32,
+    /// Bytes that are in use.
+    pub length: u32,
+    /// The request while it is the guest's turn, then its answer.
+    pub bytes: [u8; model_core::link::MAX_FRAME],
+}
+
+/// The guest waits for a request.
+pub const TEST: u32 = 1;
+/// A request is there.
+pub const GUEST: u32 = 2;
+/// The guest has panicked.
+pub const PANICKED: u32 = 3;

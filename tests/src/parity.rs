@@ -1,0 +1,88 @@
+//! A muscle in closed loop with a board for ten thousand steps, and the same samples once more through
+//! the core in this process: equal to the bit.
+
+use crate::rig::Muscle;
+use host_sim::board::{Board, BoardStep, CoreBoard};
+use host_sim::commands::replay::{Row, replay};
+use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
+use std::collections::BTreeSet;
+
+/// Steps.
+pub const STEPS: u32 = 10_000;
+
+/// Step after which the second set point holds.
+const SECOND: u32 = 5000;
+const CYCLE: SetPoint = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 2.0 };
+const PRESSURE: SetPoint = SetPoint::Pressure { pressure_pa: 3.0e5 };
+
+/// Two sensors fail for a while, and the line of the emergency stop opens once.
+fn with_faults(step: u32, sample: Sample) -> Sample {
+    let gas = if (3000..3200).contains(&step) { AdcCode(0) } else { sample.gas };
+    let length = if (4000..4200).contains(&step) { AdcCode(32_760) } else { sample.length };
+    Sample { gas, length, emergency_stop: step == 8000, ..sample }
+}
+
+/// What a board has made of its samples.
+#[derive(Debug)]
+pub struct Record {
+    /// What it was told.
+    pub config: Config,
+    /// Every step.
+    pub rows: Vec<Row>,
+}
+
+/// Runs the muscle at a board; `look` is called after every step.
+///
+/// # Panics
+/// When the board fails, leaves a step out, or reads something else than it was fed.
+pub fn run<B: Board>(board: &mut B, mut look: impl FnMut(&B, &BoardStep)) -> Record {
+    let mut muscle = Muscle::new("[plant]\nmodel = \"lumped\"\n[load]\nforce_n = 120.0\n");
+    let config = *muscle.config();
+    board.start(&config, CYCLE).expect("the board starts");
+    let (mut rows, mut fed) = (Vec::new(), Vec::new());
+    // The last sample's telemetry may come a step later.
+    for step in 0..=STEPS {
+        if step == SECOND {
+            board.set(PRESSURE).expect("the set point is taken");
+        }
+        fed.push(with_faults(step, muscle.sample()));
+        let outcome = board.step(&fed[step as usize]).expect("the board goes on");
+        muscle.advance(outcome.actuation);
+        look(board, &outcome);
+        let Some(telemetry) = outcome.telemetry else { continue };
+        // What was fed is what was read: the conversions add up to the code.
+        let sample = Sample { heard: telemetry.sample.heard, ..fed[telemetry.step as usize] };
+        assert_eq!(telemetry.sample, sample, "step {}", telemetry.step);
+        // The set point arrives with the step: it holds from the next one on.
+        let set_point = match telemetry.step {
+            0 => Some(CYCLE),
+            _ if telemetry.step == SECOND + 1 => Some(PRESSURE),
+            _ => None,
+        };
+        rows.push(Row { set_point, telemetry });
+    }
+    rows.truncate(STEPS as usize);
+    assert_eq!(rows.len(), STEPS as usize);
+    assert!(rows.iter().zip(0..).all(|(row, step)| row.telemetry.step == step));
+    Record { config, rows }
+}
+
+impl Record {
+    /// Asks the core in this process for the same.
+    ///
+    /// # Panics
+    /// When a bit differs, or when the run was not worth comparing.
+    pub fn assert_same_on_the_host(&self) {
+        let outcome = replay(&mut CoreBoard::default(), &self.config, &self.rows)
+            .expect("the core takes what the board took");
+        assert_eq!((outcome.steps, outcome.mismatches), (u64::from(STEPS), 0), "{outcome:?}");
+        // Both valves moved, and the emergency stop vented.
+        let commands: BTreeSet<_> = self
+            .rows
+            .iter()
+            .map(|row| (row.telemetry.command.inlet, row.telemetry.command.outlet))
+            .collect();
+        assert!(commands.len() > 50, "{} commands", commands.len());
+        assert!(self.rows[9000].telemetry.faults.intersects(Faults::EMERGENCY_STOP));
+    }
+}

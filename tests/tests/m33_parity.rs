@@ -1,0 +1,39 @@
+//! The core on a Cortex-M33, which has an FPU, computes what it computes on the host, to the bit.
+//!
+//! The emulator computes with the host's FPU: what this shows is that the compiled code does the same
+//! operations in the same order. That the chip's FPU rounds as the host's does is IEEE 754.
+
+use system_tests::m33::EmulatedM33;
+use system_tests::{parity, skip_emulator};
+
+/// Cycles of a step, compiled as the images are: 150 MHz have 150 000 of them in a millisecond.
+const MEAN: std::ops::Range<u64> = 300..3000;
+const WORST: u32 = 6000;
+
+fn ten_thousand_steps(target: &str) {
+    // It needs the chip's target, as the other emulator's tests do.
+    if skip_emulator() {
+        return;
+    }
+    let started = std::time::Instant::now();
+    let mut board = EmulatedM33::new(target);
+    let built = started.elapsed();
+    parity::run(&mut board, |_, _| ()).assert_same_on_the_host();
+    let cycles = board.step_cycles();
+    let mean = cycles.iter().map(|&cycles| u64::from(cycles)).sum::<u64>() / cycles.len() as u64;
+    let worst = *cycles.iter().max().unwrap();
+    println!("{target}: {mean} cycles a step, {worst} at worst; {:?}", started.elapsed() - built);
+    assert!(MEAN.contains(&mean) && worst < WORST, "{mean}, {worst} at worst");
+}
+
+/// The code of the Pico 2.
+#[test]
+fn code_for_the_cortex_m33_is_equal_to_the_bit() {
+    ten_thousand_steps("thumbv8m.main-none-eabihf");
+}
+
+/// The code of the NUCLEO-G474RE, which the Cortex-M33 takes too.
+#[test]
+fn code_for_the_cortex_m4f_is_equal_to_the_bit() {
+    ten_thousand_steps("thumbv7em-none-eabihf");
+}
