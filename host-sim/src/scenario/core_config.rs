@@ -7,14 +7,11 @@ use model_core::physics::geometry::{Braid, Friction, Muscle};
 use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
-use model_core::sensing::adc::Adc;
 use model_core::sensing::gas::{GasElement, GasSensor, Pt1000};
 
 /// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
 /// \[W/(m2 K)\].
 const ISOTHERMAL_W_M2_K: f64 = 2_000.0;
-/// Erratum RP2040-E11, the virtual ADC's as the board's \[LSB of 12 bit\].
-const RP2040_WIDE_CODE_LSB: f32 = 8.9;
 /// Sensor lags that the core's filter works with; a sensor without lag is told as the shortest
 /// \[s\].
 const SHORTEST_LAG_S: f32 = 1.0e-3;
@@ -144,7 +141,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         pwm_period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
         sensors: Sensors {
-            adc: Adc { wide_code_lsb: RP2040_WIDE_CODE_LSB },
+            adc: s.adc.core(),
             pressure: s.sensor.pressure.core(),
             length: s.sensor.length.core(),
             gas: GasSensor {

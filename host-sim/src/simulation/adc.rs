@@ -29,10 +29,6 @@ const SERIES_OHM: f64 = 4700.0;
 
 /// Codes that erratum RP2040-E11 makes too wide (RP2040 datasheet, appendix B).
 const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
-/// By how much they are too wide \[LSB\]. Measured on Pico boards: DNL peaks of 8 to 9 LSB
-/// (raspberrypi/pico-feedback issue 91), jumps of 9 to 10 LSB in the mean error of five boards
-/// (kitanokitsune/rp2040adc_correction).
-const EXCESS_WIDTH_LSB: f64 = 8.9;
 
 /// The raw codes of one exchange step, each 0 to 32760.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -57,16 +53,16 @@ pub fn pt1000_ohm(temperature_k: f64) -> f64 {
 }
 
 /// Mean code of a conversion \[LSB\] for an ideal input \[LSB\], both 0 to 4095: the transfer curve
-/// with erratum E11, offset and gain trimmed at the ends. Four codes swallow 8.9 LSB of input each;
-/// between them the curve is steeper by as much.
-pub fn e11_transfer(input_lsb: f64) -> f64 {
-    const SLOPE: f64 = FULL_SCALE / (FULL_SCALE - WIDE_CODES.len() as f64 * EXCESS_WIDTH_LSB);
+/// with erratum E11, offset and gain trimmed at the ends. Four codes swallow `excess_lsb` of input each, 8.9
+/// on the RP2040 and none elsewhere; between them the curve is steeper by as much.
+pub fn e11_transfer(input_lsb: f64, excess_lsb: f64) -> f64 {
+    let slope = FULL_SCALE / (FULL_SCALE - WIDE_CODES.len() as f64 * excess_lsb);
     let mut swallowed = 0.0;
     for (i, code) in WIDE_CODES.iter().enumerate() {
-        let start = code / SLOPE + i as f64 * EXCESS_WIDTH_LSB;
-        swallowed += (input_lsb - start).clamp(0.0, EXCESS_WIDTH_LSB);
+        let start = code / slope + i as f64 * excess_lsb;
+        swallowed += (input_lsb - start).clamp(0.0, excess_lsb);
     }
-    (input_lsb - swallowed) * SLOPE
+    (input_lsb - swallowed) * slope
 }
 
 /// A stream of Gaussian noise.
@@ -115,11 +111,11 @@ impl Channel {
         (value - self.offset) / self.gain
     }
 
-    /// The code for a share of the reference.
-    fn convert(&mut self, share: f64) -> u16 {
+    /// The code for a share of the reference, of a converter whose wide codes are wider by `excess_lsb`.
+    fn convert(&mut self, share: f64, excess_lsb: f64) -> u16 {
         let noisy = share + self.noise.sample(self.converter);
         // A conversion truncates: over the noise of eight its mean lies half a code below the input.
-        let mean = e11_transfer(STEPS * noisy - 0.5).clamp(0.0, FULL_SCALE);
+        let mean = e11_transfer(STEPS * noisy - 0.5, excess_lsb).clamp(0.0, FULL_SCALE);
         (f64::from(OVERSAMPLING) * mean).round() as u16
     }
 }
@@ -132,6 +128,7 @@ pub struct VirtualAdc {
     length: Channel,
     wall: Noise,
     wall_noise_k: f64,
+    wide_code_lsb: f64,
     pressure_range_pa: f64,
     length_range_m: f64,
     /// Bridge ratio at the lowest temperature, and its span up to the highest.
@@ -173,6 +170,7 @@ impl VirtualAdc {
             ),
             wall: stream(),
             wall_noise_k: sensor.wall.noise_k,
+            wide_code_lsb: scenario.adc.wide_code_lsb,
             pressure_range_pa: sensor.pressure.range_pa,
             length_range_m: sensor.length.range_m,
             bridge: (lowest, bridge_ratio(sensor.gas.range_max_k) - lowest),
@@ -192,9 +190,9 @@ impl VirtualAdc {
         let pressure_share = self.pressure.uncalibrated(pressure) / self.pressure_range_pa;
         let length_share = self.length.uncalibrated(length) / self.length_range_m;
         Codes {
-            pressure: self.pressure.convert(0.1 + 0.8 * pressure_share),
-            gas: self.gas.convert(0.05 + 0.9 * bridge),
-            length: self.length.convert(0.05 + 0.9 * length_share),
+            pressure: self.pressure.convert(0.1 + 0.8 * pressure_share, self.wide_code_lsb),
+            gas: self.gas.convert(0.05 + 0.9 * bridge, self.wide_code_lsb),
+            length: self.length.convert(0.05 + 0.9 * length_share, self.wide_code_lsb),
         }
     }
 
@@ -212,6 +210,8 @@ impl VirtualAdc {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const RP2040_LSB: f64 = 8.9;
 
     fn truth() -> Truth {
         Truth {
@@ -239,7 +239,7 @@ mod tests {
         const PER_LSB: u32 = 100;
         let mut hits = vec![0u32; 4096];
         for i in 0..=4095 * PER_LSB {
-            hits[e11_transfer(f64::from(i) / f64::from(PER_LSB)).round() as usize] += 1;
+            hits[e11_transfer(f64::from(i) / f64::from(PER_LSB), RP2040_LSB).round() as usize] += 1;
         }
         for (code, &count) in hits.iter().enumerate().take(4095).skip(1) {
             let dnl = f64::from(count) / f64::from(PER_LSB) - 1.0;
@@ -249,10 +249,11 @@ mod tests {
                 assert!(dnl.abs() < 0.05, "code {code}: DNL {dnl}");
             }
         }
-        assert_eq!(e11_transfer(0.0), 0.0);
-        assert!((e11_transfer(4095.0) - 4095.0).abs() < 1e-9);
+        assert_eq!(e11_transfer(0.0, RP2040_LSB), 0.0);
+        assert!((e11_transfer(4095.0, RP2040_LSB) - 4095.0).abs() < 1e-9);
+        assert_eq!(e11_transfer(1234.5, 0.0), 1234.5, "a converter without it");
         let worst = (0..=4095)
-            .map(|x| (e11_transfer(f64::from(x)) - f64::from(x)).abs())
+            .map(|x| (e11_transfer(f64::from(x), RP2040_LSB) - f64::from(x)).abs())
             .fold(0.0, f64::max);
         assert!((3.0..7.0).contains(&worst), "INL {worst} LSB");
     }
@@ -266,7 +267,7 @@ mod tests {
         let codes = VirtualAdc::new(&scenario).convert(&truth());
         // Half of the pressure range and half of the travel are half of the reference.
         for (code, share) in [(codes.pressure, 0.5), (codes.length, 0.5)] {
-            let expected = 8.0 * e11_transfer(share * 4096.0 - 0.5);
+            let expected = 8.0 * e11_transfer(share * 4096.0 - 0.5, RP2040_LSB);
             assert!((f64::from(code) - expected).abs() < 8.0, "{code} for {expected}");
         }
         // 300 K is in the middle of 270 to 330 K; the bridge bends by less than 2 %.

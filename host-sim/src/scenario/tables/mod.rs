@@ -58,6 +58,8 @@ pub struct Scenario {
     pub orifice: Orifice,
     /// The set point that drives the run.
     pub drive: Drive,
+    /// The converter that reads the sensors.
+    pub adc: Adc,
     /// Sensors and their ranges.
     pub sensor: Sensors,
     /// Estimator tuning, the core's own.
@@ -90,6 +92,7 @@ pub static TABLES: &[Table] = &[
     Tube::TABLE,
     Orifice::TABLE,
     Drive::TABLE,
+    Adc::TABLE,
     GasSensor::TABLE,
     WallSensor::TABLE,
     PressureSensor::TABLE,
