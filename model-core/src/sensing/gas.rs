@@ -62,9 +62,11 @@ impl GasElement {
     pub fn check(&self) -> Result<(), ConfigError> {
         match self {
             Self::Pt1000(bridge) => {
-                bridge.check()?;
+                // The least of the upper end follows from the lower one.
+                const HIGHEST_K: f32 = 1100.0;
+                Pt1000 { range_max_k: HIGHEST_K, ..*bridge }.check()?;
                 let least_k = bridge.range_min_k + 1.0;
-                within("sensor.gas.range_max_k", bridge.range_max_k, least_k, 1100.0)
+                within("sensor.gas.range_max_k", bridge.range_max_k, least_k, HIGHEST_K)
             }
         }
     }

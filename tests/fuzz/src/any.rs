@@ -98,6 +98,11 @@ impl<'de, C: Choices> Deserializer<'de> for Chosen<'_, C> {
         deserialize_u64 visit_u64 u64
     );
 
+    /// As on the wire: tables are their numbers, without names.
+    fn is_human_readable(&self) -> bool {
+        false
+    }
+
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Refused> {
         if self.0.one_of(2) == 0 { visitor.visit_none() } else { visitor.visit_some(self) }
     }
