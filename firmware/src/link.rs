@@ -73,7 +73,6 @@ fn cost(command: &HostCommand) -> u32 {
 /// dropped and counted. To stop is always carried out.
 pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static Shared) -> ! {
     let mut decoder = Decoder::new();
-    let mut config = None;
     let mut chunk = [0; 32];
     let mut ration = Ration { left: RATION, since: Instant::now() };
     loop {
@@ -94,7 +93,7 @@ pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static 
                     );
                     continue;
                 }
-                match carry_out(command, &mut config, &identity, shared).await {
+                match carry_out(command, &identity, shared).await {
                     Outcome::Answer(answer) => shared.answer(sequence, answer),
                     Outcome::Order(order) => shared.orders.send((sequence, order)).await,
                     Outcome::Restart => {
@@ -124,13 +123,7 @@ enum Outcome {
     Silent,
 }
 
-/// `config`: what the host has told, nothing since the start of the board.
-async fn carry_out(
-    command: HostCommand,
-    config: &mut Option<Config>,
-    identity: &Identity,
-    shared: &'static Shared,
-) -> Outcome {
+async fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Shared) -> Outcome {
     match command {
         HostCommand::Version => Outcome::Answer(Answer::Version(Version {
             protocol: PROTOCOL,
@@ -138,10 +131,11 @@ async fn carry_out(
             chip: identity.chip,
             hil: cfg!(feature = "hil"),
         })),
-        HostCommand::ReadConfig => Outcome::Answer(Answer::Config(config.unwrap_or_default())),
+        HostCommand::ReadConfig => {
+            Outcome::Answer(Answer::Config(shared.config().unwrap_or_default()))
+        }
         HostCommand::Configure(wanted) => match check(&wanted, identity) {
             Ok(core) => {
-                *config = Some(wanted);
                 shared.prepare(core);
                 Outcome::Restart
             }

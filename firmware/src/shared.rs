@@ -6,7 +6,7 @@ use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 use embassy_sync::channel::Channel;
 use model_core::link::{Answer, Message, Refusal, Reply, Timing};
 use model_core::safety::supervisor::FirstFailure;
-use model_core::{Core, Faults, Sample, SetPoint};
+use model_core::{Config, Core, Faults, Sample, SetPoint};
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
@@ -137,6 +137,14 @@ impl Shared {
         self.next_core.lock(|slot| match slot.try_borrow_mut().as_deref_mut() {
             Ok(Slot::Full(core)) => Ok(core.set(set_point)?),
             _ => Err(Refusal::NotConfigured),
+        })
+    }
+
+    /// The configuration that the host has told; nothing since the start of the board.
+    pub fn config(&self) -> Option<Config> {
+        self.next_core.lock(|slot| match &*slot.try_borrow().ok()? {
+            Slot::Empty => None,
+            Slot::Full(core) => Some(*core.config()),
         })
     }
 

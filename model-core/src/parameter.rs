@@ -31,7 +31,7 @@ pub struct Parameter {
 
 /// What a value may be, under the key that a user writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limit {
+pub(crate) struct Limit {
     key: &'static str,
     minimum: f32,
     maximum: f32,

@@ -4,7 +4,7 @@ use crate::config::{Config, ConfigError, Load};
 use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, Target};
 use crate::estimation::{Estimator, Measurement, Openings};
 use crate::physics::body::Shape;
-use crate::safety::supervisor::{Activity, BoardState, FirstFailure, Supervisor};
+use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
 use crate::safety::watch::{EMPTY, Watch};
 use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
 use crate::sensing::{Reading, Sensing};
@@ -139,13 +139,7 @@ impl Core {
             found: core::mem::replace(&mut self.found, Faults::NONE),
             impossible_length: !self.shape.can_have_length_m(read_m),
         };
-        let board = BoardState {
-            emergency_stop: sample.emergency_stop,
-            heard: sample.heard,
-            flooded: sample.flooded,
-            missed_steps: sample.missed_steps,
-        };
-        let faults = self.supervisor.step(&board, &readings, activity);
+        let faults = self.supervisor.step(&sample.into(), &readings, activity);
         let length_m = self.length_m(read_m, pressure_pa, faults);
         if self.supervisor.judging() {
             self.follow(Command::VENT);
@@ -423,8 +417,8 @@ mod tests {
         let mut estimator = Estimator::new(&Config::default());
         let sensors = Sensors::default();
         let mut sensing = Sensing::new(&Config::default());
-        let wide_pa = sensors.pressure.quality(&sensors.adc).wide;
-        let wide_m = sensors.length.quality(&sensors.adc).wide;
+        let wide_pa = sensors.adc.half_width(sensors.pressure.resolution_pa());
+        let wide_m = sensors.adc.half_width(sensors.length.resolution_m());
         for step in 0..300_u16 {
             // Each acts from the next multiple of ten on.
             match step {

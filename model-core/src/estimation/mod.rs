@@ -277,7 +277,7 @@ impl Estimator {
         let counts = StepCounts::new(config);
         let interval_s = f32::from(counts.interval_steps) * config.step_s;
         let sensors = &config.sensors;
-        let pressure_sd_pa = sqrt(sensors.pressure.quality(&sensors.adc).noise2);
+        let pressure_sd_pa = sqrt(sensors.pressure.noise_pa2());
         let gas_noise_k2 = sensors.gas.noise_k * sensors.gas.noise_k;
         let bias_k = sd.reading_bias_k(sensors.gas.time_constant_s);
         let energy = Energy::new(0.0, Averaging::new(&counts, config.pwm_period_steps));
@@ -296,7 +296,7 @@ impl Estimator {
             pressure_sd_pa: (k - 1.0) / k * pressure_sd_pa,
             // Well below any pressure, so that an energy within the noise is none below 0.
             noise_pa: limit(NOISE_DEVIATIONS * pressure_sd_pa, 0.0, 0.5 * LOWEST_PA),
-            length_noise_m: sensors.length.quality(&sensors.adc).resolution,
+            length_noise_m: sensors.length.resolution_m(),
             // Averaging leaves little of the noise. The bias is the same in every reading of a second.
             bias_k2: bias_k * bias_k / interval_s,
             lasting_k2: gas_noise_k2 + bias_k * bias_k,

@@ -29,7 +29,7 @@
 //! after each of them the muscle vents for the 50 ms that it takes to judge the sensors.
 
 use crate::config::Config;
-use crate::sample::Faults;
+use crate::sample::{Faults, Sample};
 use crate::sensing::{Readings, Validity};
 use crate::step_counts::StepCounts;
 
@@ -89,6 +89,13 @@ pub struct BoardState {
     pub flooded: bool,
     /// Steps that were left out before this one.
     pub missed_steps: u8,
+}
+
+impl From<&Sample> for BoardState {
+    fn from(sample: &Sample) -> Self {
+        let Sample { emergency_stop, heard, flooded, missed_steps, .. } = *sample;
+        Self { emergency_stop, heard, flooded, missed_steps }
+    }
 }
 
 /// What the configuration makes of the supervisor.
@@ -229,7 +236,7 @@ impl Supervisor {
 mod tests {
     use super::*;
     use crate::config::LinkConfig;
-    use crate::sample::{AdcCode, CODE_MAX, Sample};
+    use crate::sample::{AdcCode, CODE_MAX};
     use crate::sensing::{FROZEN_CODES, Sensing};
     use core::ops::{Deref, DerefMut};
 
@@ -261,9 +268,7 @@ mod tests {
         fn step(&mut self, sample: &Sample, pressure_pa: f32, activity: Activity) -> Faults {
             let mut readings = self.sensing.read(sample, self.flowing);
             readings.pressure.value = pressure_pa;
-            let Sample { emergency_stop, heard, flooded, missed_steps, .. } = *sample;
-            let board = BoardState { emergency_stop, heard, flooded, missed_steps };
-            self.supervisor.step(&board, &readings, activity)
+            self.supervisor.step(&sample.into(), &readings, activity)
         }
 
         fn after_restart(&self, config: &Config) -> Self {

@@ -19,6 +19,13 @@ parameters! {
     }
 }
 
+impl Adc {
+    /// Half the width of its widest codes, in the unit of a sensor of which one code is worth `resolution`.
+    pub fn half_width(&self, resolution: f32) -> f32 {
+        0.5 * self.wide_code_lsb * resolution
+    }
+}
+
 /// Undoes erratum RP2040-E11. Four codes swallow `wide_code_lsb` of input each, and with the
 /// curve's ends where they belong it is steeper by as much in between: an error of up to 4.5 LSB,
 /// or at 120 kPa almost 1 % of the pressure. A wide code itself says no more than that the input

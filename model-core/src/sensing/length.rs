@@ -1,7 +1,7 @@
 //! Potentiometer: 5 to 95 % of the reference over its range.
 
-use super::adc::{Adc, Line, Point};
-use super::{Calibration, Quality};
+use super::Calibration;
+use super::adc::{Line, Point};
 use crate::parameter::parameters;
 
 parameters! {
@@ -21,15 +21,9 @@ impl LengthSensor {
         Line::through(zero, Point { share: 0.95, value: self.range_m }).calibrated(calibration)
     }
 
-    /// What its readings are worth \[m\]: eight conversions are summed, so that their noise is less than
-    /// what a code shows.
-    #[inline(never)]
-    pub fn quality(&self, adc: &Adc) -> Quality {
-        let resolution = self.gain * (self.range_m / (0.9 * 4096.0));
-        Quality {
-            noise2: resolution * resolution,
-            resolution,
-            wide: 0.5 * adc.wide_code_lsb * resolution,
-        }
+    /// What one code of 12 bit is worth \[m\]. Eight conversions are summed, so that the noise of a reading is
+    /// less.
+    pub fn resolution_m(&self) -> f32 {
+        self.gain * (self.range_m / (0.9 * 4096.0))
     }
 }

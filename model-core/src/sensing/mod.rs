@@ -4,7 +4,7 @@
 //! Sample --adc: linearised code--> sensor: value, calibrated --health: lost?--> Readings
 //! ```
 //!
-//! Estimator, controller and supervisor see [`Reading`]s and their [`Quality`], whatever they come from.
+//! Estimator, controller and supervisor see [`Reading`]s, whatever they come from.
 //! Pressure and length have one in every step; the gas sensor, which is slow, the mean of an interval.
 
 pub mod adc;
@@ -104,17 +104,6 @@ pub struct GasReading {
     pub moved: bool,
 }
 
-/// What the readings of one sensor are worth.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Quality {
-    /// Variance of the noise of one reading.
-    pub noise2: f32,
-    /// Smallest difference that it shows.
-    pub resolution: f32,
-    /// Half the width of its widest codes.
-    pub wide: f32,
-}
-
 /// The readings of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Readings {
@@ -172,12 +161,12 @@ impl Sensing {
             // temperature the model goes on, so that there is nothing to wait for.
             pressure: Channel {
                 line: pressure.line(),
-                wide: pressure.quality(adc).wide,
+                wide: adc.half_width(pressure.resolution_pa()),
                 health: Health::new(StepCounts::new(config).patience_steps),
             },
             length: Channel {
                 line: length.line(),
-                wide: length.quality(adc).wide,
+                wide: adc.half_width(length.resolution_m()),
                 health: Health::new(1),
             },
             gas: GasLine::new(gas, gas_element),
@@ -295,8 +284,8 @@ mod tests {
         let [low, high] = [0.05_f32, 0.95].map(|share| AdcCode((share * 32_768.0) as u16));
         let codes = f32::from(high.0 - low.0) / 8.0;
         let stated = [
-            sensors.pressure.quality(&sensors.adc).resolution,
-            sensors.length.quality(&sensors.adc).resolution,
+            sensors.pressure.resolution_pa(),
+            sensors.length.resolution_m(),
             sensors.gas_element.resolution_k(),
         ];
         for (i, stated) in stated.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Ratiometric pressure sensor: 10 to 90 % of the reference over its range.
 
-use super::adc::{Adc, Line, Point};
-use super::{Calibration, Quality};
+use super::Calibration;
+use super::adc::{Line, Point};
 use crate::parameter::parameters;
 use crate::sample::OVERSAMPLING;
 
@@ -26,16 +26,14 @@ impl PressureSensor {
         Line::through(zero, Point { share: 0.9, value: self.range_pa }).calibrated(calibration)
     }
 
-    /// What its readings are worth \[Pa\].
-    #[inline(never)]
-    pub fn quality(&self, adc: &Adc) -> Quality {
-        let resolution = self.gain * (self.range_pa / (0.8 * 4096.0));
-        let rounding_pa = LINEARITY_LSB * resolution;
-        let noise_pa2 = self.noise_pa * self.noise_pa;
-        Quality {
-            noise2: noise_pa2 / f32::from(OVERSAMPLING) + rounding_pa * rounding_pa,
-            resolution,
-            wide: 0.5 * adc.wide_code_lsb * resolution,
-        }
+    /// What one code of 12 bit is worth \[Pa\].
+    pub fn resolution_pa(&self) -> f32 {
+        self.gain * (self.range_pa / (0.8 * 4096.0))
+    }
+
+    /// Variance of the noise of one reading, with what linearising the converter leaves \[Pa2\].
+    pub fn noise_pa2(&self) -> f32 {
+        let rounding_pa = LINEARITY_LSB * self.resolution_pa();
+        self.noise_pa * self.noise_pa / f32::from(OVERSAMPLING) + rounding_pa * rounding_pa
     }
 }

@@ -166,10 +166,10 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
             trend::smooth(&(0..run.len()).map(reading).collect::<Vec<_>>())
         };
     let noise_pa = f64::from(sensors.pressure.noise_pa);
-    let pressure_code_pa = f64::from(sensors.pressure.quality(&sensors.adc).resolution);
+    let pressure_code_pa = f64::from(sensors.pressure.resolution_pa());
     let pressure = Channel { code: pressure_code_pa, noise: noise_pa };
     // The core is told no noise of the length; what a code's width hides is more than it.
-    let length_code_m = f64::from(sensors.length.quality(&sensors.adc).resolution);
+    let length_code_m = f64::from(sensors.length.resolution_m());
     let length = Channel { code: length_code_m, noise: 0.0 };
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure, pressure);
     let length_m = smoothed(|t| t.length_m, |t| t.sample.length, length);
