@@ -1,8 +1,9 @@
 //! Everything that the core is told before it starts, and what each value may be.
 
 use crate::parameter::{Parameter, parameters};
+use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
+use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
-use crate::physics::geometry::{Braid, Friction, Muscle};
 use crate::physics::heat::{Heat, Wall};
 use crate::physics::valve::Valve;
 use crate::sensing::Sensors;
@@ -30,7 +31,7 @@ pub struct Config {
     /// The supply behind the inlet valve.
     pub supply: Supply,
     /// What holds the gas.
-    pub body: Body,
+    pub chamber: ChamberConfig,
     /// Heat transfer.
     pub heat: Heat,
     /// What holds the gas in, as a heat capacity.
@@ -90,21 +91,6 @@ parameters! {
     "link": LinkConfig {
         timeout_s: 0.5, "s", 0.0 to 3600.0, "silence of the host after which the board vents; 0: it goes on alone";
     }
-}
-
-/// What holds the gas.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub enum Body {
-    /// A McKibben muscle.
-    Muscle(Muscle),
-    /// A vessel, or a cylinder: volume = section * length.
-    Vessel {
-        /// Section \[m2\].
-        section_m2: f32,
-        /// Inner surface \[m2\].
-        surface_m2: f32,
-    },
 }
 
 /// What the muscle pulls against.
@@ -180,7 +166,7 @@ impl Default for Config {
             gas: Gas::default(),
             ambient: Ambient::default(),
             supply: Supply::default(),
-            body: Body::Muscle(Muscle {
+            chamber: ChamberConfig::Muscle(Muscle {
                 // 300 mm by 20 mm at rest, threads at 23 deg.
                 braid: Braid { thread_length_m: 0.325_908_1, turns: 2.026_714 },
                 rest_length_m: 0.3,
@@ -243,20 +229,7 @@ impl Config {
         self.gas.check()?;
         self.ambient.check()?;
         self.supply.check()?;
-        match self.body {
-            Body::Muscle(muscle) => {
-                let b = muscle.braid.thread_length_m;
-                within("muscle.thread_length_m", b, 0.01, 10.0)?;
-                within("muscle.turns", muscle.braid.turns, 0.1, 1000.0)?;
-                within("muscle.rest_length_m", muscle.rest_length_m, 0.578 * b, 0.999 * b)?;
-                within("muscle.bladder_stiffness_n_m", muscle.bladder_stiffness_n_m, 0.0, 1.0e6)?;
-                within("muscle.dead_volume_m3", muscle.dead_volume_m3, 0.0, 0.1)?;
-            }
-            Body::Vessel { section_m2, surface_m2 } => {
-                within("vessel.section_m2", section_m2, 1.0e-7, 1.0e5)?;
-                within("vessel.surface_m2", surface_m2, 0.0, 1.0e3)?;
-            }
-        }
+        self.chamber.check()?;
         self.heat.check()?;
         self.wall.check()?;
         self.friction.check()?;

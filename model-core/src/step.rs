@@ -3,7 +3,7 @@
 use crate::config::{Config, ConfigError, Load};
 use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, Target};
 use crate::estimation::{Estimator, Measurement, Openings};
-use crate::physics::body::Shape;
+use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
 use crate::safety::watch::{EMPTY, Watch};
 use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
@@ -13,7 +13,7 @@ use crate::sensing::{Reading, Sensing};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Core {
     config: Config,
-    shape: Shape,
+    chamber: AnyChamber,
     sensing: Sensing,
     supervisor: Supervisor,
     estimator: Estimator,
@@ -40,7 +40,7 @@ impl Core {
         config.check()?;
         Ok(Self {
             config: *config,
-            shape: Shape::new(&config.body),
+            chamber: AnyChamber::new(&config.chamber),
             sensing: Sensing::new(config),
             supervisor: Supervisor::new(config, true),
             estimator: Estimator::new(config),
@@ -137,7 +137,7 @@ impl Core {
             driven,
             step: self.step,
             found: core::mem::replace(&mut self.found, Faults::NONE),
-            impossible_length: !self.shape.can_have_length_m(read_m),
+            impossible_length: !self.chamber.can_have_length_m(read_m),
         };
         let faults = self.supervisor.step(&sample.into(), &readings, activity);
         let length_m = self.length_m(read_m, pressure_pa, faults);
@@ -192,7 +192,7 @@ impl Core {
         });
         if let Some(balance) = self.estimator.take_balance() {
             let length_m = (!faults.intersects(Faults::LENGTH_SENSOR)).then_some(length_m);
-            self.found = self.watch.add(&self.shape, &balance, length_m);
+            self.found = self.watch.add(&self.chamber, &balance, length_m);
         }
         let implausible = self.estimator.sensor_implausible();
         let faults = if implausible { faults.with(Faults::GAS_SENSOR) } else { faults };
@@ -228,14 +228,15 @@ impl Core {
     /// Measured length, or without its sensor the one at which the load balances.
     fn length_m(&self, read_m: f32, pressure_pa: f32, faults: Faults) -> f32 {
         if !faults.intersects(Faults::LENGTH_SENSOR) {
-            return self.shape.limit_length_m(read_m);
+            return self.chamber.limit_length_m(read_m);
         }
-        match (&self.shape, self.config.load) {
-            (Shape::Muscle(geometry), Load::Isotonic { force_n }) => {
-                geometry.length_for_force_m(pressure_pa - self.config.ambient.pressure_pa, force_n)
+        match self.config.load {
+            Load::Isometric { length_m } => self.chamber.limit_length_m(length_m),
+            Load::Isotonic { force_n } if self.chamber.moves() => {
+                let gauge_pa = pressure_pa - self.config.ambient.pressure_pa;
+                self.chamber.length_for_force_m(gauge_pa, force_n)
             }
-            (_, Load::Isometric { length_m }) => self.shape.limit_length_m(length_m),
-            (Shape::Vessel { .. }, _) => self.shape.limit_length_m(read_m),
+            Load::Isotonic { .. } => self.chamber.limit_length_m(read_m),
         }
     }
 }
@@ -243,6 +244,7 @@ impl Core {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::chamber::{ChamberConfig, Vessel};
     use crate::sample::AdcCode;
     use crate::sensing::Sensors;
 
@@ -575,14 +577,14 @@ mod tests {
             (telemetry.pressure_pa, telemetry.length_m)
         };
         let (pressure_pa, free_m) = length_m(&config, &lost);
-        let Shape::Muscle(geometry) = Shape::new(&config.body) else { panic!("a muscle") };
-        let force_n = geometry.force_n(pressure_pa - 101_325.0, free_m);
+        let muscle = AnyChamber::new(&config.chamber);
+        let force_n = muscle.force_n(pressure_pa - 101_325.0, free_m);
         assert!((force_n - 100.0).abs() < 0.1, "{force_n} N at {free_m} m");
         assert!((length_m(&config, &INFLATED).1 - 0.27).abs() < 5e-4, "measured");
         let held = Config { load: Load::Isometric { length_m: 0.25 }, ..config };
         assert_eq!(length_m(&held, &lost).1, 0.25);
-        let body = crate::config::Body::Vessel { section_m2: 0.01, surface_m2: 0.1 };
-        assert_eq!(length_m(&Config { body, ..config }, &lost).1, 1.0e-6, "no less than that");
+        let chamber = ChamberConfig::Vessel(Vessel { section_m2: 0.01, surface_m2: 0.1 });
+        assert_eq!(length_m(&Config { chamber, ..config }, &lost).1, 1.0e-6, "no less than that");
     }
 
     #[test]

@@ -11,7 +11,7 @@
 //! ```
 
 use model_core::Config;
-use model_core::physics::body::Shape;
+use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::physics::heat::Heat;
 use nalgebra::{SMatrix, SVector};
 
@@ -59,14 +59,18 @@ pub struct Known {
 #[derive(Debug, Clone)]
 pub struct Model {
     config: Config,
-    shape: Shape,
+    chamber: AnyChamber,
     step_s: f64,
 }
 
 impl Model {
     /// The model of a configuration.
     pub fn new(config: &Config) -> Self {
-        Self { config: *config, shape: Shape::new(&config.body), step_s: f64::from(config.step_s) }
+        Self {
+            config: *config,
+            chamber: AnyChamber::new(&config.chamber),
+            step_s: f64::from(config.step_s),
+        }
     }
 
     /// T = P V/(m R), eq. (1) \[K\].
@@ -98,7 +102,7 @@ impl Model {
         let Some((first, last)) = steps.first().zip(steps.last()) else { return state };
         let duration_s = (steps.len() - 1) as f64 * self.step_s;
         let speed_m_s = (last.length_m - first.length_m) / duration_s;
-        let surface_m2 = f64::from(self.shape.surface_m2(last.length_m as f32));
+        let surface_m2 = f64::from(self.chamber.surface_m2(last.length_m as f32));
         let Heat { inner_w_m2_k, inner_per_flow, outer_w_m2_k, outer_per_speed } = self.config.heat;
         let outer_w_k =
             surface_m2 * (f64::from(outer_w_m2_k) + f64::from(outer_per_speed) * speed_m_s.abs());

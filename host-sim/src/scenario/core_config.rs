@@ -2,8 +2,9 @@
 
 use crate::plant::heat::InnerHeat;
 use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
-use model_core::config::{Body, Config, EstimatorConfig, Load};
-use model_core::physics::geometry::{Braid, Friction, Muscle};
+use model_core::config::{Config, EstimatorConfig, Load};
+use model_core::physics::chamber::{Braid, ChamberConfig, Muscle, Vessel};
+use model_core::physics::friction::Friction;
 use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
@@ -85,8 +86,8 @@ impl OneZone {
 pub fn core_config(believed: &Scenario) -> Config {
     let s = believed;
     let one_zone = OneZone::of(s);
-    let body = match s.plant.kind {
-        PlantKind::Muscle => Body::Muscle(Muscle {
+    let chamber = match s.plant.kind {
+        PlantKind::Muscle => ChamberConfig::Muscle(Muscle {
             braid: Braid {
                 thread_length_m: s.muscle.thread_length_m as f32,
                 turns: s.muscle.turns as f32,
@@ -95,10 +96,10 @@ pub fn core_config(believed: &Scenario) -> Config {
             bladder_stiffness_n_m: s.muscle.bladder_stiffness_n_m as f32,
             dead_volume_m3: (s.muscle.dead_volume_m3 + one_zone.tube_m3) as f32,
         }),
-        PlantKind::Vessel => Body::Vessel {
+        PlantKind::Vessel => ChamberConfig::Vessel(Vessel {
             section_m2: s.vessel.section_m2() as f32,
             surface_m2: s.vessel.surface_m2 as f32,
-        },
+        }),
     };
     let wall_j_k = match s.plant.kind {
         PlantKind::Muscle => one_zone.wall * s.wall.heat_capacity_j_k,
@@ -111,7 +112,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         gas: s.gas.core(),
         ambient: s.ambient.core(),
         supply: s.supply.core(),
-        body,
+        chamber,
         heat: Heat {
             inner_w_m2_k: inner_w_m2_k as f32,
             inner_per_flow: (one_zone.stirring * inner_per_flow) as f32,
@@ -211,7 +212,9 @@ mod tests {
             core_config(&loaded.believed)
         };
         let (lumped, full) = (told(PlantModel::Lumped), told(PlantModel::Full));
-        let (Body::Muscle(a), Body::Muscle(b)) = (lumped.body, default.body) else {
+        let (ChamberConfig::Muscle(a), ChamberConfig::Muscle(b)) =
+            (lumped.chamber, default.chamber)
+        else {
             panic!("both are muscles");
         };
         assert!((a.braid.thread_length_m / b.braid.thread_length_m - 1.0).abs() < 1e-6);
@@ -223,7 +226,7 @@ mod tests {
         let mut sensors = full.sensors;
         sensors.gas.time_constant_s = lag_s(&lumped);
         assert_eq!(sensors, default.sensors);
-        let Config { body, valve, sensors, .. } = lumped;
-        assert_eq!(Config { body, valve, sensors, ..default }, lumped);
+        let Config { chamber, valve, sensors, .. } = lumped;
+        assert_eq!(Config { chamber, valve, sensors, ..default }, lumped);
     }
 }

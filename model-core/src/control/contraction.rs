@@ -17,7 +17,7 @@
 use super::port::{Feedback, Port};
 use crate::config::{Config, ControllerConfig};
 use crate::math::{absolute, limit};
-use crate::physics::geometry::Geometry;
+use crate::physics::chamber::{AnyChamber, Chamber};
 
 /// Periods within the dead zone before the valves rest.
 const CALM_PERIODS: u8 = 5;
@@ -69,8 +69,8 @@ struct Reference {
 }
 
 impl Reference {
-    fn at(geometry: &Geometry, length_m: f32) -> Self {
-        let volume_m3 = geometry.volume_m3(length_m);
+    fn at(chamber: &AnyChamber, length_m: f32) -> Self {
+        let volume_m3 = chamber.volume_m3(length_m);
         Self { length_m, volume_m3, speed_m_s: 0.0, acceleration_m_s2: 0.0, target_m: length_m }
     }
 
@@ -81,12 +81,12 @@ impl Reference {
         &mut self,
         tuning: &ControllerConfig,
         gains: &Gains,
-        geometry: &Geometry,
+        chamber: &AnyChamber,
         target_m: f32,
         port: &Port,
     ) {
         let period_s = port.period_s;
-        let rest_m = geometry.muscle().rest_length_m;
+        let rest_m = chamber.rest_length_m();
         let fastest_m_s = tuning.contraction_rate_per_s * rest_m;
         let change_m = target_m - self.target_m;
         let moves = absolute(change_m) <= fastest_m_s * period_s;
@@ -109,7 +109,7 @@ impl Reference {
         self.acceleration_m_s2 = (speed_m_s - self.speed_m_s) * port.pwm_hz;
         self.speed_m_s = speed_m_s;
         self.length_m += speed_m_s * period_s;
-        self.volume_m3 = geometry.volume_m3(self.length_m);
+        self.volume_m3 = chamber.volume_m3(self.length_m);
     }
 }
 
@@ -149,14 +149,14 @@ impl ContractionLoop {
     pub fn new(
         config: &Config,
         gains: &Gains,
-        geometry: &Geometry,
+        chamber: &AnyChamber,
         feedback: &Feedback,
         load_n: f32,
         softening: f32,
     ) -> Self {
         let mut fresh = Self {
             gains: *gains,
-            reference: Reference::at(geometry, feedback.length_m),
+            reference: Reference::at(chamber, feedback.length_m),
             pressure_pa: feedback.pressure_pa,
             friction_n: 0.0,
             trim_n: 0.0,
@@ -165,7 +165,7 @@ impl ContractionLoop {
             holding: false,
             limited: false,
         };
-        fresh.take_over(config, geometry, feedback, load_n, softening);
+        fresh.take_over(config, chamber, feedback, load_n, softening);
         fresh
     }
 
@@ -184,16 +184,16 @@ impl ContractionLoop {
     fn take_over(
         &mut self,
         config: &Config,
-        geometry: &Geometry,
+        chamber: &AnyChamber,
         feedback: &Feedback,
         force_n: f32,
         softening: f32,
     ) {
         let most_friction_n = config.controller.friction_gain * softening * config.friction.force_n;
         let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
-        let holds_n = geometry.force_n(gauge_pa, feedback.length_m) - force_n - self.trim_n;
+        let holds_n = chamber.force_n(gauge_pa, feedback.length_m) - force_n - self.trim_n;
         self.friction_n = limit(holds_n, -most_friction_n, most_friction_n);
-        if feedback.length_m < geometry.muscle().rest_length_m - STOP_M {
+        if feedback.length_m < chamber.rest_length_m() - STOP_M {
             let most_n = config.controller.load_limit_n;
             self.trim_n = limit(self.trim_n + holds_n - self.friction_n, -most_n, most_n);
         }
@@ -204,7 +204,7 @@ impl ContractionLoop {
     pub fn period(
         &mut self,
         config: &Config,
-        geometry: &Geometry,
+        chamber: &AnyChamber,
         feedback: &Feedback,
         port: &Port,
         wanted: &Contracting,
@@ -212,8 +212,8 @@ impl ContractionLoop {
         let Contracting { contraction, load_n, softening, most_pa } = *wanted;
         let tuning = &config.controller;
         let period_s = port.period_s;
-        let rest_m = geometry.muscle().rest_length_m;
-        let target_m = geometry.limit_length_m(rest_m - rest_m * contraction);
+        let rest_m = chamber.rest_length_m();
+        let target_m = chamber.limit_length_m(rest_m - rest_m * contraction);
         let moves = target_m != self.reference.target_m;
         // Positive: has to contract.
         let error_m = feedback.length_m - self.reference.length_m;
@@ -225,7 +225,7 @@ impl ContractionLoop {
                 return None;
             }
             self.holding = false;
-            self.take_over(config, geometry, feedback, load_n, softening);
+            self.take_over(config, chamber, feedback, load_n, softening);
         }
         let still = !moves
             && absolute(target_m - self.reference.length_m) <= zone_m
@@ -234,7 +234,7 @@ impl ContractionLoop {
         self.calm_periods = if still { self.calm_periods.saturating_add(1) } else { 0 };
         if self.calm_periods >= CALM_PERIODS {
             self.holding = true;
-            self.reference = Reference::at(geometry, target_m);
+            self.reference = Reference::at(chamber, target_m);
             return None;
         }
 
@@ -244,7 +244,7 @@ impl ContractionLoop {
         let before_pa = self.pressure_pa;
         // Ahead of its reference by that much when the pulse acts: damps the load on its gas spring.
         let ahead_m = (moved_m * port.pwm_hz - self.reference.speed_m_s) * tuning.length_lead_s;
-        let ahead_m3 = geometry.volume_slope_m2(feedback.length_m) * ahead_m;
+        let ahead_m3 = chamber.volume_slope_m2(feedback.length_m) * ahead_m;
         let missing_m3 = (before_m3 - volume_m3 - ahead_m3) * tuning.length_gain;
 
         // Anti-windup: nothing is learnt while a valve is fully open, or from more than what
@@ -269,7 +269,7 @@ impl ContractionLoop {
         }
 
         let start_m = self.reference.length_m;
-        self.reference.advance(tuning, &self.gains, geometry, target_m, port);
+        self.reference.advance(tuning, &self.gains, chamber, target_m, port);
         let reference = &self.reference;
         let way_n = config.friction.presliding_stiffness_n_m * (start_m - reference.length_m);
         let coulomb_n = tuning.friction_gain * softening * config.friction.force_n;
@@ -278,7 +278,7 @@ impl ContractionLoop {
             - softening * config.friction.viscous_n_s_m * reference.speed_m_s
             - config.moving_mass_kg * reference.acceleration_m_s2;
         let ambient_pa = config.ambient.pressure_pa;
-        let gauge_pa = geometry.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
+        let gauge_pa = chamber.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
         self.limited = ambient_pa + gauge_pa > most_pa;
         self.pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, most_pa);
 
@@ -299,7 +299,6 @@ fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::body::Shape;
     use crate::sample::Estimate;
 
     const LENGTH_M: f32 = 0.27;
@@ -307,11 +306,8 @@ mod tests {
     const LOAD_N: f32 = 100.0;
     const AMBIENT_PA: f32 = 101_325.0;
 
-    fn muscle() -> Geometry {
-        let Shape::Muscle(geometry) = Shape::new(&Config::default().body) else {
-            panic!("a muscle")
-        };
-        geometry
+    fn muscle() -> AnyChamber {
+        AnyChamber::new(&Config::default().chamber)
     }
 
     fn feedback(pressure_pa: f32, length_m: f32) -> Feedback {

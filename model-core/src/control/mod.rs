@@ -38,7 +38,7 @@ use self::pressure::PressureLoop;
 use crate::config::{Config, Load};
 use crate::control::valve_drive::FlowDrive;
 use crate::math::limit;
-use crate::physics::body::Shape;
+use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::gas::Reservoir;
 use crate::sample::{Command, Duty};
 
@@ -90,7 +90,7 @@ enum ActiveLoop {
 /// State of the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
-    shape: Shape,
+    chamber: AnyChamber,
     target: Target,
     drive: FlowDrive,
     gains: Gains,
@@ -116,7 +116,7 @@ impl Controller {
     pub fn new(config: &Config) -> Self {
         let drive = FlowDrive::new(config);
         Self {
-            shape: Shape::new(&config.body),
+            chamber: AnyChamber::new(&config.chamber),
             target: Target::VENT,
             gains: Gains::new(&config.controller, drive.period_s()),
             drive,
@@ -249,17 +249,16 @@ impl Controller {
                 mass_kg
             }
             SetPoint::Contraction { contraction } => {
-                let (Shape::Muscle(geometry), Load::Isotonic { force_n }) =
-                    (self.shape, config.load)
-                else {
-                    return self.drive.direct(Command::VENT);
+                let force_n = match config.load {
+                    Load::Isotonic { force_n } if self.chamber.moves() => force_n,
+                    _ => return self.drive.direct(Command::VENT),
                 };
                 let mut active = match self.active {
                     ActiveLoop::Contraction(active) => active,
                     _ => ContractionLoop::new(
                         config,
                         &self.gains,
-                        &geometry,
+                        &self.chamber,
                         feedback,
                         force_n,
                         self.softening,
@@ -271,7 +270,7 @@ impl Controller {
                     softening: self.softening,
                     most_pa: self.working_limit_pa,
                 };
-                let mass_kg = active.period(config, &geometry, feedback, &port, &wanted);
+                let mass_kg = active.period(config, &self.chamber, feedback, &port, &wanted);
                 self.limited = active.limited();
                 self.active = ActiveLoop::Contraction(active);
                 mass_kg
@@ -302,18 +301,16 @@ impl Controller {
     fn volume_change_m3(&self, feedback: &Feedback) -> f32 {
         let moved_m = feedback.length_m - self.length_m;
         // The first period after a start has no length to compare with.
-        match &self.shape {
-            Shape::Muscle(geometry) if self.length_m > 0.0 => {
-                geometry.volume_slope_m2(feedback.length_m) * moved_m
-            }
-            Shape::Vessel { section_m2, .. } if self.length_m > 0.0 => section_m2 * moved_m,
-            _ => 0.0,
+        if self.length_m > 0.0 {
+            self.chamber.volume_slope_m2(feedback.length_m) * moved_m
+        } else {
+            0.0
         }
     }
 
     fn port(&self, config: &Config, feedback: &Feedback) -> Port {
         let period_s = self.drive.period_s();
-        let volume_m3 = self.shape.volume_m3(feedback.length_m);
+        let volume_m3 = self.chamber.volume_m3(feedback.length_m);
         Port {
             period_s,
             pwm_hz: self.drive.pwm_hz(),
@@ -332,6 +329,7 @@ impl Controller {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::chamber::{ChamberConfig, Vessel};
     use crate::sample::Estimate;
 
     const LENGTH_M: f32 = 0.27;
@@ -352,8 +350,8 @@ mod tests {
 
     /// A pressure at which the muscle holds its load at [`LENGTH_M`] without friction.
     fn balance_pa(config: &Config) -> f32 {
-        let Shape::Muscle(geometry) = Shape::new(&config.body) else { panic!("a muscle") };
-        config.ambient.pressure_pa + geometry.gauge_pressure_for_force_pa(100.0, LENGTH_M)
+        let muscle = AnyChamber::new(&config.chamber);
+        config.ambient.pressure_pa + muscle.gauge_pressure_for_force_pa(100.0, LENGTH_M)
     }
 
     fn every_set_point() -> [SetPoint; 6] {
@@ -607,7 +605,7 @@ mod tests {
         let port = controller.port(&config, &now);
         let change_m3 = controller.volume_change_m3(&now);
         let mass_kg = port.mass_kg(5_000.0, change_m3);
-        let chamber = crate::physics::gas::Chamber {
+        let chamber = crate::physics::gas::GasVolume {
             pressure_pa: 3.0e5,
             temperature_k: 298.0,
             volume_m3: port.volume_m3,
@@ -626,7 +624,7 @@ mod tests {
         let config = Config::default();
         let mut controller = Controller::new(&config);
         set(&mut controller, SetPoint::MassFlowCycle { flow_kg_s: 1.0e-3, period_s: 0.2 });
-        let volume_m3 = controller.shape.volume_m3(LENGTH_M);
+        let volume_m3 = controller.chamber.volume_m3(LENGTH_M);
         for period in 0..60_u16 {
             let phase = period % 20;
             let moved_kg = 1.0e-5 * f32::from(phase.min(20 - phase));
@@ -640,8 +638,8 @@ mod tests {
     /// A piston in a cylinder of 0.01 m2 that gives way by a millimetre takes 10 ml more.
     #[test]
     fn a_volume_that_grows_is_filled_up() {
-        let body = crate::config::Body::Vessel { section_m2: 0.01, surface_m2: 0.1 };
-        let config = Config { body, ..Config::default() };
+        let chamber = ChamberConfig::Vessel(Vessel { section_m2: 0.01, surface_m2: 0.1 });
+        let config = Config { chamber, ..Config::default() };
         let mut controller = Controller::new(&config);
         let at = |length_m| feedback(3.0e5, length_m);
         assert_eq!(controller.volume_change_m3(&at(0.3)), 0.0, "nothing to compare with");

@@ -2,7 +2,7 @@
 
 use crate::config::{Config, Load};
 use crate::math::absolute;
-use crate::physics::body::Shape;
+use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::sample::Faults;
 
 /// PWM periods in a working cycle, at least: two a stroke, and a thousandth less for rounding. Fewer
@@ -166,10 +166,11 @@ impl Target {
 
 /// Largest contraction that the geometry has, 0 for what does not move \[-\].
 pub fn largest_contraction(config: &Config) -> f32 {
-    match (Shape::new(&config.body), config.load) {
-        (Shape::Muscle(geometry), Load::Isotonic { .. }) => {
-            let rest_m = geometry.muscle().rest_length_m;
-            (rest_m - geometry.limit_length_m(0.0)) / rest_m
+    let chamber = AnyChamber::new(&config.chamber);
+    match config.load {
+        Load::Isotonic { .. } if chamber.moves() => {
+            let rest_m = chamber.rest_length_m();
+            (rest_m - chamber.shortest_m()) / rest_m
         }
         _ => 0.0,
     }
@@ -193,7 +194,7 @@ fn within(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Body;
+    use crate::physics::chamber::{ChamberConfig, Vessel};
     use proptest::prelude::*;
 
     fn refused(set_point: SetPoint) -> (SetPointField, f32, f32) {
@@ -240,10 +241,10 @@ mod tests {
 
     #[test]
     fn what_does_not_move_takes_no_contraction() {
-        let vessel = Body::Vessel { section_m2: 0.01, surface_m2: 0.1 };
+        let vessel = ChamberConfig::Vessel(Vessel { section_m2: 0.01, surface_m2: 0.1 });
         let held = Load::Isometric { length_m: 0.27 };
         for config in [
-            Config { body: vessel, ..Config::default() },
+            Config { chamber: vessel, ..Config::default() },
             Config { load: held, ..Config::default() },
         ] {
             let contraction = SetPoint::Contraction { contraction: 0.1 };

@@ -51,7 +51,7 @@ use self::energy::{Averaging, Energy};
 use self::trend::{FlowState, Trend, Uncertainty};
 use crate::config::Config;
 use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
-use crate::physics::body::Shape;
+use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::sample::Estimate;
 use crate::sensing::{GasReading, Reading};
 use crate::step_counts::StepCounts;
@@ -89,7 +89,7 @@ const NOT_AVERAGED: f32 = 0.1;
 pub struct Measurement {
     /// Measured absolute pressure \[Pa\]; `None` while the sensor is not to be trusted.
     pub pressure: Option<Reading>,
-    /// Measured length \[m\], limited to what the body can have.
+    /// Measured length \[m\], limited to what the chamber can have.
     pub length: Reading,
     /// What the gas sensor has said, where the estimator [starts](Estimator::starts) or an interval
     /// [ends](Estimator::ends_interval): the mean over it. `None`: nothing to be trusted.
@@ -185,7 +185,7 @@ struct Pending {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimator {
     // Constants of the configuration, worked out once.
-    shape: Shape,
+    chamber: AnyChamber,
     config: Config,
     counts: StepCounts,
     /// Share of a step's inflow in the inflow that stirs the gas.
@@ -282,7 +282,7 @@ impl Estimator {
         let bias_k = sd.reading_bias_k(sensors.gas.time_constant_s);
         let energy = Energy::new(0.0, Averaging::new(&counts, config.pwm_period_steps));
         Self {
-            shape: Shape::new(&config.body),
+            chamber: AnyChamber::new(&config.chamber),
             config: *config,
             counts,
             stirring_share: 1.0 / f32::from(counts.stirring_steps),
@@ -364,7 +364,7 @@ impl Estimator {
         let flow_state = measurement.openings.flow_state(self.energy.flowing());
         let change_m = length.value - self.followed_m;
         self.followed_m += self.motion.step(change_m, uncertainty, flow_state);
-        let volume_m3 = self.shape.volume_m3(self.followed_m);
+        let volume_m3 = self.chamber.volume_m3(self.followed_m);
         let wide_pa = limit(pressure.wide, 0.0, 0.5 * LOWEST_PA);
         self.propagate(pressure_pa, wide_pa, volume_m3, measurement.openings);
         self.advance_covariance(measurement);
@@ -507,7 +507,7 @@ impl Estimator {
     /// Everything has the sensor's temperature, until something better is known.
     fn start(&mut self, pressure_pa: f32, measurement: &Measurement) {
         let length_m = measurement.length.value;
-        let volume_m3 = self.shape.volume_m3(length_m);
+        let volume_m3 = self.chamber.volume_m3(length_m);
         self.followed_m = length_m;
         self.motion = Trend::REST;
         if let Some(gas) = measurement.gas {
@@ -526,7 +526,7 @@ impl Estimator {
         self.volume_m3 = volume_m3;
         self.length_m = length_m;
         self.started = true;
-        self.set_conductance(self.shape.surface_m2(length_m));
+        self.set_conductance(self.chamber.surface_m2(length_m));
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
@@ -617,7 +617,7 @@ impl Estimator {
         self.length_m = length_m;
 
         let heat = &self.config.heat;
-        let surface_m2 = self.shape.surface_m2(length_m);
+        let surface_m2 = self.chamber.surface_m2(length_m);
         let per_wall = 1.0 / self.config.wall.heat_capacity_j_k;
         // A wall does not overshoot its surroundings.
         let outer_w_k = heat.outer_w_k(surface_m2, speed_m_s);

@@ -51,7 +51,7 @@ impl Gas {
 
 /// What the reduced equations need to know of the gas volume at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Chamber {
+pub struct GasVolume {
     /// Absolute pressure P \[Pa\].
     pub pressure_pa: f32,
     /// Gas temperature T \[K\].
@@ -80,19 +80,19 @@ pub struct Blend {
 
 /// dP/dt \[Pa/s\] of the adiabatic chamber, eq. (6). Assumes that the inflow has the chamber's
 /// temperature; [`crate::physics::balance`] does not.
-pub fn pressure_rate_adiabatic(gas: &Gas, chamber: &Chamber) -> f32 {
+pub fn pressure_rate_adiabatic(gas: &Gas, chamber: &GasVolume) -> f32 {
     let k = gas.heat_capacity_ratio;
     pressure_rate_blended(gas, chamber, &Blend { alpha_in: k, alpha_out: k, alpha: k })
 }
 
 /// dP/dt \[Pa/s\] of the isothermal chamber, eq. (8).
-pub fn pressure_rate_isothermal(gas: &Gas, chamber: &Chamber) -> f32 {
+pub fn pressure_rate_isothermal(gas: &Gas, chamber: &GasVolume) -> f32 {
     pressure_rate_blended(gas, chamber, &Blend { alpha_in: 1.0, alpha_out: 1.0, alpha: 1.0 })
 }
 
 /// dP/dt \[Pa/s\], eq. (9): R T/V (a_in m_in - a_out m_out) - a P/V dV/dt. With the volume of a
-/// muscle (eq. 10, 11 in [`crate::physics::geometry`]) this is eq. (12).
-pub fn pressure_rate_blended(gas: &Gas, chamber: &Chamber, blend: &Blend) -> f32 {
+/// muscle (eq. 10, 11 in [`crate::physics::chamber::braid`]) this is eq. (12).
+pub fn pressure_rate_blended(gas: &Gas, chamber: &GasVolume, blend: &Blend) -> f32 {
     let flow = blend.alpha_in * chamber.inflow_kg_s - blend.alpha_out * chamber.outflow_kg_s;
     (gas.gas_constant_j_kg_k * chamber.temperature_k * flow
         - blend.alpha * chamber.pressure_pa * chamber.volume_rate_m3_s)
@@ -101,7 +101,7 @@ pub fn pressure_rate_blended(gas: &Gas, chamber: &Chamber, blend: &Blend) -> f32
 
 /// Heat flow into the gas \[W\] that keeps it isothermal, eq. (7):
 /// q_in - q_out = P dV/dt - (P/rho)(m_in - m_out), with P/rho = R T.
-pub fn isothermal_heat_w(gas: &Gas, chamber: &Chamber) -> f32 {
+pub fn isothermal_heat_w(gas: &Gas, chamber: &GasVolume) -> f32 {
     chamber.pressure_pa * chamber.volume_rate_m3_s
         - gas.gas_constant_j_kg_k
             * chamber.temperature_k
@@ -116,21 +116,21 @@ mod tests {
     /// Integrates a reduced equation with the midpoint rule, mass along with pressure; the flow and
     /// dV/dt are functions of the state. Returns pressure and temperature after `steps` of 1 ms.
     fn integrate(
-        rate: fn(&Gas, &Chamber) -> f32,
-        mut chamber: Chamber,
+        rate: fn(&Gas, &GasVolume) -> f32,
+        mut chamber: GasVolume,
         steps: u32,
-        outflow: impl Fn(&Chamber) -> f32,
-    ) -> Chamber {
+        outflow: impl Fn(&GasVolume) -> f32,
+    ) -> GasVolume {
         let gas = Gas::default();
         let step_s = 1.0e-3;
-        let advance = |from: &Chamber, at: &Chamber, step_s: f32| {
+        let advance = |from: &GasVolume, at: &GasVolume, step_s: f32| {
             let mass = gas.mass_kg(from.pressure_pa, from.volume_m3, from.temperature_k);
             let pressure_pa = from.pressure_pa + rate(&gas, at) * step_s;
             let volume_m3 = from.volume_m3 + at.volume_rate_m3_s * step_s;
             let mass = mass - at.outflow_kg_s * step_s;
             let temperature_k = gas.temperature_k(pressure_pa, volume_m3, mass);
-            let next = Chamber { pressure_pa, temperature_k, volume_m3, ..*from };
-            Chamber { outflow_kg_s: outflow(&next), ..next }
+            let next = GasVolume { pressure_pa, temperature_k, volume_m3, ..*from };
+            GasVolume { outflow_kg_s: outflow(&next), ..next }
         };
         chamber.outflow_kg_s = outflow(&chamber);
         for _ in 0..steps {
@@ -140,7 +140,7 @@ mod tests {
         chamber
     }
 
-    const START: Chamber = Chamber {
+    const START: GasVolume = GasVolume {
         pressure_pa: 6.0e5,
         temperature_k: 300.0,
         volume_m3: 2.0e-4,
@@ -154,7 +154,8 @@ mod tests {
     fn discharge_by_the_reduced_equations() {
         let tau = 2.0;
         let choked = Gas::default().mass_kg(6.0e5, 2.0e-4, 300.0) / tau / (6.0e5 / 300_f32.sqrt());
-        let flow = |chamber: &Chamber| choked * chamber.pressure_pa / chamber.temperature_k.sqrt();
+        let flow =
+            |chamber: &GasVolume| choked * chamber.pressure_pa / chamber.temperature_k.sqrt();
         let isothermal = integrate(pressure_rate_isothermal, START, 2000, flow);
         assert!(
             (f64::from(isothermal.pressure_pa) / (6.0e5 * (-1.0_f64).exp()) - 1.0).abs() < 1e-4
@@ -169,10 +170,10 @@ mod tests {
     /// Closed compression to half of the volume: P V is constant by eq. (8), P V^k by eq. (6).
     #[test]
     fn compression_by_the_reduced_equations() {
-        let start = Chamber { volume_rate_m3_s: -1.0e-4, ..START };
+        let start = GasVolume { volume_rate_m3_s: -1.0e-4, ..START };
         for (rate, exponent) in [
-            (pressure_rate_isothermal as fn(&Gas, &Chamber) -> f32, 1.0),
-            (pressure_rate_adiabatic as fn(&Gas, &Chamber) -> f32, 1.4),
+            (pressure_rate_isothermal as fn(&Gas, &GasVolume) -> f32, 1.0),
+            (pressure_rate_adiabatic as fn(&Gas, &GasVolume) -> f32, 1.4),
         ] {
             let end = integrate(rate, start, 1000, |_| 0.0);
             let ratio = f64::from(START.volume_m3) / f64::from(end.volume_m3);
@@ -201,7 +202,7 @@ mod tests {
             dv in -1.0e-3_f32..1.0e-3, inflow in 0.0_f32..3.0e-3, outflow in 0.0_f32..3.0e-3
         ) {
             let gas = Gas::default();
-            let chamber = Chamber {
+            let chamber = GasVolume {
                 pressure_pa: p, temperature_k: t, volume_m3: v, volume_rate_m3_s: dv,
                 inflow_kg_s: inflow, outflow_kg_s: outflow,
             };

@@ -7,14 +7,14 @@
 use crate::config::{Config, ConfigError, Load};
 use crate::math::limit;
 use crate::physics::balance::{Exchange, GasState};
-use crate::physics::body::Shape;
+use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::heat::lag_step;
 
 /// State of the model.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Model {
     config: Config,
-    shape: Shape,
+    chamber: AnyChamber,
     gas: GasState,
     length_m: f32,
     wall_k: f32,
@@ -33,12 +33,17 @@ impl Model {
         length_m: f32,
     ) -> Result<Self, ConfigError> {
         config.check()?;
-        let shape = Shape::new(&config.body);
-        let length_m = shape.limit_length_m(length_m);
+        let chamber = AnyChamber::new(&config.chamber);
+        let length_m = chamber.limit_length_m(length_m);
         Ok(Self {
             config: *config,
-            shape,
-            gas: GasState::new(&config.gas, pressure_pa, temperature_k, shape.volume_m3(length_m)),
+            chamber,
+            gas: GasState::new(
+                &config.gas,
+                pressure_pa,
+                temperature_k,
+                chamber.volume_m3(length_m),
+            ),
             length_m,
             wall_k: temperature_k,
             sensor_k: temperature_k,
@@ -47,7 +52,7 @@ impl Model {
 
     /// Absolute pressure \[Pa\].
     pub fn pressure_pa(&self) -> f32 {
-        self.gas.pressure_pa(&self.config.gas, self.shape.volume_m3(self.length_m))
+        self.gas.pressure_pa(&self.config.gas, self.chamber.volume_m3(self.length_m))
     }
 
     /// Gas temperature \[K\].
@@ -81,11 +86,11 @@ impl Model {
         let step_s = self.config.step_s;
         let heat = &self.config.heat;
         let length_m = match held_length_m {
-            Some(held_m) => self.shape.limit_length_m(held_m),
+            Some(held_m) => self.chamber.limit_length_m(held_m),
             None => self.balance_length_m(),
         };
         let speed_m_s = (length_m - self.length_m) / step_s;
-        let surface_m2 = self.shape.surface_m2(length_m);
+        let surface_m2 = self.chamber.surface_m2(length_m);
         // What would be over within a step takes one, and what is not there cannot leave: a wrong
         // configuration makes the model wrong, but keeps it finite.
         let gas_j_k = self.gas.mass_kg() * self.config.gas.cv_j_kg_k();
@@ -97,8 +102,8 @@ impl Model {
             outflow_kg_s: limit(outflow_kg_s, 0.0, 0.5 * self.gas.mass_kg() / step_s),
             wall_w_k: limit(heat.inner_w_k(surface_m2, inflow_kg_s), 0.0, at_most_w_k),
             wall_temperature_k: self.wall_k,
-            volume_start_m3: self.shape.volume_m3(self.length_m),
-            volume_end_m3: self.shape.volume_m3(length_m),
+            volume_start_m3: self.chamber.volume_m3(self.length_m),
+            volume_end_m3: self.chamber.volume_m3(length_m),
         };
         let to_wall_j = self.gas.step(&self.config.gas, &exchange, step_s);
         self.length_m = length_m;
@@ -110,28 +115,29 @@ impl Model {
             lag_step(self.sensor_k, self.gas_k(), self.config.sensors.gas.time_constant_s, step_s);
     }
 
-    /// Length at which load and muscle balance, with Coulomb friction: the length stays as it is
+    /// Length at which load and chamber balance, with Coulomb friction: the length stays as it is
     /// while friction can hold it (a play operator).
     fn balance_length_m(&self) -> f32 {
-        let Shape::Muscle(geometry) = &self.shape else {
+        let chamber = &self.chamber;
+        if !chamber.moves() {
             return self.length_m;
-        };
+        }
         match self.config.load {
-            Load::Isometric { length_m } => geometry.limit_length_m(length_m),
+            Load::Isometric { length_m } => chamber.limit_length_m(length_m),
             Load::Isotonic { force_n } => {
                 let pressure_pa = self.pressure_pa();
                 let gauge_pa = pressure_pa - self.config.ambient.pressure_pa;
                 let friction_n = self.config.friction.force_n(self.wall_k);
-                let excess_n = geometry.force_n(gauge_pa, self.length_m) - force_n;
+                let excess_n = chamber.force_n(gauge_pa, self.length_m) - force_n;
                 let unbalanced_n = excess_n - limit(excess_n, -friction_n, friction_n);
                 // One Newton step; the gas behaves as an adiabatic spring while it is taken, or
                 // the length would overshoot what the pressure can follow.
-                let slope_m2 = geometry.volume_slope_m2(self.length_m);
+                let slope_m2 = chamber.volume_slope_m2(self.length_m);
                 let gas_n_m =
                     self.config.gas.heat_capacity_ratio * pressure_pa * slope_m2 * slope_m2
-                        / geometry.volume_m3(self.length_m);
-                let stiffness_n_m = geometry.stiffness_n_m(gauge_pa, self.length_m) + gas_n_m;
-                geometry.limit_length_m(self.length_m - unbalanced_n / stiffness_n_m)
+                        / chamber.volume_m3(self.length_m);
+                let stiffness_n_m = chamber.stiffness_n_m(gauge_pa, self.length_m) + gas_n_m;
+                chamber.limit_length_m(self.length_m - unbalanced_n / stiffness_n_m)
             }
         }
     }

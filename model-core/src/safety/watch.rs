@@ -31,7 +31,7 @@
 use crate::config::{Config, Load};
 use crate::estimation::Balance;
 use crate::math::{absolute, limit};
-use crate::physics::body::Shape;
+use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::valve::reference_density_kg_m3;
 use crate::sample::{Command, Duty, Faults};
 use crate::step_counts::StepCounts;
@@ -211,7 +211,12 @@ impl Watch {
     /// fault once but for a leak, which is shown for a while. `length_m`: measured, `None` where it is not
     /// trusted, and with it the volume: such an interval says nothing, nor does the one before it, in
     /// which the length broke, nor the one after it, in which the volume comes back.
-    pub fn add(&mut self, shape: &Shape, balance: &Balance, length_m: Option<f32>) -> Faults {
+    pub fn add(
+        &mut self,
+        chamber: &AnyChamber,
+        balance: &Balance,
+        length_m: Option<f32>,
+    ) -> Faults {
         let inlet_ticks = self.inlet.end_window();
         let outlet_ticks = self.outlet.end_window();
         let Some(length_m) = length_m else {
@@ -224,7 +229,7 @@ impl Watch {
             Faults::NONE
         } else {
             self.count(balance, inlet_ticks, outlet_ticks);
-            self.force(shape, balance.pressure_pa, length_m);
+            self.force(chamber, balance.pressure_pa, length_m);
             self.findings()
         };
         core::mem::replace(&mut self.found, found)
@@ -255,22 +260,22 @@ impl Watch {
     }
 
     /// Counts windows in which pressure and length stand for a force that cannot be.
-    fn force(&mut self, shape: &Shape, pressure_pa: f32, length_m: f32) {
-        let (Shape::Muscle(geometry), Some((load_n, friction_n))) = (shape, self.limits.load_n)
-        else {
+    fn force(&mut self, chamber: &AnyChamber, pressure_pa: f32, length_m: f32) {
+        let Some((load_n, friction_n)) = self.limits.load_n.filter(|_| chamber.moves()) else {
             return;
         };
         let moved_m = length_m - core::mem::replace(&mut self.length_m, length_m);
-        let rest_m = geometry.muscle().rest_length_m;
+        let rest_m = chamber.rest_length_m();
         let free_m = NEAR_STOP * rest_m;
-        let free = length_m > geometry.shortest_m() + free_m && length_m < rest_m - free_m;
+        let free =
+            length_m > chamber.shortest_m() + free_m && length_m < chamber.longest_m() - free_m;
         if !free || absolute(moved_m) > AT_REST * rest_m {
             self.impossible_windows = self.impossible_windows.saturating_sub(1);
             return;
         }
         let gauge_pa = pressure_pa - self.limits.ambient_pa;
-        let force_n = geometry.force_n(gauge_pa, length_m);
-        let tolerance_n = friction_n + LAW * absolute(geometry.force_n(gauge_pa, rest_m));
+        let force_n = chamber.force_n(gauge_pa, length_m);
+        let tolerance_n = friction_n + LAW * absolute(chamber.force_n(gauge_pa, rest_m));
         let possible = force_n > load_n / WRONG_LOAD - tolerance_n
             && force_n < load_n * WRONG_LOAD + tolerance_n;
         self.impossible_windows = if possible {
@@ -311,6 +316,7 @@ impl Watch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::chamber::{ChamberConfig, Vessel};
 
     const MASS_KG: f32 = 6.0e-4;
     const PRESSURE_PA: f32 = 3.0e5;
@@ -334,13 +340,13 @@ mod tests {
 
     /// A watch and what it looks at.
     struct Bench {
-        shape: Shape,
+        chamber: AnyChamber,
         watch: Watch,
     }
 
     impl Bench {
         fn new(config: &Config) -> Self {
-            Self { shape: Shape::new(&config.body), watch: Watch::new(config) }
+            Self { chamber: AnyChamber::new(&config.chamber), watch: Watch::new(config) }
         }
 
         fn nominal() -> Self {
@@ -351,7 +357,7 @@ mod tests {
             for _ in 0..20 {
                 self.watch.drive(command);
             }
-            self.watch.add(&self.shape, &balance, length_m)
+            self.watch.add(&self.chamber, &balance, length_m)
         }
 
         /// What so many windows find.
@@ -607,11 +613,11 @@ mod tests {
 
     #[test]
     fn a_force_is_impossible_beyond_three_times_the_load_or_below_a_third_of_it() {
-        let Shape::Muscle(geometry) = Shape::new(&Config::default().body) else { unreachable!() };
+        let muscle = AnyChamber::new(&Config::default().chamber);
         let gauge_pa = 3.0e5;
-        let force_n = geometry.force_n(gauge_pa, LENGTH_M);
+        let force_n = muscle.force_n(gauge_pa, LENGTH_M);
         // Friction of 15 N either way, and what the law is wrong by.
-        let tolerance_n = 2.0 * 15.0 + LAW * geometry.force_n(gauge_pa, 0.3);
+        let tolerance_n = 2.0 * 15.0 + LAW * muscle.force_n(gauge_pa, 0.3);
         let least_n = (force_n - tolerance_n) / WRONG_LOAD;
         let most_n = (force_n + tolerance_n) * WRONG_LOAD;
         let windows = Some(54);
@@ -625,9 +631,9 @@ mod tests {
     /// On its stops the load says nothing: 100 mbar do not hold 300 N, and need not there.
     #[test]
     fn the_force_on_a_stop_is_not_judged() {
-        let Shape::Muscle(geometry) = Shape::new(&Config::default().body) else { unreachable!() };
+        let muscle = AnyChamber::new(&Config::default().chamber);
         let margin_m = NEAR_STOP * 0.3;
-        for (stop_m, inwards) in [(geometry.shortest_m(), 1.0), (0.3, -1.0)] {
+        for (stop_m, inwards) in [(muscle.shortest_m(), 1.0), (0.3, -1.0)] {
             let at =
                 |margins: f32| force_found(300.0, 1.0e4, stop_m + inwards * margins * margin_m);
             assert_eq!([at(0.0), at(0.9)], [None; 2], "at {stop_m} m");
@@ -675,10 +681,10 @@ mod tests {
 
     #[test]
     fn what_does_not_move_has_no_force_to_judge() {
-        let vessel = crate::config::Body::Vessel { section_m2: 0.01, surface_m2: 0.1 };
+        let vessel = ChamberConfig::Vessel(Vessel { section_m2: 0.01, surface_m2: 0.1 });
         let held = Load::Isometric { length_m: LENGTH_M };
         for config in [
-            Config { body: vessel, ..Config::default() },
+            Config { chamber: vessel, ..Config::default() },
             Config { load: held, ..Config::default() },
         ] {
             let mut bench = Bench::new(&config);

@@ -3,14 +3,15 @@
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
 use model_core::Config;
-use model_core::config::{Body, ConfigError, Load};
+use model_core::config::{ConfigError, Load};
 use model_core::link::MAX_FRAME;
+use model_core::physics::chamber::{ChamberConfig, Vessel};
 use std::sync::OnceLock;
 
-/// A kind of body and load, with the number of each field.
+/// A kind of chamber and load, with the number of each field.
 struct Kind {
     base: Config,
-    /// Body and load, in the order in which serde has them.
+    /// Chamber and load, in the order in which serde has them.
     variants: [u32; 2],
     numbers: Vec<f32>,
     /// Name of each number.
@@ -102,19 +103,19 @@ pub fn differences(config: &Config) -> String {
         (number != usual).then(|| format!("{} = {number:e}, not {usual:e}", kind.names[slot]))
     });
     let differing: Vec<String> = differing.collect();
-    let [body, load] = [
+    let [chamber, load] = [
         ["muscle", "vessel"][variants[0] as usize],
         ["isotonic", "isometric"][variants[1] as usize],
     ];
-    format!("{body}, {load}: {}", differing.join("; "))
+    format!("{chamber}, {load}: {}", differing.join("; "))
 }
 
 fn kinds() -> &'static [Kind; 4] {
     static KINDS: OnceLock<[Kind; 4]> = OnceLock::new();
     KINDS.get_or_init(|| {
         let muscle = Config::default();
-        let body = Body::Vessel { section_m2: 0.0314, surface_m2: 0.386 };
-        let vessel = Config { body, ..muscle };
+        let chamber = ChamberConfig::Vessel(Vessel { section_m2: 0.0314, surface_m2: 0.386 });
+        let vessel = Config { chamber, ..muscle };
         let load = Load::Isometric { length_m: 0.28 };
         [muscle, Config { load, ..muscle }, vessel, Config { load, ..vessel }].map(kind)
     })
@@ -170,7 +171,7 @@ fn config_of(variants: [u32; 2], numbers: &[f32]) -> Config {
 
 fn variants(config: &Config) -> [u32; 2] {
     [
-        u32::from(matches!(config.body, Body::Vessel { .. })),
+        u32::from(matches!(config.chamber, ChamberConfig::Vessel(_))),
         u32::from(matches!(config.load, Load::Isometric { .. })),
     ]
 }

@@ -19,7 +19,7 @@ use self::trend::Reading;
 use crate::analysis::core_model::{
     HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL,
 };
-use model_core::physics::body::Shape;
+use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::sample::OVERSAMPLING;
 use model_core::sensing::Sensing;
 use model_core::sensing::adc::Adc;
@@ -152,7 +152,7 @@ fn reading_variance(config: &Config, steps: usize) -> f64 {
 
 /// Smoothed pressure and length, and which valve may have passed gas, step by step.
 fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
-    let shape = Shape::new(&config.body);
+    let chamber = AnyChamber::new(&config.chamber);
     let sensors = &config.sensors;
     let flowing = flowing(config, run);
     let smoothed =
@@ -178,7 +178,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
         .map(|(&(charging, discharging), (pressure_pa, length_m))| Known {
             pressure_pa,
             length_m,
-            volume_m3: f64::from(shape.volume_m3(length_m as f32)),
+            volume_m3: f64::from(chamber.volume_m3(length_m as f32)),
             charging,
             discharging,
         })

@@ -8,7 +8,7 @@ use crate::scenario::Scenario;
 use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
 use model_core::Config;
-use model_core::physics::body::Shape;
+use model_core::physics::chamber::{AnyChamber, Chamber};
 use nalgebra::{DMatrix, DVector};
 
 /// Steps of which surface and speed are taken as one. One alone would make speeds of the length's
@@ -68,10 +68,10 @@ impl Balance {
         points: &[(f64, f64)],
     ) -> Result<Vec<f64>, Diverged> {
         let config = Config { step_s: self.step_s as f32, ..core_config(scenario) };
-        let shape = Shape::new(&config.body);
+        let chamber = AnyChamber::new(&config.chamber);
         let mut known = self.known.clone();
         for known in &mut known {
-            known.volume_m3 = f64::from(shape.volume_m3(known.length_m as f32));
+            known.volume_m3 = f64::from(chamber.volume_m3(known.length_m as f32));
         }
         let model = Model::new(&config);
         let readings = |warmer_k: [f64; STARTS]| -> Result<DVector<f64>, Diverged> {

@@ -13,8 +13,8 @@ use crate::board::Board;
 use crate::files::trace::Row;
 use crate::scenario::{DriveKind, Loaded};
 use crate::simulation::run::{self, RunError};
-use model_core::config::{Body, Config, Load};
-use model_core::physics::geometry::Geometry;
+use model_core::config::{Config, Load};
+use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::{Faults, Telemetry};
 use std::ops::Range;
 
@@ -135,16 +135,14 @@ pub struct Plan {
     pub steps_s: Range<f64>,
 }
 
-/// The told muscle's geometry and the force that it pulls.
+/// The told chamber and the force of its load.
 ///
 /// # Errors
 /// [`Refusal::NothingMoves`] where the load is a length.
-pub fn told(config: &Config) -> Result<(Geometry, f64), Refusal> {
-    match (config.body, config.load) {
-        (Body::Muscle(muscle), Load::Isotonic { force_n }) => {
-            Ok((Geometry::new(muscle), f64::from(force_n)))
-        }
-        _ => Err(Refusal::NothingMoves),
+pub fn told(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
+    match config.load {
+        Load::Isotonic { force_n } => Ok((AnyChamber::new(&config.chamber), f64::from(force_n))),
+        Load::Isometric { .. } => Err(Refusal::NothingMoves),
     }
 }
 
@@ -154,14 +152,14 @@ impl Plan {
     /// # Errors
     /// Where the pressures that are allowed do not move the told muscle.
     pub fn new(config: &Config, highest_pa: f64) -> Result<Self, Refusal> {
-        let (geometry, load_n) = told(config)?;
+        let (chamber, load_n) = told(config)?;
         let supply_pa = f64::from(config.supply.pressure_pa);
         let limit_pa = f64::from(config.pressure_limit_pa);
         let highest_pa = highest_pa.min(SUPPLY_SHARE * supply_pa).min(LIMIT_SHARE * limit_pa);
-        let rest_m = geometry.muscle().rest_length_m;
+        let rest_m = chamber.rest_length_m();
         let pressure_pa = |contraction: f64| {
             let length_m = rest_m * (1.0 - contraction as f32);
-            let gauge_pa = geometry.gauge_pressure_for_force_pa(load_n as f32, length_m);
+            let gauge_pa = chamber.gauge_pressure_for_force_pa(load_n as f32, length_m);
             // 0 where the muscle holds no load at all.
             if gauge_pa > 0.0 {
                 f64::from(config.ambient.pressure_pa + gauge_pa)

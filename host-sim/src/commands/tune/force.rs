@@ -14,6 +14,7 @@ use super::Refusal;
 use super::experiment::{Plan, Record, during, told};
 use super::regression::{Measure, least_squares};
 use model_core::config::Config;
+use model_core::physics::chamber::Chamber;
 
 /// Stretches over which records are averaged \[s\]: two tenths of a period of the load on its gas
 /// spring, ten of the ADC's steps at the slow ramp.
@@ -127,12 +128,12 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
 /// # Errors
 /// When too little slid evenly, or friction does not stand out of the scatter.
 pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Refusal> {
-    let (geometry, load_n) = told(config)?;
-    let rest_m = f64::from(geometry.muscle().rest_length_m);
+    let (chamber, load_n) = told(config)?;
+    let rest_m = f64::from(chamber.rest_length_m());
     let ambient_pa = f64::from(config.ambient.pressure_pa);
     let bins = bins(during(records, &plan.ramps_s), f64::from(config.step_s));
     let sliding = sliding(&bins, rest_m);
-    let area_m2 = |bin: &Bin| -f64::from(geometry.volume_slope_m2(bin.length_m as f32));
+    let area_m2 = |bin: &Bin| -f64::from(chamber.volume_slope_m2(bin.length_m as f32));
     let pull_n = |bin: &Bin| (bin.pressure_pa - ambient_pa) * area_m2(bin);
     let rows = |softening_per_k: f64| -> Vec<([f64; 4], f64)> {
         let reference_k = f64::from(config.friction.reference_temperature_k);
@@ -210,8 +211,8 @@ mod tests {
     /// Records of a muscle that slides evenly up and down, faster every second time, while its wall
     /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is told 1 %/K.
     fn records(plan: &Plan, config: &Config, hottest_k: f64) -> Vec<Record> {
-        let (geometry, load_n) = told(config).unwrap();
-        let rest_m = f64::from(geometry.muscle().rest_length_m);
+        let (chamber, load_n) = told(config).unwrap();
+        let rest_m = f64::from(chamber.rest_length_m());
         let duration_s = plan.ramps_s.end - plan.ramps_s.start;
         let (mut length_m, mut speed_m_s) = (0.98 * rest_m, 0.02);
         (0..(duration_s / 0.001) as u32)
@@ -227,7 +228,7 @@ mod tests {
                 let soft = (-0.015 * (wall_k - 298.0)).exp();
                 let friction_n = soft * (12.0 * f64::signum(speed_m_s) + 40.0 * speed_m_s);
                 let pull_n = load_n + 600.0 * (rest_m - length_m) + friction_n;
-                let area_m2 = -f64::from(geometry.volume_slope_m2(length_m as f32));
+                let area_m2 = -f64::from(chamber.volume_slope_m2(length_m as f32));
                 let ambient_pa = f64::from(config.ambient.pressure_pa);
                 Record {
                     step,

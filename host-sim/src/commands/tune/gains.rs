@@ -15,7 +15,7 @@
 use super::experiment::Record;
 use super::regression::Measure;
 use model_core::config::{Config, Load};
-use model_core::physics::geometry::Geometry;
+use model_core::physics::chamber::{AnyChamber, Chamber};
 
 /// Reset time over the loop's time: 1/20 rad of phase at its corner \[-\].
 const INTEGRAL: f64 = 20.0;
@@ -74,18 +74,18 @@ pub struct Gains {
 
 impl Gains {
     /// For the muscle and valves of `config`, which has been tuned.
-    pub fn new(basis: &Basis, config: &Config, geometry: &Geometry) -> Self {
+    pub fn new(basis: &Basis, config: &Config, chamber: &AnyChamber) -> Self {
         let told = &config.controller;
         let period_s = f64::from(config.pwm_period_steps) * f64::from(config.step_s);
         let twice = basis.delay_s.scaled(2.0, period_s);
         // Within less than one period nothing can be closed.
         let loop_s = Measure { value: twice.value.max(period_s), ..twice };
         let reset_s = loop_s.scaled(INTEGRAL, 0.0);
-        let stiffness_n_m = gas_spring_n_m(config, geometry, basis.smallest);
+        let stiffness_n_m = gas_spring_n_m(config, chamber, basis.smallest);
         let load_gain = stiffness_n_m / reset_s.value;
         let relative =
             (loop_s.error / loop_s.value).hypot(basis.area_scale.error / basis.area_scale.value);
-        let rest_m = f64::from(geometry.muscle().rest_length_m);
+        let rest_m = f64::from(chamber.rest_length_m());
         let Noise { pressure_pa, length_m } = basis.noise;
         Self {
             loop_s,
@@ -101,13 +101,13 @@ impl Gains {
 
 /// Stiffness of the loaded muscle on its enclosed gas \[N/m\]: k P A^2/V and what it has at constant
 /// pressure.
-fn gas_spring_n_m(config: &Config, geometry: &Geometry, contraction: f64) -> f64 {
+fn gas_spring_n_m(config: &Config, chamber: &AnyChamber, contraction: f64) -> f64 {
     let Load::Isotonic { force_n } = config.load else { return 0.0 };
-    let length_m = geometry.muscle().rest_length_m * (1.0 - contraction as f32);
-    let gauge_pa = geometry.gauge_pressure_for_force_pa(force_n, length_m);
+    let length_m = chamber.rest_length_m() * (1.0 - contraction as f32);
+    let gauge_pa = chamber.gauge_pressure_for_force_pa(force_n, length_m);
     let pressure_pa = config.ambient.pressure_pa + gauge_pa;
-    let slope_m2 = geometry.volume_slope_m2(length_m);
+    let slope_m2 = chamber.volume_slope_m2(length_m);
     let gas = config.gas.heat_capacity_ratio * pressure_pa * slope_m2 * slope_m2
-        / geometry.volume_m3(length_m);
-    f64::from(gas + geometry.stiffness_n_m(gauge_pa, length_m))
+        / chamber.volume_m3(length_m);
+    f64::from(gas + chamber.stiffness_n_m(gauge_pa, length_m))
 }

@@ -232,8 +232,8 @@ fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, Tu
 
     let mut scenario = with_force(loaded, &force);
     let config = core_config(&scenario.believed);
-    let (geometry, _) = experiment::told(&config)?;
-    let gas = Gas::new(&config, &geometry);
+    let (chamber, _) = experiment::told(&config)?;
+    let gas = Gas::new(&config, &chamber);
     let steps =
         |direction, valve| gas.steps(&records, &plan, direction).ok_or(Refusal::NoSteps { valve });
     let [inlet, outlet] = [steps(Direction::In, "inlet")?, steps(Direction::Out, "outlet")?];
@@ -251,7 +251,7 @@ fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, Tu
         noise: Noise::new(during(&records, &plan.rest_s)),
         smallest: plan.contractions[0],
     };
-    let gains = Gains::new(&basis, &config, &geometry);
+    let gains = Gains::new(&basis, &config, &chamber);
     let parts = findings::Parts {
         told: loaded,
         force: &force,

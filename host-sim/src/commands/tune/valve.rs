@@ -14,8 +14,8 @@
 use super::experiment::{Plan, Record, during};
 use super::regression::{Measure, least_squares};
 use model_core::config::Config;
+use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::physics::gas::Reservoir;
-use model_core::physics::geometry::Geometry;
 use model_core::physics::valve::Valve;
 
 /// After the pin rose, the poppet is open for certain \[s\].
@@ -60,17 +60,17 @@ pub struct Steps {
 #[derive(Debug, Clone, Copy)]
 pub struct Gas<'a> {
     config: &'a Config,
-    geometry: &'a Geometry,
+    chamber: &'a AnyChamber,
 }
 
 impl<'a> Gas<'a> {
-    /// With the tuned geometry.
-    pub fn new(config: &'a Config, geometry: &'a Geometry) -> Self {
-        Self { config, geometry }
+    /// With the tuned chamber.
+    pub fn new(config: &'a Config, chamber: &'a AnyChamber) -> Self {
+        Self { config, chamber }
     }
 
     fn mass_kg(&self, record: &Record) -> f64 {
-        let volume_m3 = f64::from(self.geometry.volume_m3(record.length_m as f32));
+        let volume_m3 = f64::from(self.chamber.volume_m3(record.length_m as f32));
         let gas_constant = f64::from(self.config.gas.gas_constant_j_kg_k);
         record.pressure_pa * volume_m3 / (gas_constant * record.gas_k)
     }

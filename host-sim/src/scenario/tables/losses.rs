@@ -40,7 +40,7 @@ table! {
 
 table! {
     "friction", "friction of braid and bladder", believed, physical;
-    Friction as physics::geometry::Friction {
+    Friction as physics::friction::Friction {
         core force_n;
         core reference_temperature_k;
         core softening_per_k;

@@ -1,10 +1,11 @@
-//! Geometry and force of a McKibben muscle (paper eq. 10, 11 and Fig. 1; Chou and Hannaford 1994).
+//! A McKibben muscle (paper eq. 10, 11 and Fig. 1; Chou and Hannaford 1994).
 //!
 //! A braid of threads of length b that turn n times around the muscle: L = b cos(theta),
 //! D = b sin(theta)/(n pi), with theta the angle between thread and axis.
 
-use crate::math::{exp, limit, sqrt};
-use crate::parameter::parameters;
+use super::Chamber;
+use crate::config::{ConfigError, within};
+use crate::math::sqrt;
 use core::f32::consts::PI;
 
 /// The braid: the two coefficients b and n of Fig. 1.
@@ -128,6 +129,21 @@ pub struct Muscle {
     pub dead_volume_m3: f32,
 }
 
+impl Muscle {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value that is not a number or lies outside of its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let b = self.braid.thread_length_m;
+        within("muscle.thread_length_m", b, 0.01, 10.0)?;
+        within("muscle.turns", self.braid.turns, 0.1, 1000.0)?;
+        within("muscle.rest_length_m", self.rest_length_m, 0.578 * b, 0.999 * b)?;
+        within("muscle.bladder_stiffness_n_m", self.bladder_stiffness_n_m, 0.0, 1.0e6)?;
+        within("muscle.dead_volume_m3", self.dead_volume_m3, 0.0, 0.1)
+    }
+}
+
 /// A muscle with the constants of its geometry worked out once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
@@ -140,9 +156,8 @@ pub struct Geometry {
     shortest_m: f32,
 }
 
-impl Geometry {
-    /// Works the constants out.
-    pub fn new(muscle: Muscle) -> Self {
+impl From<Muscle> for Geometry {
+    fn from(muscle: Muscle) -> Self {
         let b = muscle.braid.thread_length_m;
         let n = muscle.braid.turns;
         Self {
@@ -152,60 +167,68 @@ impl Geometry {
             shortest_m: b * 0.577_350_26,
         }
     }
+}
 
-    /// The muscle that this is the geometry of.
-    pub fn muscle(&self) -> &Muscle {
-        &self.muscle
-    }
-
-    /// Shortest length \[m\]: b/sqrt(3), where the force vanishes at any pressure.
-    pub fn shortest_m(&self) -> f32 {
-        self.shortest_m
-    }
-
-    /// `length_m` limited to what the muscle can have \[m\].
-    pub fn limit_length_m(&self, length_m: f32) -> f32 {
-        limit(length_m, self.shortest_m, self.muscle.rest_length_m)
-    }
-
-    /// Gas volume \[m3\], eq. (10) plus the dead volume: V = L (b^2 - L^2)/(4 pi n^2) + V_dead.
-    pub fn volume_m3(&self, length_m: f32) -> f32 {
-        length_m * (self.thread_squared_m2 - length_m * length_m) * self.per_4_pi_n2
-            + self.muscle.dead_volume_m3
-    }
-
-    /// dV/dL \[m2\], from eq. (11): (b^2 - 3 L^2)/(4 pi n^2); negative while the muscle can pull.
-    pub fn volume_slope_m2(&self, length_m: f32) -> f32 {
-        (self.thread_squared_m2 - 3.0 * length_m * length_m) * self.per_4_pi_n2
-    }
-
+impl Geometry {
     /// Diameter \[m\], Fig. 1: D = b sin(theta)/(n pi) = sqrt(b^2 - L^2)/(n pi).
     pub fn diameter_m(&self, length_m: f32) -> f32 {
         sqrt(self.thread_squared_m2 - length_m * length_m) / (PI * self.muscle.braid.turns)
     }
+}
 
-    /// Surface of the braided part \[m2\]: pi D L.
-    pub fn surface_m2(&self, length_m: f32) -> f32 {
+impl Chamber for Geometry {
+    fn rest_length_m(&self) -> f32 {
+        self.muscle.rest_length_m
+    }
+
+    /// b/sqrt(3), where the force vanishes at any pressure.
+    fn shortest_m(&self) -> f32 {
+        self.shortest_m
+    }
+
+    fn longest_m(&self) -> f32 {
+        self.muscle.rest_length_m
+    }
+
+    /// Eq. (10) plus the dead volume: V = L (b^2 - L^2)/(4 pi n^2) + V_dead.
+    fn volume_m3(&self, length_m: f32) -> f32 {
+        length_m * (self.thread_squared_m2 - length_m * length_m) * self.per_4_pi_n2
+            + self.muscle.dead_volume_m3
+    }
+
+    /// From eq. (11): (b^2 - 3 L^2)/(4 pi n^2); negative while the muscle can pull.
+    fn volume_slope_m2(&self, length_m: f32) -> f32 {
+        (self.thread_squared_m2 - 3.0 * length_m * length_m) * self.per_4_pi_n2
+    }
+
+    /// Of the braided part: pi D L.
+    fn surface_m2(&self, length_m: f32) -> f32 {
         PI * self.diameter_m(length_m) * length_m
     }
 
-    /// Pulling force without friction \[N\]: -P_g dV/dL (Chou and Hannaford) less the bladder's
-    /// pull back towards the rest length.
-    pub fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
+    /// -P_g dV/dL (Chou and Hannaford) less the bladder's pull back towards the rest length.
+    fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
         -gauge_pressure_pa * self.volume_slope_m2(length_m)
             + self.muscle.bladder_stiffness_n_m * (length_m - self.muscle.rest_length_m)
     }
 
-    /// dF/dL \[N/m\] of [`Geometry::force_n`] at constant pressure: 6 L P_g/(4 pi n^2) and the bladder.
-    pub fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
+    /// 6 L P_g/(4 pi n^2) and the bladder.
+    fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
         6.0 * length_m * gauge_pressure_pa * self.per_4_pi_n2 + self.muscle.bladder_stiffness_n_m
     }
 
-    /// Length \[m\] at which the muscle holds `force_n`, limited to what it can have.
-    ///
+    fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {
+        let slope = -self.volume_slope_m2(length_m);
+        if !(slope > 1.0e-9) {
+            return 0.0;
+        }
+        let bladder = self.muscle.bladder_stiffness_n_m * (self.muscle.rest_length_m - length_m);
+        (force_n + bladder) / slope
+    }
+
     /// The positive root of 3 c P_g L^2 + s L - (c P_g b^2 + s L_0 + F) = 0, c = 1/(4 pi n^2) and
     /// s the bladder's stiffness, written so that nothing cancels.
-    pub fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
+    fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
         let stiffness = self.muscle.bladder_stiffness_n_m;
         let pressure_term = self.per_4_pi_n2 * gauge_pressure_pa;
         let constant = pressure_term * self.thread_squared_m2
@@ -218,51 +241,6 @@ impl Geometry {
         }
         self.limit_length_m(2.0 * constant / denominator)
     }
-
-    /// Gauge pressure \[Pa\] at which the muscle holds `force_n` at `length_m`; 0 where it cannot.
-    pub fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {
-        let slope = -self.volume_slope_m2(length_m);
-        if !(slope > 1.0e-9) {
-            return 0.0;
-        }
-        let bladder = self.muscle.bladder_stiffness_n_m * (self.muscle.rest_length_m - length_m);
-        (force_n + bladder) / slope
-    }
-}
-
-/// No wall makes friction so many times what it is at the reference temperature \[-\].
-const STIFFEST: f32 = 1.0e3;
-
-parameters! {
-    /// Coulomb friction of braid and bladder; it softens as the wall warms.
-    "friction": Friction {
-        force_n: 15.0, "N", 0.0 to 1.0e5, "Coulomb friction at the reference temperature";
-        reference_temperature_k: 298.0, "K", 100.0 to 1000.0, "reference temperature";
-        softening_per_k: 0.01, "1/K", -0.2 to 0.2, "beta in F = F_ref exp(-beta (T_wall - T_ref))";
-        heat_fraction: 0.9, "", 0.0 to 1.0, "share of the friction heat that the wall gets";
-        presliding_stiffness_n_m: 1.0e5, "N/m", 0.0 to 1.0e9, "stiffness with which it builds up after a turn";
-        viscous_n_s_m: 0.0, "N s/m", 0.0 to 1.0e6, "viscous part beside it";
-    }
-}
-
-impl Friction {
-    /// Friction force \[N\] at a wall temperature: F_ref exp(-beta (T_w - T_ref)).
-    pub fn force_n(&self, wall_temperature_k: f32) -> f32 {
-        self.force_n * self.softening(wall_temperature_k)
-    }
-
-    /// What a wall temperature makes of every part of friction \[-\]: exp(-beta (T_w - T_ref)), 1000 at
-    /// most.
-    pub fn softening(&self, wall_temperature_k: f32) -> f32 {
-        let warmer_k = wall_temperature_k - self.reference_temperature_k;
-        limit(exp(-self.softening_per_k * warmer_k), 0.0, STIFFEST)
-    }
-
-    /// Friction heat that goes into the wall \[W\]: a share of |F dL/dt|.
-    pub fn wall_heat_w(&self, wall_temperature_k: f32, speed_m_s: f32) -> f32 {
-        let power = self.force_n(wall_temperature_k) * speed_m_s;
-        self.heat_fraction * if power < 0.0 { -power } else { power }
-    }
 }
 
 #[cfg(test)]
@@ -271,7 +249,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn muscle() -> Geometry {
-        Geometry::new(Muscle {
+        Geometry::from(Muscle {
             braid: Braid::from_rest(0.3, 0.02, 23.0).unwrap(),
             rest_length_m: 0.3,
             bladder_stiffness_n_m: 600.0,
@@ -323,14 +301,6 @@ mod tests {
         assert_eq!(Braid::from_pairs(&[(0.3, 0.03), (0.25, 0.02)]), Err(BraidError::NotABraid));
     }
 
-    /// A slip of the configuration that says e^140 leaves a number.
-    #[test]
-    fn no_wall_stiffens_friction_without_end() {
-        let friction = Friction { softening_per_k: -0.2, ..crate::Config::default().friction };
-        assert_eq!(friction.softening(1000.0), STIFFEST);
-        assert_eq!(friction.force_n(1000.0), STIFFEST * friction.force_n);
-    }
-
     proptest! {
         /// The volume's slope against numerical differentiation in f64 of eq. (10).
         #[test]
@@ -354,17 +324,6 @@ mod tests {
             prop_assert!((back - length).abs() < 1e-5, "{back} for {length}");
             let pressure = geometry.gauge_pressure_for_force_pa(force, length);
             prop_assert!((pressure / gauge - 1.0).abs() < 1e-3);
-        }
-
-        #[test]
-        fn friction_softens_and_heats(t in 270.0_f32..330.0, speed in -1.0_f32..1.0) {
-            let friction = Friction {
-                force_n: 15.0, reference_temperature_k: 298.0, softening_per_k: 0.01,
-                heat_fraction: 0.9, ..crate::Config::default().friction
-            };
-            let expected = 15.0 * (-0.01 * (f64::from(t) - 298.0)).exp();
-            prop_assert!((f64::from(friction.force_n(t)) / expected - 1.0).abs() < 1e-5);
-            prop_assert!(friction.wall_heat_w(t, speed) >= 0.0);
         }
     }
 }

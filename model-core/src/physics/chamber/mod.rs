@@ -1,0 +1,209 @@
+//! What holds the gas: a muscle, a vessel. Everything else in the core asks the trait [`Chamber`], and
+//! does not know which one it has.
+//!
+//! One sign convention for those that shorten under pressure and those that lengthen:
+//!
+//! - the length L \[m\] lies between the two ends that the load is fixed to;
+//! - a force is positive where it pulls the ends together; a load is what it balances, positive where
+//!   it pulls them apart. Without friction F = -P_g dV/dL + what is elastic (Chou and Hannaford 1994);
+//! - dV/dL is negative where pressure shortens it, and positive where pressure lengthens it;
+//! - contraction is (L_0 - L)/L_0, L_0 being the length at rest: negative beyond it.
+
+pub mod braid;
+pub mod vessel;
+
+pub use self::braid::{Braid, BraidError, Muscle};
+pub use self::vessel::Vessel;
+
+use crate::config::ConfigError;
+use crate::math::{absolute, limit};
+
+/// How far off a length sensor may be, share of the rest length \[-\].
+const SENSOR_OFF: f32 = 0.05;
+/// Smallest dV/dL that turns pressure into force \[m2\].
+const LEAST_SLOPE_M2: f32 = 1.0e-9;
+
+/// A gas volume with two ends.
+pub trait Chamber {
+    /// Whether pressure and load move it; if not, something else sets its length.
+    fn moves(&self) -> bool {
+        true
+    }
+
+    /// Length that contraction counts from \[m\].
+    fn rest_length_m(&self) -> f32;
+
+    /// Shortest length that it can have, or that its equations cover \[m\].
+    fn shortest_m(&self) -> f32;
+
+    /// Longest length \[m\].
+    fn longest_m(&self) -> f32;
+
+    /// Gas volume \[m3\] at a length \[m\].
+    fn volume_m3(&self, length_m: f32) -> f32;
+
+    /// dV/dL \[m2\] at a length \[m\].
+    fn volume_slope_m2(&self, length_m: f32) -> f32;
+
+    /// Surface that the gas exchanges heat with \[m2\] at a length \[m\].
+    fn surface_m2(&self, length_m: f32) -> f32;
+
+    /// Force without friction \[N\] at a gauge pressure \[Pa\] and a length \[m\].
+    fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32;
+
+    /// dF/dL \[N/m\] of [`Chamber::force_n`] at constant pressure.
+    fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32;
+
+    /// Length \[m\] at which it holds a force \[N\] at a gauge pressure \[Pa\], limited to what it can
+    /// have.
+    fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32;
+
+    /// Gauge pressure \[Pa\] at which it holds a force \[N\] at a length \[m\]; 0 where it cannot.
+    fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {
+        let slope_m2 = self.volume_slope_m2(length_m);
+        if !(absolute(slope_m2) > LEAST_SLOPE_M2) {
+            return 0.0;
+        }
+        (self.force_n(0.0, length_m) - force_n) / slope_m2
+    }
+
+    /// `length_m` limited to what it can have \[m\].
+    fn limit_length_m(&self, length_m: f32) -> f32 {
+        limit(length_m, self.shortest_m(), self.longest_m())
+    }
+
+    /// Whether it can have that length \[m\], by a sensor that is a little off.
+    fn can_have_length_m(&self, length_m: f32) -> bool {
+        let beyond_m = absolute(length_m - self.limit_length_m(length_m));
+        beyond_m <= SENSOR_OFF * self.rest_length_m()
+    }
+}
+
+/// The chambers that there are: what each is told, checked and set up for work. Calls are dispatched
+/// statically; the order is that of the bytes on the link.
+macro_rules! chambers {
+    ($($(#[$meaning:meta])* $name:ident: $told:ty => $chamber:ty,)*) => {
+        /// What the core is told of its chamber.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+        pub enum ChamberConfig {
+            $($(#[$meaning])* $name($told),)*
+        }
+
+        impl ChamberConfig {
+            /// Checks every value.
+            ///
+            /// # Errors
+            /// The first value that is not a number or lies outside of its range.
+            pub fn check(&self) -> Result<(), ConfigError> {
+                match self {
+                    $(Self::$name(told) => told.check(),)*
+                }
+            }
+        }
+
+        /// Any of the chambers, with its constants worked out once.
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum AnyChamber {
+            $($(#[$meaning])* $name($chamber),)*
+        }
+
+        impl AnyChamber {
+            /// Works the constants out.
+            pub fn new(told: &ChamberConfig) -> Self {
+                match *told {
+                    $(ChamberConfig::$name(told) => Self::$name(told.into()),)*
+                }
+            }
+        }
+
+        macro_rules! ask {
+            ($any:expr, $one:ident => $answer:expr) => {
+                match $any {
+                    $(AnyChamber::$name($one) => $answer,)*
+                }
+            };
+        }
+    };
+}
+
+chambers! {
+    /// A McKibben muscle.
+    Muscle: Muscle => braid::Geometry,
+    /// A vessel.
+    Vessel: Vessel => Vessel,
+}
+
+impl Chamber for AnyChamber {
+    fn moves(&self) -> bool {
+        ask!(self, chamber => chamber.moves())
+    }
+
+    fn rest_length_m(&self) -> f32 {
+        ask!(self, chamber => chamber.rest_length_m())
+    }
+
+    fn shortest_m(&self) -> f32 {
+        ask!(self, chamber => chamber.shortest_m())
+    }
+
+    fn longest_m(&self) -> f32 {
+        ask!(self, chamber => chamber.longest_m())
+    }
+
+    fn volume_m3(&self, length_m: f32) -> f32 {
+        ask!(self, chamber => chamber.volume_m3(length_m))
+    }
+
+    fn volume_slope_m2(&self, length_m: f32) -> f32 {
+        ask!(self, chamber => chamber.volume_slope_m2(length_m))
+    }
+
+    fn surface_m2(&self, length_m: f32) -> f32 {
+        ask!(self, chamber => chamber.surface_m2(length_m))
+    }
+
+    fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
+        ask!(self, chamber => chamber.force_n(gauge_pressure_pa, length_m))
+    }
+
+    fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
+        ask!(self, chamber => chamber.stiffness_n_m(gauge_pressure_pa, length_m))
+    }
+
+    fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
+        ask!(self, chamber => chamber.length_for_force_m(gauge_pressure_pa, force_n))
+    }
+
+    fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {
+        ask!(self, chamber => chamber.gauge_pressure_for_force_pa(force_n, length_m))
+    }
+
+    fn limit_length_m(&self, length_m: f32) -> f32 {
+        ask!(self, chamber => chamber.limit_length_m(length_m))
+    }
+
+    fn can_have_length_m(&self, length_m: f32) -> bool {
+        ask!(self, chamber => chamber.can_have_length_m(length_m))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+
+    #[test]
+    fn a_length_is_impossible_beyond_what_a_sensor_is_off() {
+        let muscle = AnyChamber::new(&Config::default().chamber);
+        let shortest_m = muscle.shortest_m();
+        for (length_m, possible) in [
+            (0.3 * 1.049, true),
+            (0.3 * 1.051, false),
+            (shortest_m - 0.3 * 0.049, true),
+            (shortest_m - 0.3 * 0.051, false),
+        ] {
+            assert_eq!(muscle.can_have_length_m(length_m), possible, "{length_m} m");
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! Friction of what moves, and the heat that it makes.
+
+use crate::math::{exp, limit};
+use crate::parameter::parameters;
+
+/// No wall makes friction so many times what it is at the reference temperature \[-\].
+const STIFFEST: f32 = 1.0e3;
+
+parameters! {
+    /// Coulomb friction of braid and bladder; it softens as the wall warms.
+    "friction": Friction {
+        force_n: 15.0, "N", 0.0 to 1.0e5, "Coulomb friction at the reference temperature";
+        reference_temperature_k: 298.0, "K", 100.0 to 1000.0, "reference temperature";
+        softening_per_k: 0.01, "1/K", -0.2 to 0.2, "beta in F = F_ref exp(-beta (T_wall - T_ref))";
+        heat_fraction: 0.9, "", 0.0 to 1.0, "share of the friction heat that the wall gets";
+        presliding_stiffness_n_m: 1.0e5, "N/m", 0.0 to 1.0e9, "stiffness with which it builds up after a turn";
+        viscous_n_s_m: 0.0, "N s/m", 0.0 to 1.0e6, "viscous part beside it";
+    }
+}
+
+impl Friction {
+    /// Friction force \[N\] at a wall temperature: F_ref exp(-beta (T_w - T_ref)).
+    pub fn force_n(&self, wall_temperature_k: f32) -> f32 {
+        self.force_n * self.softening(wall_temperature_k)
+    }
+
+    /// What a wall temperature makes of every part of friction \[-\]: exp(-beta (T_w - T_ref)), 1000 at
+    /// most.
+    pub fn softening(&self, wall_temperature_k: f32) -> f32 {
+        let warmer_k = wall_temperature_k - self.reference_temperature_k;
+        limit(exp(-self.softening_per_k * warmer_k), 0.0, STIFFEST)
+    }
+
+    /// Friction heat that goes into the wall \[W\]: a share of |F dL/dt|.
+    pub fn wall_heat_w(&self, wall_temperature_k: f32, speed_m_s: f32) -> f32 {
+        let power = self.force_n(wall_temperature_k) * speed_m_s;
+        self.heat_fraction * if power < 0.0 { -power } else { power }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A slip of the configuration that says e^140 leaves a number.
+    #[test]
+    fn no_wall_stiffens_friction_without_end() {
+        let friction = Friction { softening_per_k: -0.2, ..crate::Config::default().friction };
+        assert_eq!(friction.softening(1000.0), STIFFEST);
+        assert_eq!(friction.force_n(1000.0), STIFFEST * friction.force_n);
+    }
+
+    proptest! {
+        #[test]
+        fn friction_softens_and_heats(t in 270.0_f32..330.0, speed in -1.0_f32..1.0) {
+            let friction = Friction {
+                force_n: 15.0, reference_temperature_k: 298.0, softening_per_k: 0.01,
+                heat_fraction: 0.9, ..crate::Config::default().friction
+            };
+            let expected = 15.0 * (-0.01 * (f64::from(t) - 298.0)).exp();
+            prop_assert!((f64::from(friction.force_n(t)) / expected - 1.0).abs() < 1e-5);
+            prop_assert!(friction.wall_heat_w(t, speed) >= 0.0);
+        }
+    }
+}
