@@ -102,7 +102,7 @@ fn a_run_that_would_not_end_does_not_begin() {
         ),
         (
             "[plant]\nmodel = \"lumped\"\n[valve]\nconductance_m3_s_pa = 1e-3\n",
-            "valve.conductance_m3_s_pa is too large for the muscle's volume: it asks",
+            "valve.conductance_m3_s_pa is too large for the gas's volume: it asks",
         ),
     ] {
         let file = scenario(folder.path(), text);

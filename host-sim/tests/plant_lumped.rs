@@ -2,9 +2,9 @@
 
 mod plant_support;
 
+use host_sim::plant::chamber::braid::Geometry;
 use host_sim::plant::flow::Iso6358;
 use host_sim::plant::gas::IdealGas;
-use host_sim::plant::geometry::Geometry;
 use host_sim::plant::{self, Actuation, Truth};
 use host_sim::scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 use ode_solvers::{Dop853, SVector, System};

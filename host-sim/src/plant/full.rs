@@ -1,14 +1,14 @@
-//! The full muscle: axial zones, two wall layers, moving mass and bristle friction, switching valves,
+//! What moves, in full: axial zones, two wall layers, moving mass and bristle friction, switching valves,
 //! tube, regulator, sensor housing.
 //!
 //! Integration is of fourth order while the valves stand still. While they move, their opening is
 //! its exact mean over each substep of at most 0.1 ms, so that no part of a pulse is lost.
-//! Books are kept at the muscle's port: the tube is outside. A hole in the muscle is beside the port.
+//! Books are kept at the chamber's port: the tube is outside. A hole in it is beside the port.
 
 use super::bristle::{Bristle, Drag};
+use super::chamber::Chamber;
 use super::closure::Closure;
 use super::flow::{Iso6358, Streams};
-use super::geometry::Geometry;
 use super::heat::InnerHeat;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
@@ -52,12 +52,12 @@ const ZONES: usize = 15;
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
-struct Config {
+struct Config<C> {
     step_s: f64,
     substeps: Substeps,
     zones: usize,
     closure: Closure,
-    pull: Pull,
+    pull: Pull<C>,
     isometric: bool,
     mass_kg: f64,
     bristle: Bristle,
@@ -92,7 +92,7 @@ struct Drive {
     softening: f64,
 }
 
-impl Config {
+impl<C: Chamber> Config<C> {
     fn masses<'a>(&self, y: &'a [f64]) -> &'a [f64] {
         &y[ZONES..ZONES + self.zones]
     }
@@ -148,9 +148,11 @@ impl Config {
         let speed = y[SPEED];
         let drag = self.bristle.drag(speed, y[BRISTLE], softening);
         let net = self.pull.force(pressure, y[LENGTH]) - self.pull.load_n - drag.force;
-        // On the stop the load rests until the muscle lifts it.
-        let resting = y[LENGTH] >= self.pull.rest_length_m && speed <= 0.0 && net <= 0.0;
-        if !resting {
+        // On a stop the load rests until it is lifted off.
+        let [shortest, longest] = self.pull.stops;
+        let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;
+        let inside = y[LENGTH] <= shortest && speed >= 0.0 && net >= 0.0;
+        if !(outside || inside) {
             rates[LENGTH] = -speed;
             rates[SPEED] = net / self.mass_kg;
             rates[BRISTLE] = drag.deflection_rate;
@@ -172,7 +174,7 @@ impl Config {
         let zones = self.zones;
         let share = 1.0 / zones as f64;
         let length = y[LENGTH];
-        let volume = self.pull.braid.volume(length);
+        let volume = self.pull.chamber.volume(length);
         let inverse_power = power.at(volume);
         let pressure = y[W] * inverse_power;
         let drag = self.mechanics(y, pressure, drive.softening, rates);
@@ -189,7 +191,8 @@ impl Config {
 
         let (zone_rates, wall_rates) = rates[ZONES..].split_at_mut(zones);
         let (inner_rates, outer_rates) = wall_rates.split_at_mut(zones);
-        let surface = share * self.pull.braid.surface(length);
+        let gas_length = self.pull.chamber.gas_length(length);
+        let surface = share * self.pull.chamber.surface(length);
         let mut convective = 0.0;
         for i in 0..zones {
             let zone_k = temperature(i);
@@ -210,7 +213,7 @@ impl Config {
         for i in (1..zones).rev() {
             enthalpy += gain + inner_rates[i];
             let upwind = temperature(if enthalpy > 0.0 { i - 1 } else { i });
-            let exchange = self.stirring.exchange(i - 1, volume_inflow, volume, length);
+            let exchange = self.stirring.exchange(i - 1, volume_inflow, volume, gas_length);
             let mixing = exchange * (masses[i - 1] - masses[i]) / zone_volume;
             let flow = if closure.is_isothermal() {
                 // Equal temperatures: equal masses, so that each zone takes its share.
@@ -276,10 +279,10 @@ fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
         .collect()
 }
 
-/// A full muscle in operation.
+/// A full plant in operation.
 #[derive(Debug, Clone)]
-pub struct Full {
-    config: Config,
+pub struct Full<C> {
+    config: Config<C>,
     steps: u64,
     state: Vec<f64>,
     integrator: Rk4,
@@ -294,16 +297,15 @@ pub struct Full {
     sensors: Sensors,
 }
 
-impl Full {
-    /// The full muscle of a scenario.
+impl<C: Chamber> Full<C> {
+    /// The full plant of a scenario with that chamber.
     ///
     /// # Errors
     /// [`BuildError::TooFast`].
-    pub fn new(scenario: &Scenario) -> Result<Self, BuildError> {
-        let braid = Geometry::of(&scenario.muscle);
-        let rest_length = scenario.muscle.rest_length_m;
+    pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
+        let rest_length = chamber.rest_length();
         let zones = scenario.muscle.zones.max(1);
-        let pull = Pull::new(scenario, braid, rest_length);
+        let pull = Pull::new(scenario, chamber);
         let closure = Closure::new(scenario);
         let gas = &closure.gas;
         let critical_ratio = scenario.valve.critical_ratio;
@@ -320,7 +322,7 @@ impl Full {
         let length =
             if isometric { scenario.load.length_m } else { pull.start_length(pressure, coulomb) };
         let excess = pull.force(pressure, length) - pull.load_n;
-        let volume = braid.volume(length);
+        let volume = chamber.volume(length);
 
         // Fastest: the tube between open valves and muscle; the bristles with the moving mass; the
         // muscle through its largest hole.
@@ -328,7 +330,7 @@ impl Full {
         let steepest = 2.0 * piping.steepest(hottest) + tube.steepest(hottest);
         let tube_rate = gas.k * gas.r * hottest * steepest / scenario.tube.volume_m3;
         let bristle_rate = bristle.fastest_rate(mass_kg);
-        let smallest = braid.volume(rest_length).min(volume);
+        let smallest = chamber.volume(rest_length).min(volume);
         let step = scenario.run.step_s;
         let substeps = Substeps::new(scenario, &piping, |leak| {
             let leak_rate = leak * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
@@ -346,7 +348,7 @@ impl Full {
 
         let wall = &scenario.wall;
         let per_zone = wall.heat_capacity_j_k / zones as f64;
-        let diameter = braid.diameter(rest_length);
+        let diameter = chamber.diameter(rest_length);
         let sensor = &scenario.sensor;
         let config = Config {
             step_s: step,
@@ -364,7 +366,7 @@ impl Full {
             tube_m3: scenario.tube.volume_m3,
             droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
             heat: InnerHeat::of(scenario, diameter),
-            stirring: Stirring::new(zones, rest_length, diameter),
+            stirring: Stirring::new(zones, chamber.gas_length(rest_length), diameter),
             outer_w_m2_k: scenario.heat.outer_w_m2_k,
             outer_per_speed: scenario.heat.outer_per_speed,
             inner_j_k: per_zone * (1.0 - wall.outer_fraction),
@@ -381,7 +383,12 @@ impl Full {
         state[W] = pressure * volume.powf(exponent);
         state[LENGTH] = length;
         if !isometric && scenario.friction.presliding_stiffness_n_m > 0.0 {
-            let held = excess.clamp(0.0, coulomb);
+            // What a stop carries, friction need not.
+            let [shortest, longest] = chamber.stops();
+            let held = excess.clamp(
+                if length < longest { -coulomb } else { 0.0 },
+                if length > shortest { coulomb } else { 0.0 },
+            );
             state[BRISTLE] = held / scenario.friction.presliding_stiffness_n_m;
         }
         state[TUBE_MASS] = pressure * config.tube_m3 / (gas.r * temperature);
@@ -427,11 +434,16 @@ impl Full {
                 middle = place;
             }
         });
-        if state[LENGTH] > config.pull.rest_length_m && !config.isometric {
-            state[LENGTH] = config.pull.rest_length_m;
+        let [shortest, longest] = config.pull.stops;
+        if state[LENGTH] > longest && !config.isometric {
+            state[LENGTH] = longest;
             state[SPEED] = state[SPEED].max(0.0);
         }
-        let volume = config.pull.braid.volume(state[LENGTH]);
+        if state[LENGTH] < shortest && !config.isometric {
+            state[LENGTH] = shortest;
+            state[SPEED] = state[SPEED].min(0.0);
+        }
+        let volume = config.pull.chamber.volume(state[LENGTH]);
         let end = (state[W] * power.at(volume), volume);
         let work = work_through([self.place, middle, end]);
         self.place = end;
@@ -487,7 +499,7 @@ impl Full {
     }
 }
 
-impl Plant for Full {
+impl<C: Chamber> Plant for Full<C> {
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         let substeps = self.config.substeps.now(&self.config.piping);
         let step = self.config.step_s / f64::from(substeps);
@@ -513,7 +525,7 @@ impl Plant for Full {
         for temperature in self.axial_gas_k() {
             check_gas(end, pressure, temperature, mass, &self.truth)?;
         }
-        check_length(end, self.state[LENGTH], &self.config.pull.braid)?;
+        check_length(end, self.state[LENGTH], &self.config.pull.chamber)?;
         self.sensors.advance(&exposure);
         self.observe();
         Ok(())

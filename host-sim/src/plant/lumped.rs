@@ -1,13 +1,13 @@
-//! The lumped muscle: one zone of gas, one wall, ideal valves, a quasi-static load.
+//! What moves, lumped: one zone of gas, one wall, ideal valves, a quasi-static load.
 //!
 //! The length is no state of its own. Coulomb friction makes it a play operator: while the pull
 //! stays within the friction band around the load the length is held, and beyond it the length
 //! follows the balance of pull, load and friction, solved together with P = w V(L)^-e. The model
-//! `paper` is the same muscle with eq. (12) for the gas.
+//! `paper` is the same with eq. (12) for the gas.
 
+use super::chamber::Chamber;
 use super::closure::Closure;
 use super::flow::Streams;
-use super::geometry::Geometry;
 use super::heat::InnerHeat;
 use super::local_power::LocalPower;
 use super::ode::rk4;
@@ -44,11 +44,11 @@ const STATES: usize = 11;
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
-struct Config {
+struct Config<C> {
     step_s: f64,
     substeps: Substeps,
     closure: Closure,
-    pull: Pull,
+    pull: Pull<C>,
     isometric: bool,
     piping: Piping,
     /// The actuation is the mass flows themselves \[kg/s\], not the openings of the valves.
@@ -66,9 +66,10 @@ struct Config {
 /// Length, and what follows from it for a given w.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Place {
-    /// The pull has reached the edge of the friction band beyond which the braid contracts.
+    /// The pull has reached the edge of the friction band beyond which it contracts; never on the
+    /// inner stop.
     may_contract: bool,
-    /// The same for extension; never on the stop.
+    /// The same for extension; never on the outer stop.
     may_extend: bool,
     length: f64,
     volume: f64,
@@ -88,42 +89,46 @@ struct Play {
 
 impl Play {
     /// The place that w and the friction force \[N\] lead to, from the length held.
-    fn place(&mut self, config: &Config, w: f64, friction: f64) -> Place {
+    fn place<C: Chamber>(&mut self, config: &Config<C>, w: f64, friction: f64) -> Place {
         let pull = &config.pull;
         let mut place = Place { pressure: w * self.held.power, ..self.held };
         if config.isometric {
             return place;
         }
         let excess = pull.force(place.pressure, place.length) - pull.load_n;
-        let edge = friction - EDGE * (pull.load_n + friction);
-        let off_stop = place.length < pull.rest_length_m;
-        place.may_contract = excess >= edge;
-        place.may_extend = off_stop && excess <= -edge;
-        let force = if excess > friction {
+        let edge = friction - EDGE * (pull.load_n.abs() + friction);
+        let [shortest, longest] = pull.stops;
+        let (off_inner, off_outer) = (place.length > shortest, place.length < longest);
+        place.may_contract = off_inner && excess >= edge;
+        place.may_extend = off_outer && excess <= -edge;
+        let force = if excess > friction && off_inner {
             pull.load_n + friction
-        } else if excess < -friction && off_stop {
+        } else if excess < -friction && off_outer {
             pull.load_n - friction
         } else {
             return place;
         };
         let exponent = config.closure.exponent();
         let length = pull.balance(force, self.guess, |length| {
-            let volume = pull.braid.volume(length);
+            let volume = pull.chamber.volume(length);
             let pressure = w * self.power.at(volume);
-            (pressure, exponent * pressure * pull.braid.force_area(length) / volume)
+            (pressure, exponent * pressure * pull.chamber.force_area(length) / volume)
         });
-        if length >= pull.rest_length_m {
+        if length >= longest {
             place.may_extend = false;
         }
-        let length = length.min(pull.rest_length_m);
+        if length <= shortest {
+            place.may_contract = false;
+        }
+        let length = pull.stopped(length);
         self.guess = length;
-        let volume = pull.braid.volume(length);
+        let volume = pull.chamber.volume(length);
         let power = self.power.at(volume);
         Place { length, volume, power, pressure: w * power, ..place }
     }
 }
 
-impl Config {
+impl<C: Chamber> Config<C> {
     fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
         if self.given_flows {
             return Streams::given(actuation.inlet, self.piping.supply().1, actuation.outlet);
@@ -141,7 +146,7 @@ impl Config {
         if !(place.may_contract || place.may_extend) {
             return 0.0;
         }
-        let area = self.pull.braid.force_area(place.length);
+        let area = self.pull.chamber.force_area(place.length);
         let slope = self.closure.exponent() * place.pressure * area / place.volume;
         let stiffness = self.pull.stiffness(place.pressure, slope, place.length);
         let speed = -place.power * area * w_rate / stiffness;
@@ -162,7 +167,7 @@ impl Config {
         let closure = &self.closure;
         let temperature = closure.temperature(place.pressure, place.volume, y[MASS]);
         let streams = self.streams((place.pressure, temperature), actuation);
-        let surface = self.pull.braid.surface(place.length);
+        let surface = self.pull.chamber.surface(place.length);
         let coefficient =
             self.heat.coefficient(place.pressure, temperature, y[WALL], streams.inflow);
         let convective = coefficient * surface * (temperature - y[WALL]);
@@ -190,10 +195,10 @@ impl Config {
     }
 }
 
-/// A lumped muscle in operation.
+/// A lumped plant in operation.
 #[derive(Debug, Clone)]
-pub struct Lumped {
-    config: Config,
+pub struct Lumped<C> {
+    config: Config<C>,
     steps: u64,
     state: [f64; STATES],
     play: Play,
@@ -203,15 +208,14 @@ pub struct Lumped {
     sensors: Sensors,
 }
 
-impl Lumped {
-    /// The lumped muscle of a scenario.
+impl<C: Chamber> Lumped<C> {
+    /// The lumped plant of a scenario with that chamber.
     ///
     /// # Errors
     /// [`BuildError::TooFast`].
-    pub fn new(scenario: &Scenario) -> Result<Self, BuildError> {
-        let braid = Geometry::of(&scenario.muscle);
-        let rest_length = scenario.muscle.rest_length_m;
-        let pull = Pull::new(scenario, braid, rest_length);
+    pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
+        let rest_length = chamber.rest_length();
+        let pull = Pull::new(scenario, chamber);
         let closure = Closure::new(scenario);
         let gas = &closure.gas;
         let piping = Piping::new(scenario, gas);
@@ -225,11 +229,11 @@ impl Lumped {
         } else {
             pull.start_length(pressure, friction.force_n * softening.factor(temperature))
         };
-        let volume = braid.volume(length);
-        let heat = InnerHeat::of(scenario, braid.diameter(rest_length));
+        let volume = chamber.volume(length);
+        let heat = InnerHeat::of(scenario, chamber.diameter(rest_length));
         // Fastest: the pressure of the smallest volume through both valves and the largest hole, near
         // equal pressures.
-        let smallest = braid.volume(rest_length).min(volume);
+        let smallest = chamber.volume(rest_length).min(volume);
         let hottest = piping.supply().1.max(temperature);
         let step = scenario.run.step_s;
         let substeps = Substeps::new(scenario, &piping, |leak| {
@@ -237,7 +241,7 @@ impl Lumped {
             let because = if leak > 2.0 {
                 LEAK_TOO_LARGE
             } else {
-                "valve.conductance_m3_s_pa is too large for the muscle's volume"
+                "valve.conductance_m3_s_pa is too large for the gas's volume"
             };
             super::substeps(step, LONGEST_STEP_S.min(STEP_TIMES_RATE / rate), because)
         })?;
@@ -292,7 +296,7 @@ impl Lumped {
         Ok(lumped)
     }
 
-    /// The same muscle without valves: from now on the actuation is the mass flows \[kg/s\].
+    /// The same without valves: from now on the actuation is the mass flows \[kg/s\].
     pub fn driven_by_flows(mut self) -> Self {
         self.config.given_flows = true;
         self
@@ -349,7 +353,7 @@ impl Lumped {
     }
 }
 
-impl Plant for Lumped {
+impl<C: Chamber> Plant for Lumped<C> {
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         let substeps = self.config.substeps.now(&self.config.piping);
         let step = self.config.step_s / f64::from(substeps);
@@ -362,7 +366,7 @@ impl Plant for Lumped {
         let closure = &self.config.closure;
         let temperature = closure.temperature(place.pressure, place.volume, self.state[MASS]);
         check_gas(time, place.pressure, temperature, self.state[MASS], &self.truth)?;
-        check_length(time, place.length, &self.config.pull.braid)?;
+        check_length(time, place.length, &self.config.pull.chamber)?;
         self.sensors.advance(&Exposure {
             gas_k: temperature,
             wall_k: self.state[WALL],

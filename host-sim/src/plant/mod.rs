@@ -4,11 +4,11 @@
 //! derivations.
 
 mod bristle;
+pub mod chamber;
 mod closure;
 pub mod flow;
 mod full;
 pub mod gas;
-pub mod geometry;
 pub mod heat;
 mod lag;
 mod local_power;
@@ -23,7 +23,7 @@ mod zones;
 
 use crate::scenario::profile::Profile;
 use crate::scenario::{PlantKind, PlantModel, Scenario};
-use geometry::Geometry;
+use chamber::{Chamber, braid};
 use piping::Piping;
 pub use piping::{Disturbance, Travel};
 use serde::Serialize;
@@ -194,7 +194,7 @@ const SHORTEST_STEP_S: f64 = 1.0e-7;
 
 /// The key that makes the plant too fast, where it is a hole.
 const LEAK_TOO_LARGE: &str =
-    "leak_conductance_m3_s_pa of [faults] is too large for the muscle's volume";
+    "leak_conductance_m3_s_pa of [faults] is too large for the gas's volume";
 
 /// Why a scenario that passed validation still makes no plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -243,17 +243,11 @@ pub fn build(
     scenario: &Scenario,
     volume_profile: Option<Profile>,
 ) -> Result<Box<dyn Plant>, BuildError> {
-    match scenario.plant.kind {
-        PlantKind::Vessel => Ok(Box::new(vessel::Vessel::new(scenario, volume_profile)?)),
-        PlantKind::Muscle => match scenario.plant.model {
-            PlantModel::Lumped | PlantModel::Paper => Ok(Box::new(lumped::Lumped::new(scenario)?)),
-            PlantModel::Full => Ok(Box::new(full::Full::new(scenario)?)),
-        },
-    }
+    of_kind(scenario, volume_profile, Drive::Valves)
 }
 
 /// The plant of a scenario without its valves or nozzle: its [`Actuation`] is mass flows \[kg/s\], the
-/// inflow at the supply's temperature. A muscle is always the lumped one, or the paper's.
+/// inflow at the supply's temperature. What moves is always lumped, or the paper's.
 ///
 /// # Errors
 /// As [`build`].
@@ -261,12 +255,44 @@ pub fn build_driven_by_flows(
     scenario: &Scenario,
     volume_profile: Option<Profile>,
 ) -> Result<Box<dyn Plant>, BuildError> {
-    Ok(match scenario.plant.kind {
-        PlantKind::Vessel => Box::new(
-            vessel::Vessel::new(scenario, volume_profile)?
-                .driven_by_flows(scenario.supply.temperature_k),
-        ),
-        PlantKind::Muscle => Box::new(lumped::Lumped::new(scenario)?.driven_by_flows()),
+    of_kind(scenario, volume_profile, Drive::Flows)
+}
+
+/// What an [`Actuation`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Drive {
+    Valves,
+    Flows,
+}
+
+/// The kinds of plant that there are.
+fn of_kind(
+    scenario: &Scenario,
+    volume_profile: Option<Profile>,
+    drive: Drive,
+) -> Result<Box<dyn Plant>, BuildError> {
+    match scenario.plant.kind {
+        PlantKind::Muscle => moving(scenario, drive, braid::Muscle::of(&scenario.muscle)),
+        PlantKind::Vessel => {
+            let vessel = vessel::Vessel::new(scenario, volume_profile)?;
+            Ok(match drive {
+                Drive::Valves => Box::new(vessel),
+                Drive::Flows => Box::new(vessel.driven_by_flows(scenario.supply.temperature_k)),
+            })
+        }
+    }
+}
+
+fn moving<C: Chamber + 'static>(
+    scenario: &Scenario,
+    drive: Drive,
+    chamber: C,
+) -> Result<Box<dyn Plant>, BuildError> {
+    let lumped = || lumped::Lumped::new(scenario, chamber);
+    Ok(match (drive, scenario.plant.model) {
+        (Drive::Flows, _) => Box::new(lumped()?.driven_by_flows()),
+        (Drive::Valves, PlantModel::Full) => Box::new(full::Full::new(scenario, chamber)?),
+        (Drive::Valves, PlantModel::Lumped | PlantModel::Paper) => Box::new(lumped()?),
     })
 }
 
@@ -328,13 +354,16 @@ fn check_gas(
     })
 }
 
-/// Checks that a length lies on the braid: between 0 and the thread length.
-fn check_length(time_s: f64, length: f64, braid: &Geometry) -> Result<(), Diverged> {
-    if length > 0.0 && length < braid.thread_length_m {
+/// Checks that a length is one that the chamber's equations hold for.
+fn check_length(time_s: f64, length: f64, chamber: &impl Chamber) -> Result<(), Diverged> {
+    let [shortest, longest] = chamber.range();
+    if length >= shortest && length <= longest {
         return Ok(());
     }
-    let thread = braid.thread_length_m;
-    Err(Diverged { time_s, state: format!("length = {length} m, thread length = {thread} m") })
+    let state = format!(
+        "length = {length} m, and what is known of it reaches from {shortest} to {longest} m"
+    );
+    Err(Diverged { time_s, state })
 }
 
 /// Work of the gas, the integral of P dV through three equidistant instants: exact where P and V are

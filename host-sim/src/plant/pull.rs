@@ -1,52 +1,51 @@
-//! The muscle's pull, and its length where it balances a quasi-static load.
+//! The pull of a chamber, and its length where it balances a quasi-static load.
 
-use super::geometry::Geometry;
+use super::chamber::Chamber;
 use crate::scenario::{Friction, Load, LoadKind, Scenario};
 
 /// Standard gravity \[m/s2\].
 const STANDARD_GRAVITY: f64 = 9.80665;
 
-/// The static side of the muscle: braid, bladder, stop and load.
+/// The static side of what moves: chamber and load.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pull {
-    /// The braid.
-    pub braid: Geometry,
-    /// Longest length: the load rests on a stop there \[m\].
-    pub rest_length_m: f64,
+pub struct Pull<C> {
+    /// The chamber.
+    pub chamber: C,
+    /// Lengths at which stops carry the load \[m\].
+    pub stops: [f64; 2],
     /// Pressure outside \[Pa\].
     pub ambient_pa: f64,
     /// Force of the load \[N\].
     pub load_n: f64,
-    bladder_n_m: f64,
 }
 
-impl Pull {
-    /// Of a scenario whose muscle has that braid and rest length \[m\].
-    pub fn new(scenario: &Scenario, braid: Geometry, rest_length_m: f64) -> Self {
+impl<C: Chamber> Pull<C> {
+    /// Of a scenario with that chamber.
+    pub fn new(scenario: &Scenario, chamber: C) -> Self {
         let Load { kind, force_n, mass_kg, .. } = scenario.load;
         Self {
-            braid,
-            rest_length_m,
+            stops: chamber.stops(),
+            chamber,
             ambient_pa: scenario.ambient.pressure_pa,
             load_n: match kind {
                 LoadKind::Isotonic | LoadKind::Isometric => force_n,
                 LoadKind::Mass => mass_kg * STANDARD_GRAVITY,
             },
-            bladder_n_m: scenario.muscle.bladder_stiffness_n_m,
         }
     }
 
-    /// Pull of gas and bladder \[N\], at an absolute pressure \[Pa\] and length \[m\].
+    /// Pull of gas and what is elastic \[N\], at an absolute pressure \[Pa\] and length \[m\].
     pub fn force(&self, pressure: f64, length: f64) -> f64 {
-        (pressure - self.ambient_pa) * self.braid.force_area(length)
-            + self.bladder_n_m * (length - self.rest_length_m)
+        (pressure - self.ambient_pa) * self.chamber.force_area(length)
+            + self.chamber.elastic(length)
     }
 
     /// Slope of the pull over length \[N/m\], while the pressure changes by `pressure_slope` \[Pa/m\].
     pub fn stiffness(&self, pressure: f64, pressure_slope: f64, length: f64) -> f64 {
-        pressure_slope * self.braid.force_area(length)
-            + (pressure - self.ambient_pa) * self.braid.force_area_slope(length)
-            + self.bladder_n_m
+        let chamber = &self.chamber;
+        pressure_slope * chamber.force_area(length)
+            + (pressure - self.ambient_pa) * chamber.force_area_slope(length)
+            + chamber.elastic_slope(length)
     }
 
     /// Length \[m\] where the pull equals `force` \[N\]: Newton from `guess`. `pressure` gives the
@@ -70,13 +69,30 @@ impl Pull {
         f64::NAN
     }
 
-    /// Length \[m\] that the load takes at a pressure held from the start, coming from the stop.
+    /// `length` \[m\], or the stop that it is beyond.
+    pub fn stopped(&self, length: f64) -> f64 {
+        let [shortest, longest] = self.stops;
+        length.min(longest).max(shortest)
+    }
+
+    /// Length \[m\] that the load takes at a pressure held from the start, coming from rest.
     pub fn start_length(&self, pressure: f64, friction: f64) -> f64 {
-        let wanted = self.load_n + friction;
-        if self.force(pressure, self.rest_length_m) <= wanted {
-            return self.rest_length_m;
+        let rest = self.chamber.rest_length();
+        let at_rest = self.force(pressure, rest);
+        let [shortest, longest] = self.stops;
+        let (wanted, stop) = if at_rest > self.load_n + friction {
+            (self.load_n + friction, shortest)
+        } else if at_rest < self.load_n - friction {
+            (self.load_n - friction, longest)
+        } else {
+            return rest;
+        };
+        // A force that does not fall below the load on the way is stopped.
+        let beyond = self.force(pressure, stop) - wanted;
+        if stop == rest || (stop.is_finite() && beyond * (at_rest - wanted) >= 0.0) {
+            return stop;
         }
-        self.balance(wanted, self.rest_length_m, |_| (pressure, 0.0))
+        self.balance(wanted, rest, |_| (pressure, 0.0))
     }
 }
 

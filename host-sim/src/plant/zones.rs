@@ -1,4 +1,4 @@
-//! Gas in axial zones of a muscle, port first: equal volumes, uniform pressure, each zone its own
+//! Gas in axial zones, port first: equal volumes, uniform pressure, each zone its own
 //! mass and temperature.
 //!
 //! Pressure being uniform, the energy balance of one zone fixes the enthalpy that crosses its
@@ -25,7 +25,7 @@ pub struct Stirring {
 }
 
 impl Stirring {
-    /// For a muscle of that length and diameter \[m\].
+    /// For gas of that length and diameter \[m\].
     pub fn new(zones: usize, length_m: f64, diameter_m: f64) -> Self {
         let decay = length_m / (JET_REACH_DIAMETERS * diameter_m);
         let at = |position: f64| (-decay * position / zones as f64).exp();

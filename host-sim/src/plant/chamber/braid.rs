@@ -1,6 +1,7 @@
 //! Geometry of the braid, eq. (10), (11), and the force that follows from it.
 
-use crate::scenario::Muscle;
+use super::Chamber;
+use crate::scenario;
 use std::f64::consts::PI;
 
 /// A braid of inextensible threads around a cylinder.
@@ -28,11 +29,6 @@ impl Geometry {
             thread_squared: thread_length_m * thread_length_m,
             per_turns: 1.0 / (4.0 * PI * turns * turns),
         }
-    }
-
-    /// The braid of a muscle.
-    pub fn of(muscle: &Muscle) -> Self {
-        Self::new(muscle.thread_length_m, muscle.turns, muscle.dead_volume_m3)
     }
 
     /// From length \[m\], diameter \[m\] and braid angle to the axis \[deg\] at rest (paper, Fig. 1).
@@ -65,6 +61,68 @@ impl Geometry {
     /// Diameter \[m\].
     pub fn diameter(&self, length: f64) -> f64 {
         (self.thread_squared - length * length).sqrt() / (self.turns * PI)
+    }
+}
+
+/// A muscle: braid, bladder, and the stop that its load rests on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Muscle {
+    braid: Geometry,
+    rest_length_m: f64,
+    bladder_n_m: f64,
+}
+
+impl Muscle {
+    /// The muscle of a scenario.
+    pub fn of(muscle: &scenario::Muscle) -> Self {
+        Self {
+            braid: Geometry::new(muscle.thread_length_m, muscle.turns, muscle.dead_volume_m3),
+            rest_length_m: muscle.rest_length_m,
+            bladder_n_m: muscle.bladder_stiffness_n_m,
+        }
+    }
+}
+
+impl Chamber for Muscle {
+    fn rest_length(&self) -> f64 {
+        self.rest_length_m
+    }
+
+    fn range(&self) -> [f64; 2] {
+        [0.0, self.braid.thread_length_m]
+    }
+
+    /// Nothing stops it from inside: its force vanishes first.
+    fn stops(&self) -> [f64; 2] {
+        [f64::NEG_INFINITY, self.rest_length_m]
+    }
+
+    fn volume(&self, length: f64) -> f64 {
+        self.braid.volume(length)
+    }
+
+    fn force_area(&self, length: f64) -> f64 {
+        self.braid.force_area(length)
+    }
+
+    fn force_area_slope(&self, length: f64) -> f64 {
+        self.braid.force_area_slope(length)
+    }
+
+    fn elastic(&self, length: f64) -> f64 {
+        self.bladder_n_m * (length - self.rest_length_m)
+    }
+
+    fn elastic_slope(&self, _length: f64) -> f64 {
+        self.bladder_n_m
+    }
+
+    fn surface(&self, length: f64) -> f64 {
+        self.braid.surface(length)
+    }
+
+    fn diameter(&self, length: f64) -> f64 {
+        self.braid.diameter(length)
     }
 }
 
