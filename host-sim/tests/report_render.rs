@@ -13,6 +13,7 @@ use host_sim::report::muscle::Muscle;
 use host_sim::report::page::{Figure, Page, Section, Table, Tile};
 use host_sim::report::run_report::{self, Measured, RunReport, SummaryRow};
 use host_sim::report::series::Recorder;
+use host_sim::scenario::PlantKind;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
@@ -128,6 +129,7 @@ fn full_report() -> String {
         measured: &measured,
         summary: &summary,
         axial_wall_k: &ZONES_K,
+        kind: PlantKind::Muscle,
         rest_length_m: Some(0.3),
         last_stroke: &last_stroke,
         detail_s: Some((85.0, 100.0)),
@@ -329,6 +331,7 @@ fn a_run_with_hardly_any_columns_has_a_page() {
             measured: &[],
             summary: &[],
             axial_wall_k: &[298.0],
+            kind: PlantKind::Muscle,
             rest_length_m: None,
             last_stroke: &[],
             detail_s: None,

@@ -77,8 +77,8 @@ fn unknown_names_get_a_suggestion() {
             "scenario.toml:2: unknown key tube.colour; known here: volume_m3, conductance_m3_s_pa",
         ),
         (
-            "[estimator]\nzones = 3",
-            "scenario.toml:2: unknown key estimator.zones; did you mean muscle.zones?",
+            "[estimator]\nturns = 3",
+            "scenario.toml:2: unknown key estimator.turns; did you mean muscle.turns?",
         ),
         ("\"run.seed\" = 3", "scenario.toml:1: unknown key \"run.seed\"; did you mean run.seed?"),
         (
@@ -136,12 +136,12 @@ fn wrong_values_are_told_what_is_allowed() {
             "scenario.toml:2: muscle.rest_length_m = -0.3: must be a number from 0.005 to 10 m",
         ),
         (
-            "[plant]\nkind = \"balloon\"",
-            "scenario.toml:2: plant.kind = \"balloon\": must be one of \"muscle\", \"vessel\"",
+            "[plant]\nmodel = \"balloon\"",
+            "scenario.toml:2: plant.model = \"balloon\": must be one of \"full\", \"lumped\", \"paper\"",
         ),
         (
-            "[plant]\nkind = \"Muscle\"",
-            "scenario.toml:2: plant.kind = \"Muscle\": must be one of \"muscle\", \"vessel\"",
+            "[plant]\nmodel = \"Full\"",
+            "scenario.toml:2: plant.model = \"Full\": must be one of \"full\", \"lumped\", \"paper\"",
         ),
         (
             "[valve]\ncritical_ratio = 1.0",
@@ -249,7 +249,7 @@ fn keys_have_to_fit_each_other() {
         (
             "[drive]\nkind = \"contraction\"\ncontraction = 0.4",
             "scenario.toml:3: drive.contraction = 0.4: must be a number from 0 to 0.372789, \
-             up to where the force vanishes",
+             from its longest to its shortest length",
         ),
         (
             "plant.kind = \"vessel\"\ndrive.kind = \"contraction\"",
@@ -273,12 +273,12 @@ fn keys_have_to_fit_each_other() {
         (
             "[load]\nkind = \"isometric\"\nlength_m = 0.31",
             "scenario.toml:3: load.length_m = 0.31: must be a number from 0.188164 to 0.3 m, \
-             between where the force vanishes and muscle.rest_length_m",
+             between its shortest and its longest length",
         ),
         (
             "[load]\nkind = \"isometric\"\n[muscle]\nrest_length_m = 0.6",
             "scenario.toml: load.length_m = 0.26 (not given): must be a number from 0.376327 to 0.6 \
-             m, between where the force vanishes and muscle.rest_length_m",
+             m, between its shortest and its longest length",
         ),
         (
             "[sensor.gas]\nrange_max_k = 270",
@@ -471,7 +471,7 @@ fn broken_profiles_are_named_by_file_line_and_column() {
             "steps.csv",
             "time_s,value\n0,0.1\n1,0.5\n",
             "steps.csv:3: column value = 0.5: must be a number from 0 to 0.372789, \
-             up to where the force vanishes",
+             from its longest to its shortest length",
         ),
         (
             STEPS,
@@ -511,7 +511,7 @@ fn the_print_explains_every_key() {
     for line in [
         "duration_s = 100.0  # s, 0.001 to 1e6: simulated time",
         "zones = 8  # 1 to 64: axial zones of gas and wall (full)",
-        "kind = \"muscle\"  # \"muscle\" | \"vessel\": what holds the gas",
+        "model = \"full\"  # \"full\" | \"lumped\" | \"paper\": zones, wall layers and real valves; one zone; the paper's eq. (12)",
         "conductance_m3_s_pa = 4e-9  # m3/(s Pa), 1e-13 to 0.001: sonic conductance C at ANR (ISO 6358)",
         "critical_ratio = 0.3  # 0.01 to 0.99: critical pressure ratio b",
         "# volume_csv = \"FILE.csv\"  # CSV file, time_s,volume_m3: volume over time, of a moving piston",

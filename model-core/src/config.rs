@@ -36,11 +36,11 @@ pub struct Config {
     pub heat: Heat,
     /// What holds the gas in, as a heat capacity.
     pub wall: Wall,
-    /// Friction of the muscle.
+    /// Friction of what moves.
     pub friction: Friction,
-    /// What the muscle pulls against.
+    /// What the chamber moves, or is held by.
     pub load: Load,
-    /// What moves with the muscle's end \[kg\].
+    /// What moves with the chamber's end \[kg\].
     pub moving_mass_kg: f32,
     /// Inlet and outlet valve.
     pub valve: Valve,
@@ -93,13 +93,13 @@ parameters! {
     }
 }
 
-/// What the muscle pulls against.
+/// What the chamber moves, or is held by.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum Load {
     /// A constant force \[N\].
     Isotonic {
-        /// Force \[N\].
+        /// Force, positive where it pulls the ends apart \[N\].
         force_n: f32,
     },
     /// A fixed length \[m\].
@@ -234,7 +234,7 @@ impl Config {
         self.wall.check()?;
         self.friction.check()?;
         match self.load {
-            Load::Isotonic { force_n } => within("load.force_n", force_n, 0.0, 1.0e6)?,
+            Load::Isotonic { force_n } => within("load.force_n", force_n, -1.0e6, 1.0e6)?,
             Load::Isometric { length_m } => within("load.length_m", length_m, 0.001, 10.0)?,
         }
         within("load.mass_kg", self.moving_mass_kg, 0.0, 1.0e6)?;

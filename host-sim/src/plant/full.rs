@@ -297,14 +297,14 @@ pub struct Full<C> {
     sensors: Sensors,
 }
 
-impl<C: Chamber> Full<C> {
+impl<C: Chamber + Copy + Send> Full<C> {
     /// The full plant of a scenario with that chamber.
     ///
     /// # Errors
     /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
         let rest_length = chamber.rest_length();
-        let zones = scenario.muscle.zones.max(1);
+        let zones = chamber.zones().max(1);
         let pull = Pull::new(scenario, chamber);
         let closure = Closure::new(scenario);
         let gas = &closure.gas;
@@ -499,7 +499,7 @@ impl<C: Chamber> Full<C> {
     }
 }
 
-impl<C: Chamber> Plant for Full<C> {
+impl<C: Chamber + Copy + Send> Plant for Full<C> {
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         let substeps = self.config.substeps.now(&self.config.piping);
         let step = self.config.step_s / f64::from(substeps);

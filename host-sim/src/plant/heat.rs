@@ -63,7 +63,7 @@ impl InnerHeat {
                 let jet_diameter_m = scenario.orifice.diameter_m;
                 return Self::new(&scenario.heat, &gas, diameter_m, jet_diameter_m);
             }
-            (PlantKind::Muscle, PlantModel::Full, _) => {
+            (kind, PlantModel::Full, _) if kind != PlantKind::Vessel => {
                 Iso6358::tube(scenario.tube.conductance_m3_s_pa, ratio, &gas)
             }
             _ => Iso6358::valve(scenario.valve.conductance_m3_s_pa, ratio, &gas),

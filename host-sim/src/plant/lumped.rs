@@ -208,7 +208,7 @@ pub struct Lumped<C> {
     sensors: Sensors,
 }
 
-impl<C: Chamber> Lumped<C> {
+impl<C: Chamber + Copy> Lumped<C> {
     /// The lumped plant of a scenario with that chamber.
     ///
     /// # Errors
@@ -353,7 +353,7 @@ impl<C: Chamber> Lumped<C> {
     }
 }
 
-impl<C: Chamber> Plant for Lumped<C> {
+impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         let substeps = self.config.substeps.now(&self.config.piping);
         let step = self.config.step_s / f64::from(substeps);

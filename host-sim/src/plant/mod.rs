@@ -22,10 +22,11 @@ mod vessel;
 mod zones;
 
 use crate::scenario::profile::Profile;
-use crate::scenario::{PlantKind, PlantModel, Scenario};
-use chamber::{Chamber, braid};
+use crate::scenario::{PlantModel, Scenario};
+use chamber::{Chamber, with_chamber};
 use piping::Piping;
 pub use piping::{Disturbance, Travel};
+pub use pull::load_n;
 use serde::Serialize;
 use std::fmt;
 
@@ -271,19 +272,16 @@ fn of_kind(
     volume_profile: Option<Profile>,
     drive: Drive,
 ) -> Result<Box<dyn Plant>, BuildError> {
-    match scenario.plant.kind {
-        PlantKind::Muscle => moving(scenario, drive, braid::Muscle::of(&scenario.muscle)),
-        PlantKind::Vessel => {
-            let vessel = vessel::Vessel::new(scenario, volume_profile)?;
-            Ok(match drive {
-                Drive::Valves => Box::new(vessel),
-                Drive::Flows => Box::new(vessel.driven_by_flows(scenario.supply.temperature_k)),
-            })
-        }
-    }
+    with_chamber!(scenario, chamber => moving(scenario, drive, chamber), vessel => {
+        let vessel = vessel::Vessel::new(scenario, volume_profile)?;
+        Ok(match drive {
+            Drive::Valves => Box::new(vessel),
+            Drive::Flows => Box::new(vessel.driven_by_flows(scenario.supply.temperature_k)),
+        })
+    })
 }
 
-fn moving<C: Chamber + 'static>(
+fn moving<C: Chamber + Copy + Send + 'static>(
     scenario: &Scenario,
     drive: Drive,
     chamber: C,

@@ -22,15 +22,11 @@ pub struct Pull<C> {
 impl<C: Chamber> Pull<C> {
     /// Of a scenario with that chamber.
     pub fn new(scenario: &Scenario, chamber: C) -> Self {
-        let Load { kind, force_n, mass_kg, .. } = scenario.load;
         Self {
             stops: chamber.stops(),
+            load_n: load_n(scenario, &chamber),
             chamber,
             ambient_pa: scenario.ambient.pressure_pa,
-            load_n: match kind {
-                LoadKind::Isotonic | LoadKind::Isometric => force_n,
-                LoadKind::Mass => mass_kg * STANDARD_GRAVITY,
-            },
         }
     }
 
@@ -93,6 +89,15 @@ impl<C: Chamber> Pull<C> {
             return stop;
         }
         self.balance(wanted, rest, |_| (pressure, 0.0))
+    }
+}
+
+/// Force of a scenario's load \[N\]: a mass is lifted by what pressure does to the chamber.
+pub fn load_n(scenario: &Scenario, chamber: &(impl Chamber + ?Sized)) -> f64 {
+    let Load { kind, force_n, mass_kg, .. } = scenario.load;
+    match kind {
+        LoadKind::Isotonic | LoadKind::Isometric => force_n,
+        LoadKind::Mass => chamber.direction() * mass_kg * STANDARD_GRAVITY,
     }
 }
 

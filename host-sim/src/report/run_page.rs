@@ -6,6 +6,7 @@ use super::series::Recorder;
 use crate::files::measured::Measured;
 use crate::files::summary::Summary;
 use crate::files::trace::{COLUMNS, Row};
+use crate::plant::chamber;
 use crate::scenario::{self, Loaded, PlantKind};
 
 /// Strokes that the enlarged temperature chart shows.
@@ -89,7 +90,8 @@ impl RunRecorder {
             measured: &measured,
             summary: &rows(summary),
             axial_wall_k: &summary.axial_temperature_k,
-            rest_length_m: (!self.is_vessel).then_some(loaded.plant.muscle.rest_length_m),
+            rest_length_m: chamber::of(&loaded.plant).map(|chamber| chamber.rest_length()),
+            kind: loaded.plant.plant.kind,
             last_stroke: &self.last_stroke,
             detail_s,
         })

@@ -6,6 +6,7 @@ use super::muscle::Muscle;
 use super::number::{Unit, quantity, significant};
 use super::page::{Page, Section, Table, Tile};
 use super::series::Recorder;
+use crate::scenario::PlantKind;
 
 /// The plant's gas temperature, which the others are compared with.
 const TRUTH: &str = "gas_temperature_k";
@@ -82,6 +83,8 @@ pub struct RunReport<'a> {
     pub axial_wall_k: &'a [f64],
     /// Length at rest; with it, contraction is drawn below length \[m\].
     pub rest_length_m: Option<f64>,
+    /// What holds the gas.
+    pub kind: PlantKind,
     /// Volume \[m3\] and absolute pressure \[Pa\] through the last stroke, every sample; may be empty.
     pub last_stroke: &'a [(f64, f64)],
     /// A stretch of time to draw the temperatures of once more, enlarged \[s\].
@@ -256,12 +259,33 @@ impl RunReport<'_> {
 
     fn axial(&self) -> Option<Section> {
         (self.axial_wall_k.len() > 1).then(|| {
+            if self.kind != PlantKind::Muscle {
+                return self.wall_profile();
+            }
             let figure = Muscle::new(self.axial_wall_k).figure(
                 "The muscle at the end of the run",
                 "Surface temperature from the port to the closed end, on the scale of the paper's Fig. 2: 20 to 40 °C.",
             );
             Section::new("Along the muscle").figure(figure)
         })
+    }
+
+    /// What is no muscle has a curve in place of the picture.
+    fn wall_profile(&self) -> Section {
+        let zones = self.axial_wall_k.len() as f64;
+        let places: Vec<f64> =
+            (0..self.axial_wall_k.len()).map(|i| (i as f64 + 0.5) / zones).collect();
+        let unit = Unit::of_column("wall_temperature_k");
+        let chart = Chart::new(Axis::new("From port to closed end", "")).panel(
+            Panel::new(Axis::new("Wall", unit.symbol)).height(150.0).line(
+                "Wall",
+                Colour::Orange,
+                &places,
+                &unit.convert(self.axial_wall_k),
+            ),
+        );
+        Section::new("Along the wall")
+            .figure(chart.figure("The wall at the end of the run", "Surface temperature."))
     }
 
     fn numbers(&self) -> Option<Section> {

@@ -1,9 +1,11 @@
 //! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
 
+use crate::plant::chamber;
 use crate::plant::heat::InnerHeat;
-use crate::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
+use crate::plant::load_n;
+use crate::scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 use model_core::config::{Config, EstimatorConfig, Load};
-use model_core::physics::chamber::{Braid, ChamberConfig, Muscle, Vessel};
+use model_core::physics::chamber::{ChamberConfig, Vessel};
 use model_core::physics::friction::Friction;
 use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::valve::Valve;
@@ -26,10 +28,8 @@ const LEAST_WALL_J_K: f64 = 0.01;
 const WORKING_PRESSURE_PA: f64 = 2.0e5;
 const WORKING_SWING_K: f64 = 20.0;
 const WORKING_FLOW_KG_S: f64 = 3.6e-4;
-/// Standard gravity \[m/s2\].
-const GRAVITY_M_S2: f64 = 9.806_65;
 
-/// What a muscle of the plant `full` is to a model of one zone; nothing changes for the others.
+/// What the plant `full` is to a model of one zone; nothing changes for the others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OneZone {
     /// Volume of the tube, which is filled and emptied along \[m3\].
@@ -56,7 +56,7 @@ pub struct OneZone {
 impl OneZone {
     /// For the plant of that scenario.
     pub fn of(s: &Scenario) -> Self {
-        if s.is_full_muscle() {
+        if s.moves_in_full() {
             let foil = &s.sensor.gas;
             let part = 1.0 - foil.span;
             let off_middle = part * (foil.position - 0.5);
@@ -86,24 +86,16 @@ impl OneZone {
 pub fn core_config(believed: &Scenario) -> Config {
     let s = believed;
     let one_zone = OneZone::of(s);
-    let chamber = match s.plant.kind {
-        PlantKind::Muscle => ChamberConfig::Muscle(Muscle {
-            braid: Braid {
-                thread_length_m: s.muscle.thread_length_m as f32,
-                turns: s.muscle.turns as f32,
-            },
-            rest_length_m: s.muscle.rest_length_m as f32,
-            bladder_stiffness_n_m: s.muscle.bladder_stiffness_n_m as f32,
-            dead_volume_m3: (s.muscle.dead_volume_m3 + one_zone.tube_m3) as f32,
-        }),
-        PlantKind::Vessel => ChamberConfig::Vessel(Vessel {
-            section_m2: s.vessel.section_m2() as f32,
-            surface_m2: s.vessel.surface_m2 as f32,
-        }),
-    };
-    let wall_j_k = match s.plant.kind {
-        PlantKind::Muscle => one_zone.wall * s.wall.heat_capacity_j_k,
-        PlantKind::Vessel => s.vessel.wall_heat_capacity_j_k,
+    let moving = chamber::of(s);
+    let (chamber, wall_j_k) = match &moving {
+        Some(chamber) => (chamber.told(one_zone.tube_m3), one_zone.wall * s.wall.heat_capacity_j_k),
+        None => {
+            let vessel = Vessel {
+                section_m2: s.vessel.section_m2() as f32,
+                surface_m2: s.vessel.surface_m2 as f32,
+            };
+            (ChamberConfig::Vessel(vessel), s.vessel.wall_heat_capacity_j_k)
+        }
     };
     let full = s.plant.model == PlantModel::Full;
     let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
@@ -128,13 +120,13 @@ pub fn core_config(believed: &Scenario) -> Config {
                 ..s.friction.core()
             }
         },
-        load: match s.load.kind {
-            LoadKind::Isotonic => Load::Isotonic { force_n: s.load.force_n as f32 },
-            LoadKind::Isometric => Load::Isometric { length_m: s.load.length_m as f32 },
-            LoadKind::Mass => Load::Isotonic { force_n: (s.load.mass_kg * GRAVITY_M_S2) as f32 },
+        load: match (s.load.kind, &moving) {
+            (LoadKind::Isometric, _) => Load::Isometric { length_m: s.load.length_m as f32 },
+            (_, Some(chamber)) => Load::Isotonic { force_n: load_n(s, chamber.as_ref()) as f32 },
+            (_, None) => Load::Isotonic { force_n: 0.0 },
         },
         moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
-        valve: if s.is_full_muscle() {
+        valve: if s.moves_in_full() {
             s.valve.core()
         } else {
             // Every other plant has ideal valves.
@@ -176,10 +168,9 @@ fn inner_heat(s: &Scenario) -> (f64, f64) {
             (s.heat.scale * s.heat.inner_w_m2_k, s.heat.scale * s.heat.inner_per_flow)
         }
         HeatModel::Correlation => {
-            let diameter_m = match s.plant.kind {
-                PlantKind::Muscle => s.muscle.diameter_m,
-                PlantKind::Vessel => s.vessel.characteristic_length_m,
-            };
+            let diameter_m = chamber::of(s).map_or(s.vessel.characteristic_length_m, |chamber| {
+                chamber.diameter(chamber.rest_length())
+            });
             let wall_k = s.ambient.temperature_k;
             let gas_k = wall_k + WORKING_SWING_K;
             InnerHeat::of(s, diameter_m).linearised(

@@ -345,6 +345,14 @@ macro_rules! choice {
         impl $enum {
             /// The words that a user writes, in the order of the variants.
             pub const WORDS: &[&str] = &[$($word),*];
+
+            /// The word of this one.
+            #[allow(dead_code)]
+            pub const fn word(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $word,)*
+                }
+            }
         }
     };
 }

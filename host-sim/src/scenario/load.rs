@@ -5,10 +5,11 @@ use super::fault_rules;
 use super::geometry::{Dimensions, Given};
 use super::rules;
 use super::schema::{Allowed, Limits, limits};
-use super::tables::{DriveKind, PlantKind, PlantModel, Scenario};
+use super::tables::{DriveKind, PlantModel, Scenario};
 use super::violation::{Fault, Violation};
 use crate::files::input::{InputError, Problem, read_text};
 use crate::files::table::read_table;
+use crate::plant::chamber;
 use crate::scenario::profile::Profile;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -140,9 +141,9 @@ fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenari
 
 /// Sizes that follow from others where the file leaves them open.
 fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
-    let longest_m = match plant.plant.kind {
-        PlantKind::Muscle => plant.muscle.rest_length_m,
-        PlantKind::Vessel => {
+    let longest_m = match chamber::of(plant) {
+        Some(chamber) => chamber.lengths()[1],
+        None => {
             let volumes = volume.map_or(&[][..], Profile::points).iter().map(|point| point.1);
             let largest_m3 = volumes.reduce(f64::max).unwrap_or(plant.vessel.volume_m3);
             let sized = volume.is_some() || given.get("vessel.volume_m3").is_some();

@@ -6,7 +6,7 @@
 
 mod check;
 pub mod core_config;
-mod declare;
+pub(crate) mod declare;
 mod document;
 mod fault_rules;
 mod geometry;

@@ -3,9 +3,10 @@
 use super::fault_rules;
 use super::number::number;
 use super::schema::{Limits, fittable, fittable_paths, limits};
-use super::tables::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
+use super::tables::{DriveKind, LoadKind, PlantKind, PlantModel, Scenario};
 use super::violation::{Violation, within};
 use crate::files::input::nearest;
+use crate::plant::chamber;
 use crate::scenario::core_config::pressure_limit_pa;
 
 /// Most steps of a run: more take days.
@@ -60,12 +61,20 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
     let highest = limits("sensor.gas.range_max_k").max;
     let why = "at least 1 K above sensor.gas.range_min_k";
     within("sensor.gas.range_max_k", sensor.range_max_k, (sensor.range_min_k + 1.0, highest), why)?;
-    if scenario.plant.kind == PlantKind::Muscle && scenario.load.kind == LoadKind::Isometric {
-        let [shortest, rest] = working_lengths_m(&scenario.muscle);
-        let why = "between where the force vanishes and muscle.rest_length_m";
-        within("load.length_m", scenario.load.length_m, (shortest, rest), why)?;
+    let Some(chamber) = chamber::of(scenario) else { return Ok(()) };
+    match scenario.load.kind {
+        LoadKind::Isometric => {
+            let [shortest, longest] = chamber.lengths();
+            let why = "between its shortest and its longest length";
+            within("load.length_m", scenario.load.length_m, (shortest, longest), why)
+        }
+        LoadKind::Isotonic => {
+            let [least, most] = chamber.loads();
+            let why = "against what pressure does: positive where it pulls the ends apart";
+            within("load.force_n", scenario.load.force_n, (least, most), why)
+        }
+        LoadKind::Mass => Ok(()),
     }
-    Ok(())
 }
 
 /// Measured columns that the plant can be compared with.
@@ -153,9 +162,13 @@ pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
             "ambient.pressure_pa to supply.pressure_pa, and within sensor.pressure.range_pa",
         ),
         DriveKind::Contraction => {
-            let [shortest, rest] = working_lengths_m(&scenario.muscle);
-            let largest = limits("drive.contraction").max.min(1.0 - shortest / rest);
-            (limits("drive.contraction").between(0.0, largest), "up to where the force vanishes")
+            let allowed = limits("drive.contraction");
+            let Some(chamber) = chamber::of(scenario) else { return (allowed, "") };
+            let [shortest, longest] = chamber.lengths();
+            let rest = chamber.rest_length();
+            let least = allowed.min.max(1.0 - longest / rest);
+            let most = allowed.max.min(1.0 - shortest / rest);
+            (allowed.between(least, most), "from its longest to its shortest length")
         }
         DriveKind::MassFlow => {
             let largest = limits("drive.flow_kg_s").max;
@@ -170,9 +183,4 @@ pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
 /// What the supply gives, and the board does not vent for \[Pa\].
 fn highest_pa(scenario: &Scenario) -> f64 {
     scenario.supply.pressure_pa.min(pressure_limit_pa(scenario))
-}
-
-/// Shortest length, b/sqrt(3), where the force vanishes, and rest length \[m\].
-fn working_lengths_m(muscle: &Muscle) -> [f64; 2] {
-    [muscle.thread_length_m / 3.0_f64.sqrt(), muscle.rest_length_m]
 }

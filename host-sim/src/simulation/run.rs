@@ -8,10 +8,11 @@ use crate::board::{Board, BoardError, BoardStep};
 use crate::files::measured::Measured;
 use crate::files::summary::{Accumulator, Ending, Summary};
 use crate::files::trace::Row;
+use crate::plant::chamber;
 use crate::plant::{self, BuildError, Diverged, Plant, Truth};
 use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
-use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, PlantKind, Scenario};
+use crate::scenario::{Drive, DriveKind, LoadKind, Loaded};
 use crate::simulation::adc::VirtualAdc;
 use crate::simulation::faults::InjectedFaults;
 use model_core::physics::model::Model;
@@ -110,8 +111,8 @@ pub fn run(
         truth.length_m as f32,
     )
     .map_err(RunError::Config)?;
-    let length_held =
-        scenario.plant.kind == PlantKind::Vessel || scenario.load.kind == LoadKind::Isometric;
+    let rest_length_m = chamber::of(scenario).map(|chamber| chamber.rest_length());
+    let length_held = rest_length_m.is_none() || scenario.load.kind == LoadKind::Isometric;
     let mut sample = Sample::default();
     let mut accumulator = Accumulator::new(scenario.run.duration_s, measured);
     let mut flows = MeanFlows::new(plant.as_ref());
@@ -168,7 +169,7 @@ pub fn run(
                     truth: done.truth,
                     telemetry,
                 };
-                accumulator.add(&row, drive.controlled(scenario, &row));
+                accumulator.add(&row, drive.controlled(rest_length_m, &row));
                 if done.logged {
                     observer.row(&row).map_err(RunError::Output)?;
                 }
@@ -184,15 +185,11 @@ pub fn run(
         board: board.name(),
         period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
             .then_some(scenario.drive.period_s),
-        rest_length_m: (!plant_is_vessel(scenario)).then_some(scenario.muscle.rest_length_m),
+        rest_length_m,
         ledger: plant.ledger(),
         axial_wall_k: plant.axial_wall_k(),
         axial_gas_k: plant.axial_gas_k(),
     }))
-}
-
-fn plant_is_vessel(scenario: &Scenario) -> bool {
-    scenario.plant.kind == PlantKind::Vessel
 }
 
 /// A step that the plant has made and the board has not yet told of.
@@ -295,12 +292,10 @@ impl SetPoints {
     }
 
     /// What the set point stands for in the plant, where a loop closes on it.
-    fn controlled(&self, scenario: &Scenario, row: &Row) -> Option<f64> {
+    fn controlled(&self, rest_length_m: Option<f64>, row: &Row) -> Option<f64> {
         match self.drive.kind {
             DriveKind::Pressure => Some(row.truth.pressure_pa),
-            DriveKind::Contraction => {
-                Some(1.0 - row.truth.length_m / scenario.muscle.rest_length_m)
-            }
+            DriveKind::Contraction => rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m),
             _ => None,
         }
     }

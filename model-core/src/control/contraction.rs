@@ -1,4 +1,4 @@
-//! Contraction: a reference that the muscle can follow, the pressure that it needs, and the gas
+//! Contraction, either way: a reference that the chamber can follow, the pressure that it needs, and the gas
 //! mass that this pressure and length stand for.
 //!
 //! The loop closes on gas mass, not on pressure. At a held pressure the muscle is soft (800 N/m near
@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! F     = load + trim + friction + viscous v + moving mass a      along the reference
-//! P_ref = P_amb + (F + bladder)/(-dV/dL)                          force and geometry
+//! P_ref = P_amb + (F - elastic)/(-dV/dL)                          force and geometry
 //! dm    = (V (P_ref - P)/k + P (V(L_ref) - V(L)))/(R T)           eq. (6), adiabatic
 //! ```
 //!
@@ -27,7 +27,7 @@ const HYSTERESIS: f32 = 2.0;
 const STILL_S: f32 = 0.1;
 /// What an error at rest counts more while the loop learns, in dead zones \[-\].
 const STICKING: f32 = 2.0;
-/// Closer than this to the rest length the load may lie on its stop \[m\].
+/// Closer than this to either end of its lengths the load may lie on a stop \[m\].
 const STOP_M: f32 = 3.0e-4;
 
 /// What the configuration makes of the period, worked out once: divisions are dear without an FPU.
@@ -193,7 +193,8 @@ impl ContractionLoop {
         let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
         let holds_n = chamber.force_n(gauge_pa, feedback.length_m) - force_n - self.trim_n;
         self.friction_n = limit(holds_n, -most_friction_n, most_friction_n);
-        if feedback.length_m < chamber.rest_length_m() - STOP_M {
+        let length_m = feedback.length_m;
+        if length_m > chamber.shortest_m() + STOP_M && length_m < chamber.longest_m() - STOP_M {
             let most_n = config.controller.load_limit_n;
             self.trim_n = limit(self.trim_n + holds_n - self.friction_n, -most_n, most_n);
         }

@@ -29,7 +29,7 @@ mod set_point;
 pub mod valve_drive;
 
 pub use self::port::Feedback;
-pub use self::set_point::{SetPoint, SetPointError, SetPointField, Target, largest_contraction};
+pub use self::set_point::{SetPoint, SetPointError, SetPointField, Target, contractions};
 
 use self::contraction::{Contracting, ContractionLoop, Gains};
 use self::cycle::{Cycle, Strokes};

@@ -48,9 +48,9 @@ pub enum SetPoint {
         /// Pressure, 0 to the configured limit \[Pa\].
         pressure_pa: f32,
     },
-    /// A contraction, as a fraction of the rest length \[-\].
+    /// A contraction, as a fraction of the rest length, negative beyond it \[-\].
     Contraction {
-        /// Contraction, 0 to what the geometry has \[-\].
+        /// Contraction, within what the chamber can have \[-\].
         contraction: f32,
     },
 }
@@ -152,9 +152,12 @@ impl Target {
             SetPoint::Pressure { pressure_pa } => SetPoint::Pressure {
                 pressure_pa: within(Pressure, pressure_pa, 0.0, config.pressure_limit_pa)?,
             },
-            SetPoint::Contraction { contraction } => SetPoint::Contraction {
-                contraction: within(Contraction, contraction, 0.0, largest_contraction(config))?,
-            },
+            SetPoint::Contraction { contraction } => {
+                let [least, most] = contractions(config);
+                SetPoint::Contraction {
+                    contraction: within(Contraction, contraction, least, most)?,
+                }
+            }
         }))
     }
 
@@ -164,15 +167,15 @@ impl Target {
     }
 }
 
-/// Largest contraction that the geometry has, 0 for what does not move \[-\].
-pub fn largest_contraction(config: &Config) -> f32 {
+/// Least and largest contraction that the chamber can have, 0 for what does not move \[-\].
+pub fn contractions(config: &Config) -> [f32; 2] {
     let chamber = AnyChamber::new(&config.chamber);
     match config.load {
         Load::Isotonic { .. } if chamber.moves() => {
             let rest_m = chamber.rest_length_m();
-            (rest_m - chamber.shortest_m()) / rest_m
+            [chamber.longest_m(), chamber.shortest_m()].map(|length_m| (rest_m - length_m) / rest_m)
         }
-        _ => 0.0,
+        _ => [0.0; 2],
     }
 }
 
@@ -261,7 +264,8 @@ mod tests {
             assert_eq!(target.set_point(), SetPoint::Pressure { pressure_pa });
         }
         // From 300 mm at rest to b/sqrt(3) = 188.2 mm.
-        assert!((largest_contraction(&config) - 0.3728).abs() < 1e-4);
+        let [least, most] = contractions(&config);
+        assert!(least == 0.0 && (most - 0.3728).abs() < 1e-4);
         let key = |field: SetPointField| field.key();
         let keys =
             [SetPointField::Inlet, SetPointField::Period, SetPointField::Contraction].map(key);

@@ -276,6 +276,8 @@ impl Watch {
         let gauge_pa = pressure_pa - self.limits.ambient_pa;
         let force_n = chamber.force_n(gauge_pa, length_m);
         let tolerance_n = friction_n + LAW * absolute(chamber.force_n(gauge_pa, rest_m));
+        // Against the load's own direction: some push.
+        let (force_n, load_n) = if load_n < 0.0 { (-force_n, -load_n) } else { (force_n, load_n) };
         let possible = force_n > load_n / WRONG_LOAD - tolerance_n
             && force_n < load_n * WRONG_LOAD + tolerance_n;
         self.impossible_windows = if possible {

@@ -5,7 +5,7 @@ use arbitrary::Unstructured;
 use model_core::Config;
 use model_core::config::{ConfigError, Load};
 use model_core::link::MAX_FRAME;
-use model_core::physics::chamber::{ChamberConfig, Vessel};
+use model_core::physics::chamber::{ChamberConfig, Cylinder, Vessel};
 use std::sync::OnceLock;
 
 /// A kind of chamber and load, with the number of each field.
@@ -104,20 +104,23 @@ pub fn differences(config: &Config) -> String {
     });
     let differing: Vec<String> = differing.collect();
     let [chamber, load] = [
-        ["muscle", "vessel"][variants[0] as usize],
+        ["muscle", "vessel", "cylinder"][variants[0] as usize],
         ["isotonic", "isometric"][variants[1] as usize],
     ];
     format!("{chamber}, {load}: {}", differing.join("; "))
 }
 
-fn kinds() -> &'static [Kind; 4] {
-    static KINDS: OnceLock<[Kind; 4]> = OnceLock::new();
+fn kinds() -> &'static [Kind; 6] {
+    static KINDS: OnceLock<[Kind; 6]> = OnceLock::new();
     KINDS.get_or_init(|| {
         let muscle = Config::default();
         let chamber = ChamberConfig::Vessel(Vessel { section_m2: 0.0314, surface_m2: 0.386 });
         let vessel = Config { chamber, ..muscle };
+        let chamber = ChamberConfig::Cylinder(Cylinder::default());
+        let cylinder = Config { chamber, load: Load::Isotonic { force_n: -50.0 }, ..muscle };
         let load = Load::Isometric { length_m: 0.28 };
-        [muscle, Config { load, ..muscle }, vessel, Config { load, ..vessel }].map(kind)
+        let held = |free: Config| Config { load, ..free };
+        [muscle, held(muscle), vessel, held(vessel), cylinder, held(cylinder)].map(kind)
     })
 }
 
@@ -171,7 +174,11 @@ fn config_of(variants: [u32; 2], numbers: &[f32]) -> Config {
 
 fn variants(config: &Config) -> [u32; 2] {
     [
-        u32::from(matches!(config.chamber, ChamberConfig::Vessel(_))),
+        match config.chamber {
+            ChamberConfig::Muscle(_) => 0,
+            ChamberConfig::Vessel(_) => 1,
+            ChamberConfig::Cylinder(_) => 2,
+        },
         u32::from(matches!(config.load, Load::Isometric { .. })),
     ]
 }

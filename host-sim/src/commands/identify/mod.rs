@@ -29,7 +29,7 @@ use crate::files::measured::Measured;
 use crate::plant::{BuildError, Diverged};
 use crate::scenario::core_config::OneZone;
 use crate::scenario::schema::{self, fittable};
-use crate::scenario::{Loaded, PlantModel, Scenario, with_numbers};
+use crate::scenario::{Loaded, PlantModel, Scenario, number, with_numbers};
 use data::Input;
 use fit::{End, Problem};
 use nalgebra::{DMatrix, DVector};
@@ -157,7 +157,7 @@ pub struct Identified {
 
 /// Whether the plant that stands for the scenario has to be made of one that has zones.
 fn in_zones(scenario: &Scenario, data: &Data) -> bool {
-    scenario.is_full_muscle() && !matches!(data.input, Input::Given(_))
+    scenario.moves_in_full() && !matches!(data.input, Input::Given(_))
 }
 
 /// The scenario of the plant that measurements are compared with: see the module.
@@ -167,13 +167,20 @@ fn comparable(scenario: &Scenario, data: &Data) -> Scenario {
         // As the core sees it.
         let one_zone = OneZone::of(&scenario);
         scenario.plant.model = PlantModel::Lumped;
-        scenario.muscle.dead_volume_m3 += one_zone.tube_m3;
+        let path = dead_volume(&scenario);
+        let dead_m3 = number(&scenario, &path).unwrap_or_default() + one_zone.tube_m3;
+        scenario = with_numbers(&scenario, [(path.as_str(), dead_m3)]);
         scenario.heat.inner_per_flow *= one_zone.stirring;
         scenario.wall.heat_capacity_j_k *= one_zone.wall;
         let lag_s = &mut scenario.sensor.gas.time_constant_s;
         *lag_s = *lag_s / one_zone.swing + one_zone.housing_s;
     }
     scenario
+}
+
+/// The key of the volume that nothing sweeps.
+fn dead_volume(scenario: &Scenario) -> String {
+    format!("{}.dead_volume_m3", scenario.plant.kind.word())
 }
 
 /// The scenario with the fitted values, the core told so too. For `full` they are effective values of
@@ -185,20 +192,21 @@ fn adopted(
     volume_csv: Option<&Path>,
 ) -> Loaded {
     let mut adopted = loaded.clone();
-    let full = loaded.plant.is_full_muscle();
+    let full = loaded.plant.moves_in_full();
     let told = |path: &str| {
         fittable(path).is_some()
             && schema::key(path).is_some_and(|(table, _)| !full || table.believed)
     };
     let one_zone = OneZone::of(&loaded.plant);
     let backwards = in_zones(&loaded.plant, data);
+    let dead_volume = dead_volume(&loaded.plant);
     let values = values.iter().filter(|(path, _)| told(path)).map(|(path, value)| {
         if !backwards {
             return (*path, *value);
         }
         // What the core's configuration makes of a muscle in zones, backwards.
         let value = match *path {
-            "muscle.dead_volume_m3" => value - one_zone.tube_m3,
+            path if path == dead_volume => value - one_zone.tube_m3,
             "heat.inner_per_flow" => value / one_zone.stirring,
             "wall.heat_capacity_j_k" => value / one_zone.wall,
             "sensor.gas.time_constant_s" => (value - one_zone.housing_s) * one_zone.swing,

@@ -31,12 +31,12 @@ pub struct Experiment<'a> {
 }
 
 impl<'a> Experiment<'a> {
-    /// The experiment that the data recorded. A muscle is stepped as in a run of the scenario: stick
+    /// The experiment that the data recorded. What moves is stepped as in a run of the scenario: stick
     /// and slip are resolved to a step, and another step shifts the fit by more than its error.
     pub fn new(data: &'a Data, scenario: &Scenario) -> Self {
         let longest_s = match scenario.plant.kind {
-            PlantKind::Muscle => scenario.run.step_s,
             PlantKind::Vessel => LONGEST_VESSEL_STEP_S,
+            _ => scenario.run.step_s,
         };
         // Rows of regular data fall on steps; those of other data are interpolated.
         let spacing_s = data.spacing_s.min(data.end_s()).max(SHORTEST_STEP_S);

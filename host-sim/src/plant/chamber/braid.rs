@@ -2,6 +2,7 @@
 
 use super::Chamber;
 use crate::scenario;
+use model_core::physics::chamber::{self as told, ChamberConfig};
 use std::f64::consts::PI;
 
 /// A braid of inextensible threads around a cylinder.
@@ -70,6 +71,7 @@ pub struct Muscle {
     braid: Geometry,
     rest_length_m: f64,
     bladder_n_m: f64,
+    zones: usize,
 }
 
 impl Muscle {
@@ -79,6 +81,7 @@ impl Muscle {
             braid: Geometry::new(muscle.thread_length_m, muscle.turns, muscle.dead_volume_m3),
             rest_length_m: muscle.rest_length_m,
             bladder_n_m: muscle.bladder_stiffness_n_m,
+            zones: muscle.zones,
         }
     }
 }
@@ -86,6 +89,11 @@ impl Muscle {
 impl Chamber for Muscle {
     fn rest_length(&self) -> f64 {
         self.rest_length_m
+    }
+
+    /// From b/sqrt(3), where the force vanishes.
+    fn lengths(&self) -> [f64; 2] {
+        [self.braid.thread_length_m / 3.0_f64.sqrt(), self.rest_length_m]
     }
 
     fn range(&self) -> [f64; 2] {
@@ -123,6 +131,22 @@ impl Chamber for Muscle {
 
     fn diameter(&self, length: f64) -> f64 {
         self.braid.diameter(length)
+    }
+
+    fn zones(&self) -> usize {
+        self.zones
+    }
+
+    fn told(&self, tube_m3: f64) -> ChamberConfig {
+        ChamberConfig::Muscle(told::Muscle {
+            braid: told::Braid {
+                thread_length_m: self.braid.thread_length_m as f32,
+                turns: self.braid.turns as f32,
+            },
+            rest_length_m: self.rest_length_m as f32,
+            bladder_stiffness_n_m: self.bladder_n_m as f32,
+            dead_volume_m3: (self.braid.dead_volume_m3 + tube_m3) as f32,
+        })
     }
 }
 

@@ -1,19 +1,28 @@
-//! What moves with the gas: volume, force, surface over length, one file per kind. A vessel, whose
-//! volume nothing but a profile changes, is a plant of its own.
+//! What moves with the gas: volume, force, surface over length, one file per kind with its keys of the
+//! scenario. A vessel, whose volume nothing but a profile changes, is a plant of its own.
 //!
 //! The signs are the core's: a force is positive where it pulls the ends together, a load where it pulls
 //! them apart.
 
 pub mod braid;
+pub mod cylinder;
 
+use crate::scenario::Scenario;
+use model_core::physics::chamber::ChamberConfig;
 use std::fmt;
 
+/// See [`Chamber::loads`].
+const LARGEST_LOAD_N: f64 = 1.0e6;
+
 /// A gas volume between two ends that move.
-pub trait Chamber: fmt::Debug + Copy + Send {
+pub trait Chamber: fmt::Debug {
     /// Length that contraction counts from \[m\].
     fn rest_length(&self) -> f64;
 
-    /// Lengths between which the equations hold, ends included where there is a stop \[m\].
+    /// Shortest and longest length that may be asked for \[m\].
+    fn lengths(&self) -> [f64; 2];
+
+    /// Lengths between which the equations hold \[m\].
     fn range(&self) -> [f64; 2];
 
     /// Lengths at which stops carry the load \[m\]; infinite where there is none.
@@ -44,4 +53,44 @@ pub trait Chamber: fmt::Debug + Copy + Send {
     fn gas_length(&self, length: f64) -> f64 {
         length
     }
+
+    /// Axial zones of gas and wall (`full`).
+    fn zones(&self) -> usize;
+
+    /// What the core is told of it; the tube's volume \[m3\] is filled and emptied along.
+    fn told(&self, tube_m3: f64) -> ChamberConfig;
+
+    /// Smallest and largest force of a load \[N\]: against what pressure does.
+    fn loads(&self) -> [f64; 2] {
+        if self.direction() > 0.0 { [0.0, LARGEST_LOAD_N] } else { [-LARGEST_LOAD_N, 0.0] }
+    }
+
+    /// 1 where pressure pulls the ends together, -1 where it pushes them apart.
+    fn direction(&self) -> f64 {
+        self.force_area(self.rest_length()).signum()
+    }
+}
+
+/// The chambers that there are: `$then` with the one of the scenario, `$vessel` for a vessel.
+macro_rules! with_chamber {
+    ($scenario:expr, $chamber:ident => $then:expr, vessel => $vessel:expr) => {
+        match $scenario.plant.kind {
+            $crate::scenario::PlantKind::Vessel => $vessel,
+            $crate::scenario::PlantKind::Muscle => {
+                let $chamber = $crate::plant::chamber::braid::Muscle::of(&$scenario.muscle);
+                $then
+            }
+            $crate::scenario::PlantKind::Cylinder => {
+                let $chamber = $crate::plant::chamber::cylinder::Piston::of(&$scenario.cylinder);
+                $then
+            }
+        }
+    };
+}
+
+pub(super) use with_chamber;
+
+/// The chamber of a loaded scenario; none for a vessel.
+pub fn of(scenario: &Scenario) -> Option<Box<dyn Chamber>> {
+    with_chamber!(scenario, chamber => Some(Box::new(chamber)), vessel => None)
 }

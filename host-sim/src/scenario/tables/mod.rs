@@ -19,6 +19,7 @@ pub use sensors::*;
 
 use super::declare::keys_of;
 use super::schema::Table;
+use crate::plant::chamber::cylinder::Cylinder;
 use model_core::config::{ControllerConfig, EstimatorConfig};
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +41,8 @@ pub struct Scenario {
     pub muscle: Muscle,
     /// The rigid vessel, or a vessel with a prescribed piston.
     pub vessel: Vessel,
+    /// The single-acting cylinder.
+    pub cylinder: Cylinder,
     /// Coefficients of the paper's blended pressure equation (9), (12).
     pub paper: Paper,
     /// Heat transfer from gas to wall and from wall to ambient.
@@ -83,6 +86,7 @@ pub static TABLES: &[Table] = &[
     Plant::TABLE,
     Muscle::TABLE,
     Vessel::TABLE,
+    Cylinder::TABLE,
     Paper::TABLE,
     Heat::TABLE,
     Wall::TABLE,
@@ -115,8 +119,8 @@ pub static TABLES: &[Table] = &[
 ];
 
 impl Scenario {
-    /// Whether the plant is a muscle with zones, wall layers and real valves.
-    pub fn is_full_muscle(&self) -> bool {
-        self.plant.kind == PlantKind::Muscle && self.plant.model == PlantModel::Full
+    /// Whether the plant moves, with zones, wall layers and real valves.
+    pub fn moves_in_full(&self) -> bool {
+        self.plant.kind != PlantKind::Vessel && self.plant.model == PlantModel::Full
     }
 }

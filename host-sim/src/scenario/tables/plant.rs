@@ -10,6 +10,8 @@ choice! {
         Muscle = "muscle",
         /// A rigid vessel, or one with a prescribed volume.
         Vessel = "vessel",
+        /// A single-acting cylinder.
+        Cylinder = "cylinder",
     }
 }
 
@@ -82,23 +84,23 @@ table! {
 }
 
 choice! {
-    /// What the muscle pulls against.
+    /// What is moved, or holds.
     LoadKind {
         /// A constant force.
         Isotonic = "isotonic",
         /// A fixed length.
         Isometric = "isometric",
-        /// A hanging mass: its weight, and in `full` its inertia.
+        /// A mass that pressure lifts: its weight, and in `full` its inertia.
         Mass = "mass",
     }
 }
 
 table! {
-    "load", "what the muscle pulls", believed, physical;
+    "load", "what is moved", believed, physical;
     Load {
-        kind: choice LoadKind::Isotonic, "a constant force, a fixed length, a hanging mass";
-        force_n: real 100.0, "N", 0.0 to 1.0e6, "the force (isotonic)";
+        kind: choice LoadKind::Isotonic, "a constant force, a fixed length, a mass that pressure lifts";
+        force_n: real 100.0, "N", -1.0e6 to 1.0e6, "the force; positive where it pulls the ends apart (isotonic)";
         length_m: real 0.26, "m", 0.001 to 10.0, "the length held (isometric)";
-        mass_kg: real 2.0, "kg", 0.0 to 1.0e5, "the mass (mass); what moves with the muscle's end (isotonic, full)";
+        mass_kg: real 2.0, "kg", 0.0 to 1.0e5, "the mass (mass); what moves with the end (isotonic, full)";
     }
 }

@@ -40,7 +40,7 @@ table! {
         period_s: real 5.0, "s", 1.0e-3 to 86_400.0, "period of the cycle (mass-flow)";
         flow_kg_s: real 3.6e-4, "kg/s", 0.0 to 1.0, "flow, in for half of the period, then out (mass-flow)";
         pressure_pa: real 300_000.0, "Pa", 1.0 to 1.0e8, "set point, absolute (pressure)";
-        contraction: real 0.1, "", 0.0 to 0.45, "set point, fraction of the rest length (contraction)";
+        contraction: real 0.1, "", -10.0 to 0.95, "set point, fraction of the rest length; negative where it lengthens (contraction)";
         profile_csv: csv "value", "flow (negative: out), duty (negative: outlet), pressure or contraction over time";
     }
 }

@@ -1,4 +1,4 @@
-//! What holds the gas: a muscle, a vessel. Everything else in the core asks the trait [`Chamber`], and
+//! What holds the gas: a muscle, a vessel, a cylinder. Everything else in the core asks the trait [`Chamber`], and
 //! does not know which one it has.
 //!
 //! One sign convention for those that shorten under pressure and those that lengthen:
@@ -10,9 +10,11 @@
 //! - contraction is (L_0 - L)/L_0, L_0 being the length at rest: negative beyond it.
 
 pub mod braid;
+pub mod cylinder;
 pub mod vessel;
 
 pub use self::braid::{Braid, BraidError, Muscle};
+pub use self::cylinder::Cylinder;
 pub use self::vessel::Vessel;
 
 use crate::config::ConfigError;
@@ -132,6 +134,8 @@ chambers! {
     Muscle: Muscle => braid::Geometry,
     /// A vessel.
     Vessel: Vessel => Vessel,
+    /// A single-acting cylinder.
+    Cylinder: Cylinder => cylinder::Piston,
 }
 
 impl Chamber for AnyChamber {

@@ -1,0 +1,124 @@
+//! Every chamber: closed forms, the estimate, pressure and position held. Bounds on both sides: a figure
+//! far better than it can be is a broken measurement.
+
+use system_tests::{Finished, run_text, thermyo};
+
+/// Valves for a tenth of a litre: the shortest pulse is half a percent of the pressure.
+const SMALL_VALVES: &str = "[valve]\nconductance_m3_s_pa = 1.0e-9\n";
+const PUSHES: &str = "[plant]\nkind = \"cylinder\"\nmodel = \"MODEL\"\n[load]\nforce_n = -150.0\n";
+const PULLS: &str = "[plant]\nkind = \"cylinder\"\nmodel = \"MODEL\"\n\
+                     [cylinder]\nacts = \"pull\"\nrest_length_m = 0.35\n[load]\nforce_n = 150.0\n";
+
+/// What is moved, its rest length and its stroke \[m\], and the contraction of half of it.
+const MOVING: [(&str, &str, f64, f64); 2] =
+    [("pushes", PUSHES, 0.25, -0.1), ("pulls", PULLS, 0.35, 0.1)];
+
+fn run(chamber: &str, model: &str, drive: &str) -> Finished {
+    let chamber = chamber.replace("MODEL", model);
+    run_text(&format!("[run]\nduration_s = 20.0\n{chamber}{SMALL_VALVES}[drive]\n{drive}"), &[])
+}
+
+fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
+    assert!((low..=high).contains(&value), "{what}: {value}, allowed {low} to {high}");
+}
+
+/// Root mean square of the difference of two columns over the second half \[their unit\].
+fn rms(run: &Finished, column: &str, of: impl Fn(usize) -> f64) -> f64 {
+    let values = run.column(column);
+    let rows = values.len() / 2..values.len();
+    let count = rows.len() as f64;
+    (rows.map(|i| (values[i] - of(i)).powi(2)).sum::<f64>() / count).sqrt()
+}
+
+/// At a constant load the pressure is constant, and whatever comes in adds R T_in/P to the volume, heat or
+/// none: cp dm T_in = P dV cp/R.
+#[test]
+fn a_cylinder_under_a_constant_load_is_filled_at_constant_pressure() {
+    for (name, chamber, rest_m, stroke_m) in MOVING {
+        let sign = f64::signum(stroke_m);
+        let text = chamber.replace("MODEL", "lumped")
+            + "[heat]\nmodel = \"adiabatic\"\n[friction]\nforce_n = 0.0\n";
+        let text = if text.contains("[cylinder]") { text } else { text + "[cylinder]\n" };
+        let text = text
+            .replace("[cylinder]\n", "[cylinder]\nspring_n = 0.0\nspring_stiffness_n_m = 0.0\n");
+        // 150 N on 12.5 cm2: 1.2 bar above ambient.
+        let start = "[plant]\ninitial_pressure_pa = 221324.0\n";
+        let run = run_text(
+            &format!(
+                "[run]\nduration_s = 2.0\n{}{SMALL_VALVES}[drive]\nkind = \"mass-flow\"\n\
+                 period_s = 100.0\nflow_kg_s = 5.0e-5\n",
+                text.replace("[plant]\n", start)
+            ),
+            &[],
+        );
+        let (mass_kg, length_m) = (run.column("mass_kg"), run.column("length_m"));
+        let (first, last) = (0, mass_kg.len() - 1);
+        let added_m3 = 287.05 * 298.0 * (mass_kg[last] - mass_kg[first]) / 221_325.0;
+        let expected_m = rest_m - sign * added_m3 / 1.25e-3;
+        // The first pascal brings it to its load.
+        assert!(
+            (length_m[last] - expected_m).abs() < 1e-6,
+            "{name}: {} {expected_m}",
+            length_m[last]
+        );
+        assert!((length_m[last] - rest_m).abs() > 0.02, "{name}: it moves");
+    }
+}
+
+#[test]
+fn the_estimate_of_the_gas() {
+    let cycle = "kind = \"mass-flow\"\nperiod_s = 3.0\nflow_kg_s = 1.5e-4\n";
+    for (name, chamber, ..) in MOVING {
+        let run = run(chamber, "lumped", cycle);
+        let truth = run.column("gas_temperature_k");
+        assert_within(name, rms(&run, "estimate_k", |i| truth[i]), (0.01, 0.5));
+        let bare_k = rms(&run, "sensor_gas_k", |i| truth[i]);
+        assert!(bare_k > 3.0, "{name}: there is something to estimate, {bare_k} K");
+        assert!(run.column("faults").iter().all(|faults| *faults == 0.0), "{name}");
+    }
+}
+
+#[test]
+fn the_pressure_is_held() {
+    let vessel = "[plant]\nkind = \"vessel\"\nmodel = \"MODEL\"\n[sensor.length]\nrange_m = 0.4\n";
+    let kinds = MOVING.map(|(name, chamber, ..)| (name, chamber));
+    for (name, chamber) in kinds.into_iter().chain([("vessel", vessel)]) {
+        for model in ["lumped", "full"] {
+            let run = run(chamber, model, "kind = \"pressure\"\npressure_pa = 350000.0\n");
+            let error = rms(&run, "pressure_pa", |_| 350_000.0) / 350_000.0;
+            assert_within(&format!("{name} {model}"), error, (1e-6, 0.01));
+        }
+    }
+}
+
+#[test]
+fn the_position_is_held() {
+    for (name, chamber, rest_m, stroke_m) in MOVING {
+        for model in ["lumped", "full"] {
+            for share in [0.3, 0.8] {
+                let contraction = share * stroke_m / rest_m;
+                let drive = format!("kind = \"contraction\"\ncontraction = {contraction}\n");
+                let run = run(chamber, model, &drive);
+                let wanted_m = rest_m * (1.0 - contraction);
+                let error = rms(&run, "length_m", |_| wanted_m) / f64::abs(stroke_m);
+                assert_within(&format!("{name} {model} {share}"), error, (1e-6, 0.01));
+                assert!(run.column("faults").iter().all(|faults| *faults == 0.0), "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_load_that_pressure_does_not_move_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scenario.toml");
+    for (load, said) in [
+        ("[load]\nforce_n = 10.0\n", "load.force_n = 10.0: must be a number from -1e6 to 0 N"),
+        ("", "load.force_n = 100.0 (not given): must be a number from -1e6 to 0 N"),
+    ] {
+        std::fs::write(&file, format!("[plant]\nkind = \"cylinder\"\n{load}")).unwrap();
+        let outcome = thermyo(&["check", &file.display().to_string()]);
+        assert_eq!(outcome.code, 2);
+        assert!(outcome.err.contains(said), "{}", outcome.err);
+    }
+}
