@@ -102,6 +102,7 @@ pub const fn keys_of<const N: usize>(parameters: &[Parameter]) -> [Key; N] {
 /// name: switch default, meaning;
 /// name: list meaning;                             of words
 /// name: csv column, meaning;                      the path of a file with time_s and that column
+/// name: csv [column, ...], meaning;               the path of a file with these columns
 /// ```
 macro_rules! table {
     (
@@ -251,12 +252,20 @@ macro_rules! table {
         $name:ident: csv $column:literal, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
+            @field $head [$($done)*] $told
+            $name: csv ["time_s", $column], $meaning; $($rest)*
+        }
+    };
+    (@field $head:tt [$($done:tt)*] $told:tt
+        $name:ident: csv [$($column:literal),*], $meaning:literal; $($rest:tt)*
+    ) => {
+        $crate::scenario::declare::table! {
             @field $head
             [$($done)* {
                 [#[serde(skip_serializing_if = "Option::is_none")]]
-                concat!($meaning, ": a CSV with the columns time_s,", $column, "."),
+                concat!($meaning, ": the path of a CSV file with the columns" $(, " ", $column)*, "."),
                 $name: Option<std::path::PathBuf> = None,
-                key(stringify!($name), Allowed::Csv { columns: ["time_s", $column] }, $meaning)
+                key(stringify!($name), Allowed::Csv { columns: &[$($column),*] }, $meaning)
             }]
             $told $($rest)*
         }

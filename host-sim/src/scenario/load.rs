@@ -18,6 +18,17 @@ use toml::{Table, Value};
 /// range.
 const LENGTH_USE: f64 = 0.8;
 
+/// A cell of a CSV file that may not be what it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WrongCell {
+    /// Its row, from 0.
+    pub row: usize,
+    /// Its column, from 0, in the order of the key's columns.
+    pub column: usize,
+    /// What it may be.
+    pub allowed: String,
+}
+
 /// A scenario, checked, with every default filled in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
@@ -193,6 +204,38 @@ fn beside(origin: &Path, path: &Path) -> PathBuf {
     origin.parent().unwrap_or(Path::new("")).join(path)
 }
 
+/// The numbers in the CSV file at `path`, which an entry names, row after row; `wrong` finds the first cell
+/// that may not be what it is, and says what it may be.
+fn rows<const N: usize>(
+    path: &Path,
+    entry: &Entry,
+    wrong: impl Fn(&[[f64; N]]) -> Option<WrongCell>,
+    origin: &Path,
+) -> Result<Vec<[f64; N]>, InputError> {
+    let Allowed::Csv { columns } = entry.key.allowed else { return Ok(Vec::new()) };
+    let read = || {
+        let table = read_table(&beside(origin, path))?;
+        let mut rows = vec![[0.0; N]; table.rows()];
+        for (i, column) in columns.iter().enumerate() {
+            let numbers = table.filled(column)?;
+            rows.iter_mut().zip(numbers).for_each(|(row, number)| row[i] = number);
+        }
+        match wrong(&rows) {
+            Some(cell) => Err(table.cell_error(cell.row, columns[cell.column], &cell.allowed)),
+            None => Ok(rows),
+        }
+    };
+    read().map_err(|error| named(error, entry, origin))
+}
+
+/// Where the file as a whole is wrong, the user may have named the wrong one.
+fn named(error: InputError, entry: &Entry, origin: &Path) -> InputError {
+    if error.line.is_some() {
+        return error;
+    }
+    at(entry, origin, Problem::Reference { key: entry.path(), file: error })
+}
+
 /// The profile in the CSV file that an entry names; its values stay within `allowed`.
 fn profile(
     path: Option<&Path>,
@@ -201,34 +244,21 @@ fn profile(
     origin: &Path,
 ) -> Result<Option<Profile>, InputError> {
     let (Some(path), Some(entry)) = (path, entry) else { return Ok(None) };
-    let Allowed::Csv { columns } = entry.key.allowed else { return Ok(None) };
     let separator = if why.is_empty() { "" } else { ", " };
-    let said = format!("{allowed}{separator}{why}");
-    read_profile(&beside(origin, path), columns, &allowed, &said).map(Some).map_err(|error| {
-        if error.line.is_some() {
-            return error;
+    let wrong = |rows: &[[f64; 2]]| {
+        let earlier = (1..rows.len()).find(|row| rows[*row][0] <= rows[row - 1][0]);
+        if let Some(row) = earlier {
+            let allowed = format!("above {:?}, the time of the row before", rows[row - 1][0]);
+            return Some(WrongCell { row, column: 0, allowed });
         }
-        // Where the file as a whole is wrong, the user may have named the wrong one.
-        at(entry, origin, Problem::Reference { key: entry.path(), file: error })
-    })
-}
-
-fn read_profile(
-    file: &Path,
-    [time, value]: [&str; 2],
-    allowed: &Limits,
-    said: &str,
-) -> Result<Profile, InputError> {
-    let table = read_table(file)?;
-    let times = table.filled(time)?;
-    let values = table.filled(value)?;
-    if let Some(row) = (1..times.len()).find(|row| times[*row] <= times[row - 1]) {
-        let later = format!("above {:?}, the time of the row before", times[row - 1]);
-        return Err(table.cell_error(row, time, &later));
-    }
-    if let Some(row) = values.iter().position(|number| !allowed.contains(*number)) {
-        return Err(table.cell_error(row, value, said));
-    }
-    Profile::new(times.into_iter().zip(values).collect())
-        .map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
+        let row = rows.iter().position(|[_, value]| !allowed.contains(*value))?;
+        Some(WrongCell { row, column: 1, allowed: format!("{allowed}{separator}{why}") })
+    };
+    let rows = rows(path, entry, wrong, origin)?;
+    Profile::new(rows.into_iter().map(|[time, value]| (time, value)).collect()).map(Some).map_err(
+        |error| {
+            let unreadable = Problem::Unreadable(error.to_string());
+            named(InputError::file(&beside(origin, path), unreadable), entry, origin)
+        },
+    )
 }

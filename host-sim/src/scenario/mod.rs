@@ -20,7 +20,7 @@ mod violation;
 
 pub use check::render;
 pub use document::Document;
-pub use load::{Loaded, assemble, load, parse};
+pub use load::{Loaded, WrongCell, assemble, load, parse};
 pub use number::{number, with_numbers};
 pub use rules::OBSERVABLE;
 pub use tables::*;

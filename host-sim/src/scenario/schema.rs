@@ -72,10 +72,10 @@ pub enum Allowed {
     Switch,
     /// A list of words; which ones, the rules say.
     List,
-    /// The path of a CSV file with these two columns, relative to the scenario's folder.
+    /// The path of a CSV file with these columns, relative to the scenario's folder.
     Csv {
-        /// Its column of times and its column of values.
-        columns: [&'static str; 2],
+        /// Their names; of a profile that of the times, and that of the values.
+        columns: &'static [&'static str],
     },
 }
 
@@ -123,8 +123,8 @@ impl fmt::Display for Allowed {
             Self::Choice(words) => write!(f, "one of {}", Words(words, ", ")),
             Self::Switch => f.write_str("true or false"),
             Self::List => f.write_str("a list of words, [\"...\", \"...\"]"),
-            Self::Csv { columns: [time, value] } => {
-                write!(f, "the path of a CSV file with the columns {time},{value}")
+            Self::Csv { columns } => {
+                write!(f, "the path of a CSV file with the columns {}", columns.join(","))
             }
         }
     }
@@ -140,7 +140,7 @@ impl Key {
             Allowed::Choice(words) => Words(words, " | ").to_string(),
             Allowed::Switch => "true | false".to_owned(),
             Allowed::List => "list of words".to_owned(),
-            Allowed::Csv { columns: [time, value] } => format!("CSV file, {time},{value}"),
+            Allowed::Csv { columns } => format!("CSV file, {}", columns.join(",")),
         };
         format!("{allowed}: {}", self.meaning)
     }
