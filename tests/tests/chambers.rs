@@ -9,9 +9,18 @@ const PUSHES: &str = "[plant]\nkind = \"cylinder\"\nmodel = \"MODEL\"\n[load]\nf
 const PULLS: &str = "[plant]\nkind = \"cylinder\"\nmodel = \"MODEL\"\n\
                      [cylinder]\nacts = \"pull\"\nrest_length_m = 0.35\n[load]\nforce_n = 150.0\n";
 
+const BELLOWS: &str = concat!(
+    "[plant]\nkind = \"table\"\nmodel = \"MODEL\"\n[table]\ncsv = \"",
+    env!("CARGO_MANIFEST_DIR"),
+    "/../scenarios/bellows.csv\"\n[load]\nforce_n = -40.0\n"
+);
+
 /// What is moved, its rest length and its stroke \[m\], and the contraction of half of it.
-const MOVING: [(&str, &str, f64, f64); 2] =
-    [("pushes", PUSHES, 0.25, -0.1), ("pulls", PULLS, 0.35, 0.1)];
+const MOVING: [(&str, &str, f64, f64); 3] = [
+    ("pushes", PUSHES, 0.25, -0.1),
+    ("pulls", PULLS, 0.35, 0.1),
+    ("bellows", BELLOWS, 0.09, -0.035),
+];
 
 fn run(chamber: &str, model: &str, drive: &str) -> Finished {
     let chamber = chamber.replace("MODEL", model);
@@ -34,7 +43,7 @@ fn rms(run: &Finished, column: &str, of: impl Fn(usize) -> f64) -> f64 {
 /// none: cp dm T_in = P dV cp/R.
 #[test]
 fn a_cylinder_under_a_constant_load_is_filled_at_constant_pressure() {
-    for (name, chamber, rest_m, stroke_m) in MOVING {
+    for (name, chamber, rest_m, stroke_m) in MOVING.into_iter().take(2) {
         let sign = f64::signum(stroke_m);
         let text = chamber.replace("MODEL", "lumped")
             + "[heat]\nmodel = \"adiabatic\"\n[friction]\nforce_n = 0.0\n";
@@ -121,4 +130,45 @@ fn a_load_that_pressure_does_not_move_is_refused() {
         assert_eq!(outcome.code, 2);
         assert!(outcome.err.contains(said), "{}", outcome.err);
     }
+}
+
+/// Beyond the table nothing is known: a run that goes there ends, and says so.
+#[test]
+fn a_table_is_not_extrapolated() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scenario.toml");
+    let out = folder.path().join("out").display().to_string();
+    let heavy = BELLOWS.replace("MODEL", "lumped").replace("-40.0", "-400.0");
+    std::fs::write(&file, format!("[run]\nduration_s = 1.0\n{heavy}")).unwrap();
+    let outcome = thermyo(&["run", &file.display().to_string(), "--out", &out, "--quiet"]);
+    assert_ne!(outcome.code, 0);
+    let said = "and what is known of it reaches from 0.08 to 0.13 m";
+    assert!(outcome.err.contains(said), "{}", outcome.err);
+}
+
+#[test]
+fn a_table_that_is_none_is_refused_by_cell() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scenario.toml");
+    let check = |csv: &str, scenario: &str| {
+        std::fs::write(folder.path().join("b.csv"), csv).unwrap();
+        std::fs::write(&file, scenario).unwrap();
+        let outcome = thermyo(&["check", &file.display().to_string()]);
+        assert_eq!(outcome.code, 2, "{csv}");
+        outcome.err
+    };
+    let scenario = "[plant]\nkind = \"table\"\n[table]\ncsv = \"b.csv\"\n";
+    let head = "length_m,volume_m3,force_n\n0.08,1e-4,-80\n";
+    let rows = [
+        ("0.1,1.4e-4,80\n0.1,1.6e-4,90\n", "b.csv:4:", "above that of the row before by 0.1 mm"),
+        ("0.1,1.4e-4,80\n0.11,1.3e-4,90\n", "b.csv:4:", "as in the first two rows"),
+        ("0.1,1.4e-4,80\n0.11,1.6e-4,70\n", "b.csv:4:", "no less than that of the row before"),
+        ("0.1,1.4e-4,80\n", "b.csv:3:", "the last one of 3 to 12 rows"),
+    ];
+    for (rows, place, said) in rows {
+        let err = check(&format!("{head}{rows}"), scenario);
+        assert!(err.contains(place) && err.contains(said), "{err}");
+    }
+    let err = check(head, "[plant]\nkind = \"table\"\n");
+    assert!(err.contains("table.csv") && err.contains("needs it"), "{err}");
 }

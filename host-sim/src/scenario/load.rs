@@ -5,11 +5,11 @@ use super::fault_rules;
 use super::geometry::{Dimensions, Given};
 use super::rules;
 use super::schema::{Allowed, Limits, limits};
-use super::tables::{DriveKind, PlantModel, Scenario};
+use super::tables::{DriveKind, PlantKind, PlantModel, Scenario};
 use super::violation::{Fault, Violation};
 use crate::files::input::{InputError, Problem, read_text};
 use crate::files::table::read_table;
-use crate::plant::chamber;
+use crate::plant::chamber::{self, table};
 use crate::scenario::profile::Profile;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -97,6 +97,16 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let volume_csv = plant.vessel.volume_csv.as_deref();
     let volume_profile =
         profile(volume_csv, given.get("vessel.volume_csv"), (volumes, ""), origin)?;
+    match (&plant.table.csv, given.get("table.csv")) {
+        (Some(path), Some(entry)) => {
+            plant.table_rows = rows(path, entry, table::wrong_cell, origin)?;
+        }
+        _ if plant.plant.kind == PlantKind::Table => {
+            let why = "plant.kind = \"table\" needs it";
+            return Err(blame(Violation::missing("table.csv", "plant.kind", why), given, origin));
+        }
+        _ => {}
+    }
     fit_sizes(&mut plant, given, volume_profile.as_ref());
     rules::check_plant(&plant).map_err(|found| blame(found, given, origin))?;
     let set_points = rules::set_points(&plant);
@@ -104,6 +114,7 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let drive_profile = profile(drive_csv, given.get("drive.profile_csv"), set_points, origin)?;
     for (path, found) in [
         (&mut plant.vessel.volume_csv, given.get("vessel.volume_csv")),
+        (&mut plant.table.csv, given.get("table.csv")),
         (&mut plant.drive.profile_csv, given.get("drive.profile_csv")),
     ] {
         if let (Some(path), Some(entry)) = (path, found) {

@@ -356,6 +356,8 @@ fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
 mod tests {
     use super::*;
     use crate::control::Mode;
+    use crate::physics::chamber::table::{MOST_ROWS, Row};
+    use crate::physics::chamber::{ChamberConfig, Table};
     use crate::sample::{AdcCode, Command, Duty, Estimate, Faults};
     use proptest::prelude::*;
 
@@ -409,12 +411,13 @@ mod tests {
 
     #[test]
     fn the_longest_messages_fit_a_frame() {
-        let config = Config::default();
+        let table = Table { rows: [Row::default(); MOST_ROWS], count: 12, rest_length_m: 0.1 };
+        let config = Config { chamber: ChamberConfig::Table(table), ..Config::default() };
         let request = Request { sequence: 255, command: HostCommand::Configure(config) };
         let reply = Message::Reply(Reply { sequence: 255, answer: Answer::Config(config) });
         for length in [encode(&request).unwrap().len(), encode(&reply).unwrap().len()] {
             // Whole numbers of the configuration may need two bytes more than the default's.
-            assert!((150..=MAX_FRAME - 4).contains(&length), "{length} bytes");
+            assert!((300..=MAX_FRAME - 4).contains(&length), "{length} bytes");
         }
         let timing = Timing {
             steps: u64::MAX,

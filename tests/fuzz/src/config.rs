@@ -178,6 +178,7 @@ fn variants(config: &Config) -> [u32; 2] {
             ChamberConfig::Muscle(_) => 0,
             ChamberConfig::Vessel(_) => 1,
             ChamberConfig::Cylinder(_) => 2,
+            ChamberConfig::Table(_) => unreachable!("its rows are drawn nowhere"),
         },
         u32::from(matches!(config.load, Load::Isometric { .. })),
     ]

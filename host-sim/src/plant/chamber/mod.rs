@@ -6,6 +6,7 @@
 
 pub mod braid;
 pub mod cylinder;
+pub mod table;
 
 use crate::scenario::Scenario;
 use model_core::physics::chamber::ChamberConfig;
@@ -82,6 +83,11 @@ macro_rules! with_chamber {
             }
             $crate::scenario::PlantKind::Cylinder => {
                 let $chamber = $crate::plant::chamber::cylinder::Piston::of(&$scenario.cylinder);
+                $then
+            }
+            $crate::scenario::PlantKind::Table => {
+                let rows = &$scenario.table_rows;
+                let $chamber = $crate::plant::chamber::table::Measured::of(&$scenario.table, rows);
                 $then
             }
         }

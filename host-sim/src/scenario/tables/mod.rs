@@ -20,6 +20,7 @@ pub use sensors::*;
 use super::declare::keys_of;
 use super::schema::Table;
 use crate::plant::chamber::cylinder::Cylinder;
+use crate::plant::chamber::table::Table as ChamberTable;
 use model_core::config::{ControllerConfig, EstimatorConfig};
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +44,11 @@ pub struct Scenario {
     pub vessel: Vessel,
     /// The single-acting cylinder.
     pub cylinder: Cylinder,
+    /// The chamber given by a measured table.
+    pub table: ChamberTable,
+    /// The rows of its file: length \[m\], volume \[m3\], force \[N\].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub table_rows: Vec<[f64; 3]>,
     /// Coefficients of the paper's blended pressure equation (9), (12).
     pub paper: Paper,
     /// Heat transfer from gas to wall and from wall to ambient.
@@ -87,6 +93,7 @@ pub static TABLES: &[Table] = &[
     Muscle::TABLE,
     Vessel::TABLE,
     Cylinder::TABLE,
+    ChamberTable::TABLE,
     Paper::TABLE,
     Heat::TABLE,
     Wall::TABLE,

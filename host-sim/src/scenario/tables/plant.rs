@@ -12,6 +12,8 @@ choice! {
         Vessel = "vessel",
         /// A single-acting cylinder.
         Cylinder = "cylinder",
+        /// What has been measured of it.
+        Table = "table",
     }
 }
 

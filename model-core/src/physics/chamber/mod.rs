@@ -1,4 +1,4 @@
-//! What holds the gas: a muscle, a vessel, a cylinder. Everything else in the core asks the trait [`Chamber`], and
+//! What holds the gas: a muscle, a vessel, a cylinder, a measured table. Everything else in the core asks the trait [`Chamber`], and
 //! does not know which one it has.
 //!
 //! One sign convention for those that shorten under pressure and those that lengthen:
@@ -8,13 +8,27 @@
 //!   it pulls them apart. Without friction F = -P_g dV/dL + what is elastic (Chou and Hannaford 1994);
 //! - dV/dL is negative where pressure shortens it, and positive where pressure lengthens it;
 //! - contraction is (L_0 - L)/L_0, L_0 being the length at rest: negative beyond it.
+//!
+//! # How to add a chamber
+//!
+//! - Here a file: what it is told, with its `check`, and `From` that what implements [`Chamber`]. Its `mod`
+//!   and its line in `chambers!` below; `link::PROTOCOL` goes up, with its pinned bytes.
+//! - In the simulator a file in `host-sim/src/plant/chamber/`: its `table!` of keys and its law in f64,
+//!   derived apart from this one. Its arm in `with_chamber!`, its word in `PlantKind`, its field and its
+//!   line in `host-sim/src/scenario/tables/`.
+//! - Its row in `MOVING` of `tests/tests/chambers.rs`: estimate, pressure and position on every plant.
+//! - Its row in `docs/chambers.md`.
+//!
+//! Nothing else knows which chambers there are.
 
 pub mod braid;
 pub mod cylinder;
+pub mod table;
 pub mod vessel;
 
 pub use self::braid::{Braid, BraidError, Muscle};
 pub use self::cylinder::Cylinder;
+pub use self::table::Table;
 pub use self::vessel::Vessel;
 
 use crate::config::ConfigError;
@@ -105,6 +119,7 @@ macro_rules! chambers {
         }
 
         /// Any of the chambers, with its constants worked out once.
+        #[allow(clippy::large_enum_variant)] // There is no heap, and a core has one.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub enum AnyChamber {
             $($(#[$meaning])* $name($chamber),)*
@@ -136,6 +151,8 @@ chambers! {
     Vessel: Vessel => Vessel,
     /// A single-acting cylinder.
     Cylinder: Cylinder => cylinder::Piston,
+    /// One that has been measured, such as a bellows.
+    Table: Table => table::Curve,
 }
 
 impl Chamber for AnyChamber {
