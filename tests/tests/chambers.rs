@@ -172,3 +172,33 @@ fn a_table_that_is_none_is_refused_by_cell() {
     let err = check(head, "[plant]\nkind = \"table\"\n");
     assert!(err.contains("table.csv") && err.contains("needs it"), "{err}");
 }
+
+/// Its own trace, with friction and the heat transfer told wrong, gives both back.
+#[test]
+fn identify_finds_what_was_told_wrong() {
+    let cycle = "kind = \"mass-flow\"\nperiod_s = 3.0\nflow_kg_s = 1.5e-4\n";
+    for (name, chamber, ..) in MOVING {
+        let recorded = run(chamber, "lumped", cycle);
+        let file = recorded.path("told_wrong.toml");
+        let text = format!(
+            "[run]\nduration_s = 20.0\n{}{SMALL_VALVES}[drive]\n{cycle}[friction]\nforce_n = 12.0\n\
+             [heat]\nscale = 0.7\n[identify]\nparameters = [\"friction.force_n\", \"heat.scale\"]\n\
+             starts = 2\n",
+            chamber.replace("MODEL", "lumped")
+        );
+        std::fs::write(&file, text).unwrap();
+        let out = recorded.path("identified");
+        let [trace, file, out] =
+            [recorded.path("trace.csv"), file, out].map(|path| path.display().to_string());
+        let outcome = thermyo(&["identify", &trace, "--config", &file, "--out", &out, "--quiet"]);
+        assert_eq!(outcome.code, 0, "{name}: {}", outcome.err);
+        let found = std::fs::read_to_string(format!("{out}/summary.json")).unwrap();
+        let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+        for (path, truth) in [("friction.force_n", 15.0), ("heat.scale", 1.0)] {
+            let value = found["parameters"][path]["value"].as_f64();
+            let value = value.unwrap_or_else(|| panic!("{found}"));
+            assert_within(&format!("{name} {path}"), value / truth, (0.97, 1.03));
+            assert!(value != truth, "fitted, not told");
+        }
+    }
+}

@@ -121,10 +121,47 @@ fn poor_data_is_refused_and_nothing_written() {
 }
 
 #[test]
-fn a_vessel_is_bad_input() {
+fn what_cannot_be_tuned_is_bad_input() {
     let vessel = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"discharge\"\n";
-    let (outcome, folder) = tune(vessel, &[]);
-    assert_eq!(outcome.code, 2, "{}", outcome.err);
-    assert!(outcome.err.contains("plant.kind = \"vessel\": must be \"muscle\""), "{}", outcome.err);
-    assert!(!folder.path().join("out").exists());
+    let bellows = format!(
+        "[plant]\nkind = \"table\"\n[table]\ncsv = \"{}/../scenarios/bellows.csv\"\n",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    for (text, said) in [
+        (vessel, "plant.kind = \"vessel\": must be another one: a vessel has neither friction nor"),
+        (&bellows, "plant.kind = \"table\": must be another one: area and stiffness of this one"),
+    ] {
+        let (outcome, folder) = tune(text, &[]);
+        assert_eq!(outcome.code, 2, "{}", outcome.err);
+        assert!(outcome.err.contains(said), "{}", outcome.err);
+        assert!(!folder.path().join("out").exists());
+    }
+}
+
+/// A cylinder with a stiff spring, told 10 % less friction and area.
+#[test]
+fn a_cylinder_told_wrong_is_found() {
+    for (acts, rest_m, load_n) in [("push", 0.25, -150.0), ("pull", 0.35, 150.0)] {
+        let text = format!(
+            "[plant]\nkind = \"cylinder\"\n[load]\nforce_n = {load_n}\n\
+             [cylinder]\nacts = \"{acts}\"\nrest_length_m = {rest_m}\nspring_stiffness_n_m = 4000.0\n\
+             [valve]\nconductance_m3_s_pa = 1.5e-9\n\
+             [believed.friction]\nforce_n = 13.5\n[believed.cylinder]\narea_m2 = 1.125e-3\n"
+        );
+        let (outcome, folder) = tune(&text, &[]);
+        assert_eq!(outcome.code, 0, "{acts}: {}", outcome.err);
+        let found = fs::read_to_string(folder.path().join("out").join("summary.json")).unwrap();
+        let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+        for (path, truth, bounds) in [
+            ("friction.force_n", 15.0, (-6.0, 6.0)),
+            ("cylinder.area_m2", 1.25e-3, (-2.0, 2.0)),
+            ("cylinder.spring_stiffness_n_m", 4000.0, (-3.0, 3.0)),
+        ] {
+            let parameters = found["parameters"].as_array().unwrap();
+            let one = parameters.iter().find(|parameter| parameter["path"] == path).unwrap();
+            let error = (one["after"].as_f64().unwrap() / truth - 1.0) * 100.0;
+            assert_within(&format!("{acts} {path}, error %"), error, bounds);
+            assert!(error != 0.0, "measured");
+        }
+    }
 }

@@ -14,6 +14,7 @@ use crate::files::trace::Row;
 use crate::scenario::{DriveKind, Loaded};
 use crate::simulation::run::{self, RunError};
 use model_core::config::{Config, Load};
+use model_core::control::contractions;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::{Faults, Telemetry};
 use std::ops::Range;
@@ -24,8 +25,10 @@ pub const HIGHEST_PA: f64 = 4.0e5;
 const SUPPLY_SHARE: f64 = 0.85;
 /// Share of the pressure at which the supervisor vents \[-\].
 const LIMIT_SHARE: f64 = 0.9;
-/// Contractions between which the told muscle is moved \[-\].
+/// Contractions between which what is told is moved, either way, if its stroke is long enough \[-\].
 const CONTRACTIONS: [f64; 2] = [0.03, 0.28];
+/// Shares of a shorter stroke \[-\].
+const OF_STROKE: [f64; 2] = [0.1, 0.8];
 /// Least width of them \[-\].
 const LEAST_WIDTH: f64 = 0.06;
 /// Rest before and after, in which noise is measured and the muscle vented \[s\].
@@ -157,8 +160,10 @@ impl Plan {
         let limit_pa = f64::from(config.pressure_limit_pa);
         let highest_pa = highest_pa.min(SUPPLY_SHARE * supply_pa).min(LIMIT_SHARE * limit_pa);
         let rest_m = chamber.rest_length_m();
+        let [least, greatest] = contractions(config).map(f64::from);
+        let (sign, stroke) = if greatest > -least { (1.0, greatest) } else { (-1.0, -least) };
         let pressure_pa = |contraction: f64| {
-            let length_m = rest_m * (1.0 - contraction as f32);
+            let length_m = rest_m * (1.0 - (sign * contraction) as f32);
             let gauge_pa = chamber.gauge_pressure_for_force_pa(load_n as f32, length_m);
             // 0 where the muscle holds no load at all.
             if gauge_pa > 0.0 {
@@ -167,7 +172,7 @@ impl Plan {
                 f64::INFINITY
             }
         };
-        let [from, most] = CONTRACTIONS;
+        let [from, most] = [0, 1].map(|i| CONTRACTIONS[i].min(OF_STROKE[i] * stroke));
         let steps = ((most - from) / 0.001) as u32;
         let to = (0..=steps)
             .map(|step| most - 0.001 * f64::from(step))
@@ -214,7 +219,7 @@ impl Plan {
         profile.hold(REST_S);
         Ok(Self {
             pressures_pa,
-            contractions: [from, to],
+            contractions: [sign * from, sign * to],
             profile: profile.points,
             rest_s,
             ramps_s: ramps_from_s..steps_from_s,

@@ -6,6 +6,7 @@ use super::force::Force;
 use super::gains::{Basis, Gains};
 use super::regression::Measure;
 use super::valve::Steps;
+use crate::plant::chamber::Tunable;
 use crate::report::number::significant;
 use crate::scenario::schema::limits;
 use crate::scenario::{Loaded, PlantModel, number};
@@ -35,6 +36,7 @@ pub struct Parameter {
 pub(super) struct Parts<'a> {
     pub told: &'a Loaded,
     pub force: &'a Force,
+    pub tunable: Tunable,
     /// Inlet and outlet.
     pub steps: [Steps; 2],
     /// Whether the valves take time to switch.
@@ -74,8 +76,9 @@ impl Parts<'_> {
         let Self { force, gains, .. } = self;
         let [inlet, outlet] = &self.steps;
         let full = self.told.believed.plant.model == PlantModel::Full;
-        let turns = self.before("muscle.turns");
         let area = force.area_scale;
+        let (area_key, power) = self.tunable.area[0];
+        let told = self.before(area_key);
         let mut all = vec![
             self.measured("friction.force_n", force.coulomb_n, "half of the hysteresis"),
             match force.softening_per_k {
@@ -103,15 +106,14 @@ impl Parts<'_> {
         }
         all.extend([
             self.measured(
-                "muscle.turns",
-                // A ~ 1/n^2.
+                area_key,
                 Measure {
-                    value: turns * area.value.powf(-0.5),
-                    error: 0.5 * turns * area.value.powf(-1.5) * area.error,
+                    value: told * area.value.powf(power),
+                    error: told * (power * area.value.powf(power - 1.0)).abs() * area.error,
                 },
                 &format!("force area and volume, {} of the told ones", significant(area.value, 4)),
             ),
-            self.measured("muscle.bladder_stiffness_n_m", force.bladder_n_m, "force over the way"),
+            self.measured(self.tunable.stiffness, force.stiffness_n_m, "force over the way"),
             self.measured(
                 "valve.conductance_m3_s_pa",
                 inlet.conductance.between(outlet.conductance),

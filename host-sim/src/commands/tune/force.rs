@@ -40,8 +40,8 @@ pub const LEAST_SIGNAL: f64 = 20.0;
 pub struct Force {
     /// Force area and volume of the braid, over the told ones \[-\].
     pub area_scale: Measure,
-    /// Bladder stiffness \[N/m\].
-    pub bladder_n_m: Measure,
+    /// Stiffness of what is elastic, bladder or spring \[N/m\].
+    pub stiffness_n_m: Measure,
     /// Coulomb friction at the reference temperature \[N\].
     pub coulomb_n: Measure,
     /// Viscous friction at the reference temperature \[N s/m\]; where it stands out of the scatter.
@@ -115,7 +115,7 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
         let ways_m = [earlier.length_m - bin.length_m, bin.length_m - later.length_m];
         let mean_m = speed_m_s * BIN_S;
         let steady = ways_m.iter().all(|way_m| (way_m / mean_m - 1.0).abs() < EVEN);
-        let lifted = bin.length_m < rest_m - STOP_M;
+        let lifted = (bin.length_m - rest_m).abs() > STOP_M;
         if steady && lifted && (bin.length_m - turned_m).abs() > TURN_M {
             found.push((*bin, speed_m_s));
         }
@@ -130,6 +130,8 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
 pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Refusal> {
     let (chamber, load_n) = told(config)?;
     let rest_m = f64::from(chamber.rest_length_m());
+    // What is elastic at rest already, as the preload of a spring, is told.
+    let load_n = load_n - f64::from(chamber.force_n(0.0, chamber.rest_length_m()));
     let ambient_pa = f64::from(config.ambient.pressure_pa);
     let bins = bins(during(records, &plan.ramps_s), f64::from(config.step_s));
     let sliding = sliding(&bins, rest_m);
@@ -170,7 +172,7 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         .collect();
     Ok(Force {
         area_scale,
-        bladder_n_m: fit.measure(|c| c[1] / c[0]),
+        stiffness_n_m: fit.measure(|c| c[1] / c[0]),
         coulomb_n,
         viscous_n_s_m: certain.then_some(viscous),
         softening_per_k,
@@ -256,7 +258,7 @@ mod tests {
         assert!((softening.value - 0.015).abs() < 5e-4, "{softening:?}");
         assert!((warm.coulomb_n.value - 12.0).abs() < 0.1, "{:?}", warm.coulomb_n);
         assert!((warm.area_scale.value - 0.9).abs() < 1e-3, "{:?}", warm.area_scale);
-        assert!((warm.bladder_n_m.value - 600.0).abs() < 5.0, "{:?}", warm.bladder_n_m);
+        assert!((warm.stiffness_n_m.value - 600.0).abs() < 5.0, "{:?}", warm.stiffness_n_m);
         assert!((warm.viscous_n_s_m.unwrap().value - 40.0).abs() < 2.0);
         let cold = fit(&records(&plan, &config, 295.0), &plan, &config).unwrap();
         assert_eq!(cold.softening_per_k, None);

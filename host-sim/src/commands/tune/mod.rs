@@ -25,9 +25,10 @@ pub use page::{check_chart, page};
 
 use crate::board::Board;
 use crate::files::input::{InputError, Problem};
+use crate::plant::chamber::{self, Tunable};
 use crate::scenario::core_config::core_config;
 use crate::scenario::schema::limits;
-use crate::scenario::{DriveKind, Loaded, PlantKind, PlantModel, with_numbers};
+use crate::scenario::{DriveKind, Loaded, PlantModel, number, with_numbers};
 use crate::simulation::run::RunError;
 use check::Checked;
 use experiment::{Plan, Record, during};
@@ -206,17 +207,28 @@ pub fn tune(
     highest_pa: f64,
     board: &mut dyn Board,
 ) -> Result<Tuned, TuneError> {
-    if loaded.plant.plant.kind == PlantKind::Vessel {
-        let problem = Problem::NotAllowed {
-            key: "plant.kind".to_owned(),
-            value: "\"vessel\"".to_owned(),
-            allowed: "\"muscle\": a vessel has neither friction nor a load".to_owned(),
-        };
-        return Err(InputError::file(file, problem).into());
-    }
+    let refused = |why: &str| {
+        let kind = loaded.plant.plant.kind.word();
+        InputError::file(
+            file,
+            Problem::NotAllowed {
+                key: "plant.kind".to_owned(),
+                value: format!("\"{kind}\""),
+                allowed: why.to_owned(),
+            },
+        )
+    };
+    let Some(chamber) = chamber::of(&loaded.believed) else {
+        return Err(refused("another one: a vessel has neither friction nor a load").into());
+    };
+    let Some(tunable) = chamber.tunable() else {
+        return Err(
+            refused("another one: area and stiffness of this one have been measured").into()
+        );
+    };
     let config = core_config(&loaded.believed);
     let plan = Plan::new(&config, highest_pa)?;
-    let result = tried(loaded, plan, board);
+    let result = tried(loaded, plan, (chamber.rest_length(), tunable), board);
     // Whatever happened, the muscle is not left under pressure.
     let vented = board.start(&config, SetPoint::Vent);
     let tuned = result?;
@@ -224,13 +236,18 @@ pub fn tune(
     Ok(tuned)
 }
 
-fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, TuneError> {
+fn tried(
+    loaded: &Loaded,
+    plan: Plan,
+    (rest_m, tunable): (f64, Tunable),
+    board: &mut dyn Board,
+) -> Result<Tuned, TuneError> {
     let config = core_config(&loaded.believed);
     let records = experiment::record(loaded, DriveKind::Pressure, plan.profile.clone(), board)?;
-    let contractions = good_enough(&records, &plan, loaded.believed.muscle.rest_length_m)?;
+    let contractions = good_enough(&records, &plan, rest_m)?;
     let force = force::fit(&records, &plan, &config)?;
 
-    let mut scenario = with_force(loaded, &force);
+    let mut scenario = with_force(loaded, &force, &tunable);
     let config = core_config(&scenario.believed);
     let (chamber, _) = experiment::told(&config)?;
     let gas = Gas::new(&config, &chamber);
@@ -255,6 +272,7 @@ fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, Tu
     let parts = findings::Parts {
         told: loaded,
         force: &force,
+        tunable,
         steps: [inlet, outlet],
         switching,
         switch_time_s,
@@ -264,7 +282,6 @@ fn tried(loaded: &Loaded, plan: Plan, board: &mut dyn Board) -> Result<Tuned, Tu
     let parameters = parts.parameters();
     adopt(&mut scenario, &parameters)?;
 
-    let rest_m = loaded.believed.muscle.rest_length_m;
     let before = check::check(loaded, contractions, rest_m, board)?;
     let after = check::check(&scenario, contractions, rest_m, board)?;
     let rms = |checked: &Checked| checked.figures.sine_rms_percent;
@@ -317,13 +334,13 @@ fn lengths_m(records: &[Record]) -> [f64; 2] {
         })
 }
 
-/// The braid with the force area that was found: turns go into it, and into the volume, squared.
-fn with_force(loaded: &Loaded, force: &Force) -> Loaded {
+/// The chamber with the force area that was found.
+fn with_force(loaded: &Loaded, force: &Force, tunable: &Tunable) -> Loaded {
     let mut other = loaded.clone();
-    let factor = force.area_scale.value.sqrt().recip();
-    let muscle = &mut other.believed.muscle;
-    muscle.turns *= factor;
-    muscle.diameter_m /= factor;
+    let scaled = tunable.area.iter().filter_map(|(path, power)| {
+        Some((*path, number(&loaded.believed, path)? * force.area_scale.value.powf(*power)))
+    });
+    other.believed = with_numbers(&loaded.believed, scaled);
     other
 }
 

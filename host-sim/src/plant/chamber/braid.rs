@@ -1,6 +1,6 @@
 //! Geometry of the braid, eq. (10), (11), and the force that follows from it.
 
-use super::Chamber;
+use super::{Chamber, Tunable};
 use crate::scenario;
 use model_core::physics::chamber::{self as told, ChamberConfig};
 use std::f64::consts::PI;
@@ -131,6 +131,14 @@ impl Chamber for Muscle {
 
     fn diameter(&self, length: f64) -> f64 {
         self.braid.diameter(length)
+    }
+
+    /// A ~ 1/n^2.
+    fn tunable(&self) -> Option<Tunable> {
+        Some(Tunable {
+            area: &[("muscle.turns", -0.5), ("muscle.diameter_m", 0.5)],
+            stiffness: "muscle.bladder_stiffness_n_m",
+        })
     }
 
     fn zones(&self) -> usize {

@@ -1,7 +1,7 @@
 //! A single-acting pneumatic cylinder: gas on one side of the piston, a spring and the surroundings on
 //! the other.
 
-use super::Chamber;
+use super::{Chamber, Tunable};
 use crate::scenario::declare::{choice, table};
 use model_core::physics::chamber::{self as told, ChamberConfig};
 use std::f64::consts::PI;
@@ -120,6 +120,13 @@ impl Chamber for Piston {
 
     fn gas_length(&self, length: f64) -> f64 {
         self.volume(length) / self.area_m2
+    }
+
+    fn tunable(&self) -> Option<Tunable> {
+        Some(Tunable {
+            area: &[("cylinder.area_m2", 1.0)],
+            stiffness: "cylinder.spring_stiffness_n_m",
+        })
     }
 
     fn zones(&self) -> usize {

@@ -15,6 +15,15 @@ use std::fmt;
 /// See [`Chamber::loads`].
 const LARGEST_LOAD_N: f64 = 1.0e6;
 
+/// Keys of the scenario that the balance of forces tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tunable {
+    /// Those that the force area sets, and the power of it that each goes with; the first is told of.
+    pub area: &'static [(&'static str, f64)],
+    /// The stiffness over the way.
+    pub stiffness: &'static str,
+}
+
 /// A gas volume between two ends that move.
 pub trait Chamber: fmt::Debug {
     /// Length that contraction counts from \[m\].
@@ -60,6 +69,11 @@ pub trait Chamber: fmt::Debug {
 
     /// What the core is told of it; the tube's volume \[m3\] is filled and emptied along.
     fn told(&self, tube_m3: f64) -> ChamberConfig;
+
+    /// What `thermyo tune` can find of it; nothing of what has been measured.
+    fn tunable(&self) -> Option<Tunable> {
+        None
+    }
 
     /// Smallest and largest force of a load \[N\]: against what pressure does.
     fn loads(&self) -> [f64; 2] {
