@@ -162,6 +162,7 @@ impl Core {
         // While venting too: it counts the periods of the PWM, and the hardware goes on with them.
         let wanted = self.controller.step(
             &self.config,
+            &self.chamber,
             &Feedback { pressure_pa, length_m, estimate: self.estimator.estimate() },
             sample.missed_steps,
         );
@@ -178,7 +179,7 @@ impl Core {
             None
         };
         // The gas that this sample has seen went through the openings of the step before.
-        self.estimator.step(&Measurement {
+        let measurement = Measurement {
             pressure: self.supervisor.pressure_trusted().then_some(readings.pressure),
             length: Reading { value: length_m, ..readings.length },
             gas,
@@ -189,7 +190,8 @@ impl Core {
                 charging: self.inlet_steps > 0,
                 discharging: self.outlet_steps > 0,
             },
-        });
+        };
+        self.estimator.step(&self.chamber, &measurement);
         if let Some(balance) = self.estimator.take_balance() {
             let length_m = (!faults.intersects(Faults::LENGTH_SENSOR)).then_some(length_m);
             self.found = self.watch.add(&self.chamber, &balance, length_m);
@@ -416,6 +418,7 @@ mod tests {
     fn the_estimator_is_told_of_the_openings_that_a_sample_has_seen() {
         let start = Sample::new(AdcCode(11_538), AdcCode(16_200), AdcCode(20_500));
         let mut core = judged_core(&Config::default(), HALF, &start);
+        let muscle = AnyChamber::new(&Config::default().chamber);
         let mut estimator = Estimator::new(&Config::default());
         let sensors = Sensors::default();
         let mut sensing = Sensing::new(&Config::default());
@@ -441,28 +444,31 @@ mod tests {
             if !gas_lost {
                 sensing.add_gas(sample.gas);
             }
-            estimator.step(&Measurement {
-                pressure: (!pressure_lost).then_some(Reading {
-                    wide: if (50..=60).contains(&step) || step >= 190 { wide_pa } else { 0.0 },
-                    ..Reading::exact(telemetry.pressure_pa)
-                }),
-                length: Reading {
-                    wide: if wide_length { wide_m } else { 0.0 },
-                    ..Reading::exact(telemetry.length_m)
+            estimator.step(
+                &muscle,
+                &Measurement {
+                    pressure: (!pressure_lost).then_some(Reading {
+                        wide: if (50..=60).contains(&step) || step >= 190 { wide_pa } else { 0.0 },
+                        ..Reading::exact(telemetry.pressure_pa)
+                    }),
+                    length: Reading {
+                        wide: if wide_length { wide_m } else { 0.0 },
+                        ..Reading::exact(telemetry.length_m)
+                    },
+                    gas: match step {
+                        0 => sensing.last_gas(),
+                        _ if step % 20 == 19 => sensing.take_gas(),
+                        _ => None,
+                    },
+                    busy: step % 10 == 0,
+                    openings: Openings {
+                        turned: [1, 101, 151, 201].contains(&step),
+                        driven: (0..=100).contains(&step) || (151..=200).contains(&step),
+                        charging: (1..=110).contains(&step),
+                        discharging: (0..=10).contains(&step) || (151..=210).contains(&step),
+                    },
                 },
-                gas: match step {
-                    0 => sensing.last_gas(),
-                    _ if step % 20 == 19 => sensing.take_gas(),
-                    _ => None,
-                },
-                busy: step % 10 == 0,
-                openings: Openings {
-                    turned: [1, 101, 151, 201].contains(&step),
-                    driven: (0..=100).contains(&step) || (151..=200).contains(&step),
-                    charging: (1..=110).contains(&step),
-                    discharging: (0..=10).contains(&step) || (151..=210).contains(&step),
-                },
-            });
+            );
             assert_eq!(telemetry.estimate, estimator.estimate(), "step {step}");
         }
     }

@@ -6,9 +6,9 @@ use object::{Object, ObjectSection, ObjectSymbol};
 use system_tests::skip_emulator;
 
 /// Flash of the image \[bytes\].
-const FLASH: u64 = 64 * 1024;
+const FLASH: u64 = 128 * 1024;
 /// Static memory of the image \[bytes\].
-const RAM: u64 = 16 * 1024;
+const RAM: u64 = 24 * 1024;
 
 #[test]
 fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {

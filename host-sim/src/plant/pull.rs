@@ -141,3 +141,4 @@ impl LocalSoftening {
         self.factor + self.slope * (wall_k - self.wall_k)
     }
 }
+// x

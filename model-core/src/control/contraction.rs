@@ -17,7 +17,7 @@
 use super::port::{Feedback, Port};
 use crate::config::{Config, ControllerConfig};
 use crate::math::{absolute, limit};
-use crate::physics::chamber::{AnyChamber, Chamber};
+use crate::physics::chamber::Chamber;
 
 /// Periods within the dead zone before the valves rest.
 const CALM_PERIODS: u8 = 5;
@@ -69,7 +69,7 @@ struct Reference {
 }
 
 impl Reference {
-    fn at(chamber: &AnyChamber, length_m: f32) -> Self {
+    fn at(chamber: &impl Chamber, length_m: f32) -> Self {
         let volume_m3 = chamber.volume_m3(length_m);
         Self { length_m, volume_m3, speed_m_s: 0.0, acceleration_m_s2: 0.0, target_m: length_m }
     }
@@ -81,7 +81,7 @@ impl Reference {
         &mut self,
         tuning: &ControllerConfig,
         gains: &Gains,
-        chamber: &AnyChamber,
+        chamber: &impl Chamber,
         target_m: f32,
         port: &Port,
     ) {
@@ -149,7 +149,7 @@ impl ContractionLoop {
     pub fn new(
         config: &Config,
         gains: &Gains,
-        chamber: &AnyChamber,
+        chamber: &impl Chamber,
         feedback: &Feedback,
         load_n: f32,
         softening: f32,
@@ -184,7 +184,7 @@ impl ContractionLoop {
     fn take_over(
         &mut self,
         config: &Config,
-        chamber: &AnyChamber,
+        chamber: &impl Chamber,
         feedback: &Feedback,
         force_n: f32,
         softening: f32,
@@ -205,7 +205,7 @@ impl ContractionLoop {
     pub fn period(
         &mut self,
         config: &Config,
-        chamber: &AnyChamber,
+        chamber: &impl Chamber,
         feedback: &Feedback,
         port: &Port,
         wanted: &Contracting,
@@ -300,6 +300,7 @@ fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::chamber::AnyChamber;
     use crate::sample::Estimate;
 
     const LENGTH_M: f32 = 0.27;

@@ -38,7 +38,7 @@ use self::pressure::PressureLoop;
 use crate::config::{Config, Load};
 use crate::control::valve_drive::FlowDrive;
 use crate::math::limit;
-use crate::physics::chamber::{AnyChamber, Chamber};
+use crate::physics::chamber::Chamber;
 use crate::physics::gas::Reservoir;
 use crate::sample::{Command, Duty};
 
@@ -90,7 +90,6 @@ enum ActiveLoop {
 /// State of the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
-    chamber: AnyChamber,
     target: Target,
     drive: FlowDrive,
     gains: Gains,
@@ -116,7 +115,6 @@ impl Controller {
     pub fn new(config: &Config) -> Self {
         let drive = FlowDrive::new(config);
         Self {
-            chamber: AnyChamber::new(&config.chamber),
             target: Target::VENT,
             gains: Gains::new(&config.controller, drive.period_s()),
             drive,
@@ -182,14 +180,20 @@ impl Controller {
 
     /// Openings for this step, before which `missed_steps` were left out. They change at the start of a
     /// PWM period only: in between the hardware would not take them.
-    pub fn step(&mut self, config: &Config, feedback: &Feedback, missed_steps: u8) -> Command {
+    pub fn step(
+        &mut self,
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        missed_steps: u8,
+    ) -> Command {
         let period_steps = config.pwm_period_steps;
         // The hardware's period went on meanwhile.
         for _ in 0..missed_steps {
             self.count(period_steps);
         }
         if self.remaining_steps == 0 {
-            self.command = self.period(config, feedback);
+            self.command = self.period(config, chamber, feedback);
             self.length_m = feedback.length_m;
             self.elapsed_steps = 0;
         }
@@ -207,11 +211,11 @@ impl Controller {
         self.elapsed_steps = self.elapsed_steps.saturating_add(1);
     }
 
-    fn period(&mut self, config: &Config, feedback: &Feedback) -> Command {
+    fn period(&mut self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> Command {
         let muscle =
             Reservoir { pressure_pa: feedback.pressure_pa, temperature_k: feedback.estimate.gas_k };
         self.limited = false;
-        let port = self.port(config, feedback);
+        let port = self.port(config, chamber, feedback);
         let mass_kg = match self.target.set_point() {
             SetPoint::Vent => return self.drive.direct(Command::VENT),
             SetPoint::Duty { inlet, outlet } => {
@@ -243,14 +247,14 @@ impl Controller {
                     ActiveLoop::Pressure(active) => active,
                     _ => PressureLoop::new(feedback),
                 };
-                let change_m3 = self.volume_change_m3(feedback);
+                let change_m3 = self.volume_change_m3(chamber, feedback);
                 let mass_kg = active.period(config, feedback, &port, change_m3, pressure_pa);
                 self.active = ActiveLoop::Pressure(active);
                 mass_kg
             }
             SetPoint::Contraction { contraction } => {
                 let force_n = match config.load {
-                    Load::Isotonic { force_n } if self.chamber.moves() => force_n,
+                    Load::Isotonic { force_n } if chamber.moves() => force_n,
                     _ => return self.drive.direct(Command::VENT),
                 };
                 let mut active = match self.active {
@@ -258,7 +262,7 @@ impl Controller {
                     _ => ContractionLoop::new(
                         config,
                         &self.gains,
-                        &self.chamber,
+                        chamber,
                         feedback,
                         force_n,
                         self.softening,
@@ -270,7 +274,7 @@ impl Controller {
                     softening: self.softening,
                     most_pa: self.working_limit_pa,
                 };
-                let mass_kg = active.period(config, &self.chamber, feedback, &port, &wanted);
+                let mass_kg = active.period(config, chamber, feedback, &port, &wanted);
                 self.limited = active.limited();
                 self.active = ActiveLoop::Contraction(active);
                 mass_kg
@@ -298,19 +302,15 @@ impl Controller {
     }
 
     /// What the volume has changed by over the last period, eq. (11) \[m3\].
-    fn volume_change_m3(&self, feedback: &Feedback) -> f32 {
+    fn volume_change_m3(&self, chamber: &impl Chamber, feedback: &Feedback) -> f32 {
         let moved_m = feedback.length_m - self.length_m;
         // The first period after a start has no length to compare with.
-        if self.length_m > 0.0 {
-            self.chamber.volume_slope_m2(feedback.length_m) * moved_m
-        } else {
-            0.0
-        }
+        if self.length_m > 0.0 { chamber.volume_slope_m2(feedback.length_m) * moved_m } else { 0.0 }
     }
 
-    fn port(&self, config: &Config, feedback: &Feedback) -> Port {
+    fn port(&self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> Port {
         let period_s = self.drive.period_s();
-        let volume_m3 = self.chamber.volume_m3(feedback.length_m);
+        let volume_m3 = chamber.volume_m3(feedback.length_m);
         Port {
             period_s,
             pwm_hz: self.drive.pwm_hz(),
@@ -329,7 +329,7 @@ impl Controller {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::chamber::{ChamberConfig, Vessel};
+    use crate::physics::chamber::{AnyChamber, ChamberConfig, Vessel};
     use crate::sample::Estimate;
 
     const LENGTH_M: f32 = 0.27;
@@ -339,18 +339,23 @@ mod tests {
         Feedback { pressure_pa, length_m, estimate }
     }
 
+    fn chamber(config: &Config) -> AnyChamber {
+        AnyChamber::new(&config.chamber)
+    }
+
     /// Runs for some PWM periods; the last openings.
     fn periods(controller: &mut Controller, config: &Config, count: u16, now: Feedback) -> Command {
+        let chamber = chamber(config);
         let mut command = Command::VENT;
         for _ in 0..count * config.pwm_period_steps {
-            command = controller.step(config, &now, 0);
+            command = controller.step(config, &chamber, &now, 0);
         }
         command
     }
 
     /// A pressure at which the muscle holds its load at [`LENGTH_M`] without friction.
     fn balance_pa(config: &Config) -> f32 {
-        let muscle = AnyChamber::new(&config.chamber);
+        let muscle = chamber(config);
         config.ambient.pressure_pa + muscle.gauge_pressure_for_force_pa(100.0, LENGTH_M)
     }
 
@@ -546,22 +551,26 @@ mod tests {
     fn missed_steps_do_not_shift_the_period() {
         let config = Config::default();
         let now = feedback(2.0e5, LENGTH_M);
+        let muscle = chamber(&config);
+        let step = |controller: &mut Controller, missed_steps| {
+            controller.step(&config, &muscle, &now, missed_steps)
+        };
         let mut controller = Controller::new(&config);
-        controller.step(&config, &now, 0);
+        step(&mut controller, 0);
         set(&mut controller, SetPoint::Duty { inlet: 0.4, outlet: 0.0 });
         for _ in 1..5 {
-            assert_eq!(controller.step(&config, &now, 0), Command::VENT);
+            assert_eq!(step(&mut controller, 0), Command::VENT);
         }
         // Steps 5 to 8 and 9: the tenth begins a period.
-        assert_eq!(controller.step(&config, &now, 4), Command::VENT);
-        assert_ne!(controller.step(&config, &now, 0), Command::VENT);
+        assert_eq!(step(&mut controller, 4), Command::VENT);
+        assert_ne!(step(&mut controller, 0), Command::VENT);
         // Over a whole period and into the next.
-        assert_ne!(controller.step(&config, &now, 13), Command::VENT);
+        assert_ne!(step(&mut controller, 13), Command::VENT);
         set(&mut controller, SetPoint::Vent);
-        for step in 25..30 {
-            assert_ne!(controller.step(&config, &now, 0), Command::VENT, "step {step}");
+        for count in 25..30 {
+            assert_ne!(step(&mut controller, 0), Command::VENT, "step {count}");
         }
-        assert_eq!(controller.step(&config, &now, 0), Command::VENT, "step 30");
+        assert_eq!(step(&mut controller, 0), Command::VENT, "step 30");
     }
 
     /// Friction softens with the wall whatever the PWM period.
@@ -602,10 +611,11 @@ mod tests {
         let mut controller = Controller::new(&config);
         controller.length_m = LENGTH_M + 1.0e-3;
         let now = feedback(3.0e5, LENGTH_M);
-        let port = controller.port(&config, &now);
-        let change_m3 = controller.volume_change_m3(&now);
+        let muscle = chamber(&config);
+        let port = controller.port(&config, &muscle, &now);
+        let change_m3 = controller.volume_change_m3(&muscle, &now);
         let mass_kg = port.mass_kg(5_000.0, change_m3);
-        let chamber = crate::physics::gas::GasVolume {
+        let gas = crate::physics::gas::GasVolume {
             pressure_pa: 3.0e5,
             temperature_k: 298.0,
             volume_m3: port.volume_m3,
@@ -613,7 +623,7 @@ mod tests {
             inflow_kg_s: mass_kg / port.period_s,
             outflow_kg_s: 0.0,
         };
-        let rate = crate::physics::gas::pressure_rate_adiabatic(&config.gas, &chamber);
+        let rate = crate::physics::gas::pressure_rate_adiabatic(&config.gas, &gas);
         assert!(change_m3 > 1.0e-6, "it contracts");
         assert!((rate * port.period_s / 5_000.0 - 1.0).abs() < 1e-3, "{rate} Pa/s");
     }
@@ -624,7 +634,7 @@ mod tests {
         let config = Config::default();
         let mut controller = Controller::new(&config);
         set(&mut controller, SetPoint::MassFlowCycle { flow_kg_s: 1.0e-3, period_s: 0.2 });
-        let volume_m3 = controller.chamber.volume_m3(LENGTH_M);
+        let volume_m3 = chamber(&config).volume_m3(LENGTH_M);
         for period in 0..60_u16 {
             let phase = period % 20;
             let moved_kg = 1.0e-5 * f32::from(phase.min(20 - phase));
@@ -638,18 +648,19 @@ mod tests {
     /// A piston in a cylinder of 0.01 m2 that gives way by a millimetre takes 10 ml more.
     #[test]
     fn a_volume_that_grows_is_filled_up() {
-        let chamber = ChamberConfig::Vessel(Vessel { section_m2: 0.01, surface_m2: 0.1 });
-        let config = Config { chamber, ..Config::default() };
+        let vessel = ChamberConfig::Vessel(Vessel { section_m2: 0.01, surface_m2: 0.1 });
+        let config = Config { chamber: vessel, ..Config::default() };
+        let vessel = chamber(&config);
         let mut controller = Controller::new(&config);
         let at = |length_m| feedback(3.0e5, length_m);
-        assert_eq!(controller.volume_change_m3(&at(0.3)), 0.0, "nothing to compare with");
+        assert_eq!(controller.volume_change_m3(&vessel, &at(0.3)), 0.0, "nothing to compare with");
         periods(&mut controller, &config, 1, at(0.3));
         for (length_m, expected_m3) in [(0.301, 1.0e-5), (0.298, -2.0e-5)] {
-            let change_m3 = controller.volume_change_m3(&at(length_m));
+            let change_m3 = controller.volume_change_m3(&vessel, &at(length_m));
             assert!((change_m3 / expected_m3 - 1.0).abs() < 1e-3, "{change_m3} m3");
         }
-        let muscle = Controller::new(&Config::default());
-        assert_eq!(muscle.volume_change_m3(&at(0.3)), 0.0);
+        let fresh = Controller::new(&config);
+        assert_eq!(fresh.volume_change_m3(&vessel, &at(0.3)), 0.0);
     }
 
     /// What comes in has the supply's temperature, what leaves the gas's: warm gas takes less of it.
@@ -660,7 +671,7 @@ mod tests {
         let controller = Controller::new(&config);
         let mut now = feedback(3.0e5, LENGTH_M);
         now.estimate.gas_k = 330.0;
-        let port = controller.port(&config, &now);
+        let port = controller.port(&config, &chamber(&config), &now);
         let energy_j = port.volume_m3 * 1.0e4 / 1.4;
         for (change_pa, port_k) in [(1.0e4, 280.0), (-1.0e4, 330.0)] {
             let expected_kg = (change_pa / 1.0e4) * energy_j / (287.05 * port_k);
@@ -677,8 +688,12 @@ mod tests {
     fn a_period_brings_no_more_than_leads_to_the_working_limit() {
         let config = Config::default();
         let mut controller = Controller::new(&config);
-        let port =
-            controller.port(&config, &feedback(config.working_limit_pa() - 5000.0, LENGTH_M));
+        let muscle = chamber(&config);
+        let port = controller.port(
+            &config,
+            &muscle,
+            &feedback(config.working_limit_pa() - 5000.0, LENGTH_M),
+        );
         let room_kg = port.mass_kg(5000.0, 0.0);
         for (wanted, brought, limited) in
             [(-2.0, -2.0, false), (0.5, 0.5, false), (1.5, 1.0, true), (0.5, 0.5, true)]

@@ -51,7 +51,7 @@ use self::energy::{Averaging, Energy};
 use self::trend::{FlowState, Trend, Uncertainty};
 use crate::config::Config;
 use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
-use crate::physics::chamber::{AnyChamber, Chamber};
+use crate::physics::chamber::Chamber;
 use crate::sample::Estimate;
 use crate::sensing::{GasReading, Reading};
 use crate::step_counts::StepCounts;
@@ -185,7 +185,6 @@ struct Pending {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimator {
     // Constants of the configuration, worked out once.
-    chamber: AnyChamber,
     config: Config,
     counts: StepCounts,
     /// Share of a step's inflow in the inflow that stirs the gas.
@@ -282,7 +281,6 @@ impl Estimator {
         let bias_k = sd.reading_bias_k(sensors.gas.time_constant_s);
         let energy = Energy::new(0.0, Averaging::new(&counts, config.pwm_period_steps));
         Self {
-            chamber: AnyChamber::new(&config.chamber),
             config: *config,
             counts,
             stirring_share: 1.0 / f32::from(counts.stirring_steps),
@@ -348,8 +346,8 @@ impl Estimator {
         }
     }
 
-    /// One step.
-    pub fn step(&mut self, measurement: &Measurement) {
+    /// One step of the gas in `chamber`.
+    pub fn step(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
         let Some(pressure) = measurement.pressure else {
             self.wait();
             return;
@@ -358,16 +356,16 @@ impl Estimator {
         let pressure_pa = limit(pressure.value, LOWEST_PA, HIGHEST_PA);
         let length = &measurement.length;
         if !self.started {
-            self.start(pressure_pa, measurement);
+            self.start(chamber, pressure_pa, measurement);
         }
         let uncertainty = uncertainty(length.wide, self.length_noise_m);
         let flow_state = measurement.openings.flow_state(self.energy.flowing());
         let change_m = length.value - self.followed_m;
         self.followed_m += self.motion.step(change_m, uncertainty, flow_state);
-        let volume_m3 = self.chamber.volume_m3(self.followed_m);
+        let volume_m3 = chamber.volume_m3(self.followed_m);
         let wide_pa = limit(pressure.wide, 0.0, 0.5 * LOWEST_PA);
         self.propagate(pressure_pa, wide_pa, volume_m3, measurement.openings);
-        self.advance_covariance(measurement);
+        self.advance_covariance(chamber, measurement);
         if !self.is_sound() {
             self.heal();
         }
@@ -451,10 +449,10 @@ impl Estimator {
 
     /// The work of an interval, one part a step, kept clear of the steps in which the controller has its own
     /// to do, as long as there are others left.
-    fn advance_covariance(&mut self, measurement: &Measurement) {
+    fn advance_covariance(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
         let left = self.counts.interval_steps.saturating_sub(self.interval.steps);
         if left == 0 {
-            self.end_interval(measurement);
+            self.end_interval(chamber, measurement);
         } else if self.interval.steps >= FIRST_PART && (!measurement.busy || left <= PARTS) {
             self.work();
         }
@@ -505,9 +503,9 @@ impl Estimator {
     }
 
     /// Everything has the sensor's temperature, until something better is known.
-    fn start(&mut self, pressure_pa: f32, measurement: &Measurement) {
+    fn start(&mut self, chamber: &impl Chamber, pressure_pa: f32, measurement: &Measurement) {
         let length_m = measurement.length.value;
-        let volume_m3 = self.chamber.volume_m3(length_m);
+        let volume_m3 = chamber.volume_m3(length_m);
         self.followed_m = length_m;
         self.motion = Trend::REST;
         if let Some(gas) = measurement.gas {
@@ -526,7 +524,7 @@ impl Estimator {
         self.volume_m3 = volume_m3;
         self.length_m = length_m;
         self.started = true;
-        self.set_conductance(self.chamber.surface_m2(length_m));
+        self.set_conductance(chamber.surface_m2(length_m));
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
@@ -602,7 +600,7 @@ impl Estimator {
         self.stirred_j_k_kg = heat.inner_per_flow * scaled_m2;
     }
 
-    fn end_interval(&mut self, measurement: &Measurement) {
+    fn end_interval(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
         let length_m = measurement.length.value;
         let interval = self.interval;
         self.interval = Interval::default();
@@ -617,7 +615,7 @@ impl Estimator {
         self.length_m = length_m;
 
         let heat = &self.config.heat;
-        let surface_m2 = self.chamber.surface_m2(length_m);
+        let surface_m2 = chamber.surface_m2(length_m);
         let per_wall = 1.0 / self.config.wall.heat_capacity_j_k;
         // A wall does not overshoot its surroundings.
         let outer_w_k = heat.outer_w_k(surface_m2, speed_m_s);
@@ -744,6 +742,7 @@ impl Estimator {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::chamber::AnyChamber;
     use crate::sensing::Validity;
     use proptest::prelude::*;
 
@@ -752,6 +751,10 @@ mod tests {
     }
 
     /// Valves and sensors of a step; `flow`: 1 in, 2 out.
+    fn muscle() -> AnyChamber {
+        AnyChamber::new(&Config::default().chamber)
+    }
+
     fn measurement(pressure_pa: f32, length_m: f32, gas_k: f32, flow: u8) -> Measurement {
         Measurement {
             pressure: (pressure_pa > 0.0).then_some(reading(pressure_pa)),
@@ -797,7 +800,7 @@ mod tests {
                 let measurement =
                     measurement(1.2e5 + 3.0e3 * after, 0.28, gas_k, u8::from(step >= 40));
                 let gas = measurement.gas.map(|gas| GasReading { moved, ..gas });
-                estimator.step(&Measurement { gas, ..measurement });
+                estimator.step(&muscle(), &Measurement { gas, ..measurement });
                 estimator.sensor_implausible()
             });
             assert_eq!(shown, implausible, "moved: {moved}");
@@ -812,7 +815,7 @@ mod tests {
         let mut estimator = Estimator::new(&config);
         for step in 0..30_000_u16 {
             let gas_k = if step < 20_000 { 298.0 } else { reads_k };
-            estimator.step(&measurement(2.0e5, 0.28, gas_k, 0));
+            estimator.step(&muscle(), &measurement(2.0e5, 0.28, gas_k, 0));
         }
         let estimate = estimator.estimate();
         (estimator, estimate)
@@ -839,13 +842,13 @@ mod tests {
             for missing in [10, 11, 12, 15, 20, 27, 40] {
                 let mut estimator = Estimator::new(&config);
                 for _ in 0..before {
-                    estimator.step(&healthy);
+                    estimator.step(&muscle(), &healthy);
                 }
                 for _ in 0..missing {
-                    estimator.step(&lost);
+                    estimator.step(&muscle(), &lost);
                 }
                 for step in 0..200 {
-                    estimator.step(&healthy);
+                    estimator.step(&muscle(), &healthy);
                     let Estimate { gas_sd_k, valid, .. } = estimator.estimate();
                     assert!(gas_sd_k > 2.0 && !valid, "{gas_sd_k} K, {before}, {missing}, {step}");
                 }
@@ -859,7 +862,7 @@ mod tests {
         config.estimator.initial_sd_k = 0.0;
         let mut estimator = Estimator::new(&config);
         assert!(estimator.estimate().gas_sd_k > 0.0);
-        estimator.step(&measurement(2.0e5, 0.28, 73.5, 0));
+        estimator.step(&muscle(), &measurement(2.0e5, 0.28, 73.5, 0));
         let Estimate { gas_k, wall_k, .. } = estimator.estimate();
         assert!([gas_k, wall_k].iter().all(|t| (COLDEST_K..100.1).contains(t)), "{gas_k} {wall_k}");
     }
@@ -878,7 +881,7 @@ mod tests {
             let mut estimator = Estimator::new(&config);
             for (pressure_pa, length_m, reads_k, flow, steps) in nonsense {
                 for _ in 0..steps {
-                    estimator.step(&measurement(pressure_pa, length_m, reads_k, flow));
+                    estimator.step(&muscle(), &measurement(pressure_pa, length_m, reads_k, flow));
                     let Estimate { gas_k, gas_sd_k, wall_k, mass_kg, .. } = estimator.estimate();
                     prop_assert!([gas_k, wall_k].iter().all(|t| (100.0..=1000.0).contains(t)));
                     prop_assert!(gas_sd_k.is_finite() && gas_sd_k > 0.0 && mass_kg > 0.0);
@@ -886,7 +889,7 @@ mod tests {
             }
             // Closed, at rest, 25 degC.
             for _ in 0..60_000 {
-                estimator.step(&measurement(2.0e5, 0.28, 298.0, 0));
+                estimator.step(&muscle(), &measurement(2.0e5, 0.28, 298.0, 0));
             }
             let Estimate { gas_k, gas_sd_k, .. } = estimator.estimate();
             prop_assert!((gas_k - 298.0).abs() < 3.0 + 3.0 * gas_sd_k, "{gas_k} +- {gas_sd_k}");

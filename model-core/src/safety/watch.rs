@@ -31,7 +31,7 @@
 use crate::config::{Config, Load};
 use crate::estimation::Balance;
 use crate::math::{absolute, limit};
-use crate::physics::chamber::{AnyChamber, Chamber};
+use crate::physics::chamber::Chamber;
 use crate::physics::valve::reference_density_kg_m3;
 use crate::sample::{Command, Duty, Faults};
 use crate::step_counts::StepCounts;
@@ -213,7 +213,7 @@ impl Watch {
     /// which the length broke, nor the one after it, in which the volume comes back.
     pub fn add(
         &mut self,
-        chamber: &AnyChamber,
+        chamber: &impl Chamber,
         balance: &Balance,
         length_m: Option<f32>,
     ) -> Faults {
@@ -260,7 +260,7 @@ impl Watch {
     }
 
     /// Counts windows in which pressure and length stand for a force that cannot be.
-    fn force(&mut self, chamber: &AnyChamber, pressure_pa: f32, length_m: f32) {
+    fn force(&mut self, chamber: &impl Chamber, pressure_pa: f32, length_m: f32) {
         let Some((load_n, friction_n)) = self.limits.load_n.filter(|_| chamber.moves()) else {
             return;
         };
@@ -318,7 +318,7 @@ impl Watch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::chamber::{ChamberConfig, Vessel};
+    use crate::physics::chamber::{AnyChamber, ChamberConfig, Vessel};
 
     const MASS_KG: f32 = 6.0e-4;
     const PRESSURE_PA: f32 = 3.0e5;
