@@ -75,6 +75,14 @@ pub struct CompensatedSum {
 
 impl CompensatedSum {
     /// A sum that starts at `value`.
+    ///
+    /// ```
+    /// use model_core::math::CompensatedSum;
+    ///
+    /// let mut sum = CompensatedSum::new(1.0);
+    /// (0..10_000_000).for_each(|_| sum.add(1.0e-7));
+    /// assert!((sum.value() - 2.0).abs() < 1.0e-6);
+    /// ```
     pub const fn new(value: f32) -> Self {
         Self { value, lost: 0.0 }
     }

@@ -51,6 +51,13 @@ impl Duty {
     pub const FULL: Self = Self(50_000);
 
     /// The duty nearest to `share`, which is limited to 0 ..= 1 (NaN: 0).
+    ///
+    /// ```
+    /// use model_core::Duty;
+    ///
+    /// assert_eq!(Duty::from_share(0.5).ticks(), 25_000);
+    /// assert_eq!(Duty::from_share(f32::NAN), Duty::ZERO);
+    /// ```
     pub fn from_share(share: f32) -> Self {
         let limited = crate::math::limit(share, 0.0, 1.0);
         Self((limited * f32::from(Self::FULL.0) + 0.5) as u16)
@@ -95,6 +102,13 @@ pub struct Sample {
 
 impl Sample {
     /// Codes from a board that has nothing else to tell: not stopped, in time, its host heard.
+    ///
+    /// ```
+    /// use model_core::{AdcCode, Sample};
+    ///
+    /// let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+    /// assert!(sample.heard && !sample.emergency_stop);
+    /// ```
     pub const fn new(pressure: AdcCode, gas: AdcCode, length: AdcCode) -> Self {
         Self {
             pressure,

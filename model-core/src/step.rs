@@ -34,6 +34,15 @@ pub struct Core {
 impl Core {
     /// A core that vents until it has judged its sensors and is given a set point.
     ///
+    /// ```
+    /// use model_core::{Config, Core, SetPoint};
+    ///
+    /// let mut core = Core::new(&Config::default())?;
+    /// core.set(SetPoint::Pressure { pressure_pa: 2.5e5 }).unwrap();
+    /// assert!(Core::new(&Config { step_s: f32::NAN, ..Config::default() }).is_err());
+    /// # Ok::<(), model_core::ConfigError>(())
+    /// ```
+    ///
     /// # Errors
     /// [`ConfigError`] as [`Config::check`].
     pub fn new(config: &Config) -> Result<Self, ConfigError> {
@@ -58,6 +67,15 @@ impl Core {
 
     /// The core of a board that nobody has told its configuration: it has the default one, and vents
     /// until it is [restarted](Self::restart_as) as one that is configured.
+    ///
+    /// ```
+    /// use model_core::{Core, Sample, SetPoint};
+    ///
+    /// let mut core = Core::unconfigured()?;
+    /// core.step(&Sample::default());
+    /// assert!(core.set(SetPoint::Pressure { pressure_pa: 2.5e5 }).is_err());
+    /// # Ok::<(), model_core::ConfigError>(())
+    /// ```
     ///
     /// # Errors
     /// None: the default configuration holds.

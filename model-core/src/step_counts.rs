@@ -38,6 +38,13 @@ pub struct StepCounts {
 
 impl StepCounts {
     /// Of a checked configuration.
+    ///
+    /// ```
+    /// use model_core::Config;
+    /// use model_core::step_counts::StepCounts;
+    ///
+    /// assert_eq!(StepCounts::new(&Config::default()).interval_steps, 20);
+    /// ```
     pub fn new(config: &Config) -> Self {
         // Whole numbers: on a processor without floating point they take a tenth of the time.
         let step_ns = (config.step_s * 1.0e9 + 0.5) as u32;

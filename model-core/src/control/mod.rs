@@ -112,6 +112,21 @@ pub struct Controller {
 
 impl Controller {
     /// A controller that vents.
+    ///
+    /// ```
+    /// use model_core::control::{Controller, Feedback, SetPoint, Target};
+    /// use model_core::physics::chamber::AnyChamber;
+    /// use model_core::{Config, Duty, Estimate};
+    ///
+    /// let config = Config::default();
+    /// let muscle = AnyChamber::new(&config.chamber);
+    /// let mut controller = Controller::new(&config);
+    /// controller.set(Target::new(&SetPoint::Pressure { pressure_pa: 3.0e5 }, &config)?);
+    /// let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
+    /// let feedback = Feedback { pressure_pa: 1.5e5, length_m: 0.28, estimate };
+    /// assert!(controller.step(&config, &muscle, &feedback, 0).inlet > Duty::ZERO);
+    /// # Ok::<(), model_core::SetPointError>(())
+    /// ```
     pub fn new(config: &Config) -> Self {
         let drive = FlowDrive::new(config);
         Self {

@@ -129,6 +129,16 @@ impl Target {
 
     /// `set_point` for a core of this configuration.
     ///
+    /// ```
+    /// use model_core::control::{SetPoint, Target};
+    /// use model_core::Config;
+    ///
+    /// let config = Config::default();
+    /// assert!(Target::new(&SetPoint::Contraction { contraction: 0.1 }, &config).is_ok());
+    /// let error = Target::new(&SetPoint::Contraction { contraction: 0.6 }, &config).unwrap_err();
+    /// assert!(error.to_string().contains("must be from"));
+    /// ```
+    ///
     /// # Errors
     /// [`SetPointError::Range`] names the first value that is none.
     pub fn new(set_point: &SetPoint, config: &Config) -> Result<Self, SetPointError> {
@@ -168,6 +178,13 @@ impl Target {
 }
 
 /// Least and largest contraction that the chamber can have, 0 for what does not move \[-\].
+///
+/// ```
+/// use model_core::{Config, control};
+///
+/// let [least, most] = control::contractions(&Config::default());
+/// assert!(least <= 0.0 && 0.2 < most);
+/// ```
 pub fn contractions(config: &Config) -> [f32; 2] {
     let chamber = AnyChamber::new(&config.chamber);
     match config.load {

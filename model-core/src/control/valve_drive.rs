@@ -43,6 +43,17 @@ pub struct FlowDrive {
 
 impl FlowDrive {
     /// Nothing owed.
+    ///
+    /// ```
+    /// use model_core::control::valve_drive::FlowDrive;
+    /// use model_core::physics::gas::Reservoir;
+    /// use model_core::{Config, Duty};
+    ///
+    /// let config = Config::default();
+    /// let mut drive = FlowDrive::new(&config);
+    /// let muscle = Reservoir { pressure_pa: 2.0e5, temperature_k: 298.0 };
+    /// assert!(drive.flow(&config, 1.0e-3, muscle).inlet > Duty::ZERO);
+    /// ```
     pub fn new(config: &Config) -> Self {
         let period_s = f32::from(config.pwm_period_steps) * config.step_s;
         Self {

@@ -270,6 +270,26 @@ fn uncertainty(wide: f32, noise: f32) -> Uncertainty {
 
 impl Estimator {
     /// An estimator that starts with the first measurement.
+    ///
+    /// ```
+    /// use model_core::Config;
+    /// use model_core::estimation::{Estimator, Measurement, Openings};
+    /// use model_core::physics::chamber::AnyChamber;
+    /// use model_core::sensing::{GasReading, Reading};
+    ///
+    /// let config = Config::default();
+    /// let muscle = AnyChamber::new(&config.chamber);
+    /// let mut estimator = Estimator::new(&config);
+    /// let gas = GasReading { value_k: 300.0, noise_k2: 1.0e-4, moved: true };
+    /// estimator.step(&muscle, &Measurement {
+    ///     pressure: Some(Reading::exact(2.0e5)),
+    ///     length: Reading::exact(0.28),
+    ///     gas: Some(gas),
+    ///     openings: Openings::default(),
+    ///     busy: false,
+    /// });
+    /// assert!((estimator.estimate().gas_k - 300.0).abs() < 0.1);
+    /// ```
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
         let sd = &config.estimator;

@@ -308,6 +308,15 @@ impl Default for Decoder {
 
 impl Decoder {
     /// A decoder at the start of a frame.
+    ///
+    /// ```
+    /// use model_core::link::{Decoder, HostCommand, encode};
+    ///
+    /// let mut decoder = Decoder::new();
+    /// let frame = encode(&HostCommand::Alive).unwrap();
+    /// let received = frame.iter().find_map(|byte| decoder.push::<HostCommand>(*byte));
+    /// assert_eq!(received, Some(HostCommand::Alive));
+    /// ```
     pub const fn new() -> Self {
         Self {
             cobs: DecoderState::Idle,

@@ -34,6 +34,14 @@ pub struct GasState {
 
 impl GasState {
     /// Gas at a pressure \[Pa\], temperature \[K\] and volume \[m3\].
+    ///
+    /// ```
+    /// use model_core::physics::balance::GasState;
+    /// use model_core::physics::gas::Gas;
+    ///
+    /// let state = GasState::new(&Gas::default(), 1.0e5, 300.0, 1.0e-3);
+    /// assert!((state.mass_kg() * 287.05 * 300.0 / 100.0 - 1.0).abs() < 1.0e-5);
+    /// ```
     pub fn new(gas: &Gas, pressure_pa: f32, temperature_k: f32, volume_m3: f32) -> Self {
         let mass = gas.mass_kg(pressure_pa, volume_m3, temperature_k);
         Self {

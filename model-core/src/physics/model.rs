@@ -24,6 +24,15 @@ pub struct Model {
 impl Model {
     /// A model at rest at an absolute pressure and one temperature everywhere.
     ///
+    /// ```
+    /// use model_core::Config;
+    /// use model_core::physics::model::Model;
+    ///
+    /// let model = Model::new(&Config::default(), 2.0e5, 298.0, 0.28)?;
+    /// assert!((model.pressure_pa() / 2.0e5 - 1.0).abs() < 1.0e-5);
+    /// # Ok::<(), model_core::ConfigError>(())
+    /// ```
+    ///
     /// # Errors
     /// [`ConfigError`] as [`Config::check`].
     pub fn new(

@@ -123,6 +123,13 @@ pub struct Supervisor {
 
 impl Supervisor {
     /// One that has seen nothing yet; `configured`: somebody has told the board this configuration.
+    ///
+    /// ```
+    /// use model_core::safety::supervisor::Supervisor;
+    /// use model_core::{Config, Faults};
+    ///
+    /// assert_eq!(Supervisor::new(&Config::default(), true).venting(), Faults::NONE);
+    /// ```
     pub fn new(config: &Config, configured: bool) -> Self {
         let counts = StepCounts::new(config);
         Self {

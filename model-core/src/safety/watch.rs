@@ -169,6 +169,14 @@ pub struct Watch {
 
 impl Watch {
     /// One that has seen nothing.
+    ///
+    /// ```
+    /// use model_core::{Command, Config};
+    /// use model_core::safety::watch::Watch;
+    ///
+    /// let mut watch = Watch::new(&Config::default());
+    /// watch.drive(Command::VENT);
+    /// ```
     pub fn new(config: &Config) -> Self {
         let load_n = match config.load {
             Load::Isotonic { force_n } => Some((force_n, 2.0 * config.friction.force_n)),

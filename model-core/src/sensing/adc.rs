@@ -40,6 +40,15 @@ pub struct Linearisation {
 
 impl Linearisation {
     /// Works the constants out.
+    ///
+    /// ```
+    /// use model_core::AdcCode;
+    /// use model_core::sensing::adc::{Adc, Linearisation};
+    ///
+    /// let exact = Linearisation::new(&Adc { wide_code_lsb: 0.0 });
+    /// assert_eq!(exact.ideal(AdcCode(4096)), 4096.0);
+    /// assert!(Linearisation::new(&Adc::default()).widens(AdcCode(4096)));
+    /// ```
     pub fn new(adc: &Adc) -> Self {
         Self {
             slope: 1.0 - 4.0 * adc.wide_code_lsb / 4095.0,
@@ -124,6 +133,13 @@ pub struct Line {
 
 impl Line {
     /// The line through two points. Not inlined: three calls, each at a start.
+    ///
+    /// ```
+    /// use model_core::sensing::adc::{Line, Point};
+    ///
+    /// let line = Line::through(Point { share: 0.1, value: 0.0 }, Point { share: 0.9, value: 8.0e5 });
+    /// assert!((line.at(0.5 * 32_768.0) - 4.0e5).abs() < 200.0);
+    /// ```
     #[inline(never)]
     pub fn through(low: Point, high: Point) -> Self {
         let slope = (high.value - low.value) / (high.share - low.share);

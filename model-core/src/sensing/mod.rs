@@ -88,6 +88,12 @@ pub struct Reading {
 
 impl Reading {
     /// One that says what it means.
+    ///
+    /// ```
+    /// use model_core::sensing::Reading;
+    ///
+    /// assert_eq!(Reading::exact(0.28).wide, 0.0);
+    /// ```
     pub const fn exact(value: f32) -> Self {
         Self { value, wide: 0.0, validity: Validity::Valid }
     }
@@ -153,6 +159,15 @@ pub struct Sensing {
 
 impl Sensing {
     /// Works the constants out.
+    ///
+    /// ```
+    /// use model_core::sensing::Sensing;
+    /// use model_core::{AdcCode, Config, Sample};
+    ///
+    /// let mut sensing = Sensing::new(&Config::default());
+    /// let readings = sensing.read(&Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757)), false);
+    /// assert!((0.2..0.31).contains(&readings.length.value));
+    /// ```
     pub fn new(config: &Config) -> Self {
         let Sensors { adc, pressure, length, gas, gas_element } = &config.sensors;
         Self {

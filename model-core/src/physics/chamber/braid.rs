@@ -40,6 +40,14 @@ pub enum BraidError {
 impl Braid {
     /// Coefficients from length, diameter and braid angle (to the axis) at rest, Fig. 1.
     ///
+    /// ```
+    /// use model_core::physics::chamber::Braid;
+    ///
+    /// let braid = Braid::from_rest(0.3, 0.02, 25.0)?;
+    /// assert!((braid.thread_length_m - 0.331).abs() < 1.0e-3);
+    /// # Ok::<(), model_core::physics::chamber::BraidError>(())
+    /// ```
+    ///
     /// # Errors
     /// [`BraidError`] for lengths that are not positive and angles outside of 1 to 54 deg.
     pub fn from_rest(
@@ -63,6 +71,14 @@ impl Braid {
     /// Coefficients from measured pairs of length and diameter \[m\], by least squares.
     ///
     /// L^2 = b^2 - (n pi)^2 D^2 is linear in b^2 and (n pi)^2.
+    ///
+    /// ```
+    /// use model_core::physics::chamber::Braid;
+    ///
+    /// let braid = Braid::from_pairs(&[(0.30, 0.020), (0.25, 0.031)])?;
+    /// assert!(braid.thread_length_m > 0.30);
+    /// # Ok::<(), model_core::physics::chamber::BraidError>(())
+    /// ```
     ///
     /// # Errors
     /// [`BraidError`] when a value is not positive, when there are fewer than two different

@@ -127,6 +127,14 @@ macro_rules! chambers {
 
         impl AnyChamber {
             /// Works the constants out.
+            ///
+            /// ```
+            /// use model_core::Config;
+            /// use model_core::physics::chamber::{AnyChamber, Chamber};
+            ///
+            /// let muscle = AnyChamber::new(&Config::default().chamber);
+            /// assert!(muscle.force_n(1.0e5, 0.28) > muscle.force_n(0.0, 0.28));
+            /// ```
             pub fn new(told: &ChamberConfig) -> Self {
                 match *told {
                     $(ChamberConfig::$name(told) => Self::$name(told.into()),)*
