@@ -58,6 +58,7 @@ pub enum SetPoint {
 /// A value of a set point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum SetPointField {
     /// Share for which the inlet is open.
     Inlet,
@@ -90,6 +91,7 @@ impl SetPointField {
 /// Why a set point is not taken; what held before goes on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum SetPointError {
     /// A value is not a number, or out of its range.
     Range {

@@ -117,6 +117,7 @@ pub enum Answer {
 
 /// Why a request was not carried out.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Refusal {
     /// A value of the configuration is out of its range: which one, in the order in which
     /// [`Config::check`] looks, is what that function says on the host.
@@ -187,6 +188,7 @@ pub struct Version {
 
 /// Chips that the firmware is built for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Chip {
     /// Raspberry Pi Pico.
     Rp2040,
@@ -223,6 +225,7 @@ pub struct Timing {
 
 /// Why the board started last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum LastReset {
     /// Power, the reset pin, or a probe.
     Power,

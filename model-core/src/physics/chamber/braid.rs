@@ -20,6 +20,7 @@ pub struct Braid {
 
 /// Why a braid cannot be built from what was given.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum BraidError {
     /// A length or diameter is not a positive number.
     NotPositive {
