@@ -1,13 +1,14 @@
 //! Windows of faults: what a scenario may say, and what a run makes of it over time.
 
-use host_sim::board::CoreBoard;
+use host_sim::board::{BoardError, CoreBoard};
 use host_sim::files::trace::Row;
 use host_sim::plant::{Travel, Truth};
 use host_sim::scenario::{self, ChannelFault, Document, Loaded};
 use host_sim::simulation::adc::{Codes, VirtualAdc};
 use host_sim::simulation::faults::InjectedFaults;
 use host_sim::simulation::run;
-use model_core::Faults;
+use model_core::control::Mode;
+use model_core::{Command, Faults};
 use std::path::Path;
 
 fn parse(text: &str) -> Result<Loaded, String> {
@@ -130,6 +131,7 @@ fn the_same_line_cannot_break_twice_at_a_time() {
         ("emergency_stop", "true"),
         ("link", "\"lost\""),
         ("missed_steps", "3"),
+        ("board_restart", "true"),
     ] {
         let windows = |a: (f64, f64), b: (f64, f64)| {
             let window = |(from_s, until_s): (f64, f64)| {
@@ -334,4 +336,33 @@ fn a_run_with_several_windows() {
     assert!(bad[3000].telemetry.faults.intersects(Faults::EMERGENCY_STOP));
     assert!(bad[4999].telemetry.faults.intersects(Faults::EMERGENCY_STOP), "latched");
     assert!(!bad[2999].telemetry.faults.intersects(Faults::EMERGENCY_STOP));
+}
+
+/// It vents at once, is not what it was told to be, and rows go on at their own time.
+#[test]
+fn a_board_that_restarts_vents_and_counts_anew() {
+    let text = |windows: &str| {
+        format!(
+            "run = {{ duration_s = 2, log_every = 1 }}\nplant.model = \"lumped\"\n\
+             drive = {{ kind = \"pressure\", pressure_pa = 2.5e5 }}\n{windows}"
+        )
+    };
+    let rows = rows(&text(
+        "[faults]\nboard_restart = true\nfrom_s = 1.2\n\
+         [faults.before]\nemergency_stop = true\nfrom_s = 1\nuntil_s = 1.01\n",
+    ));
+    assert_eq!(rows.len(), 2001);
+    for (step, row) in rows.iter().enumerate() {
+        let told = row.telemetry;
+        assert!((row.truth.time_s - 0.001 * step as f64).abs() < 1e-9);
+        let restarted = step >= 1200;
+        assert_eq!(told.mode == Mode::Judging, (1200..1249).contains(&step), "{step}");
+        assert_eq!(told.step as usize, if restarted { step.saturating_sub(1249) } else { step });
+        assert_eq!(told.faults.intersects(Faults::NOT_CONFIGURED), restarted, "{step}");
+        assert_eq!(told.faults.intersects(Faults::EMERGENCY_STOP), step >= 1000, "{step}: latched");
+        assert!(step < 1000 || told.command == Command::VENT, "{step}");
+    }
+    // Nobody can do that to a board behind a line.
+    let message = BoardError::NoRestart.to_string();
+    assert!(message.starts_with("faults.board_restart: "), "{message}");
 }

@@ -2,7 +2,7 @@
 //! `thermyo evaluate faults` runs a hundred times. And the same on the emulated board.
 
 use host_sim::board::emulated::EmulatedBoard;
-use host_sim::commands::evaluate::faults::cases::{self, Inject};
+use host_sim::commands::evaluate::faults::cases;
 use host_sim::commands::evaluate::faults::muscle::Task;
 use host_sim::commands::evaluate::faults::trial::Trial;
 use host_sim::commands::evaluate::faults::{alarms, table, vent};
@@ -28,7 +28,6 @@ fn every_fault_is_found_in_time_and_what_has_to_follow_does() {
 fn without_its_fault_no_run_shows_it() {
     let mut trials: Vec<Trial> = cases::all()
         .iter()
-        .filter(|fault| matches!(fault.inject, Inject::Window(_)))
         // An inlet that is told open to 6 bar comes to no fault, nor to anything else.
         .filter(|fault| fault.tasks != [Task::Filling])
         .map(|fault| Trial::random(fault, 0, [2.0, 3.0]))
@@ -78,9 +77,7 @@ fn the_emulated_board_finds_what_the_core_in_this_process_finds() {
     for fault in cases::all() {
         // A drift takes too long, and the host's silence and missed steps are no pins' affair.
         let short = fault.observed_s <= 3.0 || fault.name.ends_with("frozen");
-        let at_pins = matches!(fault.inject, Inject::Window(_))
-            && !fault.name.starts_with("link")
-            && fault.name != "missed steps";
+        let at_pins = !fault.name.starts_with("link") && fault.name != "missed steps";
         if !short || !at_pins {
             continue;
         }

@@ -106,6 +106,8 @@ pub struct EmulatedBoard {
     hang: Option<(Place, u32)>,
     fault: bool,
     restarts: u32,
+    /// It was made to restart since the last start.
+    restarted: bool,
     to_board: Vec<u8>,
     from_board: Vec<u8>,
     shown: Option<Exchange>,
@@ -157,6 +159,7 @@ impl EmulatedBoard {
             hang: None,
             fault: false,
             restarts: 0,
+            restarted: false,
             to_board: Vec::new(),
             from_board: Vec::new(),
             shown: None,
@@ -401,6 +404,7 @@ impl Board for EmulatedBoard {
         let inputs = self.inputs;
         self.exchange(&inputs)?;
         self.judging_steps = StepCounts::new(config).judging_steps;
+        self.restarted = false;
         Ok(())
     }
 
@@ -410,19 +414,26 @@ impl Board for EmulatedBoard {
     }
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
-        let before = self.restarts;
+        let wanted = self.restarts + u32::from(self.fault);
         for _ in 1..std::mem::take(&mut self.judging_steps) {
             self.exchange(sample)?;
         }
         let exchange = self.exchange(sample)?;
         self.shown = Some(exchange);
         self.from_board.clear();
-        if exchange.restarts != before {
+        if exchange.restarts != wanted {
             return Err(BoardError::Restarted);
         }
+        let restarted = self.restarted;
         let mut telemetry = std::iter::from_fn(|| self.link.take_telemetry());
-        let telemetry = telemetry.find(|telemetry| telemetry.mode != Mode::Judging);
+        let telemetry = telemetry.find(|told| restarted || told.mode != Mode::Judging);
         Ok(BoardStep { telemetry, actuation: exchange.set_duty() })
+    }
+
+    fn restart(&mut self) -> Result<(), BoardError> {
+        self.inject(Injection::Fault);
+        self.restarted = true;
+        Ok(())
     }
 }
 

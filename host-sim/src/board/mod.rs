@@ -41,6 +41,14 @@ pub trait Board {
     /// # Errors
     /// [`BoardError`]
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError>;
+    /// Restarts the board: it has forgotten what it was told and remembers what was latched. In the steps
+    /// that follow it judges its sensors, and then counts from 0 again.
+    ///
+    /// # Errors
+    /// [`BoardError::NoRestart`] where nothing here can restart it.
+    fn restart(&mut self) -> Result<(), BoardError> {
+        Err(BoardError::NoRestart)
+    }
 }
 
 /// What one step gives.
@@ -128,6 +136,8 @@ pub enum BoardError {
     Refused(Refusal),
     /// The board restarted in the middle of a run.
     Restarted,
+    /// Nothing here can restart the board.
+    NoRestart,
 }
 
 impl fmt::Display for BoardError {
@@ -195,6 +205,11 @@ impl fmt::Display for BoardError {
                 f,
                 "the board restarted in the middle of the run: `thermyo monitor` shows the reason"
             ),
+            Self::NoRestart => write!(
+                f,
+                "faults.board_restart: nothing here can restart this board; leave it out, or run in \
+                 process or on the emulated board"
+            ),
         }
     }
 }
@@ -218,6 +233,8 @@ impl From<Command> for Actuation {
 pub struct CoreBoard {
     core: Option<Core>,
     pending: Option<SetPoint>,
+    /// It has been started, and its sensors are to be judged before its first step.
+    to_judge: bool,
 }
 
 impl CoreBoard {
@@ -235,6 +252,7 @@ impl Board for CoreBoard {
         let mut core = Core::new(config).map_err(BoardError::Config)?;
         core.set(set_point).map_err(BoardError::SetPoint)?;
         self.core = Some(core);
+        self.to_judge = true;
         Ok(())
     }
 
@@ -245,9 +263,10 @@ impl Board for CoreBoard {
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
         let pending = self.pending.take();
+        let to_judge = std::mem::take(&mut self.to_judge);
         let core = self.core()?;
         let mut telemetry = core.step(sample);
-        while telemetry.mode == Mode::Judging {
+        while to_judge && telemetry.mode == Mode::Judging {
             telemetry = core.step(sample);
         }
         if let Some(set_point) = pending {
@@ -258,5 +277,16 @@ impl Board for CoreBoard {
             }
         }
         Ok(BoardStep { telemetry: Some(telemetry), actuation: telemetry.command.into() })
+    }
+
+    fn restart(&mut self) -> Result<(), BoardError> {
+        let core = self.core()?;
+        let supervisor = *core.supervisor();
+        *core = Core::unconfigured().map_err(BoardError::Config)?;
+        if let Some(first) = supervisor.first_failure() {
+            core.recall(first, supervisor.latched());
+        }
+        self.pending = None;
+        Ok(())
     }
 }

@@ -100,6 +100,12 @@ impl InjectedFaults {
         disturbance
     }
 
+    /// Whether the board restarts before the step at that time \[s\].
+    pub fn board_restarts(&self, time_s: f64) -> bool {
+        let mut restarting = self.windows.iter().filter(|window| window.board_restart);
+        restarting.any(|window| window.starts_at(time_s, self.step_s))
+    }
+
     fn active(&self, time_s: f64) -> impl Iterator<Item = &FaultWindow> {
         self.windows.iter().filter(move |window| window.contains(time_s))
     }

@@ -15,8 +15,9 @@ use crate::scenario::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded};
 use crate::simulation::adc::VirtualAdc;
 use crate::simulation::faults::InjectedFaults;
+use model_core::control::Mode;
 use model_core::physics::model::Model;
-use model_core::{ConfigError, Sample, SetPoint};
+use model_core::{ConfigError, Sample, SetPoint, Telemetry};
 use std::collections::VecDeque;
 use std::fmt;
 use std::io;
@@ -122,6 +123,7 @@ pub fn run(
     board.start(&config, drive.at(0.0))?;
     // Steps whose telemetry has not come back: none in this process, one behind a line.
     let mut waiting: VecDeque<Waiting> = VecDeque::new();
+    let mut count = Count::STARTED;
     for step in 0..=steps + MOST_LATE_STEPS {
         let ended = step > steps;
         if ended && waiting.is_empty() {
@@ -137,6 +139,9 @@ pub fn run(
             // It acts from the step after this one on.
             if let Some(set_point) = drive.acting_from(step + 1, loaded) {
                 board.set(set_point)?;
+            }
+            if faults.board_restarts(truth.time_s) {
+                board.restart()?;
             }
             sample = faults.apply(truth.time_s, adc.convert(&faults.sensed(&truth)));
             let logged = step % scenario.run.log_every == 0 || step == steps;
@@ -156,7 +161,8 @@ pub fn run(
         }
         let BoardStep { telemetry, actuation } = board.step(&sample)?;
         if let Some(telemetry) = telemetry {
-            while waiting.front().is_some_and(|front| front.step < u64::from(telemetry.step)) {
+            let told = count.step_of(&telemetry, step);
+            while waiting.front().is_some_and(|front| front.step < told) {
                 waiting.pop_front();
             }
             if let Some(done) = waiting.pop_front() {
@@ -202,6 +208,31 @@ struct Waiting {
     sensor_wall_k: f64,
     model_k: f64,
     model_sensor_k: f64,
+}
+
+/// Which step of the run a telemetry is of.
+#[derive(Debug, Clone, Copy)]
+struct Count {
+    /// Step of the run that is the board's step 0; none while a board that has restarted judges its sensors.
+    zero: Option<u64>,
+    /// Steps by which telemetry comes late.
+    late: u64,
+}
+
+impl Count {
+    const STARTED: Self = Self { zero: Some(0), late: 0 };
+
+    fn step_of(&mut self, telemetry: &Telemetry, now: u64) -> u64 {
+        let in_time = now.saturating_sub(self.late);
+        if telemetry.mode == Mode::Judging {
+            self.zero = None;
+            return in_time;
+        }
+        let counted = u64::from(telemetry.step);
+        let step = *self.zero.get_or_insert(in_time.saturating_sub(counted)) + counted;
+        self.late = now.saturating_sub(step);
+        step
+    }
 }
 
 /// Mean mass flows between two looks at the plant's books.

@@ -138,6 +138,7 @@ table! {
         link: choice LinkFault::None, "fault of the line to the board: the host is silent, or sends too much";
         missed_steps: whole u8, 0, 0 to 200, "steps that the board leaves out together";
         missed_period_s: real 1.0, "s", 1.0e-3 to 1.0e6, "they are left out again after that time";
+        board_restart: switch false, "the board restarts at the window's start, and nobody tells it anew what it was told";
         from_s: real 0.0, "s", 0.0 to 1.0e6, "start of the window";
         until_s: real 1.0e6, "s", 0.0 to 1.0e6, "end of the window";
     }
@@ -179,6 +180,8 @@ pub struct FaultWindow {
     pub missed_steps: u8,
     /// See `missed_steps` \[s\].
     pub missed_period_s: f64,
+    /// The board restarts at the window's start, and nobody tells it anew what it was told.
+    pub board_restart: bool,
     /// Start of the window \[s\].
     pub from_s: f64,
     /// End of the window \[s\].
@@ -228,6 +231,7 @@ impl From<FaultWindow> for FaultKeys {
             link: window.link,
             missed_steps: window.missed_steps,
             missed_period_s: window.missed_period_s,
+            board_restart: window.board_restart,
             from_s: window.from_s,
             until_s: window.until_s,
         }
@@ -251,6 +255,7 @@ impl FaultWindow {
             link: keys.link,
             missed_steps: keys.missed_steps,
             missed_period_s: keys.missed_period_s,
+            board_restart: keys.board_restart,
             from_s: keys.from_s,
             until_s: keys.until_s,
         }
@@ -261,13 +266,19 @@ impl FaultWindow {
         (self.from_s..self.until_s).contains(&time_s)
     }
 
+    /// Whether the step at that time \[s\], of `step_s` \[s\], is the first in the window.
+    pub fn starts_at(&self, time_s: f64, step_s: f64) -> bool {
+        // Times are sums: the window may start a rounding after its step.
+        let steps = (time_s - self.from_s) / step_s + 1e-9;
+        (0.0..1.0).contains(&steps) && time_s < self.until_s
+    }
+
     /// Steps that are left out before the one at that time \[s\], of `step_s` \[s\].
     pub fn missed_steps_at(&self, time_s: f64, step_s: f64) -> u8 {
-        // Times are sums: a period may end a rounding before its step.
+        // A period may end a rounding before its step.
         let periods = |time_s: f64| ((time_s - self.from_s) / self.missed_period_s + 1e-9).floor();
-        let before_s = time_s - step_s;
-        let first = !self.contains(before_s) || periods(time_s) > periods(before_s);
-        if self.contains(time_s) && first { self.missed_steps } else { 0 }
+        let again = self.contains(time_s) && periods(time_s) > periods(time_s - step_s);
+        if again || self.starts_at(time_s, step_s) { self.missed_steps } else { 0 }
     }
 
     /// The time that two windows share, start and end \[s\].
@@ -289,6 +300,7 @@ impl FaultWindow {
             ("emergency_stop", self.emergency_stop),
             ("link", self.link != LinkFault::None),
             ("missed_steps", self.missed_steps > 0),
+            ("board_restart", self.board_restart),
         ];
         broken.into_iter().filter_map(|(key, broken)| broken.then_some(key))
     }

@@ -70,15 +70,6 @@ impl Counted {
     }
 }
 
-/// Where a fault sits.
-#[derive(Debug, Clone, Copy)]
-pub enum Inject {
-    /// In a window of the scenario.
-    Window(fn(&mut Draw, &Scenario, &mut FaultWindow)),
-    /// The board is not told its configuration.
-    Unconfigured,
-}
-
 /// A fault.
 #[derive(Debug, Clone, Copy)]
 pub struct Fault {
@@ -88,8 +79,8 @@ pub struct Fault {
     pub size: &'static str,
     /// What the muscle is doing meanwhile.
     pub tasks: &'static [Task],
-    /// What is injected.
-    pub inject: Inject,
+    /// Puts what is injected into its window.
+    pub inject: fn(&mut Draw, &Scenario, &mut FaultWindow),
     /// One of them counts as found.
     pub found: Faults,
     /// When the time counts.
@@ -146,7 +137,7 @@ pub fn all() -> Vec<Fault> {
         name,
         size,
         tasks: &Task::ALL,
-        inject: Inject::Window(inject),
+        inject,
         found,
         counted: Counted::Always,
         within_s,
@@ -516,16 +507,13 @@ pub fn all() -> Vec<Fault> {
             0.2,
             Vents,
         ),
-        Fault {
-            inject: Inject::Unconfigured,
-            ..fault(
-                "not configured",
-                "a board that nobody has told its muscle",
-                |_, _, _| (),
-                Faults::NOT_CONFIGURED,
-                0.001,
-                Vents,
-            )
-        },
+        fault(
+            "board restarts",
+            "and nobody tells it its muscle again",
+            |_, _, w| w.board_restart = true,
+            Faults::NOT_CONFIGURED,
+            0.001,
+            Vents,
+        ),
     ]
 }

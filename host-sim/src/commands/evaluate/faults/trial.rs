@@ -1,15 +1,15 @@
 //! One run with one fault.
 
 use super::VENTED_S;
-use super::cases::{Fault, Inject, Reaction};
+use super::cases::{Fault, Reaction};
 use super::muscle::{self, Draw};
-use crate::board::{Board, BoardError, BoardStep, CoreBoard};
+use crate::board::{Board, CoreBoard};
 use crate::files::trace::Row;
 use crate::scenario::core_config::pressure_limit_pa;
 use crate::scenario::{FaultWindow, Loaded, PlantModel};
 use crate::simulation::run::{self, RunError};
 use model_core::control::Mode;
-use model_core::{Command, Config, Core, Faults, Sample, SetPoint};
+use model_core::{Command, Faults};
 
 /// Below this pressure a muscle is vented \[Pa\].
 pub const VENTED_PA: f64 = 1.2e5;
@@ -38,39 +38,6 @@ pub struct Outcome {
     pub highest_pa: f64,
     /// RMS error of the estimate after the fault came \[K\].
     pub error_k: f64,
-}
-
-/// The core in this process, on a board that may not have been told its configuration.
-#[derive(Debug, Default)]
-struct UntoldBoard {
-    healthy: CoreBoard,
-    unconfigured: Option<Core>,
-}
-
-impl Board for UntoldBoard {
-    fn name(&self) -> &'static str {
-        self.healthy.name()
-    }
-
-    fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError> {
-        // Who is not told its configuration takes no set point either.
-        if self.unconfigured.is_some() { Ok(()) } else { self.healthy.start(config, set_point) }
-    }
-
-    fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
-        self.healthy.set(set_point)
-    }
-
-    fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
-        match &mut self.unconfigured {
-            Some(core) => {
-                let telemetry = core.step(sample);
-                let actuation = telemetry.command.into();
-                Ok(BoardStep { telemetry: Some(telemetry), actuation })
-            }
-            None => self.healthy.step(sample),
-        }
-    }
 }
 
 /// What a run is judged by as it goes on.
@@ -176,15 +143,12 @@ impl Trial {
         let mut draw = Draw::new(name ^ (number << 40));
         let model = if number % 4 == 3 { PlantModel::Full } else { PlantModel::Lumped };
         let task = draw.of(fault.tasks);
-        let comes_s = (draw.between(comes_s) * 1000.0).round() / 1000.0;
-        let from_s = if matches!(fault.inject, Inject::Unconfigured) { 0.0 } else { comes_s };
+        let from_s = (draw.between(comes_s) * 1000.0).round() / 1000.0;
         let duration_s = from_s + fault.observed_s + VENTED_S + 0.3;
         let mut loaded = muscle::random(&mut draw, model, task, duration_s);
-        if let Inject::Window(inject) = fault.inject {
-            let mut window = FaultWindow { from_s, ..FaultWindow::default() };
-            inject(&mut draw, &loaded.plant, &mut window);
-            loaded.plant.faults.own = window;
-        }
+        let mut window = FaultWindow { from_s, ..FaultWindow::default() };
+        (fault.inject)(&mut draw, &loaded.plant, &mut window);
+        loaded.plant.faults.own = window;
         Self { fault: *fault, loaded, from_s }
     }
 
@@ -193,14 +157,10 @@ impl Trial {
     /// # Errors
     /// When the run could not be finished.
     pub fn run(&self) -> Result<Outcome, RunError> {
-        let unconfigured = matches!(self.fault.inject, Inject::Unconfigured)
-            .then(Core::unconfigured)
-            .transpose()
-            .map_err(RunError::Config)?;
-        self.run_on(&mut UntoldBoard { unconfigured, ..UntoldBoard::default() })
+        self.run_on(&mut CoreBoard::default())
     }
 
-    /// Runs it on a board, which is told its configuration.
+    /// Runs it on a board.
     ///
     /// # Errors
     /// When the run could not be finished.
