@@ -296,6 +296,11 @@ fn keys_have_to_fit_each_other() {
              a period of at most 1000 times run.step_s",
         ),
         (
+            "[valve]\npwm_hz = 250\nswitch_time_s = 0.005",
+            "scenario.toml:3: valve.switch_time_s = 0.005: must be a number from 0 to 0.004 s, \
+             at most a period of valve.pwm_hz, or both valves would be open together",
+        ),
+        (
             "plant.model = \"paper\"\npaper.alpha_in = 1.5",
             "scenario.toml:2: paper.alpha_in = 1.5: must be a number from 1 to 1.4, \
              at most gas.heat_capacity_ratio",
@@ -307,6 +312,7 @@ fn keys_have_to_fit_each_other() {
         }
     }
     valid("paper.alpha_in = 1.5"); // of no consequence in another model
+    valid("plant.model = \"lumped\"\nvalve.pwm_hz = 1000"); // its valves are ideal
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Everything that the core is told before it starts, and what each value may be.
 
+use crate::math::limit;
 use crate::parameter::{Parameter, parameters};
 use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
 use crate::physics::friction::Friction;
@@ -238,13 +239,19 @@ impl Config {
             Load::Isometric { length_m } => within("load.length_m", length_m, 0.001, 10.0)?,
         }
         within("load.mass_kg", self.moving_mass_kg, 0.0, 1.0e6)?;
-        self.valve.check()?;
+        // The longest switching time follows from the PWM period.
+        Valve { switch_time_s: 0.0, ..self.valve }.check()?;
         within(
             "valve.pwm_hz (its period, in steps)",
             f32::from(self.pwm_period_steps),
             1.0,
             1000.0,
         )?;
+        const SLOWEST_S: f32 = 0.1;
+        // A hair of room: both have been rounded.
+        let period_s = f32::from(self.pwm_period_steps) * self.step_s * 1.000_001;
+        let slowest_s = limit(period_s, 0.0, SLOWEST_S);
+        within("valve.switch_time_s", self.valve.switch_time_s, 0.0, slowest_s)?;
         self.sensors.check()?;
         self.estimator.check()?;
         self.controller.check()?;
@@ -276,6 +283,21 @@ mod tests {
     #[test]
     fn the_default_holds() {
         assert_eq!(Config::default().check(), Ok(()));
+    }
+
+    /// Or the other valve opens before the poppet is shut.
+    #[test]
+    fn a_valve_switches_within_a_period() {
+        let mut config = Config { pwm_period_steps: 3, ..Config::default() };
+        config.valve.switch_time_s = 0.003;
+        assert_eq!(config.check(), Ok(()));
+        config.valve.switch_time_s = 0.003_01;
+        let error = config.check().unwrap_err();
+        assert_eq!((error.field, error.minimum), ("valve.switch_time_s", 0.0));
+        assert!((error.maximum / 0.003 - 1.0).abs() < 1e-5, "{error}");
+        config.pwm_period_steps = 1000;
+        config.valve.switch_time_s = 0.101;
+        assert_eq!(config.check().unwrap_err().maximum, 0.1);
     }
 
     #[test]

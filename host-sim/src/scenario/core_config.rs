@@ -132,7 +132,7 @@ pub fn core_config(believed: &Scenario) -> Config {
             // Every other plant has ideal valves.
             Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() }
         },
-        pwm_period_steps: (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16,
+        pwm_period_steps: pwm_period_steps(s),
         sensors: Sensors {
             adc: s.adc.core(),
             pressure: s.sensor.pressure.core(),
@@ -181,6 +181,11 @@ fn inner_heat(s: &Scenario) -> (f64, f64) {
             )
         }
     }
+}
+
+/// The PWM's period, in steps of the core.
+pub fn pwm_period_steps(s: &Scenario) -> u16 {
+    (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16
 }
 
 /// Absolute pressure above which the board vents \[Pa\]: a hair below full scale, so that it acts before

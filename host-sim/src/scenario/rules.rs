@@ -7,7 +7,7 @@ use super::tables::{DriveKind, LoadKind, PlantKind, PlantModel, Scenario};
 use super::violation::{Violation, within};
 use crate::files::input::nearest;
 use crate::plant::chamber;
-use crate::scenario::core_config::pressure_limit_pa;
+use crate::scenario::core_config::{pressure_limit_pa, pwm_period_steps};
 
 /// Most steps of a run: more take days.
 const MOST_STEPS: f64 = 1.0e9;
@@ -50,6 +50,13 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
     // A hair of room: 1/(1000 step) has been rounded.
     let why = "a period of at most 1000 times run.step_s";
     within("valve.pwm_hz", scenario.valve.pwm_hz, (slowest * (1.0 - 1e-12), fastest), why)?;
+    if scenario.moves_in_full() {
+        // Every other plant has ideal valves.
+        let period_s = f64::from(pwm_period_steps(scenario)) * scenario.run.step_s;
+        let slowest = limits("valve.switch_time_s").max.min(period_s);
+        let why = "at most a period of valve.pwm_hz, or both valves would be open together";
+        within("valve.switch_time_s", scenario.valve.switch_time_s, (0.0, slowest), why)?;
+    }
     let heat = &scenario.heat;
     let largest = limits("heat.scale")
         .max
