@@ -86,7 +86,7 @@ impl Duty {
 pub struct Sample {
     /// ADC0: muscle pressure.
     pub pressure: AdcCode,
-    /// ADC1: Pt1000 in the gas.
+    /// ADC1: gas temperature.
     pub gas: AdcCode,
     /// ADC2: muscle length.
     pub length: AdcCode,

@@ -10,7 +10,7 @@ use model_core::physics::friction::Friction;
 use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
-use model_core::sensing::gas::{GasElement, GasSensor, Pt1000};
+use model_core::sensing::gas::GasSensor;
 
 /// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
 /// \[W/(m2 K)\].
@@ -143,10 +143,7 @@ pub fn core_config(believed: &Scenario) -> Config {
                 housing_time_constant_s: one_zone.housing_s as f32,
                 ..s.sensor.gas.core()
             },
-            gas_element: GasElement::Pt1000(Pt1000 {
-                range_min_k: s.sensor.gas.range_min_k as f32,
-                range_max_k: s.sensor.gas.range_max_k as f32,
-            }),
+            gas_element: s.sensor.gas_element(),
         },
         estimator: EstimatorConfig {
             place_error_k: (one_zone.place_error * f64::from(s.estimator.place_error_k)).min(100.0)

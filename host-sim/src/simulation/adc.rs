@@ -7,10 +7,11 @@
 //! |---|---|
 //! | pressure | 0.1 + 0.8 P / range |
 //! | length | 0.05 + 0.9 L / range |
-//! | gas temperature | 0.05 + 0.9 (r(T) - r(T_min)) / (r(T_max) - r(T_min)), r = R/(R + 4.7 kOhm), R the Pt1000 |
+//! | gas temperature | [`elements::gas_share`] |
 
 use crate::plant::Truth;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, Sensors};
+use crate::simulation::elements;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -24,8 +25,6 @@ const FULL_SCALE: f64 = 4095.0;
 const STEPS: f64 = 4096.0;
 /// Noise of the RP2040's converter itself, one conversion, standard deviation \[LSB\].
 const CONVERTER_NOISE_LSB: f64 = 0.5;
-/// Resistor in series with the Pt1000 \[Ohm\].
-const SERIES_OHM: f64 = 4700.0;
 
 /// Codes that erratum RP2040-E11 makes too wide (RP2040 datasheet, appendix B).
 const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
@@ -35,21 +34,10 @@ const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
 pub struct Codes {
     /// Absolute pressure.
     pub pressure: u16,
-    /// Pt1000 in the gas.
+    /// Gas temperature.
     pub gas: u16,
     /// Muscle length.
     pub length: u16,
-}
-
-/// Resistance of a Pt1000 \[Ohm\] at a temperature \[K\], IEC 60751, 73 to 1123 K. The polynomials turn
-/// back far outside: there it is that of the nearer end.
-pub fn pt1000_ohm(temperature_k: f64) -> f64 {
-    const A: f64 = 3.9083e-3;
-    const B: f64 = -5.775e-7;
-    const C: f64 = -4.183e-12;
-    let t = temperature_k.clamp(73.0, 1123.0) - 273.15;
-    let below_zero = if t < 0.0 { C * (t - 100.0) * t * t * t } else { 0.0 };
-    1000.0 * (1.0 + t * (A + t * B) + below_zero)
 }
 
 /// Mean code of a conversion \[LSB\] for an ideal input \[LSB\], both 0 to 4095: the transfer curve
@@ -129,18 +117,9 @@ pub struct VirtualAdc {
     wall: Noise,
     wall_noise_k: f64,
     wide_code_lsb: f64,
-    pressure_range_pa: f64,
-    length_range_m: f64,
-    /// Bridge ratio at the lowest temperature, and its span up to the highest.
-    bridge: (f64, f64),
+    sensors: Sensors,
     gas_reading_k: f64,
     wall_reading_k: f64,
-}
-
-/// Ratio of the bridge at a temperature \[K\].
-fn bridge_ratio(temperature_k: f64) -> f64 {
-    let ohm = pt1000_ohm(temperature_k);
-    ohm / (ohm + SERIES_OHM)
 }
 
 impl VirtualAdc {
@@ -152,7 +131,6 @@ impl VirtualAdc {
             generator.jump();
             Noise(generator.clone())
         };
-        let lowest = bridge_ratio(sensor.gas.range_min_k);
         let initial = scenario.plant.initial_temperature_k;
         Self {
             pressure: Channel::new(
@@ -171,9 +149,7 @@ impl VirtualAdc {
             wall: stream(),
             wall_noise_k: sensor.wall.noise_k,
             wide_code_lsb: scenario.adc.wide_code_lsb,
-            pressure_range_pa: sensor.pressure.range_pa,
-            length_range_m: sensor.length.range_m,
-            bridge: (lowest, bridge_ratio(sensor.gas.range_max_k) - lowest),
+            sensors: sensor.clone(),
             gas_reading_k: initial,
             wall_reading_k: initial,
         }
@@ -186,12 +162,12 @@ impl VirtualAdc {
         self.gas_reading_k = self.gas.sense(truth.sensor_gas_k);
         self.wall_reading_k = truth.sensor_wall_k + self.wall.sample(self.wall_noise_k);
         let gas_k = self.gas.uncalibrated(self.gas_reading_k);
-        let bridge = (bridge_ratio(gas_k) - self.bridge.0) / self.bridge.1;
-        let pressure_share = self.pressure.uncalibrated(pressure) / self.pressure_range_pa;
-        let length_share = self.length.uncalibrated(length) / self.length_range_m;
+        let gas_share = elements::gas_share(&self.sensors, gas_k);
+        let pressure_share = self.pressure.uncalibrated(pressure) / self.sensors.pressure.range_pa;
+        let length_share = self.length.uncalibrated(length) / self.sensors.length.range_m;
         Codes {
             pressure: self.pressure.convert(0.1 + 0.8 * pressure_share, self.wide_code_lsb),
-            gas: self.gas.convert(0.05 + 0.9 * bridge, self.wide_code_lsb),
+            gas: self.gas.convert(gas_share, self.wide_code_lsb),
             length: self.length.convert(0.05 + 0.9 * length_share, self.wide_code_lsb),
         }
     }
@@ -220,16 +196,6 @@ mod tests {
             sensor_gas_k: 300.0,
             sensor_wall_k: 305.0,
             ..Truth::default()
-        }
-    }
-
-    #[test]
-    fn pt1000_matches_the_standards_table() {
-        for (celsius, ohm) in
-            [(-40.0, 842.7), (0.0, 1000.0), (25.0, 1097.4), (100.0, 1385.1), (200.0, 1758.6)]
-        {
-            let actual = pt1000_ohm(celsius + 273.15);
-            assert!((actual - ohm).abs() < 0.06, "{celsius} degC: {actual}");
         }
     }
 

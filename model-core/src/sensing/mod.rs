@@ -13,6 +13,7 @@ mod health;
 pub mod length;
 pub mod platinum;
 pub mod pressure;
+pub mod pt1000;
 
 use self::adc::{Adc, CodeSum, Line, Linearisation};
 use self::gas::{GasElement, GasLine, GasSensor};
@@ -349,8 +350,11 @@ mod tests {
     proptest! {
         #[test]
         fn every_code_gives_a_finite_value(code in any::<u16>()) {
-            let values = values(&sensing(Sensors::default()), AdcCode(code));
-            prop_assert!(values.iter().all(|value| value.is_finite()), "{values:?}");
+            for gas_element in GasElement::all() {
+                let sensing = sensing(Sensors { gas_element, ..Sensors::default() });
+                let values = values(&sensing, AdcCode(code));
+                prop_assert!(values.iter().all(|value| value.is_finite()), "{values:?}");
+            }
         }
     }
 }

@@ -2,17 +2,20 @@
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
+use host_sim::scenario::GasElementKind;
 use model_core::Config;
 use model_core::config::{ConfigError, Load};
 use model_core::link::MAX_FRAME;
 use model_core::physics::chamber::{ChamberConfig, Cylinder, Vessel};
+use model_core::sensing::Sensors;
+use model_core::sensing::gas::GasElement;
 use std::sync::OnceLock;
 
-/// A kind of chamber and load, with the number of each field.
+/// A kind of chamber, load and gas sensor, with the number of each field.
 struct Kind {
     base: Config,
-    /// Chamber and load, in the order in which serde has them.
-    variants: [u32; 2],
+    /// Which of its enums' variants it has, in the order in which serde has them.
+    variants: Vec<u32>,
     numbers: Vec<f32>,
     /// Name of each number.
     names: Vec<&'static str>,
@@ -84,7 +87,7 @@ fn anywhere(bytes: &mut Unstructured, usual: f32, allowed: &ConfigError) -> f32 
 fn filled(kind: &Kind, mut number: impl FnMut(usize, &ConfigError) -> f32) -> Config {
     let mut numbers = vec![f32::NAN; kind.numbers.len()];
     loop {
-        let config = config_of(kind.variants, &numbers);
+        let config = config_of(&kind.variants, &numbers);
         let Err(error) = config.check() else { return config };
         let slot = kind.names.iter().position(|name| *name == error.field);
         let slot = slot.unwrap_or_else(|| panic!("{error}: of no number"));
@@ -103,15 +106,17 @@ pub fn differences(config: &Config) -> String {
         (number != usual).then(|| format!("{} = {number:e}, not {usual:e}", kind.names[slot]))
     });
     let differing: Vec<String> = differing.collect();
-    let [chamber, load] = [
-        ["muscle", "vessel", "cylinder"][variants[0] as usize],
-        ["isotonic", "isometric"][variants[1] as usize],
+    let names = [
+        &["muscle", "vessel", "cylinder"][..],
+        &["isotonic", "isometric"][..],
+        GasElementKind::WORDS,
     ];
-    format!("{chamber}, {load}: {}", differing.join("; "))
+    let named: Vec<&str> = names.iter().zip(&variants).map(|(n, i)| n[*i as usize]).collect();
+    format!("{}: {}", named.join(", "), differing.join("; "))
 }
 
-fn kinds() -> &'static [Kind; 6] {
-    static KINDS: OnceLock<[Kind; 6]> = OnceLock::new();
+fn kinds() -> &'static [Kind] {
+    static KINDS: OnceLock<Vec<Kind>> = OnceLock::new();
     KINDS.get_or_init(|| {
         let muscle = Config::default();
         let chamber = ChamberConfig::Vessel(Vessel { section_m2: 0.0314, surface_m2: 0.386 });
@@ -120,7 +125,13 @@ fn kinds() -> &'static [Kind; 6] {
         let cylinder = Config { chamber, load: Load::Isotonic { force_n: -50.0 }, ..muscle };
         let load = Load::Isometric { length_m: 0.28 };
         let held = |free: Config| Config { load, ..free };
-        [muscle, held(muscle), vessel, held(vessel), cylinder, held(cylinder)].map(kind)
+        let bases = [muscle, held(muscle), vessel, held(vessel), cylinder, held(cylinder)];
+        let with = |gas_element| {
+            bases.map(|base| {
+                kind(Config { sensors: Sensors { gas_element, ..base.sensors }, ..base })
+            })
+        };
+        GasElement::all().flat_map(with).collect()
     })
 }
 
@@ -130,11 +141,11 @@ fn kind(base: Config) -> Kind {
     let usual = numbers(&base);
     let mut names = vec![""; usual.len()];
     let mut tried = vec![f32::NAN; usual.len()];
-    while let Err(error) = config_of(variants, &tried).check() {
+    while let Err(error) = config_of(&variants, &tried).check() {
         let slot = (0..usual.len()).find(|slot| {
             let mut other = tried.clone();
             other[*slot] = f32::MAX;
-            let changed = config_of(variants, &other).check();
+            let changed = config_of(&variants, &other).check();
             changed.is_err_and(|changed| {
                 changed.field == error.field && changed.value.to_bits() != error.value.to_bits()
             })
@@ -149,7 +160,7 @@ fn kind(base: Config) -> Kind {
 
 /// The numbers of a configuration, one after the other.
 struct Numbers<'a> {
-    variants: std::array::IntoIter<u32, 2>,
+    variants: std::slice::Iter<'a, u32>,
     numbers: std::slice::Iter<'a, f32>,
 }
 
@@ -163,38 +174,35 @@ impl Choices for Numbers<'_> {
     }
 
     fn one_of(&mut self, _: u32) -> u32 {
-        self.variants.next().unwrap_or_default()
+        self.variants.next().copied().unwrap_or_default()
     }
 }
 
-fn config_of(variants: [u32; 2], numbers: &[f32]) -> Config {
-    let mut choices = Numbers { variants: variants.into_iter(), numbers: numbers.iter() };
+fn config_of(variants: &[u32], numbers: &[f32]) -> Config {
+    let mut choices = Numbers { variants: variants.iter(), numbers: numbers.iter() };
     any::value(&mut choices).expect("numbers make a configuration")
 }
 
-fn variants(config: &Config) -> [u32; 2] {
-    [
-        match config.chamber {
-            ChamberConfig::Muscle(_) => 0,
-            ChamberConfig::Vessel(_) => 1,
-            ChamberConfig::Cylinder(_) => 2,
-            ChamberConfig::Table(_) => unreachable!("its rows are drawn nowhere"),
-        },
-        u32::from(matches!(config.load, Load::Isometric { .. })),
-    ]
+fn variants(config: &Config) -> Vec<u32> {
+    read(config).0
 }
 
-/// The numbers of `config`, read from its bytes on the wire.
 fn numbers(config: &Config) -> Vec<f32> {
+    read(config).1
+}
+
+/// The variants and the numbers of `config`, from its bytes on the wire.
+fn read(config: &Config) -> (Vec<u32>, Vec<f32>) {
     let mut buffer = [0; MAX_FRAME];
     let bytes = postcard::to_slice(config, &mut buffer).expect("it fits a frame");
-    let mut read = Read { bytes, numbers: Vec::new() };
+    let mut read = Read { bytes, variants: Vec::new(), numbers: Vec::new() };
     any::value::<Config>(&mut read).expect("it is one");
-    read.numbers
+    (read.variants, read.numbers)
 }
 
 struct Read<'a> {
     bytes: &'a [u8],
+    variants: Vec<u32>,
     numbers: Vec<f32>,
 }
 
@@ -220,7 +228,9 @@ impl Choices for Read<'_> {
     }
 
     fn one_of(&mut self, _: u32) -> u32 {
-        self.next()
+        let variant = self.next();
+        self.variants.push(variant);
+        variant
     }
 }
 
@@ -233,7 +243,7 @@ mod tests {
     #[test]
     fn no_bytes_are_the_default() {
         assert_eq!(from_bytes(&mut Unstructured::new(&[])), Config::default());
-        assert_eq!(differences(&Config::default()), "muscle, isotonic: ");
+        assert_eq!(differences(&Config::default()), "muscle, isotonic, pt1000: ");
     }
 
     /// What the core complains of, a user can look up; the rest no key says.
@@ -250,8 +260,8 @@ mod tests {
     fn every_number_reaches_both_ends_of_its_range() {
         let kinds = kinds();
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
-        let mut seen =
-            kinds.each_ref().map(|kind| vec![[f32::INFINITY, f32::NEG_INFINITY]; kind.names.len()]);
+        let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+        let mut seen: Vec<_> = kinds.iter().map(|kind| vec![nothing; kind.names.len()]).collect();
         for _ in 0..5_000 {
             let mut bytes = [0; 512];
             random.fill_bytes(&mut bytes);
@@ -272,7 +282,7 @@ mod tests {
                 }
                 let mut numbers = kind.numbers.clone();
                 numbers[slot] = f32::MAX;
-                let allowed = config_of(kind.variants, &numbers).check().unwrap_err();
+                let allowed = config_of(&kind.variants, &numbers).check().unwrap_err();
                 assert_eq!(seen[slot], [allowed.minimum, allowed.maximum], "{name}");
             }
         }

@@ -52,15 +52,20 @@ impl Quantity {
     /// Standard deviation of one measured value: noise, averaged over a code's conversions, and the
     /// step of the code.
     fn deviation(self, sensor: &Sensors) -> f64 {
-        let gas_range_k = sensor.gas.range_max_k - sensor.gas.range_min_k;
-        let (noise, range) = match self {
-            Self::Pressure => (sensor.pressure.noise_pa, sensor.pressure.range_pa),
-            Self::Length => (sensor.length.noise_m, sensor.length.range_m),
-            Self::SensorGas => (sensor.gas.noise_k, gas_range_k),
-            Self::SensorWall => (sensor.wall.noise_k, gas_range_k),
+        let conversions = f64::from(OVERSAMPLING);
+        let gas_step_k = f64::from(sensor.gas_element().resolution_k()) / conversions;
+        let (noise, step, readings) = match self {
+            Self::Pressure => {
+                (sensor.pressure.noise_pa, sensor.pressure.range_pa / CODE_STEPS, conversions)
+            }
+            Self::Length => {
+                (sensor.length.noise_m, sensor.length.range_m / CODE_STEPS, conversions)
+            }
+            Self::SensorGas => (sensor.gas.noise_k, gas_step_k, conversions),
+            // Recorded as a number.
+            Self::SensorWall => (sensor.wall.noise_k, gas_step_k, 1.0),
         };
-        let readings = if self == Self::SensorWall { 1.0 } else { f64::from(OVERSAMPLING) };
-        (noise / readings.sqrt()).hypot(range / CODE_STEPS / 12.0_f64.sqrt())
+        (noise / readings.sqrt()).hypot(step / 12.0_f64.sqrt())
     }
 }
 

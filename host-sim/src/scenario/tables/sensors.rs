@@ -1,6 +1,7 @@
 //! The four sensors and their ranges.
 
-use crate::scenario::declare::table;
+use crate::scenario::declare::{choice, table};
+use model_core::sensing::gas::{GasElement, Pt1000};
 use model_core::sensing::{adc, gas, length, pressure};
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensors {
-    /// Pt1000 foil in the gas.
+    /// Element in the gas.
     pub gas: GasSensor,
     /// Sensor in the braided wall.
     pub wall: WallSensor,
@@ -27,16 +28,37 @@ table! {
     }
 }
 
+impl Sensors {
+    /// What senses the gas temperature, as the core has it.
+    pub fn gas_element(&self) -> GasElement {
+        match self.gas.kind {
+            GasElementKind::Pt1000 => GasElement::Pt1000(Pt1000 {
+                range_min_k: self.gas.range_min_k as f32,
+                range_max_k: self.gas.range_max_k as f32,
+            }),
+        }
+    }
+}
+
+choice! {
+    /// What senses the gas temperature.
+    GasElementKind {
+        /// Pt1000 in a half bridge.
+        Pt1000 = "pt1000",
+    }
+}
+
 table! {
-    "sensor.gas", "Pt1000 foil in the gas; its housing is in the plant full only", believed, physical;
+    "sensor.gas", "element in the gas; its housing is in the plant full only", believed, physical;
     GasSensor as gas::GasSensor {
+        kind: choice GasElementKind::Pt1000, "what senses";
         // A sensor without lag is one of the plant only: the core's filter needs some.
         core time_constant_s: real 3.0, "s", 0.0 to 1000.0, "lag";
         core noise_k;
         position: real 0.5, "", 0.0 to 1.0, "its middle, from port 0 to closed end 1 (full)";
         span: real 0.25, "", 0.0 to 1.0, "part of the length that it averages over (full)";
-        range_min_k: real 270.0, "K", 73.0 to 800.0, "lowest temperature resolved";
-        range_max_k: real 330.0, "K", 74.0 to 1100.0, "highest temperature resolved";
+        range_min_k: real 270.0, "K", 73.0 to 800.0, "lowest temperature resolved (pt1000)";
+        range_max_k: real 330.0, "K", 74.0 to 1100.0, "highest temperature resolved (pt1000)";
         // The lag of a sensor that the gas film around it slows: 0.5 for free convection and for laminar
         // flow across it.
         density_exponent: real 0.0, "", 0.0 to 1.0, "n in lag ~ density^-n, time_constant_s at the start; 0.5 in free convection";
