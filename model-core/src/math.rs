@@ -1,4 +1,4 @@
-//! The three functions that `core` does not have: square root, exponential, clamp to a range.
+//! The functions that `core` does not have: square root, exponential, logarithm, clamp to a range.
 //!
 //! `micromath` gives the seed (a bit trick, some 5 % off), Newton's method does the rest, so that the
 //! result is the same to the bit on a soft-float Cortex-M0+, on an FPU and on the host: every
@@ -29,12 +29,13 @@ pub fn sqrt(x: f32) -> f32 {
     x * inverse_sqrt(x)
 }
 
+/// ln 2 in two parts (Cody and Waite), so that what is left of an argument keeps all its bits.
+const LN_2_HIGH: f32 = 0.693_359_4;
+const LN_2_LOW: f32 = -2.121_944_4e-4;
+
 /// Exponential, relative error below 1e-6, arguments limited to -80 ..= 80.
 pub fn exp(x: f32) -> f32 {
     const LOG2_E: f32 = core::f32::consts::LOG2_E;
-    // ln 2 in two parts (Cody and Waite), so that the reduced argument keeps all its bits.
-    const LN_2_HIGH: f32 = 0.693_359_4;
-    const LN_2_LOW: f32 = -2.121_944_4e-4;
     let x = limit(x, -80.0, 80.0);
     let scaled = x * LOG2_E;
     let n = if scaled >= 0.0 { scaled + 0.5 } else { scaled - 0.5 } as i32;
@@ -47,6 +48,23 @@ pub fn exp(x: f32) -> f32 {
                 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0))))));
     // 2^n through the exponent field; |n| <= 116 keeps it a normal number.
     polynomial * f32::from_bits(((n + 127) as u32) << 23)
+}
+
+/// Natural logarithm, relative error below 1e-6; that of the smallest normal number for arguments that are
+/// not positive.
+pub fn ln(x: f32) -> f32 {
+    /// The bits of sqrt(1/2).
+    const LEAST: u32 = 0x3f35_04f3;
+    let bits = limit(x, f32::MIN_POSITIVE, f32::MAX).to_bits();
+    // x = 2^n m, m from sqrt(1/2) to sqrt(2).
+    let n = (bits.wrapping_sub(LEAST) as i32) >> 23;
+    let m = f32::from_bits(bits.wrapping_sub((n as u32) << 23));
+    // ln m = 2 artanh s; |s| <= 0.172, and the remainder of the series 1e-9 of it.
+    let s = (m - 1.0) / (m + 1.0);
+    let z = s * s;
+    let series = 1.0 + z * (1.0 / 3.0 + z * (0.2 + z * (1.0 / 7.0 + z * (1.0 / 9.0))));
+    let n = n as f32;
+    n * LN_2_HIGH + (n * LN_2_LOW + 2.0 * s * series)
 }
 
 /// `x` limited to `low ..= high`; `low` for NaN. `f32::clamp` would panic on a bad range.
@@ -120,9 +138,18 @@ mod tests {
         }
 
         #[test]
+        fn ln_is_close(x in -80.0_f64..80.0, near in 0.5_f32..2.0) {
+            for x in [x.exp() as f32, near] {
+                let exact = f64::from(x).ln();
+                prop_assert!((f64::from(ln(x)) - exact).abs() <= 1e-6 * exact.abs(), "{x}");
+            }
+        }
+
+        #[test]
         fn nothing_but_finite_values(bits in any::<u32>()) {
             let x = f32::from_bits(bits);
             prop_assert!(exp(x).is_finite());
+            prop_assert!(ln(x).is_finite());
             prop_assert!(inverse_sqrt(x).is_finite());
             prop_assert!((-1.0..=2.0).contains(&limit(x, -1.0, 2.0)));
         }
