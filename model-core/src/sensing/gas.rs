@@ -7,6 +7,7 @@
 //! there, and in `scenario/tables/sensors.rs` its word and its table. `docs/board.md` has a row for each.
 //! A new element comes last, and raises `PROTOCOL` in `link`: boards of the one before do not know it.
 
+pub use super::ntc::Ntc;
 pub use super::pt1000::Pt1000;
 use crate::config::ConfigError;
 use crate::parameter::parameters;
@@ -105,6 +106,8 @@ macro_rules! elements {
 elements! {
     /// Pt1000 in a half bridge.
     Pt1000,
+    /// NTC thermistor in a divider.
+    Ntc,
 }
 
 impl Default for GasElement {

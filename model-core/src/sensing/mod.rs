@@ -11,6 +11,7 @@ pub mod adc;
 pub mod gas;
 mod health;
 pub mod length;
+pub mod ntc;
 pub mod platinum;
 pub mod pressure;
 pub mod pt1000;

@@ -22,6 +22,7 @@ use super::schema::Table;
 use crate::plant::chamber::cylinder::Cylinder;
 use crate::plant::chamber::table::Table as ChamberTable;
 use model_core::config::{ControllerConfig, EstimatorConfig};
+use model_core::sensing::gas::Ntc;
 use serde::{Deserialize, Serialize};
 
 /// A complete scenario. `[believed]` has been split off before: see [`super::Loaded`].
@@ -108,6 +109,12 @@ pub static TABLES: &[Table] = &[
     WallSensor::TABLE,
     PressureSensor::TABLE,
     LengthSensor::TABLE,
+    Table::new(
+        "sensor.ntc",
+        "thermistor, where sensor.gas.kind = \"ntc\"",
+        &keys_of::<{ Ntc::PARAMETERS.len() }>(Ntc::PARAMETERS),
+    )
+    .believed(),
     Table::new(
         "estimator",
         "estimator tuning; a drift is what a random walk gains in one second",

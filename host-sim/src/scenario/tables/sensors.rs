@@ -1,7 +1,7 @@
 //! The four sensors and their ranges.
 
 use crate::scenario::declare::{choice, table};
-use model_core::sensing::gas::{GasElement, Pt1000};
+use model_core::sensing::gas::{GasElement, Ntc, Pt1000};
 use model_core::sensing::{adc, gas, length, pressure};
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +17,8 @@ pub struct Sensors {
     pub pressure: PressureSensor,
     /// Muscle length.
     pub length: LengthSensor,
+    /// The thermistor, where the gas sensor is one.
+    pub ntc: Ntc,
 }
 
 table! {
@@ -36,6 +38,7 @@ impl Sensors {
                 range_min_k: self.gas.range_min_k as f32,
                 range_max_k: self.gas.range_max_k as f32,
             }),
+            GasElementKind::Ntc => GasElement::Ntc(self.ntc),
         }
     }
 }
@@ -45,6 +48,8 @@ choice! {
     GasElementKind {
         /// Pt1000 in a half bridge.
         Pt1000 = "pt1000",
+        /// NTC thermistor in a divider.
+        Ntc = "ntc",
     }
 }
 

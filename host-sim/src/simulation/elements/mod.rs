@@ -1,6 +1,7 @@
 //! The sensors' elements and their circuits, as they are: from what an element is exposed to, to its share of
 //! the reference. The core's `sensing` is the way back, written on its own.
 
+mod ntc;
 mod pt1000;
 
 use crate::scenario::{GasElementKind, Sensors};
@@ -9,6 +10,7 @@ use crate::scenario::{GasElementKind, Sensors};
 pub fn gas_share(sensors: &Sensors, temperature_k: f64) -> f64 {
     match sensors.gas.kind {
         GasElementKind::Pt1000 => pt1000::share(&sensors.gas, temperature_k),
+        GasElementKind::Ntc => ntc::share(&sensors.ntc, temperature_k),
     }
 }
 

@@ -1,0 +1,42 @@
+//! A thermistor in place of the Pt1000: the estimate is as good, from one that is told right.
+
+use host_sim::board::CoreBoard;
+use host_sim::files::summary::Summary;
+use host_sim::scenario;
+use host_sim::simulation::run;
+use model_core::Faults;
+
+fn run_with(sensor: &str) -> (Summary, Faults) {
+    let text = format!("[run]\nduration_s = 60\n[plant]\nmodel = \"lumped\"\n{sensor}");
+    let loaded = scenario::parse(&text, "thermistor.toml".as_ref()).unwrap();
+    let mut faults = Faults::NONE;
+    let mut observer = |row: &host_sim::files::trace::Row| {
+        faults = faults.with(row.telemetry.faults);
+        Ok(())
+    };
+    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    (summary, faults)
+}
+
+#[test]
+fn the_estimate_is_as_good_from_a_thermistor() {
+    let (platinum, _) = run_with("");
+    let ntc = "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3435.0\nseries_ohm = 6800.0\n";
+    let (thermistor, faults) = run_with(ntc);
+    assert_eq!(faults, Faults::NONE);
+    let (known, found) = (platinum.rmse_k.estimate, thermistor.rmse_k.estimate);
+    assert!((0.9..1.1).contains(&(found / known)), "{found} K, {known} K from a Pt1000");
+    // Told another Beta, it reads what is not there.
+    let (wrong, _) = run_with(&format!("{ntc}[believed.sensor.ntc]\nbeta_k = 3700.0\n"));
+    assert!(wrong.rmse_k.estimate > 1.5 * found, "{} K", wrong.rmse_k.estimate);
+}
+
+#[test]
+fn what_is_no_thermistor_is_named() {
+    let text = "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3.9\n";
+    let error = scenario::parse(text, "given.toml".as_ref()).unwrap_err().to_string();
+    assert!(
+        error.starts_with("given.toml:4: sensor.ntc.beta_k = 3.9: must be a number"),
+        "{error}"
+    );
+}
