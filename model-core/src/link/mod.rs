@@ -19,7 +19,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 7;
+pub const PROTOCOL: u16 = 8;
 /// Speed of the line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
@@ -472,7 +472,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807070a4eb09a5500"),
             (request(HostCommand::Alive), "07070bb05d4a9900"),
             (request(HostCommand::Step(sample)), "0a070cda3cce7ccdb90102010105a67c65cf00"),
-            (answer(Answer::Version(version)), "03010702070201010105295e0e5e00"),
+            (answer(Answer::Version(version)), "03010702080201010105fcec58af00"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -487,7 +487,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (292, 971_016_324)), (encode(&telemetry), (73, 4_047_776_586))]
+            [(encode(&config), (304, 1_412_867_060)), (encode(&telemetry), (73, 4_047_776_586))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
