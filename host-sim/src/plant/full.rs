@@ -332,7 +332,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
 
         // Fastest: the tube between open valves and muscle; the bristles with the moving mass; the
         // muscle through its largest hole.
-        let hottest = piping.supply().1.max(temperature);
+        let gas_k = scenario.plant.gas_k();
+        let hottest = piping.supply().1.max(temperature).max(gas_k);
         let steepest = 2.0 * piping.steepest(hottest) + tube.steepest(hottest);
         let tube_rate = gas.k * gas.r * hottest * steepest / scenario.tube.volume_m3;
         let bristle_rate = bristle.fastest_rate(mass_kg);
@@ -383,7 +384,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
             wall_sensor_position: sensor.wall.position,
         };
         let exponent = closure.exponent();
-        let mass = pressure * volume / (gas.r * temperature);
+        let mass = pressure * volume / (gas.r * gas_k);
         let mut state = vec![temperature; ZONES + 3 * zones];
         state[..ZONES].fill(0.0);
         state[W] = pressure * volume.powf(exponent);
@@ -397,18 +398,14 @@ impl<C: Chamber + Copy + Send> Full<C> {
             );
             state[BRISTLE] = held / scenario.friction.presliding_stiffness_n_m;
         }
-        state[TUBE_MASS] = pressure * config.tube_m3 / (gas.r * temperature);
+        state[TUBE_MASS] = pressure * config.tube_m3 / (gas.r * gas_k);
         state[TUBE_ENERGY] = pressure * config.tube_m3 / (gas.k - 1.0);
         state[ZONES..ZONES + zones].fill(mass / zones as f64);
-        let start = Exposure {
-            gas_k: temperature,
-            wall_k: temperature,
-            pressure_pa: pressure,
-            length_m: length,
-        };
+        let start =
+            Exposure { gas_k, wall_k: temperature, pressure_pa: pressure, length_m: length };
         let initial = Ledger {
             mass_initial_kg: mass,
-            energy_initial_j: gas.cv * mass * temperature,
+            energy_initial_j: gas.cv * mass * gas_k,
             ..Ledger::default()
         };
         let mut full = Self {

@@ -153,7 +153,6 @@ impl VirtualAdc {
             Noise(generator.clone())
         };
         let lowest = bridge_ratio(sensor.gas.range_min_k);
-        let initial = scenario.plant.initial_temperature_k;
         Self {
             pressure: Channel::new(
                 stream(),
@@ -174,8 +173,8 @@ impl VirtualAdc {
             pressure_range_pa: sensor.pressure.range_pa,
             length_range_m: sensor.length.range_m,
             bridge: (lowest, bridge_ratio(sensor.gas.range_max_k) - lowest),
-            gas_reading_k: initial,
-            wall_reading_k: initial,
+            gas_reading_k: scenario.plant.gas_k(),
+            wall_reading_k: scenario.plant.initial_temperature_k,
         }
     }
 

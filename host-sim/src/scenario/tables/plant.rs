@@ -36,6 +36,14 @@ table! {
         model: choice PlantModel::Full, "zones, wall layers and real valves; one zone; the paper's eq. (12)";
         initial_pressure_pa: real 120_000.0, "Pa", 1.0 to 1.0e8, "absolute pressure at the start";
         initial_temperature_k: real 298.0, "K", 100.0 to 1000.0, "temperature of gas, wall and sensors at the start";
+        initial_gas_temperature_k: optional "K", 100.0 to 1000.0, "that of the gas, where it is not the wall's: a record that begins in the middle of a motion";
+    }
+}
+
+impl Plant {
+    /// Temperature of the gas at the start \[K\].
+    pub fn gas_k(&self) -> f64 {
+        self.initial_gas_temperature_k.unwrap_or(self.initial_temperature_k)
     }
 }
 
