@@ -294,3 +294,29 @@ fn measured_air_discharge() {
     println!("adiabatic, same lag: {:.2} K, {:.0} Pa RMS", adiabatic.0, adiabatic.1);
     assert!(adiabatic.0 > 10.0 * best.0);
 }
+
+/// A record that begins in the middle of a motion: gas at 340 K in a wall that stays at 298 K cools as
+/// exp(-h A t/(m cv)), and its pressure with it.
+#[test]
+fn gas_that_starts_warm_cools_to_its_wall() {
+    let mut s = Scenario::default();
+    s.plant.kind = PlantKind::Vessel;
+    s.plant.model = PlantModel::Lumped;
+    s.plant.initial_pressure_pa = 4.0e5;
+    s.plant.initial_gas_temperature_k = Some(340.0);
+    s.drive.kind = DriveKind::Closed;
+    s.heat.model = HeatModel::Constant;
+    s.heat.inner_w_m2_k = 30.0;
+    s.heat.outer_w_m2_k = 0.0;
+    s.vessel.wall_heat_capacity_j_k = 1.0e9;
+    let mut plant = plant::build(&s, None).unwrap();
+    assert_eq!(plant.truth().wall_temperature_k, 298.0);
+    let mass_kg = 4.0e5 * s.vessel.volume_m3 / (s.gas.gas_constant_j_kg_k * 340.0);
+    assert!((plant.truth().mass_kg / mass_kg - 1.0).abs() < 1e-12);
+    let end = run(plant.as_mut(), 2000);
+    let cv = s.gas.gas_constant_j_kg_k / (s.gas.heat_capacity_ratio - 1.0);
+    let rate = 30.0 * s.vessel.surface_m2 / (mass_kg * cv);
+    let expected_k = 298.0 + 42.0 * (-rate * end.time_s).exp();
+    assert!((end.gas_temperature_k / expected_k - 1.0).abs() < 1e-6, "{end:?} {expected_k}");
+    assert!((end.pressure_pa / (4.0e5 * expected_k / 340.0) - 1.0).abs() < 1e-6);
+}

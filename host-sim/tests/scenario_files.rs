@@ -85,7 +85,7 @@ fn unknown_names_get_a_suggestion() {
             "[run]\nseed = 1\n[believed.muscle]\n\"a\\nb\" = 3",
             "scenario.toml:4: unknown key believed.muscle.a\\nb; known here: thread_length_m, turns, \
              rest_length_m, diameter_m, braid_angle_deg, zones, bladder_stiffness_n_m, \
-             dead_volume_m3",
+             bladder_saturation_n, bladder_strain, slack_m, dead_volume_m3",
         ),
     ]);
     let message = parse("[qqqq]").unwrap_err();

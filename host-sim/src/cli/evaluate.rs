@@ -14,6 +14,8 @@ pub(super) struct EvaluateArgs {
     /// What to evaluate
     #[arg(value_enum)]
     what: Subject,
+    /// Folder of measured data; of `truth`
+    data: Option<PathBuf>,
     /// Nominal scenario [default: scenarios/nominal.toml as built in]
     #[arg(long, value_name = "FILE.toml")]
     scenario: Option<PathBuf>,
@@ -46,6 +48,8 @@ enum Subject {
     Tune,
     /// What breaks, whether it is found in time, and what follows; and that nothing else is
     Faults,
+    /// What others have measured, from the data in a folder
+    Truth,
 }
 
 pub(super) fn run(
@@ -53,13 +57,16 @@ pub(super) fn run(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let EvaluateArgs { what, scenario: path, out: folder, json, quiet, hours } = args;
+    let EvaluateArgs { what, data, scenario: path, out: folder, json, quiet, hours } = args;
     if folder.is_some() && !matches!(what, Subject::Control | Subject::Faults) {
         let usage = "--out goes with `evaluate control` and `evaluate faults` only";
         return Err(Failure::Usage(usage.to_owned()));
     }
     if hours.is_some() && !matches!(what, Subject::Faults) {
         return Err(Failure::Usage("--hours goes with `evaluate faults` only".to_owned()));
+    }
+    if data.is_some() && !matches!(what, Subject::Truth) {
+        return Err(Failure::Usage("a folder of data goes with `evaluate truth` only".to_owned()));
     }
     let drawn = folder.as_deref().map(OutputDir::create).transpose()?;
     let nominal = match path {
@@ -69,6 +76,10 @@ pub(super) fn run(
     let lines = match what {
         Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
         Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
+        Subject::Truth => {
+            let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());
+            evaluate::truth::evaluate(data.as_deref().ok_or_else(missing)?)?
+        }
         Subject::Tune => evaluate::tune::evaluate(&nominal)?,
         Subject::Faults => {
             let evaluation = faults::Evaluation::new(&nominal, hours.unwrap_or(faults::HOURS));

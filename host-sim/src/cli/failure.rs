@@ -1,6 +1,7 @@
 //! Why a command does not end with 0.
 
 use crate::board::BoardError;
+use crate::commands::evaluate::truth::TruthError;
 use crate::commands::identify::IdentifyError;
 use crate::commands::monitor::MonitorError;
 use crate::commands::sweep::SweepError;
@@ -51,6 +52,16 @@ impl fmt::Display for Failure {
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
         Self::Input(error)
+    }
+}
+
+impl From<TruthError> for Failure {
+    fn from(error: TruthError) -> Self {
+        match error {
+            TruthError::Input(error) => Self::Input(error),
+            TruthError::Identify(error) => Self::Identify(error),
+            TruthError::Run(error) => Self::Run(error),
+        }
     }
 }
 

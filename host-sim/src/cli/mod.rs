@@ -12,6 +12,7 @@ use self::board::BoardArgs;
 use self::failure::Failure;
 use crate::board::{Board, CoreBoard};
 use crate::commands::identify;
+use crate::commands::identify::static_map::{self, Readings};
 use crate::commands::monitor::{self, Recorder, Session};
 use crate::commands::replay;
 use crate::commands::reproduce;
@@ -111,11 +112,18 @@ struct RunArgs {
 
 #[derive(Debug, Args)]
 struct IdentifyArgs {
-    /// Recorded data: time_s and columns of trace.csv
-    data: PathBuf,
+    /// Recorded data: time_s and columns of trace.csv; or a static map: rest_length_m, gauge_pressure_pa, length_m, force_n
+    #[arg(required_unless_present = "plan")]
+    data: Option<PathBuf>,
     /// Scenario file (TOML) whose [identify] names the parameters
     #[arg(long, value_name = "FILE.toml")]
     config: PathBuf,
+    /// Static map that the fit has not seen, to be compared with it
+    #[arg(long, value_name = "OTHER.csv")]
+    against: Option<PathBuf>,
+    /// Print the readings to take of the scenario's muscle for a static map, as CSV
+    #[arg(long, conflicts_with = "data")]
+    plan: bool,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -221,7 +229,7 @@ fn run_command(
         }
         other => other?,
     };
-    let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    let title = title_of(&args.scenario);
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
     finish(out, stdout, stderr, &summary, &page, &args.output)
 }
@@ -232,25 +240,103 @@ fn identify_command(
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
     let loaded = scenario::load(&args.config)?;
-    let measured = read_measured(&args.data, stderr)?;
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
-    let mut out = OutputDir::create(&folder)?;
-    let identified = identify::identify(&loaded, &args.config, &measured, &args.data)
-        .map_err(Failure::Identify)?;
-    let findings = &identified.findings;
-    let title = args.data.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
-    let json = serde_json::to_string_pretty(findings).expect("findings are plain data") + "\n";
-    out.text("summary.json", &json)?;
-    out.text("identified.toml", &scenario::render(&identified.scenario))?;
-    out.text("report.html", &identify::page(&identified, &title))?;
-    publish(out, stderr)?;
-    if args.output.json {
-        print(stdout, &json)?;
-    } else {
-        print(stdout, &findings.text())?;
-        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
+    let Some(data) = &args.data else {
+        return print(stdout, &identify::static_map::plan(&loaded.plant));
+    };
+    let table = read_record(data, stderr)?;
+    if Readings::are_in(&table) {
+        return static_map_command(args, &loaded, data, &table, stdout, stderr);
     }
-    findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+    if args.against.is_some() {
+        return Err(Failure::Usage("--against goes with a static map only".to_owned()));
+    }
+    let measured = Measured::new(&table, &COLUMNS)?;
+    let out = identified_folder(&args.output)?;
+    let identified =
+        identify::identify(&loaded, &args.config, &measured, data).map_err(Failure::Identify)?;
+    let findings = &identified.findings;
+    let results = Results {
+        json: serde_json::to_string_pretty(findings).expect("findings are plain data") + "\n",
+        scenario: scenario::render(&identified.scenario),
+        page: identify::page(&identified, &title_of(data)),
+        plot: None,
+        text: findings.text(),
+        failed: findings.failed(),
+    };
+    results.finish(out, &args.output, stdout, stderr)
+}
+
+fn static_map_command(
+    args: &IdentifyArgs,
+    loaded: &Loaded,
+    data: &Path,
+    table: &Table,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    let readings = Readings::of(table)?;
+    let against = match &args.against {
+        Some(path) => Some(Readings::of(&read_record(path, stderr)?)?),
+        None => None,
+    };
+    let out = identified_folder(&args.output)?;
+    let identified = static_map::identify(loaded, readings, against.as_ref(), &args.config, data)?;
+    let findings = &identified.findings;
+    let results = Results {
+        json: serde_json::to_string_pretty(findings).expect("findings are plain data") + "\n",
+        scenario: scenario::render(&identified.scenario),
+        page: static_map::page(&identified, &title_of(data)),
+        plot: Some(static_map::plot(&identified, &title_of(data))),
+        text: findings.text(),
+        failed: findings.failed(),
+    };
+    results.finish(out, &args.output, stdout, stderr)
+}
+
+/// Made before the search: where it cannot be, nobody wants to wait for that.
+fn identified_folder(output: &OutputArgs) -> Result<OutputDir, InputError> {
+    OutputDir::create(&output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify")))
+}
+
+fn title_of(file: &Path) -> String {
+    file.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into())
+}
+
+/// What an identification writes and says.
+struct Results {
+    json: String,
+    scenario: String,
+    page: String,
+    /// A drawing for documents.
+    plot: Option<String>,
+    text: String,
+    failed: Option<String>,
+}
+
+impl Results {
+    fn finish(
+        self,
+        mut out: OutputDir,
+        output: &OutputArgs,
+        stdout: &mut dyn Write,
+        stderr: &mut dyn Write,
+    ) -> Result<(), Failure> {
+        let report = out.path().join("report.html");
+        out.text("summary.json", &self.json)?;
+        out.text("identified.toml", &self.scenario)?;
+        out.text("report.html", &self.page)?;
+        if let Some(plot) = &self.plot {
+            out.text("map.svg", plot)?;
+        }
+        publish(out, stderr)?;
+        if output.json {
+            print(stdout, &self.json)?;
+        } else {
+            print(stdout, &self.text)?;
+            print(stdout, &format!("report: {}\n", report.display()))?;
+        }
+        self.failed.map_or(Ok(()), |what| Err(Failure::Check(what)))
+    }
 }
 
 fn monitor_command(

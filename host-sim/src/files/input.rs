@@ -148,6 +148,17 @@ pub enum Problem {
         /// Parameters to fit.
         parameters: usize,
     },
+    /// A static map that hardly pulls.
+    #[error(
+        "{found} readings with a force above 1 % of the largest: must be at least {fewest}; thermyo identify \
+         --plan says which"
+    )]
+    TooFewLoaded {
+        /// Loaded readings.
+        found: usize,
+        /// Fewest.
+        fewest: usize,
+    },
     /// A file that ends within a line: what it would have said cannot be known.
     #[error("the last line has no end: it may be cut")]
     CutLine,

@@ -50,13 +50,14 @@ impl Bristle {
     /// Friction at a speed \[m/s\] and deflection \[m\], all its parts scaled by `softening`.
     pub fn drag(&self, speed: f64, deflection: f64, softening: f64) -> Drag {
         let ratio = speed / self.stribeck_m_s;
-        let sliding = softening * (self.coulomb_n + self.stribeck_n * (-ratio * ratio).exp());
+        let still = (-ratio * ratio).exp();
+        let sliding = softening * (self.coulomb_n + self.stribeck_n * still);
         let spring = self.stiffness_n_m * deflection;
         // No friction at all: the bristles follow without force.
         let slip = if sliding > 0.0 { speed.abs() * spring / sliding } else { speed };
         let rate = speed - slip;
         // The bristles' damping fades with sliding (the same authors' remark): it keeps the model passive.
-        let damping = self.damping_n_s_m * (-ratio * ratio).exp() * rate;
+        let damping = self.damping_n_s_m * still * rate;
         let viscous = softening * self.viscous_n_s_m * speed;
         let force = spring + damping + viscous;
         Drag { force, deflection_rate: rate, heat: force * speed - spring * rate }

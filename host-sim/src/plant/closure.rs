@@ -48,7 +48,7 @@ impl Closure {
                 Kind::Paper(Blend { charging: alpha_in, discharging: alpha_out, volume: alpha })
             }
             (_, HeatModel::Isothermal) => {
-                Kind::Isothermal { temperature_k: scenario.plant.initial_temperature_k }
+                Kind::Isothermal { temperature_k: scenario.plant.gas_k() }
             }
             _ => Kind::Balance,
         };

@@ -148,6 +148,8 @@ impl<C: Chamber> Config<C> {
         let speed = y[SPEED];
         let drag = self.bristle.drag(speed, y[BRISTLE], softening);
         let net = self.pull.force(pressure, y[LENGTH]) - self.pull.load_n - drag.force;
+        // A slack muscle leaves its load to itself.
+        let net = net.max(self.pull.chamber.least_force() - self.pull.load_n);
         // On a stop the load rests until it is lifted off.
         let [shortest, longest] = self.pull.stops;
         let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;
@@ -180,10 +182,9 @@ impl<C: Chamber> Config<C> {
         let drag = self.mechanics(y, pressure, drive.softening, rates);
         let (masses, inner, outer) = (self.masses(y), self.inner(y), self.outer(y));
         let zone_volume = share * volume;
-        let temperature = |i: usize| closure.temperature(pressure, zone_volume, masses[i]);
 
         let tube = self.tube_gas(y);
-        let port_k = temperature(0);
+        let port_k = closure.temperature(pressure, zone_volume, masses[0]);
         let port = self.port((pressure, port_k), tube);
         self.tube_rates(y, tube, &port, port_k, drive, rates);
         let mut streams = port;
@@ -193,15 +194,18 @@ impl<C: Chamber> Config<C> {
         let (inner_rates, outer_rates) = wall_rates.split_at_mut(zones);
         let gas_length = self.pull.chamber.gas_length(length);
         let surface = share * self.pull.chamber.surface(length);
-        let mut convective = 0.0;
-        for i in 0..zones {
-            let zone_k = temperature(i);
-            let inflow = streams.inflow * self.stirring.zone(i);
-            let coefficient = self.heat.coefficient(pressure, zone_k, inner[i], inflow);
-            let heat = coefficient * surface * (zone_k - inner[i]);
-            convective += heat;
-            inner_rates[i] = heat;
+        // Until they are known, the place of the outer layer's rates holds the zones' temperatures.
+        let zones_k = &mut *outer_rates;
+        for (zone_k, mass) in zones_k.iter_mut().zip(masses) {
+            *zone_k = closure.temperature(pressure, zone_volume, *mass);
         }
+        let walls = inner_rates.iter_mut().zip(inner);
+        for (((rate, inner_k), zone_k), share) in walls.zip(&*zones_k).zip(self.stirring.zones()) {
+            let inflow = streams.inflow * share;
+            let coefficient = self.heat.coefficient(pressure, *zone_k, *inner_k, inflow);
+            *rate = coefficient * surface * (zone_k - inner_k);
+        }
+        let convective = inner_rates.iter().fold(0.0, |sum, heat| sum + heat);
         let heat = closure.heat_of_streams(&streams, port_k, convective);
         // What a closure adds to convection spreads evenly.
         let implied = share * (heat - convective);
@@ -209,11 +213,12 @@ impl<C: Chamber> Config<C> {
         // Gas: enthalpy over the faces, from the closed end to the port.
         let gain = share * (gas.cp * streams.net_enthalpy_over_cp(port_k) - convective);
         let volume_inflow = streams.inflow_temperature * gas.r / pressure;
+        let background = self.stirring.background(volume, gas_length);
         let mut enthalpy = 0.0;
         for i in (1..zones).rev() {
             enthalpy += gain + inner_rates[i];
-            let upwind = temperature(if enthalpy > 0.0 { i - 1 } else { i });
-            let exchange = self.stirring.exchange(i - 1, volume_inflow, volume, gas_length);
+            let upwind = zones_k[if enthalpy > 0.0 { i - 1 } else { i }];
+            let exchange = self.stirring.exchange(i - 1, volume_inflow, background);
             let mixing = exchange * (masses[i - 1] - masses[i]) / zone_volume;
             let flow = if closure.is_isothermal() {
                 // Equal temperatures: equal masses, so that each zone takes its share.
@@ -231,12 +236,13 @@ impl<C: Chamber> Config<C> {
         let outer_coefficient = self.outer_w_m2_k + self.outer_per_speed * speed;
         let friction_to_wall = self.friction_to_wall * drag.heat;
         let mut to_ambient = 0.0;
-        for i in 0..zones {
-            let through = self.layers_w_k * (inner[i] - outer[i]);
-            let lost = outer_coefficient * surface * (outer[i] - self.piping.ambient().1);
+        let layers = inner_rates.iter_mut().zip(outer_rates).zip(inner.iter().zip(outer));
+        for ((inner_rate, outer_rate), (inner_k, outer_k)) in layers {
+            let through = self.layers_w_k * (inner_k - outer_k);
+            let lost = outer_coefficient * surface * (outer_k - self.piping.ambient().1);
             to_ambient += lost;
-            inner_rates[i] = (inner_rates[i] + implied - through) / self.inner_j_k;
-            outer_rates[i] = (through + share * friction_to_wall - lost) / self.outer_j_k;
+            *inner_rate = (*inner_rate + implied - through) / self.inner_j_k;
+            *outer_rate = (through + share * friction_to_wall - lost) / self.outer_j_k;
         }
         rates[W] = closure.rate(1.0 / (inverse_power * volume), &streams, port_k, convective);
         rates[MASS_IN] = streams.inflow;
@@ -326,7 +332,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
 
         // Fastest: the tube between open valves and muscle; the bristles with the moving mass; the
         // muscle through its largest hole.
-        let hottest = piping.supply().1.max(temperature);
+        let gas_k = scenario.plant.gas_k();
+        let hottest = piping.supply().1.max(temperature).max(gas_k);
         let steepest = 2.0 * piping.steepest(hottest) + tube.steepest(hottest);
         let tube_rate = gas.k * gas.r * hottest * steepest / scenario.tube.volume_m3;
         let bristle_rate = bristle.fastest_rate(mass_kg);
@@ -377,7 +384,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
             wall_sensor_position: sensor.wall.position,
         };
         let exponent = closure.exponent();
-        let mass = pressure * volume / (gas.r * temperature);
+        let mass = pressure * volume / (gas.r * gas_k);
         let mut state = vec![temperature; ZONES + 3 * zones];
         state[..ZONES].fill(0.0);
         state[W] = pressure * volume.powf(exponent);
@@ -391,18 +398,14 @@ impl<C: Chamber + Copy + Send> Full<C> {
             );
             state[BRISTLE] = held / scenario.friction.presliding_stiffness_n_m;
         }
-        state[TUBE_MASS] = pressure * config.tube_m3 / (gas.r * temperature);
+        state[TUBE_MASS] = pressure * config.tube_m3 / (gas.r * gas_k);
         state[TUBE_ENERGY] = pressure * config.tube_m3 / (gas.k - 1.0);
         state[ZONES..ZONES + zones].fill(mass / zones as f64);
-        let start = Exposure {
-            gas_k: temperature,
-            wall_k: temperature,
-            pressure_pa: pressure,
-            length_m: length,
-        };
+        let start =
+            Exposure { gas_k, wall_k: temperature, pressure_pa: pressure, length_m: length };
         let initial = Ledger {
             mass_initial_kg: mass,
-            energy_initial_j: gas.cv * mass * temperature,
+            energy_initial_j: gas.cv * mass * gas_k,
             ..Ledger::default()
         };
         let mut full = Self {

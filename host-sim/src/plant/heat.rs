@@ -42,8 +42,9 @@ enum Law {
 }
 
 impl InnerHeat {
-    /// From `[heat]`; the diameters of vessel and jet \[m\] matter for the correlation only.
-    fn new(heat: &Heat, gas: &IdealGas, diameter_m: f64, jet_diameter_m: f64) -> Self {
+    /// From `[heat]`; the diameters of vessel and of what the gas comes through \[m\] matter for the correlation only.
+    fn new(heat: &Heat, gas: &IdealGas, diameter_m: f64, path_diameter_m: f64) -> Self {
+        let jet_diameter_m = heat.inlet_diameter_m.unwrap_or(path_diameter_m);
         let law = match heat.model {
             HeatModel::Adiabatic | HeatModel::Isothermal => Law::None,
             HeatModel::Constant => {
@@ -60,8 +61,8 @@ impl InnerHeat {
         let ratio = scenario.valve.critical_ratio;
         let path = match (scenario.plant.kind, scenario.plant.model, scenario.drive.kind) {
             (PlantKind::Vessel, _, DriveKind::Closed | DriveKind::Discharge | DriveKind::Fill) => {
-                let jet_diameter_m = scenario.orifice.diameter_m;
-                return Self::new(&scenario.heat, &gas, diameter_m, jet_diameter_m);
+                let orifice_m = scenario.orifice.diameter_m;
+                return Self::new(&scenario.heat, &gas, diameter_m, orifice_m);
             }
             (kind, PlantModel::Full, _) if kind != PlantKind::Vessel => {
                 Iso6358::tube(scenario.tube.conductance_m3_s_pa, ratio, &gas)

@@ -234,7 +234,8 @@ impl<C: Chamber + Copy> Lumped<C> {
         // Fastest: the pressure of the smallest volume through both valves and the largest hole, near
         // equal pressures.
         let smallest = chamber.volume(rest_length).min(volume);
-        let hottest = piping.supply().1.max(temperature);
+        let gas_k = scenario.plant.gas_k();
+        let hottest = piping.supply().1.max(temperature).max(gas_k);
         let step = scenario.run.step_s;
         let substeps = Substeps::new(scenario, &piping, |leak| {
             let rate = (2.0 + leak) * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
@@ -266,20 +267,16 @@ impl<C: Chamber + Copy> Lumped<C> {
             friction_to_wall: friction.heat_fraction,
             initial_k: temperature,
         };
-        let mass = pressure * volume / (gas.r * temperature);
+        let mass = pressure * volume / (gas.r * gas_k);
         let mut state = [0.0; STATES];
         state[MASS] = mass;
         state[W] = pressure / power;
         state[WALL] = temperature;
-        let start = Exposure {
-            gas_k: temperature,
-            wall_k: temperature,
-            pressure_pa: pressure,
-            length_m: length,
-        };
+        let start =
+            Exposure { gas_k, wall_k: temperature, pressure_pa: pressure, length_m: length };
         let initial = Ledger {
             mass_initial_kg: mass,
-            energy_initial_j: gas.cv * mass * temperature,
+            energy_initial_j: gas.cv * mass * gas_k,
             ..Ledger::default()
         };
         let mut lumped = Self {

@@ -177,21 +177,21 @@ impl Vessel {
             volume,
         };
         let pressure = scenario.plant.initial_pressure_pa;
-        let temperature = config.initial_k;
+        let gas_k = scenario.plant.gas_k();
         let volume = config.volume.value(0.0);
-        let mass = pressure * volume / (gas.r * temperature);
+        let mass = pressure * volume / (gas.r * gas_k);
         let mut state = [0.0; STATES];
         state[MASS] = mass;
         state[W] = pressure * volume.powf(closure.exponent());
-        state[WALL] = temperature;
+        state[WALL] = config.initial_k;
         let initial = Ledger {
             mass_initial_kg: mass,
-            energy_initial_j: gas.cv * mass * temperature,
+            energy_initial_j: gas.cv * mass * gas_k,
             ..Ledger::default()
         };
         let start = Exposure {
-            gas_k: temperature,
-            wall_k: temperature,
+            gas_k,
+            wall_k: config.initial_k,
             pressure_pa: pressure,
             length_m: volume / config.section_m2,
         };

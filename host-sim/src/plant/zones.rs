@@ -37,16 +37,20 @@ impl Stirring {
         }
     }
 
-    /// Share of the inflow's heat transfer that a zone gets, mean 1 \[-\].
-    pub fn zone(&self, zone: usize) -> f64 {
-        self.zones[zone]
+    /// Shares of the inflow's heat transfer that the zones get, mean 1 \[-\].
+    pub fn zones(&self) -> &[f64] {
+        &self.zones
+    }
+
+    /// Volume that diffusion exchanges each way over every face \[m3/s\], of gas of that volume \[m3\] and
+    /// length \[m\].
+    pub fn background(&self, volume: f64, length: f64) -> f64 {
+        BACKGROUND_DIFFUSIVITY * volume * self.zones.len() as f64 / (length * length)
     }
 
     /// Volume exchanged each way over the face between `zone` and the next \[m3/s\], for a volume flow
-    /// in \[m3/s\] into gas of that volume \[m3\] and length \[m\].
-    pub fn exchange(&self, zone: usize, volume_inflow: f64, volume: f64, length: f64) -> f64 {
-        let zones = self.zones.len() as f64;
-        let background = BACKGROUND_DIFFUSIVITY * volume * zones / (length * length);
+    /// in \[m3/s\] and the exchange of the background.
+    pub fn exchange(&self, zone: usize, volume_inflow: f64, background: f64) -> f64 {
         self.faces[zone] * volume_inflow + background
     }
 }

@@ -71,6 +71,16 @@ impl Dimensions {
     }
 }
 
+/// That muscle with other dimensions at rest \[m, m, deg\].
+pub fn at_rest(
+    muscle: &Muscle,
+    rest_length_m: f64,
+    diameter_m: f64,
+    braid_angle_deg: f64,
+) -> Muscle {
+    Dimensions::at_rest(rest_length_m, diameter_m, braid_angle_deg).applied_to(muscle)
+}
+
 /// What a file says of the dimensions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Given {

@@ -20,6 +20,7 @@ mod violation;
 
 pub use check::render;
 pub use document::Document;
+pub use geometry::at_rest;
 pub use load::{Loaded, WrongCell, assemble, load, parse};
 pub use number::{number, with_numbers};
 pub use rules::OBSERVABLE;

@@ -131,7 +131,6 @@ impl VirtualAdc {
             generator.jump();
             Noise(generator.clone())
         };
-        let initial = scenario.plant.initial_temperature_k;
         Self {
             pressure: Channel::new(
                 stream(),
@@ -150,8 +149,8 @@ impl VirtualAdc {
             wall_noise_k: sensor.wall.noise_k,
             wide_code_lsb: scenario.adc.wide_code_lsb,
             sensors: sensor.clone(),
-            gas_reading_k: initial,
-            wall_reading_k: initial,
+            gas_reading_k: scenario.plant.gas_k(),
+            wall_reading_k: scenario.plant.initial_temperature_k,
         }
     }
 

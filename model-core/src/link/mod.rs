@@ -487,7 +487,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (292, 971_016_324)), (encode(&telemetry), (73, 4_047_776_586))]
+            [(encode(&config), (304, 1_412_867_060)), (encode(&telemetry), (73, 4_047_776_586))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);

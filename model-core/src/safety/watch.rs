@@ -282,7 +282,7 @@ impl Watch {
             return;
         }
         let gauge_pa = pressure_pa - self.limits.ambient_pa;
-        let force_n = chamber.force_n(gauge_pa, length_m);
+        let force_n = limit(chamber.force_n(gauge_pa, length_m), chamber.least_force_n(), f32::MAX);
         let tolerance_n = friction_n + LAW * absolute(chamber.force_n(gauge_pa, rest_m));
         // Against the load's own direction: some push.
         let (force_n, load_n) = if load_n < 0.0 { (-force_n, -load_n) } else { (force_n, load_n) };

@@ -275,8 +275,13 @@ mod tests {
         for (kind, seen) in kinds.iter().zip(seen) {
             for (slot, name) in kind.names.iter().enumerate() {
                 // Those whose range another number sets.
-                if ["muscle.rest_length_m", "valve.switch_time_s", "sensor.gas.range_max_k"]
-                    .contains(name)
+                if [
+                    "muscle.rest_length_m",
+                    "muscle.slack_m",
+                    "valve.switch_time_s",
+                    "sensor.gas.range_max_k",
+                ]
+                .contains(name)
                 {
                     continue;
                 }

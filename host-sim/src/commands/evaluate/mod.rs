@@ -5,6 +5,7 @@ pub mod control_page;
 pub mod estimator;
 pub mod faults;
 pub mod pid;
+pub mod truth;
 pub mod tune;
 
 use crate::files::input::InputError;

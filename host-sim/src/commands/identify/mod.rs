@@ -10,6 +10,8 @@
 //! paper's); where only its gas sensor is compared, it is the core's own model, driven by the recorded
 //! pressure and length. A scenario with the model `full` gets the effective parameters that the core
 //! works with.
+//!
+//! A table without time, gauge pressure, length and force at rest, is a static map: see [`static_map`].
 
 mod balance;
 mod data;
@@ -18,6 +20,7 @@ mod fit;
 mod page;
 mod parameter;
 mod simulate;
+pub mod static_map;
 mod uncertainty;
 
 pub use data::Data;

@@ -4,17 +4,18 @@
 //! with friction; A = -dV/dL as told, the true one s times that):
 //!
 //! ```text
-//! P_g A(L) = (1/s) load + (k_b/s) x + (F/s) f(T_w) sgn v + (c/s) f(T_w) v
+//! P_g A(L) = (1/s) (load + K(x)) + (k_b/s) x + (F/s) f(T_w) sgn v + (c/s) f(T_w) v
 //! ```
 //!
 //! linear in what stands before the load, the way, the direction and the speed. The load is what a
-//! scale says and is taken as told; f is the told softening at the estimated wall temperature.
+//! scale says and is taken as told, and with it K, what is elastic beside k_b: a spring's preload, the part of a
+//! bladder that fills. f is the told softening at the estimated wall temperature.
 
 use super::Refusal;
 use super::experiment::{Plan, Record, during, told};
 use super::regression::{Measure, least_squares};
 use model_core::config::Config;
-use model_core::physics::chamber::Chamber;
+use model_core::physics::chamber::{Chamber, ChamberConfig};
 
 /// Stretches over which records are averaged \[s\]: two tenths of a period of the load on its gas
 /// spring, ten of the ADC's steps at the slow ramp.
@@ -130,8 +131,16 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
 pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Refusal> {
     let (chamber, load_n) = told(config)?;
     let rest_m = f64::from(chamber.rest_length_m());
-    // What is elastic at rest already, as the preload of a spring, is told.
-    let load_n = load_n - f64::from(chamber.force_n(0.0, chamber.rest_length_m()));
+    let stiffness_n_m = match config.chamber {
+        ChamberConfig::Muscle(muscle) => muscle.bladder_stiffness_n_m,
+        ChamberConfig::Cylinder(cylinder) => cylinder.spring_stiffness_n_m,
+        ChamberConfig::Vessel(_) | ChamberConfig::Table(_) => 0.0,
+    };
+    // With what is elastic and told.
+    let held_n = |bin: &Bin| {
+        let elastic_n = f64::from(chamber.force_n(0.0, bin.length_m as f32));
+        load_n - elastic_n - f64::from(stiffness_n_m) * (rest_m - bin.length_m)
+    };
     let ambient_pa = f64::from(config.ambient.pressure_pa);
     let bins = bins(during(records, &plan.ramps_s), f64::from(config.step_s));
     let sliding = sliding(&bins, rest_m);
@@ -141,7 +150,7 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         let reference_k = f64::from(config.friction.reference_temperature_k);
         let row = |(bin, v): &(Bin, f64)| {
             let soft = (-softening_per_k * (bin.wall_k - reference_k)).exp();
-            ([load_n, rest_m - bin.length_m, soft * v.signum(), soft * v], pull_n(bin))
+            ([held_n(bin), rest_m - bin.length_m, soft * v.signum(), soft * v], pull_n(bin))
         };
         sliding.iter().map(row).collect()
     };

@@ -71,6 +71,11 @@ pub struct Muscle {
     braid: Geometry,
     rest_length_m: f64,
     bladder_n_m: f64,
+    /// What the bladder holds back with once it is full \[N\], and the contraction of the braid over which it fills \[m\].
+    saturation_n: f64,
+    filling_m: f64,
+    /// Part of the length that is no braid \[m\].
+    slack_m: f64,
     zones: usize,
 }
 
@@ -81,8 +86,16 @@ impl Muscle {
             braid: Geometry::new(muscle.thread_length_m, muscle.turns, muscle.dead_volume_m3),
             rest_length_m: muscle.rest_length_m,
             bladder_n_m: muscle.bladder_stiffness_n_m,
+            saturation_n: muscle.bladder_saturation_n,
+            filling_m: muscle.bladder_strain * muscle.rest_length_m,
+            slack_m: muscle.slack_m,
             zones: muscle.zones,
         }
+    }
+
+    /// How far the braid has contracted, over what fills the bladder \[-\].
+    fn filled(&self, length: f64) -> f64 {
+        (self.rest_length_m + self.slack_m - length) / self.filling_m
     }
 }
 
@@ -93,11 +106,11 @@ impl Chamber for Muscle {
 
     /// From b/sqrt(3), where the force vanishes.
     fn lengths(&self) -> [f64; 2] {
-        [self.braid.thread_length_m / 3.0_f64.sqrt(), self.rest_length_m]
+        [self.braid.thread_length_m / 3.0_f64.sqrt() + self.slack_m, self.rest_length_m]
     }
 
     fn range(&self) -> [f64; 2] {
-        [0.0, self.braid.thread_length_m]
+        [self.slack_m, self.slack_m + self.braid.thread_length_m]
     }
 
     /// Nothing stops it from inside: its force vanishes first.
@@ -106,31 +119,41 @@ impl Chamber for Muscle {
     }
 
     fn volume(&self, length: f64) -> f64 {
-        self.braid.volume(length)
+        self.braid.volume(length - self.slack_m)
     }
 
     fn force_area(&self, length: f64) -> f64 {
-        self.braid.force_area(length)
+        self.braid.force_area(length - self.slack_m)
     }
 
     fn force_area_slope(&self, length: f64) -> f64 {
-        self.braid.force_area_slope(length)
+        self.braid.force_area_slope(length - self.slack_m)
     }
 
+    /// A spring, and a rubber that gives way: the slope of its force falls with the force that is there already, dF/dx = (K1 - F)/filling.
     fn elastic(&self, length: f64) -> f64 {
-        self.bladder_n_m * (length - self.rest_length_m)
+        let filled = self.filled(length);
+        let saturating = if filled > 0.0 { -(-filled).exp_m1() } else { filled };
+        self.bladder_n_m * (length - self.slack_m - self.rest_length_m)
+            - self.saturation_n * saturating
     }
 
-    fn elastic_slope(&self, _length: f64) -> f64 {
-        self.bladder_n_m
+    fn elastic_slope(&self, length: f64) -> f64 {
+        let left = (-self.filled(length).max(0.0)).exp();
+        self.bladder_n_m + self.saturation_n / self.filling_m * left
+    }
+
+    /// It cannot push.
+    fn least_force(&self) -> f64 {
+        0.0
     }
 
     fn surface(&self, length: f64) -> f64 {
-        self.braid.surface(length)
+        self.braid.surface(length - self.slack_m)
     }
 
     fn diameter(&self, length: f64) -> f64 {
-        self.braid.diameter(length)
+        self.braid.diameter(length - self.slack_m)
     }
 
     /// A ~ 1/n^2.
@@ -153,6 +176,9 @@ impl Chamber for Muscle {
             },
             rest_length_m: self.rest_length_m as f32,
             bladder_stiffness_n_m: self.bladder_n_m as f32,
+            bladder_saturation_n: self.saturation_n as f32,
+            bladder_strain: (self.filling_m / self.rest_length_m) as f32,
+            slack_m: self.slack_m as f32,
             dead_volume_m3: (self.braid.dead_volume_m3 + tube_m3) as f32,
         })
     }

@@ -22,6 +22,7 @@ table! {
     Heat as physics::heat::Heat {
         model: choice HeatModel::Constant, "from gas to wall";
         scale: real 1.0, "", 1.0e-3 to 1.0e3, "gas to wall: factor on what model gives";
+        inlet_diameter_m: optional "m", 1.0e-5 to 1.0, "of the jet that stirs the gas, where it is not that of orifice, valve or tube (correlation)";
         core inner_w_m2_k;
         core inner_per_flow;
         core outer_w_m2_k;

@@ -36,6 +36,14 @@ table! {
         model: choice PlantModel::Full, "zones, wall layers and real valves; one zone; the paper's eq. (12)";
         initial_pressure_pa: real 120_000.0, "Pa", 1.0 to 1.0e8, "absolute pressure at the start";
         initial_temperature_k: real 298.0, "K", 100.0 to 1000.0, "temperature of gas, wall and sensors at the start";
+        initial_gas_temperature_k: optional "K", 100.0 to 1000.0, "that of the gas, where it is not the wall's: a record that begins in the middle of a motion";
+    }
+}
+
+impl Plant {
+    /// Temperature of the gas at the start \[K\].
+    pub fn gas_k(&self) -> f64 {
+        self.initial_gas_temperature_k.unwrap_or(self.initial_temperature_k)
     }
 }
 
@@ -50,6 +58,9 @@ table! {
         braid_angle_deg: real Dimensions::nominal().braid_angle_deg, "deg", 3.0 to 54.0, "angle of the threads to the axis at rest";
         zones: whole usize, 8, 1 to 64, "axial zones of gas and wall (full)";
         bladder_stiffness_n_m: real 600.0, "N/m", 0.0 to 1.0e6, "stiffness of the bladder against contraction";
+        bladder_saturation_n: real 0.0, "N", 0.0 to 1.0e6, "force K1 that the bladder holds back with once it is full";
+        bladder_strain: real 0.02, "", 0.001 to 1.0, "contraction e1 over which it fills, share of the rest length";
+        slack_m: real 0.0, "m", -0.1 to 0.1, "part d0 of the length that is no braid";
         // The core has the tube's volume in it too, and allows for both together.
         dead_volume_m3: real 5.0e-6, "m3", 0.0 to 0.05, "volume of the end fittings";
     }

@@ -2,11 +2,33 @@
 //!
 //! A braid of threads of length b that turn n times around the muscle: L = b cos(theta),
 //! D = b sin(theta)/(n pi), with theta the angle between thread and axis.
+//!
+//! # Force
+//!
+//! ```text
+//! F = P_g (3 l^2 - b^2)/(4 pi n^2) - k (L_0 - l) - K1 s((L_0 - l)/(e1 L_0)),    l = L - d0
+//! s(x) = 1 - exp(-x) beyond x = 0, x before it
+//! ```
+//!
+//! The braid pulls as Chou and Hannaford's does (-P_g dV/dL, eq. 11). The bladder holds back: with a linear
+//! part k, and with one that is full after a few percent of contraction (K1, over the strain e1), as a rubber tube that is
+//! bent and pressed against threads does. d0 is the part of the length that is no braid: threads that have come straight, fittings
+//! that have given way. With k, K1 and d0 at zero it is the ideal braid of the paper. Measured on two muscles in
+//! `docs/validation.md`.
+//!
+//! # Length for a force
+//!
+//! At a gauge pressure from zero on, F rises with l, and its slope too: it is convex. The bladder never holds back more than K1, nor
+//! more than K1 x, so that the roots of the two quadratics with these in its place lie at or above the one
+//! looked for. From there Newton's steps come down to it, never past it: [`STEPS`] of them cannot fail.
 
 use super::Chamber;
 use crate::config::{ConfigError, within};
-use crate::math::sqrt;
+use crate::math::{exp, limit, sqrt};
 use core::f32::consts::PI;
+
+/// Newton's steps to a length; see above.
+const STEPS: u8 = 6;
 
 /// The braid: the two coefficients b and n of Fig. 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,6 +164,12 @@ pub struct Muscle {
     pub rest_length_m: f32,
     /// Stiffness of the bladder against contraction \[N/m\].
     pub bladder_stiffness_n_m: f32,
+    /// What the bladder holds back with once it is full, K1 \[N\].
+    pub bladder_saturation_n: f32,
+    /// Strain over which it fills, e1 \[-\].
+    pub bladder_strain: f32,
+    /// Part of the length that is no braid, d0 \[m\].
+    pub slack_m: f32,
     /// Volume of the end fittings and of the tube, not swept by the braid \[m3\].
     pub dead_volume_m3: f32,
 }
@@ -157,6 +185,10 @@ impl Muscle {
         within("muscle.turns", self.braid.turns, 0.1, 1000.0)?;
         within("muscle.rest_length_m", self.rest_length_m, 0.578 * b, 0.999 * b)?;
         within("muscle.bladder_stiffness_n_m", self.bladder_stiffness_n_m, 0.0, 1.0e6)?;
+        within("muscle.bladder_saturation_n", self.bladder_saturation_n, 0.0, 1.0e6)?;
+        within("muscle.bladder_strain", self.bladder_strain, 1.0e-3, 1.0)?;
+        let rest = self.rest_length_m;
+        within("muscle.slack_m", self.slack_m, rest - 0.999 * b, rest - 0.578 * b)?;
         within("muscle.dead_volume_m3", self.dead_volume_m3, 0.0, 0.1)
     }
 }
@@ -169,7 +201,9 @@ pub struct Geometry {
     thread_squared_m2: f32,
     /// 1/(4 pi n^2).
     per_4_pi_n2: f32,
-    /// Shortest length that the equations cover: there the force vanishes, 3 L^2 = b^2 \[m\].
+    /// 1/(e1 L_0) \[1/m\].
+    per_strain_m: f32,
+    /// Shortest length that the equations cover: there the force vanishes, 3 l^2 = b^2 \[m\].
     shortest_m: f32,
 }
 
@@ -181,15 +215,88 @@ impl From<Muscle> for Geometry {
             muscle,
             thread_squared_m2: b * b,
             per_4_pi_n2: 1.0 / (4.0 * PI * n * n),
-            shortest_m: b * 0.577_350_26,
+            per_strain_m: 1.0 / (muscle.bladder_strain * muscle.rest_length_m),
+            shortest_m: b * 0.577_350_26 + muscle.slack_m,
         }
     }
 }
 
 impl Geometry {
-    /// Diameter \[m\], Fig. 1: D = b sin(theta)/(n pi) = sqrt(b^2 - L^2)/(n pi).
+    /// Diameter \[m\], Fig. 1: D = b sin(theta)/(n pi) = sqrt(b^2 - l^2)/(n pi).
     pub fn diameter_m(&self, length_m: f32) -> f32 {
-        sqrt(self.thread_squared_m2 - length_m * length_m) / (PI * self.muscle.braid.turns)
+        let braid_m = self.braid_m(length_m);
+        sqrt(self.thread_squared_m2 - braid_m * braid_m) / (PI * self.muscle.braid.turns)
+    }
+
+    /// Length of the braid \[m\].
+    fn braid_m(&self, length_m: f32) -> f32 {
+        length_m - self.muscle.slack_m
+    }
+
+    /// What the bladder holds back with at a length of the braid \[N\], and the slope of that over its
+    /// contraction \[N/m\].
+    fn bladder(&self, braid_m: f32) -> (f32, f32) {
+        let Muscle { bladder_stiffness_n_m, bladder_saturation_n, .. } = self.muscle;
+        let way_m = self.muscle.rest_length_m - braid_m;
+        let linear_n = bladder_stiffness_n_m * way_m;
+        if !(bladder_saturation_n > 0.0) {
+            return (linear_n, bladder_stiffness_n_m);
+        }
+        let strains = way_m * self.per_strain_m;
+        let initial_n_m = bladder_saturation_n * self.per_strain_m;
+        if strains <= 0.0 {
+            let stiffness_n_m = bladder_stiffness_n_m + initial_n_m;
+            return (stiffness_n_m * way_m, stiffness_n_m);
+        }
+        let left = exp(-strains);
+        let saturating_n = bladder_saturation_n * (1.0 - left);
+        (linear_n + saturating_n, bladder_stiffness_n_m + initial_n_m * left)
+    }
+
+    /// Braid length \[m\] at a force \[N\] with a bladder of that stiffness \[N/m\] alone: the positive root of
+    /// 3 c P_g l^2 + k l - (c P_g b^2 + k L_0 + F) = 0, c = 1/(4 pi n^2), written so that nothing cancels.
+    fn braid_of_linear(
+        &self,
+        stiffness_n_m: f32,
+        gauge_pressure_pa: f32,
+        force_n: f32,
+    ) -> Option<f32> {
+        let pressure_term = self.per_4_pi_n2 * gauge_pressure_pa;
+        let constant = pressure_term * self.thread_squared_m2
+            + stiffness_n_m * self.muscle.rest_length_m
+            + force_n;
+        let discriminant = stiffness_n_m * stiffness_n_m + 12.0 * pressure_term * constant;
+        let denominator = stiffness_n_m + sqrt(discriminant);
+        (denominator > 0.0).then(|| 2.0 * constant / denominator)
+    }
+
+    /// The same with the part of the bladder that fills: see the module.
+    fn braid_of_saturating(&self, gauge_pressure_pa: f32, force_n: f32) -> Option<f32> {
+        let Muscle { bladder_stiffness_n_m, bladder_saturation_n, rest_length_m, .. } = self.muscle;
+        let gauge_pressure_pa = limit(gauge_pressure_pa, 0.0, f32::MAX);
+        let initial_n_m = bladder_saturation_n * self.per_strain_m;
+        let stiffest_n_m = bladder_stiffness_n_m + initial_n_m;
+        let mut braid_m = self.braid_of_linear(stiffest_n_m, gauge_pressure_pa, force_n)?;
+        if !(braid_m < rest_length_m) {
+            return Some(braid_m);
+        }
+        let held_n = force_n + bladder_saturation_n;
+        if let Some(full_m) = self.braid_of_linear(bladder_stiffness_n_m, gauge_pressure_pa, held_n)
+            && full_m < braid_m
+        {
+            braid_m = full_m;
+        }
+        let pressure_term = self.per_4_pi_n2 * gauge_pressure_pa;
+        for _ in 0..STEPS {
+            let (bladder_n, bladder_n_m) = self.bladder(braid_m);
+            let gas_n = pressure_term * (3.0 * braid_m * braid_m - self.thread_squared_m2);
+            let slope_n_m = 6.0 * pressure_term * braid_m + bladder_n_m;
+            if !(slope_n_m > 0.0) {
+                break;
+            }
+            braid_m -= (gas_n - bladder_n - force_n) / slope_n_m;
+        }
+        Some(braid_m)
     }
 }
 
@@ -198,7 +305,7 @@ impl Chamber for Geometry {
         self.muscle.rest_length_m
     }
 
-    /// b/sqrt(3), where the force vanishes at any pressure.
+    /// b/sqrt(3) of braid, where the force vanishes at any pressure.
     fn shortest_m(&self) -> f32 {
         self.shortest_m
     }
@@ -207,31 +314,38 @@ impl Chamber for Geometry {
         self.muscle.rest_length_m
     }
 
-    /// Eq. (10) plus the dead volume: V = L (b^2 - L^2)/(4 pi n^2) + V_dead.
+    /// Eq. (10) plus the dead volume: V = l (b^2 - l^2)/(4 pi n^2) + V_dead.
     fn volume_m3(&self, length_m: f32) -> f32 {
-        length_m * (self.thread_squared_m2 - length_m * length_m) * self.per_4_pi_n2
+        let braid_m = self.braid_m(length_m);
+        braid_m * (self.thread_squared_m2 - braid_m * braid_m) * self.per_4_pi_n2
             + self.muscle.dead_volume_m3
     }
 
-    /// From eq. (11): (b^2 - 3 L^2)/(4 pi n^2); negative while the muscle can pull.
+    /// From eq. (11): (b^2 - 3 l^2)/(4 pi n^2); negative while the muscle can pull.
     fn volume_slope_m2(&self, length_m: f32) -> f32 {
-        (self.thread_squared_m2 - 3.0 * length_m * length_m) * self.per_4_pi_n2
+        let braid_m = self.braid_m(length_m);
+        (self.thread_squared_m2 - 3.0 * braid_m * braid_m) * self.per_4_pi_n2
     }
 
-    /// Of the braided part: pi D L.
+    /// Of the braided part: pi D l.
     fn surface_m2(&self, length_m: f32) -> f32 {
-        PI * self.diameter_m(length_m) * length_m
+        PI * self.diameter_m(length_m) * self.braid_m(length_m)
     }
 
-    /// -P_g dV/dL (Chou and Hannaford) less the bladder's pull back towards the rest length.
+    /// -P_g dV/dL (Chou and Hannaford) less the bladder's pull back towards the rest length. Below zero the muscle is slack:
+    /// it cannot push.
     fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
-        -gauge_pressure_pa * self.volume_slope_m2(length_m)
-            + self.muscle.bladder_stiffness_n_m * (length_m - self.muscle.rest_length_m)
+        -gauge_pressure_pa * self.volume_slope_m2(length_m) - self.bladder(self.braid_m(length_m)).0
     }
 
-    /// 6 L P_g/(4 pi n^2) and the bladder.
+    fn least_force_n(&self) -> f32 {
+        0.0
+    }
+
+    /// 6 l P_g/(4 pi n^2) and the bladder.
     fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
-        6.0 * length_m * gauge_pressure_pa * self.per_4_pi_n2 + self.muscle.bladder_stiffness_n_m
+        let braid_m = self.braid_m(length_m);
+        6.0 * braid_m * gauge_pressure_pa * self.per_4_pi_n2 + self.bladder(braid_m).1
     }
 
     fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {
@@ -239,24 +353,17 @@ impl Chamber for Geometry {
         if !(slope > 1.0e-9) {
             return 0.0;
         }
-        let bladder = self.muscle.bladder_stiffness_n_m * (self.muscle.rest_length_m - length_m);
-        (force_n + bladder) / slope
+        (force_n + self.bladder(self.braid_m(length_m)).0) / slope
     }
 
-    /// The positive root of 3 c P_g L^2 + s L - (c P_g b^2 + s L_0 + F) = 0, c = 1/(4 pi n^2) and
-    /// s the bladder's stiffness, written so that nothing cancels.
     fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
-        let stiffness = self.muscle.bladder_stiffness_n_m;
-        let pressure_term = self.per_4_pi_n2 * gauge_pressure_pa;
-        let constant = pressure_term * self.thread_squared_m2
-            + stiffness * self.muscle.rest_length_m
-            + force_n;
-        let discriminant = stiffness * stiffness + 12.0 * pressure_term * constant;
-        let denominator = stiffness + sqrt(discriminant);
-        if !(denominator > 0.0) {
-            return self.muscle.rest_length_m;
-        }
-        self.limit_length_m(2.0 * constant / denominator)
+        let Muscle { bladder_stiffness_n_m, bladder_saturation_n, slack_m, .. } = self.muscle;
+        let braid_m = if bladder_saturation_n > 0.0 {
+            self.braid_of_saturating(gauge_pressure_pa, force_n)
+        } else {
+            self.braid_of_linear(bladder_stiffness_n_m, gauge_pressure_pa, force_n)
+        };
+        braid_m.map_or(self.muscle.rest_length_m, |braid_m| self.limit_length_m(braid_m + slack_m))
     }
 }
 
@@ -270,8 +377,57 @@ mod tests {
             braid: Braid::from_rest(0.3, 0.02, 23.0).unwrap(),
             rest_length_m: 0.3,
             bladder_stiffness_n_m: 600.0,
+            bladder_saturation_n: 0.0,
+            bladder_strain: 0.02,
+            slack_m: 0.0,
             dead_volume_m3: 5.0e-6,
         })
+    }
+
+    /// One like those that were measured: 28 mm, 32 deg, its bladder full after 1.3 %.
+    fn measured() -> Geometry {
+        Geometry::from(Muscle {
+            braid: Braid::from_rest(0.296, 0.028_57, 31.84).unwrap(),
+            rest_length_m: 0.296,
+            bladder_stiffness_n_m: 0.0,
+            bladder_saturation_n: 302.4,
+            bladder_strain: 0.0126,
+            slack_m: 1.75e-3,
+            dead_volume_m3: 0.0,
+        })
+    }
+
+    /// Readings of a DMSP-20-300 (Martens and Boblan 2017, Appendix A).
+    #[test]
+    fn it_pulls_as_a_measured_muscle_does() {
+        let muscle = measured();
+        for (gauge_pa, length_m, force_n) in [
+            (675_000.0, 0.296, 1653.5),
+            (675_000.0, 0.267, 840.7),
+            (675_000.0, 0.237, 253.3),
+            (312_500.0, 0.282, 380.4),
+            (135_000.0, 0.296, 241.8),
+        ] {
+            let found_n = muscle.force_n(gauge_pa, length_m);
+            assert!((found_n - force_n).abs() < 20.0, "{found_n} N for {force_n} N");
+        }
+        assert!(muscle.force_n(35_000.0, 0.25) < 0.0, "slack");
+        let full_n = -muscle.force_n(0.0, 0.23);
+        assert!((full_n / 302.4 - 1.0).abs() < 1e-4, "{full_n} N");
+    }
+
+    #[test]
+    fn a_slack_beyond_the_braid_is_refused() {
+        let field = |slack_m: f32| {
+            let told = Muscle { slack_m, ..measured().muscle };
+            told.check().map_err(|error| error.field)
+        };
+        for slack_m in [-0.005, 0.0, 0.002, 0.05] {
+            assert_eq!(field(slack_m), Ok(()), "{slack_m} m");
+        }
+        for slack_m in [-0.06, 0.1, f32::NAN] {
+            assert_eq!(field(slack_m), Err("muscle.slack_m"), "{slack_m} m");
+        }
     }
 
     #[test]
@@ -341,6 +497,39 @@ mod tests {
             prop_assert!((back - length).abs() < 1e-5, "{back} for {length}");
             let pressure = geometry.gauge_pressure_for_force_pa(force, length);
             prop_assert!((pressure / gauge - 1.0).abs() < 1e-3);
+        }
+
+        /// Whatever the bladder: from nearly linear to full at once.
+        #[test]
+        fn length_and_pressure_invert_a_force_that_fills(
+            gauge_pa in 0.0_f32..8.0e5, contraction in 0.0_f32..0.25, saturation_n in 1.0_f32..2.0e3,
+            strain in 1.0e-3_f32..1.0, stiffness_n_m in 0.0_f32..2.0e3, slack in -0.01_f32..0.02,
+        ) {
+            let told = Muscle {
+                bladder_stiffness_n_m: stiffness_n_m,
+                bladder_saturation_n: saturation_n,
+                bladder_strain: strain,
+                slack_m: slack * 0.296,
+                ..measured().muscle
+            };
+            let muscle = Geometry::from(told);
+            let length_m = 0.296 * (1.0 - contraction);
+            let force_n = muscle.force_n(gauge_pa, length_m);
+            let back_n = muscle.force_n(gauge_pa, muscle.length_for_force_m(gauge_pa, force_n));
+            prop_assert!((back_n - force_n).abs() < 0.1 + 1e-3 * force_n.abs(), "{back_n} for {force_n}");
+            let back_pa = muscle.gauge_pressure_for_force_pa(force_n, length_m);
+            prop_assert!((back_pa - gauge_pa).abs() < 1.0 + 1e-3 * gauge_pa, "{back_pa} for {gauge_pa}");
+        }
+
+        /// The stiffness is the slope of the force, in f64 by differences.
+        #[test]
+        fn stiffness_is_the_slope(gauge_pa in 0.0_f32..8.0e5, length_m in 0.22_f32..0.29) {
+            let muscle = measured();
+            let h = 1.0e-3_f32;
+            let [above, below] = [h, -h].map(|by| f64::from(muscle.force_n(gauge_pa, length_m + by)));
+            let numeric = (above - below) / (2.0 * f64::from(h));
+            let slope = f64::from(muscle.stiffness_n_m(gauge_pa, length_m));
+            prop_assert!((slope / numeric - 1.0).abs() < 2e-2, "{slope} {numeric}");
         }
     }
 }

@@ -67,6 +67,11 @@ pub trait Chamber {
     /// Force without friction \[N\] at a gauge pressure \[Pa\] and a length \[m\].
     fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32;
 
+    /// Least force that it passes on to its load \[N\]: what cannot push, none.
+    fn least_force_n(&self) -> f32 {
+        f32::MIN
+    }
+
     /// dF/dL \[N/m\] of [`Chamber::force_n`] at constant pressure.
     fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32;
 
@@ -194,6 +199,10 @@ impl Chamber for AnyChamber {
 
     fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
         ask!(self, chamber => chamber.force_n(gauge_pressure_pa, length_m))
+    }
+
+    fn least_force_n(&self) -> f32 {
+        ask!(self, chamber => chamber.least_force_n())
     }
 
     fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {

@@ -1,0 +1,149 @@
+//! What others have measured: every case whose data are at hand, with the figure that a peer reaches on it.
+
+use super::{Figure, Line};
+use crate::board::CoreBoard;
+use crate::commands::identify::static_map::{self, Readings};
+use crate::commands::identify::{self, IdentifyError};
+use crate::files::input::{InputError, Problem};
+use crate::files::measured::Measured;
+use crate::files::table::{read_record, read_table};
+use crate::files::trace::{COLUMNS, Row};
+use crate::scenario::{self, Loaded};
+use crate::simulation::run::{self, RunError};
+use std::path::{Path, PathBuf};
+
+/// Largest share of the largest force that five readings may leave of the others.
+const FIVE_SHARE: f64 = 0.05;
+/// Static maps with a target of their own: file, name, target, what an ideal braid leaves \[N\].
+const MAPS: [(&str, &str, f64, f64); 2] = [
+    ("dmsp10_250", "static map, DMSP-10-250", 3.5, 46.8),
+    ("dmsp20_300", "static map, DMSP-20-300", 9.0, 117.8),
+];
+
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+pub enum TruthError {
+    /// The folder, or a file of it, cannot be used.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A fit could not be begun.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A run could not be finished.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// Runs every case whose data lie in `folder`, laid out as `docs/validation.md` says.
+///
+/// # Errors
+/// When none does, or one cannot be used.
+pub fn evaluate(folder: &Path) -> Result<Vec<Line>, TruthError> {
+    let mut lines = Vec::new();
+    for file in maps(&folder.join("muscle_static")) {
+        lines.push(static_map(&file)?);
+    }
+    let spring = folder.join("gas_spring/upper_2022-01-28.csv");
+    if spring.exists() {
+        lines.push(gas_spring(&spring)?);
+    }
+    let discharge = folder.join("hyddown/air_discharge.csv");
+    if discharge.exists() {
+        lines.extend(air_discharge(&discharge)?);
+    }
+    if lines.is_empty() {
+        let why = "none of muscle_static, gas_spring, hyddown is there; docs/validation.md says where they are from";
+        return Err(InputError::file(folder, Problem::Unreadable(why.to_owned())).into());
+    }
+    Ok(lines)
+}
+
+fn maps(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "csv"));
+    files.sort();
+    files
+}
+
+/// A scenario of the repository.
+fn shipped(text: &str, name: &str) -> Result<(Loaded, PathBuf), InputError> {
+    let path = Path::new("scenarios").join(name);
+    Ok((scenario::parse(text, &path)?, path))
+}
+
+fn static_map(file: &Path) -> Result<Line, TruthError> {
+    let text = include_str!("../../../../scenarios/static_map.toml");
+    let (loaded, config) = shipped(text, "static_map.toml")?;
+    let readings = Readings::of(&read_table(file)?)?;
+    let largest_n = readings.largest_n();
+    let [five, others] = static_map::planned(&readings);
+    let of_five = static_map::identify(&loaded, five, Some(&others), &config, file)?;
+    let of_all = static_map::identify(&loaded, readings, None, &config, file)?;
+    let fitted_n = of_all.findings.rmse.force_n;
+    let left_n = of_five.findings.against.map_or(f64::NAN, |against| against.force_n);
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let known = MAPS.iter().find(|(name, ..)| *name == stem);
+    let mut figures = vec![match known {
+        Some((_, _, target_n, _)) => Figure::at_most("fitted_n", fitted_n, *target_n),
+        None => Figure::shown("fitted_n", fitted_n),
+    }];
+    figures.push(Figure::shown("five_n", left_n));
+    figures.push(Figure::at_most("five_share", left_n / largest_n, FIVE_SHARE));
+    figures.push(Figure::shown("largest_n", largest_n));
+    figures.extend(known.map(|(.., ideal_n)| Figure::shown("ideal_braid_n", *ideal_n)));
+    let case =
+        known.map_or_else(|| format!("static map, {stem}"), |(_, name, ..)| (*name).to_owned());
+    Ok(Line { case, figures })
+}
+
+fn measured(file: &Path) -> Result<Measured, InputError> {
+    Measured::new(&read_record(file)?, &COLUMNS)
+}
+
+fn gas_spring(file: &Path) -> Result<Line, TruthError> {
+    let text = include_str!("../../../../scenarios/gas_spring.toml");
+    let (loaded, config) = shipped(text, "gas_spring.toml")?;
+    let identified = identify::identify(&loaded, &config, &measured(file)?, file)?;
+    let pressure_pa = identified.findings.rmse.pressure_pa.unwrap_or(f64::NAN);
+    Ok(Line {
+        case: "gas spring, nitrogen".to_owned(),
+        figures: vec![
+            Figure::at_most("identified_kpa", pressure_pa / 1000.0, 3.5),
+            Figure::shown("adiabatic_kpa", 42.6),
+            Figure::shown("isothermal_kpa", 32.9),
+        ],
+    })
+}
+
+fn air_discharge(file: &Path) -> Result<Vec<Line>, TruthError> {
+    let text = include_str!("../../../../scenarios/air_discharge.toml");
+    let (loaded, config) = shipped(text, "air_discharge.toml")?;
+    let measured = measured(file)?;
+    let mut observer = |_: &Row| Ok(());
+    let summary = run::run(&loaded, &mut CoreBoard::default(), Some(&measured), &mut observer)?;
+    let rmse = |name: &str| {
+        let compared = summary.measured.as_ref().and_then(|columns| columns.get(name));
+        compared.map_or(f64::NAN, |difference| difference.rmse)
+    };
+    let identified = identify::identify(&loaded, &config, &measured, file)?.findings.rmse;
+    let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    Ok(vec![
+        Line {
+            case: "air discharge, lag fitted".to_owned(),
+            figures: vec![
+                Figure::at_most("temperature_k", rmse("sensor_gas_k"), 3.5),
+                Figure::at_most("pressure_kpa", rmse("pressure_pa") / 1000.0, 8.0),
+                Figure::shown("hyddown_k", 10.9),
+                Figure::shown("hyddown_kpa", 4.0),
+            ],
+        },
+        Line {
+            case: "air discharge, identified".to_owned(),
+            figures: vec![
+                Figure::at_most("temperature_k", or_nan(identified.temperature_k), 2.0),
+                Figure::at_most("pressure_kpa", or_nan(identified.pressure_pa) / 1000.0, 2.0),
+            ],
+        },
+    ])
+}

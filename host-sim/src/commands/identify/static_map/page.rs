@@ -1,0 +1,126 @@
+//! `report.html` of a static map: force over pressure, and where the law is wrong.
+
+use super::{Identified, Readings};
+use crate::report::Colour;
+use crate::report::chart::{Axis, Chart, Panel};
+use crate::report::heatmap::{Heatmap, Style};
+use crate::report::number::significant;
+use crate::report::page::{Page, Section, Table, Tile};
+use crate::scenario;
+
+/// Colours of the lengths, longest first, round and round.
+const COLOURS: [Colour; 6] =
+    [Colour::Ink, Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple, Colour::Orange];
+/// Most columns of a map that can be read.
+const MOST_COLUMNS: usize = 30;
+
+/// The page.
+pub fn page(identified: &Identified, title: &str) -> String {
+    let findings = &identified.findings;
+    let lead = findings.failed().unwrap_or_else(|| {
+        "Braid, a bladder that fills, and a slack of the length, fitted to static readings."
+            .to_owned()
+    });
+    let page = Page::new(title, &lead, &scenario::render(&identified.scenario)).tile(Tile::new(
+        "RMS residual",
+        findings.rmse.force_n,
+        "N",
+    ));
+    let page = match &findings.against {
+        Some(against) => page.tile(Tile::new("RMS against other readings", against.force_n, "N")),
+        None => page,
+    };
+    page.section(values(identified)).section(fit(identified)).render()
+}
+
+fn values(identified: &Identified) -> Section {
+    let rows = identified.findings.parameters.iter().map(|(path, fitted)| {
+        let error = fitted.standard_error.unwrap_or_default();
+        let (value, error) = (significant(fitted.value, 5), significant(error, 2));
+        vec![(*path).to_owned(), value, error, fitted.unit.to_owned()]
+    });
+    let table = Table {
+        caption: "Identified values, in SI".to_owned(),
+        columns: ["Parameter", "Value", "Standard error", "Unit"].map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    };
+    let remarks = &identified.findings.remarks;
+    remarks.iter().fold(Section::new("Values").table(table), |s, remark| s.paragraph(remark))
+}
+
+fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
+}
+
+fn lengths_m(readings: &Readings) -> Vec<f64> {
+    distinct(readings.loaded.iter().map(|reading| reading.length_m))
+}
+
+fn chart(identified: &Identified) -> Chart {
+    let readings = &identified.readings;
+    let lengths_m = lengths_m(readings);
+    let mut panel = Panel::new(Axis::new("Force", "N"));
+    let mut rest = Panel::new(Axis::new("Law less reading", "N")).height(170.0);
+    for (length_m, colour) in lengths_m.iter().rev().zip(COLOURS.iter().cycle()) {
+        let rows = || {
+            let all = readings.loaded.iter().zip(&identified.residuals_n);
+            all.filter(|(reading, _)| reading.length_m == *length_m)
+        };
+        let kilopascals: Vec<f64> = rows().map(|(r, _)| r.gauge_pressure_pa / 1000.0).collect();
+        let measured: Vec<f64> = rows().map(|(reading, _)| reading.force_n).collect();
+        let law: Vec<f64> = rows().map(|(reading, left_n)| reading.force_n + left_n).collect();
+        let left: Vec<f64> = rows().map(|(_, left_n)| *left_n).collect();
+        let name = format!("{} mm", significant(1000.0 * length_m, 4));
+        panel = panel.dots(&name, *colour, &kilopascals, &measured).line(
+            "",
+            *colour,
+            &kilopascals,
+            &law,
+        );
+        rest = rest.dots("", *colour, &kilopascals, &left);
+    }
+    Chart::new(Axis::new("Gauge pressure", "kPa")).panel(panel).panel(rest.reference(0.0, "0"))
+}
+
+/// Readings and law, a drawing of its own.
+pub fn plot(identified: &Identified, title: &str) -> String {
+    chart(identified).document(title)
+}
+
+fn fit(identified: &Identified) -> Section {
+    let readings = &identified.readings;
+    let lengths_m = lengths_m(readings);
+    let section = Section::new("Fit").figure(chart(identified).figure(
+        "Readings and law",
+        "Dots: readings at each length; lines: the law. Below: what it leaves.",
+    ));
+    let pressures_pa = distinct(readings.loaded.iter().map(|reading| reading.gauge_pressure_pa));
+    if pressures_pa.len() > MOST_COLUMNS || lengths_m.len() > MOST_COLUMNS {
+        return section;
+    }
+    let cell = |length_m: &f64, gauge_pa: &f64| {
+        let all = readings.loaded.iter().zip(&identified.residuals_n);
+        all.filter(|(r, _)| r.length_m == *length_m && r.gauge_pressure_pa == *gauge_pa)
+            .map(|(_, left_n)| *left_n)
+            .next()
+            .unwrap_or(f64::NAN)
+    };
+    let map = Heatmap {
+        x_label: "Gauge pressure, kPa".to_owned(),
+        y_label: "Length, mm".to_owned(),
+        value_label: "Law less reading, N".to_owned(),
+        x: pressures_pa.iter().map(|pressure_pa| pressure_pa / 1000.0).collect(),
+        y: lengths_m.iter().map(|length_m| 1000.0 * length_m).collect(),
+        cells: lengths_m
+            .iter()
+            .map(|length_m| {
+                pressures_pa.iter().map(|pressure_pa| cell(length_m, pressure_pa)).collect()
+            })
+            .collect(),
+        style: Style::default(),
+    };
+    section.figure(map.figure("Residual map", "Empty where the muscle was slack, or not measured."))
+}

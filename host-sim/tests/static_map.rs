@@ -1,0 +1,184 @@
+//! `thermyo identify` of static maps: muscles of known law come back from few readings, what the readings
+//! cannot tell is said, and what cannot be used is refused.
+
+use host_sim::commands::identify::static_map::{self, Identified, Reading, Readings};
+use host_sim::files::table::Table;
+use host_sim::plant::chamber::{Chamber, braid};
+use host_sim::scenario::{self, Loaded, Muscle, at_rest};
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+use std::path::Path;
+
+const CONFIG: &str = "scenarios/static_map.toml";
+
+fn shipped() -> Loaded {
+    scenario::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(CONFIG)).unwrap()
+}
+
+/// A muscle of that length and diameter at rest \[m\], angle \[deg\], K1 \[N\], e1 and slack over the length.
+fn muscle([length_m, diameter_m, angle_deg, full_n, strain, slack]: [f64; 6]) -> Muscle {
+    let law = Muscle {
+        bladder_stiffness_n_m: 0.0,
+        bladder_saturation_n: full_n,
+        bladder_strain: strain,
+        slack_m: slack * length_m,
+        ..Muscle::default()
+    };
+    at_rest(&law, length_m, diameter_m, angle_deg)
+}
+
+/// Readings of it at these contractions and gauge pressures \[Pa\], with noise \[N\] and friction \[N\].
+fn readings(
+    muscle: &Muscle,
+    places: &[(f64, f64, f64)],
+    noise_n: f64,
+    friction_n: f64,
+    seed: u64,
+) -> Readings {
+    let law = braid::Muscle::of(muscle);
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let mut table = "rest_length_m,gauge_pressure_pa,length_m,force_n,direction\n".to_owned();
+    for (contraction, gauge_pa, direction) in places {
+        let length_m = muscle.rest_length_m * (1.0 - contraction);
+        let normal: f64 = StandardNormal.sample(&mut random);
+        let pull_n = gauge_pa * law.force_area(length_m) + law.elastic(length_m);
+        let force_n = (pull_n - direction * friction_n + noise_n * normal).max(0.0);
+        let rest_m = muscle.rest_length_m;
+        table += &format!("{rest_m},{gauge_pa},{length_m},{force_n},{direction}\n");
+    }
+    Readings::of(&Table::parse(&table, "map.csv".as_ref()).unwrap()).unwrap()
+}
+
+fn grid(directions: &[f64]) -> Vec<(f64, f64, f64)> {
+    let mut places = Vec::new();
+    for contraction in [0.0, 0.03, 0.06, 0.1, 0.14, 0.18] {
+        for bar in 1..=6 {
+            places.extend(directions.iter().map(|d| (contraction, f64::from(bar) * 1.0e5, *d)));
+        }
+    }
+    places
+}
+
+fn identify(readings: Readings, against: Option<&Readings>) -> Identified {
+    static_map::identify(&shipped(), readings, against, CONFIG.as_ref(), "map.csv".as_ref())
+        .unwrap()
+}
+
+/// Muscles of 10 to 40 mm and 0.08 to 0.4 m, not those that the usual values come from.
+const MUSCLES: [[f64; 6]; 5] = [
+    [0.08, 0.0135, 26.0, 140.0, 0.03, 0.015],
+    [0.15, 0.014, 29.0, 220.0, 0.02, 0.008],
+    [0.4, 0.013, 25.0, 160.0, 0.025, 0.004],
+    [0.3, 0.02, 23.0, 150.0, 0.015, 0.0],
+    [0.5, 0.045, 31.0, 700.0, 0.012, 0.006],
+];
+
+#[test]
+fn five_readings_make_the_muscle() {
+    for (seed, dimensions) in (1..).zip(MUSCLES) {
+        let muscle = muscle(dimensions);
+        let all = readings(&muscle, &grid(&[0.0]), 0.0, 0.0, seed);
+        let noise_n = 0.003 * all.largest_n();
+        let [five, others] =
+            static_map::planned(&readings(&muscle, &grid(&[0.0]), noise_n, 0.0, seed));
+        assert_eq!(five.loaded.len(), 5);
+        let found = identify(five, Some(&others)).findings;
+        let against = found.against.unwrap();
+        println!("{dimensions:?}: {:.2} N, {:.4} of the largest", against.force_n, against.share);
+        assert!((0.001..0.03).contains(&against.share), "{dimensions:?}: {against:?}");
+        let [_, worst_n] = found.law_sd_n;
+        assert!((0.003..0.08).contains(&(worst_n / all.largest_n())), "{worst_n} N");
+    }
+}
+
+#[test]
+fn many_readings_give_values_within_their_errors() {
+    let mut squares = Vec::new();
+    for (seed, dimensions) in (1..).zip(MUSCLES) {
+        let muscle = muscle(dimensions);
+        let places = grid(&[1.0, -1.0]);
+        let noise_n = 0.01 * readings(&muscle, &places, 0.0, 0.0, seed).largest_n();
+        let found = identify(readings(&muscle, &places, noise_n, 12.0, seed), None).findings;
+        for (key, truth) in [
+            ("muscle.diameter_m", muscle.diameter_m),
+            ("muscle.braid_angle_deg", muscle.braid_angle_deg),
+            ("muscle.bladder_saturation_n", muscle.bladder_saturation_n),
+            ("muscle.slack_m", muscle.slack_m),
+            ("friction.force_n", 12.0),
+        ] {
+            let fitted = &found.parameters[key];
+            let off = (fitted.value - truth) / fitted.standard_error.unwrap();
+            assert!(off.abs() < 4.0, "{dimensions:?} {key}: {fitted:?}, true {truth}");
+            squares.push(off * off);
+        }
+        assert!(found.holds && (0.005..0.02).contains(&found.rmse.share), "{:?}", found.rmse);
+    }
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    assert!((0.2..2.5).contains(&mean), "mean square deviation {mean}");
+}
+
+#[test]
+fn what_the_readings_cannot_tell_is_said() {
+    let muscle = muscle(MUSCLES[0]);
+    let at_rest: Vec<_> = (1..=6).map(|bar| (0.0, f64::from(bar) * 1.0e5, 0.0)).collect();
+    let found = identify(readings(&muscle, &at_rest, 0.5, 0.0, 1), None).findings;
+    let said = found.remarks.join(" ");
+    for part in ["say little about muscle.braid_angle_deg", "Friction is not told", "a guess"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    // One number of forty in the wrong unit.
+    let mut wrong = readings(&muscle, &grid(&[0.0]), 0.5, 0.0, 1);
+    let Reading { force_n, .. } = wrong.loaded[5];
+    wrong.loaded[5].force_n = 9.81 * force_n;
+    let found = identify(wrong, None).findings;
+    assert!(!found.holds && found.failed().is_some(), "{:?}", found.rmse);
+}
+
+#[test]
+fn the_plan_is_a_map_without_its_forces() {
+    let plan = static_map::plan(&shipped().plant);
+    let measured =
+        plan.lines().skip(1).fold(plan.lines().take(1).collect::<String>() + "\n", |text, line| {
+            text + line + "100.0\n"
+        });
+    let of = |text: &str| Readings::of(&Table::parse(text, "map.csv".as_ref()).unwrap()).unwrap();
+    assert_eq!((of(&plan).loaded.len(), of(&measured).loaded.len()), (0, 5));
+    assert_eq!(of(&measured).rest_length_m, 0.25);
+}
+
+#[test]
+fn what_cannot_be_used_is_one_clear_message() {
+    let header = "rest_length_m,gauge_pressure_pa,length_m,force_n";
+    for (rows, message) in [
+        ("0.25,6e5,0.25", "map.csv: column force_n is missing"),
+        ("0.25,6e5,0.25,-3", "map.csv:2: column force_n = -3.0: must be a number from 0 to 1e6 N"),
+        ("0.25,6,2.5,3", "map.csv:2: column length_m = 2.5: must be a number from 0.125 to 0.275"),
+        ("0.25,-6,0.25,3", "map.csv:2: column gauge_pressure_pa = -6.0: must be a number from 0"),
+        ("0.25,6e5,0.25,3\n0.3,6e5,0.25,3", "map.csv:3: column rest_length_m = 0.3: must be 0.25"),
+        ("250,6e5,250,3", "map.csv:2: column rest_length_m = 250.0: must be a number from 0.005"),
+        ("0.25,6e5,0.25,3,2", "map.csv:2: column direction = 2.0: must be 1, -1 or 0"),
+        ("0.25,6e5,0.25,3,,9", "map.csv: unknown column colour; known here: rest_length_m"),
+    ] {
+        let columns = match rows.lines().next().unwrap().split(',').count() {
+            3 => "rest_length_m,gauge_pressure_pa,length_m".to_owned(),
+            4 => header.to_owned(),
+            5 => format!("{header},direction"),
+            _ => format!("{header},direction,colour"),
+        };
+        let table = Table::parse(&format!("{columns}\n{rows}\n"), "map.csv".as_ref()).unwrap();
+        let error = Readings::of(&table).unwrap_err().to_string();
+        assert!(error.starts_with(message), "{error}");
+    }
+    let four = readings(&muscle(MUSCLES[0]), &grid(&[0.0])[2..6], 0.0, 0.0, 1);
+    let refused = |loaded: &Loaded, readings: &Readings| {
+        let all = readings.clone();
+        let error = static_map::identify(loaded, all, None, "c.toml".as_ref(), "map.csv".as_ref());
+        error.unwrap_err().to_string()
+    };
+    assert!(refused(&shipped(), &four).starts_with("map.csv: 4 readings with a force above 1 %"));
+    let plain = scenario::parse("", "c.toml".as_ref()).unwrap();
+    let all = readings(&muscle(MUSCLES[0]), &grid(&[0.0]), 0.0, 0.0, 1);
+    let message = "c.toml: muscle.bladder_saturation_n = 0.0: must be above 0";
+    assert!(refused(&plain, &all).starts_with(message), "{}", refused(&plain, &all));
+}
