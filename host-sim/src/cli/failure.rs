@@ -30,6 +30,8 @@ pub(super) enum Failure {
     Run(RunError),
     /// Exit 1: it ran, and a stated check did not hold.
     Check(String),
+    /// Exit 130: Ctrl-C was pressed.
+    Interrupted,
 }
 
 impl fmt::Display for Failure {
@@ -44,6 +46,7 @@ impl fmt::Display for Failure {
             Self::Monitor(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
             Self::Check(what) => f.write_str(what),
+            Self::Interrupted => f.write_str("stopped"),
         }
     }
 }
@@ -84,6 +87,7 @@ impl Failure {
             | Self::Tune(_)
             | Self::Run(_)
             | Self::Check(_) => 1,
+            Self::Interrupted => 130,
         }
     }
 }
