@@ -9,6 +9,9 @@ use crate::files::input::InputError;
 use crate::simulation::run::RunError;
 use std::fmt;
 
+/// What shells report of a command that Ctrl-C ended.
+pub(super) const STOPPED: u8 = 130;
+
 /// Why the command does not end with 0.
 #[derive(Debug)]
 pub(super) enum Failure {
@@ -87,7 +90,7 @@ impl Failure {
             | Self::Tune(_)
             | Self::Run(_)
             | Self::Check(_) => 1,
-            Self::Interrupted => 130,
+            Self::Interrupted => STOPPED,
         }
     }
 }

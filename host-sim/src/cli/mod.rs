@@ -141,9 +141,6 @@ struct IdentifyArgs {
 
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
-    if let Err(error) = interrupt::install() {
-        eprintln!("thermyo: Ctrl-C cannot be caught: {error}");
-    }
     ExitCode::from(run(std::env::args_os(), &mut io::stdout(), &mut io::stderr()))
 }
 
@@ -351,7 +348,7 @@ fn record(
     let written = writer.finish().map_err(unwritable);
     let summary = result.map_err(|error| match error {
         // The emulated board gets the signal too, and may be gone first.
-        _ if interrupt::check().is_err() => Failure::Interrupted,
+        _ if interrupt::wanted() => Failure::Interrupted,
         RunError::Output(error) => Failure::Input(unwritable(error)),
         other => Failure::Run(other),
     })?;

@@ -42,11 +42,11 @@ pub(super) fn run(
     let mut each = |recorded: &Telemetry, replayed: &Telemetry| {
         bar.inc(1);
         recorder.push(&row(f64::from(config.step_s), recorded, replayed));
-        interrupt::check().is_ok()
+        !interrupt::wanted()
     };
     let outcome = replay::replay(board.as_mut(), &config, &rows, &mut each);
     bar.finish_and_clear();
-    if interrupt::check().is_err() {
+    if interrupt::wanted() {
         return Err(Failure::Interrupted);
     }
     let outcome = outcome.map_err(Failure::Board)?;

@@ -424,7 +424,10 @@
         this.pointers.set(event.pointerId, place[0]);
         const touch = event.pointerType === "touch";
         this.drag = { from: place[0], window: this.window, pan: event.shiftKey || (touch && !this.isWhole()), touch };
-        if (!touch) box.setPointerCapture(event.pointerId);
+        if (!touch) {
+          box.setPointerCapture(event.pointerId);
+          box.focus({ preventScroll: true });
+        }
         this.hover(place);
       });
       box.addEventListener("pointermove", (event) => {
@@ -500,6 +503,10 @@
           if (i >= 0 && i < x.length && Number.isFinite(edge[i]) &&
             (best < 0 || Math.abs(x[i] - value) < Math.abs(x[best] - value))) best = i;
         }
+        // Beyond a trace's ends, and between single points, there is nothing to be read.
+        const beside = value < x[0] || value > x[x.length - 1] || layer.mark === "dots";
+        const reach = 8 * (this.window[1] - this.window[0]) / (this.x.to - this.x.from);
+        if (best >= 0 && beside && Math.abs(x[best] - value) > reach) return -1;
       } else {
         const y = this.areas[layer.panel].y;
         let distance = Infinity;
@@ -527,10 +534,16 @@
       };
       const pixel = (this.window[1] - this.window[0]) / (this.x.to - this.x.from);
       row(this.plot.x.label, withUnit(shown(at, pixel), this.plot.x.unit));
+      let before = -1;
       for (const layer of this.layers.slice().sort((a, b) => a.panel - b.panel)) {
         if (this.off.has(layer.id)) continue;
         const i = this.nearest(layer, at, place);
         if (i < 0) continue;
+        // Of several panels each says what its traces are of.
+        if (this.plot.panels.length > 1 && layer.panel !== before && this.plot.panels[layer.panel].layers.length > 1) {
+          list.append(html("dt", "of", this.plot.panels[layer.panel].y.label));
+        }
+        before = layer.panel;
         const panel = this.plot.panels[layer.panel], { y } = this.areas[layer.panel];
         const step = (y.high - y.low) / (panel.height * 4);
         const text = layer.y.map((edge) => shown(values(edge)[i], step)).join(" to ");

@@ -42,7 +42,7 @@ async function used(page, id) {
   const whole = await ticks(figure);
   await page.mouse.move(...at(0.5));
   const readout = await figure.$eval(".readout", (node) => (node.hidden ? null :
-    [...node.querySelectorAll("dt")].map((term) => [term.textContent, term.nextElementSibling.textContent])));
+    [...node.querySelectorAll("dt:not(.of)")].map((term) => [term.textContent, term.nextElementSibling.textContent])));
   const hair = await figure.$$eval(".hair", (all) => all.length);
   await page.mouse.move(...at(0.4));
   await page.mouse.down();
