@@ -1,7 +1,7 @@
 //! Recording a streamed run in bounded memory, for drawing.
 
-/// Rows kept at the most.
-pub const CAPACITY: usize = 16_384;
+/// Rows kept at the most: 100 s of a run, logged as usual, whole, on a page below 1 MB.
+pub const CAPACITY: usize = 10_240;
 
 /// Keeps named columns of a run that may be arbitrarily long, in at most [`CAPACITY`] rows.
 ///
