@@ -33,6 +33,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["replay", env!("CARGO_MANIFEST_DIR")], "is a folder; a file is needed"),
         (vec!["tune", &missing], "missing.toml: no such file"),
         (vec!["tune", &unknown, "--max-pressure", "nan"], "must be an absolute pressure"),
+        (
+            vec!["tune", &unknown, "--max-pressure", "4"],
+            "must be an absolute pressure in Pa: 4 bar are 400000",
+        ),
         (vec!["evaluate", "tune"], "--out goes with `evaluate control` and `evaluate faults` only"),
     ] {
         let mut all = arguments.clone();
@@ -55,6 +59,164 @@ fn a_port_that_is_not_there_is_named() {
     let output = thermyo(&["run", &file, "--board", "serial:/dev/no-such-port"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(said(&output).contains("/dev/no-such-port"), "{}", said(&output));
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_no_serial_port_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scenario(folder.path(), "");
+    let output = thermyo(&["run", &file, "--board", "serial:/dev/null"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(said(&output).contains("/dev/null: is no serial port"), "{}", said(&output));
+}
+
+#[test]
+fn what_makes_no_sense_is_warned_of_and_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let text =
+        "[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 7e4\n";
+    let file = scenario(folder.path(), text);
+    let out = folder.path().join("out").display().to_string();
+    for arguments in [&["run", &file, "--quiet", "--out", &out][..], &["check", &file, "--quiet"]] {
+        let output = thermyo(arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let warning =
+            "scenario.toml:6: supply.pressure_pa = 70000.0: not above ambient.pressure_pa";
+        assert!(said(&output).contains(warning), "{}", said(&output));
+        assert_eq!(said(&output).lines().count(), 1);
+    }
+}
+
+#[test]
+fn measurements_are_compared_in_units_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scenario(folder.path(), "[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n");
+    let out = folder.path().join("out").display().to_string();
+    let run = |text: &str| {
+        let measured = folder.path().join("m.csv");
+        fs::write(&measured, text).unwrap();
+        let measured = measured.display().to_string();
+        thermyo(&["run", &file, "--measured", &measured, "--quiet", "--out", &out])
+    };
+    for (text, message) in [
+        (
+            "time_s,pressure_pa\n5,1e5\n",
+            "m.csv:2: column time_s = 5.0: must be at most 0.1 s somewhere",
+        ),
+        ("time_s\n0\n", "m.csv: has no column to compare beside time_s"),
+        ("time_s,step,code_gas\n0,1,1\n", "m.csv: has no column to compare beside time_s"),
+        ("time_s;pressure_pa\n0,0;1e5\n", "m.csv:1: cells are separated by semicolons"),
+        ("time_s\tpressure_pa\n0\t1e5\n", "m.csv:1: cells are separated by tabs"),
+        ("t,pressure_pa\n0,1e5\n", "m.csv: column time_s is missing; the file has t, pressure_pa"),
+    ] {
+        let output = run(text);
+        assert_eq!(output.status.code(), Some(2), "{text}");
+        assert!(said(&output).contains(message), "{text}: {}", said(&output));
+        assert!(!Path::new(&out).exists());
+    }
+    let output = run("time_s,pressure_pa,step\n0,130000,7\n0.05,130000,7\n9,130000,7\n");
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(said(&output).contains("1 of 3 rows lie after the end of the run at 0.1 s"));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.contains("measured pressure_pa: RMS difference "), "{printed}");
+    assert!(printed.contains(" kPa, largest "), "{printed}");
+    assert!(!printed.contains("measured step"), "{printed}");
+}
+
+#[test]
+fn a_set_point_is_reported_with_its_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let text =
+        "[run]\nduration_s = 0.5\n[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"contraction\"\n";
+    let file = scenario(folder.path(), text);
+    let out = folder.path().join("out");
+    let place = out.display().to_string();
+    let output = thermyo(&["run", &file, "--quiet", "--out", &place]);
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.contains(" % of rest length, overshoot "), "{printed}");
+    let summary: serde_json::Value =
+        serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["control"]["quantity"], "contraction");
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("set point") && page.contains("Tracking error [% of rest length]"));
+    assert!(!page.contains("last stroke"));
+}
+
+#[test]
+fn check_and_replay_take_json_and_quiet() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[run]\nduration_s = 0.1\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
+    let file = scenario(folder.path(), text);
+    let out = folder.path().join("out").display().to_string();
+    assert!(thermyo(&["run", &file, "--quiet", "--out", &out]).status.success());
+    let trace = Path::new(&out).join("trace.csv").display().to_string();
+    let again = folder.path().join("again").display().to_string();
+    for (arguments, key) in [
+        (&["check", &file, "--json"][..], "plant"),
+        (&["replay", &trace, "--json", "--quiet", "--out", &again], "mismatches"),
+        (&["compare", &out, &trace, "--json", "--out", &again], ""),
+    ] {
+        let output = thermyo(arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(key.is_empty() || json.get(key).is_some(), "{json}");
+    }
+    assert!(Path::new(&again).join("earlier-1/report.html").exists());
+    assert!(thermyo(&["check", &file, "--quiet"]).stdout.is_empty());
+    let output = thermyo(&["replay", &trace, "--out", &again]);
+    assert!(output.stdout.starts_with(b"101 of 101 recorded steps replayed, 0 differ\n"));
+}
+
+/// Ctrl-C, as a terminal sends it.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_keeps_the_finished_rows_and_exits_130() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scenario(folder.path(), "[run]\nduration_s = 1e5\n[plant]\nmodel = \"lumped\"\n");
+    let vary = "sensor.gas.position=0.0:1.0:60";
+    for (arguments, name) in
+        [(&["run", &file][..], "trace.csv"), (&["sweep", &file, "--vary", vary], "sweep.csv")]
+    {
+        if name == "sweep.csv" {
+            scenario(folder.path(), "[run]\nduration_s = 10.0\n");
+        }
+        let out = folder.path().join(name);
+        let child = Command::new(env!("CARGO_BIN_EXE_thermyo"))
+            .args(arguments)
+            .args(["--quiet", "--out"])
+            .arg(&out)
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        let file = out.join("unfinished-1").join(name);
+        while fs::read_to_string(&file).map_or(0, |text| text.lines().count()) < 2 {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        let pid = child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130), "{}", said(&output));
+        assert!(said(&output).contains("the rows so far are in "), "{}", said(&output));
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.ends_with('\n') && text.lines().count() > 1);
+    }
+}
+
+#[test]
+fn shells_and_readers_are_told_of_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("man").display().to_string();
+    assert!(thermyo(&["man", "--out", &out]).status.success());
+    for name in ["thermyo", "thermyo-run", "thermyo-compare"] {
+        let page = fs::read_to_string(Path::new(&out).join(format!("{name}.1"))).unwrap();
+        assert!(page.contains(".SH NAME"), "{name}");
+    }
+    for shell in ["bash", "zsh", "fish"] {
+        let output = thermyo(&["completions", shell]);
+        let script = String::from_utf8(output.stdout).unwrap();
+        assert!(script.contains("compare") && script.contains("max-pressure"), "{shell}");
+    }
 }
 
 #[test]

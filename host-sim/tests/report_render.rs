@@ -11,13 +11,13 @@ use host_sim::report::chart::{Axis, Chart, Panel};
 use host_sim::report::heatmap::{Heatmap, Style};
 use host_sim::report::muscle::Muscle;
 use host_sim::report::page::{Figure, Page, Section, Table, Tile};
-use host_sim::report::run_report::{self, Measured, RunReport, SummaryRow};
+use host_sim::report::run_report::{self, Controlled, Measured, RunReport, SummaryRow};
 use host_sim::report::series::Recorder;
 use host_sim::scenario::PlantKind;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
-const COLUMNS: [&str; 17] = [
+const COLUMNS: [&str; 19] = [
     "time_s",
     "pressure_pa",
     "volume_m3",
@@ -35,6 +35,8 @@ const COLUMNS: [&str; 17] = [
     "duty_out",
     "estimate_error_k",
     "sensor_gas_error_k",
+    "set_point",
+    "tracking_error",
 ];
 const STEP_S: f64 = 0.001;
 const PERIOD_S: f64 = 5.0;
@@ -78,6 +80,8 @@ fn recorded() -> (Recorder, Vec<(f64, f64)>) {
             if charging { 0.0 } else { 0.3 },
             estimate - gas,
             sensor - gas,
+            0.2 * fill,
+            0.01 * (t * 3.0).sin(),
         ]);
         if t >= 95.0 {
             last_stroke.push((volume, pressure));
@@ -96,16 +100,19 @@ fn full_report() -> String {
             column: "sensor_gas_k".into(),
             points: points(&|t| 298.2 + 1.8 * (1.0 - (-t / 40.0).exp()) + 0.4 * (t * 2.1).sin()),
             rmse: 0.412,
+            max: 1.0,
         },
         Measured {
             column: "length_m".into(),
             points: points(&|t| 0.27 + 0.02 * (t * 2.1).sin()),
             rmse: 0.0031,
+            max: 0.01,
         },
         Measured {
             column: "volume_m3".into(),
             points: points(&|t| 1e-4 + 2e-5 * (t * 2.1).sin()),
             rmse: 4.2e-6,
+            max: 1e-5,
         },
     ];
     let summary = [
@@ -118,6 +125,8 @@ fn full_report() -> String {
         title: "Isotonic working cycle",
         lead: "Twenty strokes of 5 s at 0.36 g/s against 100 N. The gas swings by 24 K; the sensor inside the muscle \
                shows a tenth of it, and the estimate on the board follows.",
+        warnings: &["The estimate is surer of itself than it may be.".to_owned()],
+        controlled: Some(Controlled::Contraction),
         scenario_toml: "[run]\nduration_s = 100.0\nstep_s = 0.001\n\n[load]\nkind = \"isotonic\" # <100 N> & more\n",
         tiles: vec![
             Tile::new("Error of the estimate, RMS", 0.118, "K").target("≤ 0.15 K", true),
@@ -294,54 +303,90 @@ fn the_run_page_is_well_formed_whole_and_small() {
     keep("run.html", &page);
     let drawings = drawings(&page);
     let charts = drawings.iter().filter(|svg| svg.contains("role=\"img\"")).count();
-    assert_eq!(charts, 7);
+    assert_eq!(charts, 8);
     for svg in drawings {
         assert!(elements(svg).unwrap_or_else(|e| panic!("{e}: {svg}")) >= 2);
     }
-    for i in 1..=7 {
+    for i in 1..=8 {
         assert!(page.contains(&format!("id=\"fig-{i}\"")), "figure {i}");
     }
-    assert!((60_000..300_000).contains(&page.len()), "{} bytes", page.len());
+    assert!((200_000..1_000_000).contains(&page.len()), "{} bytes", page.len());
     for (what, expected) in [
-        ("sensor in the gas”: 0.412 K RMS.", 1),
-        ("length”: 3.10 mm RMS.", 1),
-        ("volume_m3”: 4.20 cm³ RMS.", 1),
+        ("Contraction [% of rest length]", 2),
+        ("Tracking error [% of rest length]", 1),
+        ("sensor in the gas</td><td data-column=\"RMS difference\">0.412<", 1),
+        ("length</td><td data-column=\"RMS difference\">3.10<", 1),
+        ("volume</td><td data-column=\"RMS difference\">4.20<", 1),
+        ("class=\"warning\"", 1),
         ("✓ met", 1),
         ("✗ missed", 1),
     ] {
         assert_eq!(page.matches(what).count(), expected, "{what}");
     }
-    for outside in ["http://", "https://", "<script", "@import", "url(h"] {
+    for outside in ["http://", "https://", "<script src", "@import", "url(h"] {
         let namespaces = page.matches("http://www.w3.org/2000/svg").count();
         let expected = if outside == "http://" { namespaces } else { 0 };
         assert_eq!(page.matches(outside).count(), expected, "{outside}");
+    }
+    assert_eq!(page.matches("<script").count(), 2, "the points, and what draws them");
+}
+
+#[test]
+fn what_is_not_a_number_meets_no_target() {
+    let tile = Tile::new("Balance", f64::NAN, "").target("any", true);
+    let page = Page::new("", "", "").tile(tile).render();
+    assert!(page.contains("✗ missed") && !page.contains('✓'), "{page}");
+}
+
+#[test]
+fn an_hour_at_a_kilohertz_makes_a_page_below_3_mb() {
+    let mut series = Recorder::new(&COLUMNS);
+    let mut noise = 0.3_f64;
+    for i in 0..3_600_000 {
+        let t = f64::from(i) * STEP_S;
+        noise = (noise * 9301.7 + 0.1173).fract();
+        let mut row = [noise; COLUMNS.len()];
+        row[0] = t;
+        series.push(&row);
+    }
+    let page = run_report::render(&RunReport {
+        controlled: Some(Controlled::Pressure),
+        rest_length_m: Some(0.3),
+        detail_s: Some((3585.0, 3600.0)),
+        ..hardly_anything(&series)
+    });
+    keep("hour.html", &page);
+    assert!((300_000..3_000_000).contains(&page.len()), "{} bytes", page.len());
+}
+
+fn hardly_anything(series: &Recorder) -> RunReport<'_> {
+    RunReport {
+        title: "Vessel",
+        lead: "",
+        warnings: &[],
+        controlled: None,
+        scenario_toml: "",
+        tiles: vec![],
+        series,
+        measured: &[],
+        summary: &[],
+        axial_wall_k: &[298.0],
+        kind: PlantKind::Muscle,
+        rest_length_m: None,
+        last_stroke: &[],
+        detail_s: None,
     }
 }
 
 #[test]
 fn a_run_with_hardly_any_columns_has_a_page() {
     let mut series = Recorder::new(&["time_s", "pressure_pa"]);
-    fn input(series: &Recorder) -> RunReport<'_> {
-        RunReport {
-            title: "Vessel",
-            lead: "",
-            scenario_toml: "",
-            tiles: vec![],
-            series,
-            measured: &[],
-            summary: &[],
-            axial_wall_k: &[298.0],
-            kind: PlantKind::Muscle,
-            rest_length_m: None,
-            last_stroke: &[],
-            detail_s: None,
-        }
-    }
-    assert_eq!(drawings(&run_report::render(&input(&series))).len(), 2);
+    assert_eq!(drawings(&run_report::render(&hardly_anything(&series))).len(), 2);
     series.push(&[0.0, f64::NAN]);
-    let page = run_report::render(&input(&series));
+    let page = run_report::render(&hardly_anything(&series));
     assert!(page.contains("Absolute pressure [kPa]") && !page.contains("Gas temperature"));
-    assert!(!page.contains("NaN"));
+    let (still, _) = page.split_once("<script").unwrap();
+    assert!(!still.contains("NaN"));
 }
 
 #[test]

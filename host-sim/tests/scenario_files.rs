@@ -492,7 +492,7 @@ fn broken_profiles_are_named_by_file_line_and_column() {
     }
     for (csv, message) in [
         (None, "no such file"),
-        (Some("time_s,volume\n0,1\n"), "column volume_m3 is missing"),
+        (Some("time_s,volume\n0,1\n"), "column volume_m3 is missing; the file has time_s, volume"),
         (Some(""), "is empty; the first line must name the columns"),
         (Some("time_s,volume_m3\n"), "has no row below the names of the columns"),
     ] {
@@ -509,6 +509,69 @@ fn broken_profiles_are_named_by_file_line_and_column() {
         "scenario.toml:2: drive.profile_csv = \"steps.csv\": \
          must be left out: this drive.kind has no set point",
     )]);
+}
+
+/// The warnings of a scenario's text.
+fn warned(text: &str) -> Vec<String> {
+    let document = scenario::Document::parse(text, "scenario.toml".as_ref()).unwrap();
+    let loaded = scenario::assemble(&document).unwrap();
+    scenario::warnings(&document, &loaded).iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn what_makes_no_sense_is_said() {
+    for (text, warning) in [
+        (
+            "[supply]\npressure_pa = 2000",
+            "scenario.toml:2: supply.pressure_pa = 2000.0: not above ambient.pressure_pa = 101325.0, so \
+             that nothing is filled; pressures are absolute, in Pa",
+        ),
+        (
+            "[muscle]\nzones = 3\n[plant]\nkind = \"vessel\"",
+            "scenario.toml:2: [muscle] is not used: plant.kind is another one",
+        ),
+        (
+            "[plant]\nkind = \"vessel\"\n[believed.load]\nforce_n = 3",
+            "scenario.toml:4: [believed.load] is not used: plant.kind = \"vessel\"",
+        ),
+        (
+            "[plant]\nkind = \"vessel\"\nmodel = \"full\"",
+            "scenario.toml:3: plant.model = \"full\": a vessel has one zone in every model",
+        ),
+        (
+            "[vessel]\nvolume_m3 = 0.1",
+            "scenario.toml:2: [vessel] is not used: plant.kind is another one",
+        ),
+        (
+            "[plant]\nmodel = \"lumped\"\n[tube]\nvolume_m3 = 1e-5\n",
+            "scenario.toml:4: [tube] is not used: plant.model is not \"full\"",
+        ),
+    ] {
+        assert_eq!(warned(text), [warning], "{text}");
+        // What is printed says it too, and nothing else.
+        let printed = warned(&scenario::render(&valid(text)));
+        assert!(printed.len() <= 1, "{text}: {printed:?}");
+    }
+}
+
+#[test]
+fn no_warning_without_reason() {
+    for text in [
+        "",
+        "[plant]\nkind = \"vessel\"",
+        "[drive]\nkind = \"discharge\"\n[supply]\npressure_pa = 1e5",
+    ] {
+        assert_eq!(warned(text), [""; 0]);
+        assert_eq!(warned(&scenario::render(&valid(text))), [""; 0]);
+    }
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios");
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "toml") {
+            let (_, warnings) = scenario::load_with_warnings(&path).unwrap();
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+    }
 }
 
 #[test]

@@ -31,7 +31,8 @@ fn the_papers_cycle_is_the_same_on_the_emulated_board() {
     assert!((1e-12..0.005).contains(&pressure), "{pressure}");
     // What the board computed is what the core computes of the same samples.
     let trace = there.path("trace.csv").display().to_string();
-    let outcome = thermyo(&["replay", &trace]);
+    let place = there.path("replay").display().to_string();
+    let outcome = thermyo(&["replay", &trace, "--json", "--out", &place]);
     assert_eq!(outcome.code, 0, "{}", outcome.err);
     assert!(outcome.out.contains("\"mismatches\": 0") && outcome.out.contains("20001"));
 }
@@ -41,14 +42,16 @@ fn a_changed_bit_of_a_record_is_found() {
     let run = run_text("[run]\nduration_s = 0.5\nlog_every = 1\n", &[]);
     let trace = run.path("trace.csv");
     let name = trace.display().to_string();
-    assert_eq!(thermyo(&["replay", &name]).code, 0);
+    let place = run.path("replay").display().to_string();
+    let replay = || thermyo(&["replay", &name, "--out", &place]);
+    assert_eq!(replay().code, 0);
     let text = run.text("trace.csv");
     let row = text.lines().nth(100).unwrap();
     let cells: Vec<&str> = row.split(',').collect();
     let estimate = cells[11].parse::<f64>().unwrap() as f32;
     let nudged = f64::from(f32::from_bits(estimate.to_bits() + 1)).to_string();
     std::fs::write(&trace, text.replace(row, &row.replace(cells[11], &nudged))).unwrap();
-    let outcome = thermyo(&["replay", &name]);
+    let outcome = replay();
     assert_eq!(outcome.code, 1, "{}", outcome.out);
     assert!(outcome.err.contains("1 of 501 steps differ, the first is step 99"), "{}", outcome.err);
 }

@@ -79,7 +79,12 @@ fn what_a_board_said_before_its_line_broke_is_kept() {
     });
     assert_eq!(outcome.code, 1, "{}", outcome.err);
     assert!(outcome.err.contains("the record so far is in "), "{}", outcome.err);
-    let replayed = thermyo(&["replay", &trace.display().to_string()]);
+    let replayed = thermyo(&[
+        "replay",
+        &trace.display().to_string(),
+        "--out",
+        &path("replay").display().to_string(),
+    ]);
     assert_eq!((replayed.code, replayed.err.as_str()), (0, ""), "{}", replayed.out);
 }
 

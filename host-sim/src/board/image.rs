@@ -88,11 +88,19 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     Err(BoardError::Build { message })
 }
 
-/// Sees to it that the emulator can start: Node.js is there, and the packages of the lock file.
+/// Sees to it that the emulator can start.
+///
+/// # Errors
+/// As [`prepare_node`].
+pub fn prepare_emulator() -> Result<(), BoardError> {
+    prepare_node(&emulator_folder())
+}
+
+/// Sees to it that a folder's scripts can start: Node.js is there, and the packages of its lock file.
 ///
 /// # Errors
 /// [`BoardError::NoNode`], [`BoardError::OldNode`], [`BoardError::Npm`]
-pub fn prepare_emulator() -> Result<(), BoardError> {
+pub fn prepare_node(folder: &Path) -> Result<(), BoardError> {
     let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     let output = Command::new("node").arg("--version").output().map_err(|_| BoardError::NoNode)?;
     let version = String::from_utf8_lossy(&output.stdout).trim().to_owned();
@@ -101,7 +109,6 @@ pub fn prepare_emulator() -> Result<(), BoardError> {
     if major.is_none_or(|major: u32| major < NODE_MAJOR) {
         return Err(BoardError::OldNode { version });
     }
-    let folder = emulator_folder();
     let npm_error = |message: String| BoardError::Npm { message };
     let lock = fs::read(folder.join("package-lock.json")).map_err(|e| npm_error(e.to_string()))?;
     // npm leaves no copy of the lock file that it worked by; this is one.
@@ -112,7 +119,7 @@ pub fn prepare_emulator() -> Result<(), BoardError> {
     let npm = if cfg!(windows) { "npm.cmd" } else { "npm" };
     let output = Command::new(npm)
         .args(["ci", "--no-audit", "--no-fund"])
-        .current_dir(&folder)
+        .current_dir(folder)
         .stdin(Stdio::null())
         .output()
         .map_err(|error| npm_error(error.to_string()))?;

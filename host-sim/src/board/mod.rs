@@ -158,10 +158,7 @@ impl fmt::Display for BoardError {
                 )
             }
             Self::Npm { message } => {
-                write!(
-                    f,
-                    "`npm ci` in host-sim/emulator failed; it needs npm and its registry: {message}"
-                )
+                write!(f, "`npm ci` failed; it needs npm and its registry: {message}")
             }
             Self::NoTarget { target } => {
                 write!(

@@ -20,10 +20,16 @@ const READ: Duration = Duration::from_millis(20);
 /// # Errors
 /// [`BoardError::NoPort`]
 pub fn open(port: &str) -> Result<Box<dyn SerialPort>, BoardError> {
-    serialport::new(port, BAUD)
-        .timeout(READ)
-        .open()
-        .map_err(|error| BoardError::NoPort { port: port.to_owned(), reason: error.to_string() })
+    serialport::new(port, BAUD).timeout(READ).open().map_err(|error| {
+        let reason = match error.to_string() {
+            // The system's word of 1979 for what no speed can be set of.
+            text if text == "Not a typewriter" || text.starts_with("Inappropriate ioctl") => {
+                "is no serial port".to_owned()
+            }
+            text => text,
+        };
+        BoardError::NoPort { port: port.to_owned(), reason }
+    })
 }
 
 /// Reads what is there; nothing after the port's timeout.

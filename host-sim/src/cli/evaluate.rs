@@ -1,9 +1,8 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
-use super::{Failure, print, progress_bar, publish};
+use super::{Failure, load, print, progress_bar, publish};
 use crate::commands::evaluate::{self, control_page, faults};
 use crate::files::output::OutputDir;
-use crate::scenario;
 use clap::{Args, ValueEnum};
 use std::io::Write;
 use std::path::PathBuf;
@@ -70,7 +69,7 @@ pub(super) fn run(
     }
     let drawn = folder.as_deref().map(OutputDir::create).transpose()?;
     let nominal = match path {
-        Some(path) => scenario::load(path)?,
+        Some(path) => load(path, err)?,
         None => evaluate::nominal()?,
     };
     let lines = match what {

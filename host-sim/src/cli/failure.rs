@@ -10,6 +10,9 @@ use crate::files::input::InputError;
 use crate::simulation::run::RunError;
 use std::fmt;
 
+/// What shells report of a command that Ctrl-C ended.
+pub(super) const STOPPED: u8 = 130;
+
 /// Why the command does not end with 0.
 #[derive(Debug)]
 pub(super) enum Failure {
@@ -31,6 +34,8 @@ pub(super) enum Failure {
     Run(RunError),
     /// Exit 1: it ran, and a stated check did not hold.
     Check(String),
+    /// Exit 130: Ctrl-C was pressed.
+    Interrupted,
 }
 
 impl fmt::Display for Failure {
@@ -45,6 +50,7 @@ impl fmt::Display for Failure {
             Self::Monitor(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
             Self::Check(what) => f.write_str(what),
+            Self::Interrupted => f.write_str("stopped"),
         }
     }
 }
@@ -95,6 +101,7 @@ impl Failure {
             | Self::Tune(_)
             | Self::Run(_)
             | Self::Check(_) => 1,
+            Self::Interrupted => STOPPED,
         }
     }
 }

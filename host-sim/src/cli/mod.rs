@@ -1,10 +1,14 @@
 //! Command line: arguments, progress, messages and exit codes.
 //!
-//! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage.
+//! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage; 130: stopped by Ctrl-C.
 
 mod board;
+mod compare;
 mod evaluate;
 mod failure;
+mod interrupt;
+mod replay;
+mod shell;
 mod sweep;
 mod tune;
 
@@ -14,18 +18,19 @@ use crate::board::{Board, CoreBoard};
 use crate::commands::identify;
 use crate::commands::identify::static_map::{self, Readings};
 use crate::commands::monitor::{self, Recorder, Session};
-use crate::commands::replay;
 use crate::commands::reproduce;
 use crate::files::input::InputError;
 use crate::files::measured::Measured;
 use crate::files::output::OutputDir;
 use crate::files::summary::Summary;
 use crate::files::table::{self, Table};
-use crate::files::trace::{COLUMNS, Row, TraceWriter};
+use crate::files::trace::{COLUMNS, COMPARABLE, Row, TraceWriter};
+use crate::report::number::of_column;
 use crate::report::run_page::RunRecorder;
 use crate::scenario::{self, Loaded};
 use crate::simulation::run::{self, RunError};
 use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -55,15 +60,12 @@ enum Task {
     /// Finds friction, valves and gains by a short experiment on a board
     Tune(tune::TuneArgs),
     /// Recorded samples through the core again, compared to the bit
-    Replay {
-        /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
-        trace: PathBuf,
-        #[command(flatten)]
-        board: BoardArgs,
-    },
+    Replay(replay::ReplayArgs),
+    /// Runs over each other: what differs, in pictures and figures
+    Compare(compare::CompareArgs),
     /// Live view and recording of a flashed board; q ends it
     Monitor {
-        /// Serial port, such as /dev/ttyACM0
+        /// Serial port, such as /dev/ttyUSB0 or COM3
         port: String,
         /// Folder for trace.csv and config.json [default: out/monitor]
         #[arg(long, value_name = "DIR")]
@@ -75,6 +77,23 @@ enum Task {
     Check {
         /// Scenario file (TOML)
         scenario: PathBuf,
+        /// Print it as JSON: what the plant is, and what the core is told
+        #[arg(long)]
+        json: bool,
+        /// Print nothing but what is wrong with it
+        #[arg(long, conflicts_with = "json")]
+        quiet: bool,
+    },
+    /// Prints a shell's completion script
+    Completions {
+        /// Shell
+        shell: Shell,
+    },
+    /// Writes the man pages
+    Man {
+        /// Folder for them
+        #[arg(long, value_name = "DIR", default_value = "out/man")]
+        out: PathBuf,
     },
 }
 
@@ -155,13 +174,16 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Identify(args) => identify_command(&args, out, err),
         Task::Sweep(args) => sweep::run(args, out, err),
         Task::Tune(args) => tune::run(&args, out, err),
-        Task::Replay { trace, board } => replay_command(&trace, &board, out, err),
+        Task::Replay(args) => replay::run(&args, out, err),
+        Task::Compare(args) => compare::run(&args, out, err),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
             monitor_command(&port, &folder, out, err)
         }
         Task::Evaluate(args) => evaluate::run(&args, out, err),
-        Task::Check { scenario } => check_command(&scenario, out),
+        Task::Check { scenario, json, quiet } => check_command(&scenario, (json, quiet), out, err),
+        Task::Completions { shell } => shell::completions(shell, out),
+        Task::Man { out: folder } => shell::man(&folder, out),
     };
     match result {
         Ok(()) => 0,
@@ -172,35 +194,30 @@ pub fn run<A: Into<OsString> + Clone>(
     }
 }
 
-fn check_command(path: &Path, out: &mut dyn Write) -> Result<(), Failure> {
-    let loaded = scenario::load(path)?;
-    print(out, &scenario::render(&loaded))
-}
-
-fn replay_command(
-    trace: &Path,
-    board: &BoardArgs,
+fn check_command(
+    path: &Path,
+    (json, quiet): (bool, bool),
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let (config, rows) = replay::read_record(trace, &read_record(trace, err)?)?;
-    let outcome = replay::replay(board.open()?.as_mut(), &config, &rows).map_err(Failure::Board)?;
-    let json = serde_json::json!({ "steps": outcome.steps, "mismatches": outcome.mismatches });
-    print(out, &format!("{json:#}\n"))?;
-    match outcome.first {
-        None if outcome.steps == rows.len() as u64 => Ok(()),
-        None => {
-            Err(Failure::Check(format!("{} of {} steps were replayed", outcome.steps, rows.len())))
-        }
-        Some(first) => Err(Failure::Check(format!(
-            "{} of {} steps differ, the first is step {}: {:?} recorded, {:?} replayed",
-            outcome.mismatches,
-            outcome.steps,
-            first.recorded.step,
-            first.recorded.estimate,
-            first.replayed.estimate
-        ))),
+    let loaded = load(path, err)?;
+    if quiet {
+        return Ok(());
     }
+    if !json {
+        return print(out, &scenario::render(&loaded));
+    }
+    let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
+    print(out, &format!("{both:#}\n"))
+}
+
+/// Loads a scenario; says what of it makes no sense.
+fn load(path: &Path, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
+    let (loaded, warnings) = scenario::load_with_warnings(path)?;
+    for warning in warnings {
+        let _ = writeln!(stderr, "thermyo: warning: {warning}");
+    }
+    Ok(loaded)
 }
 
 fn run_command(
@@ -208,8 +225,12 @@ fn run_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = scenario::load(&args.scenario)?;
-    let measured = args.measured.as_deref().map(|path| read_measured(path, stderr)).transpose()?;
+    let loaded = load(&args.scenario, stderr)?;
+    let duration_s = loaded.plant.run.duration_s;
+    let measured = match &args.measured {
+        Some(path) => Some(read_to_compare(path, duration_s, stderr)?),
+        None => None,
+    };
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
     let mut board = args.board.open()?;
     let mut recorder = RunRecorder::new(&loaded);
@@ -221,6 +242,7 @@ fn run_command(
             recorder.add(row);
         });
     let summary = match summary {
+        Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
         // A line that broke, a board that restarted: what it said so far is not said again.
         Err(failure @ Failure::Run(RunError::Board(_))) if rows > 0 => {
             let left = out.leave();
@@ -239,7 +261,7 @@ fn identify_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = scenario::load(&args.config)?;
+    let loaded = load(&args.config, stderr)?;
     let Some(data) = &args.data else {
         return print(stdout, &identify::static_map::plan(&loaded.plant));
     };
@@ -371,7 +393,11 @@ fn reproduce_command(
     let mut out = OutputDir::create(&folder)?;
     let mut study = reproduce::Study::new(&loaded);
     let mut board = CoreBoard::default();
-    let summary = record(&loaded, &mut board, None, &args.output, &mut out, |row| study.add(row))?;
+    let summary = record(&loaded, &mut board, None, &args.output, &mut out, |row| study.add(row));
+    let summary = match summary {
+        Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
+        other => other?,
+    };
     let findings = study.finish(&summary).map_err(Failure::Run)?;
     let page = reproduce::page(&loaded, &findings, &summary);
     finish(out, stdout, stderr, &summary, &page, &args.output)?;
@@ -400,16 +426,27 @@ fn record(
         writer.write(&row.cells())?;
         each(row);
         bar.set_position((row.truth.time_s * 1000.0) as u64);
-        Ok(())
+        interrupt::check()
     };
+    interrupt::watch();
     let result = run::run(loaded, board, measured, &mut observer);
     bar.finish_and_clear();
+    let written = writer.finish().map_err(unwritable);
     let summary = result.map_err(|error| match error {
+        // The emulated board gets the signal too, and may be gone first.
+        _ if interrupt::wanted() => Failure::Interrupted,
         RunError::Output(error) => Failure::Input(unwritable(error)),
         other => Failure::Run(other),
     })?;
-    writer.finish().map_err(unwritable)?;
+    written?;
     Ok(summary)
+}
+
+/// Keeps what there is when Ctrl-C was pressed, and says where.
+fn stopped(out: OutputDir, stderr: &mut dyn Write) -> Failure {
+    let left = out.leave();
+    let _ = writeln!(stderr, "thermyo: the rows so far are in {}", left.display());
+    Failure::Interrupted
 }
 
 /// Writes summary and report, and puts all files where they belong.
@@ -449,8 +486,24 @@ fn read_record(path: &Path, stderr: &mut dyn Write) -> Result<Table, Failure> {
     Ok(table)
 }
 
-fn read_measured(path: &Path, stderr: &mut dyn Write) -> Result<Measured, Failure> {
-    Ok(Measured::new(&read_record(path, stderr)?, &COLUMNS)?)
+/// Measurements to compare a run of that length with; says how many of them lie after its end.
+fn read_to_compare(
+    path: &Path,
+    duration_s: f64,
+    stderr: &mut dyn Write,
+) -> Result<Measured, Failure> {
+    let table = read_record(path, stderr)?;
+    let measured = Measured::new(&table, &COLUMNS)?;
+    let (measured, late) = measured.within_run(&table, &COMPARABLE, duration_s)?;
+    if late > 0 {
+        let (file, rows) = (path.display(), table.rows());
+        let _ = writeln!(
+            stderr,
+            "thermyo: warning: {file}: {late} of {rows} rows lie after the end of the run at \
+             {duration_s} s and are not compared"
+        );
+    }
+    Ok(measured)
 }
 
 /// The figures that a person looks for first.
@@ -475,19 +528,20 @@ fn brief(summary: &Summary, folder: &Path) -> String {
     );
     if let Some(measured) = &summary.measured {
         for (name, difference) in measured {
-            text += &format!(
-                "measured {name}: RMS difference {:.4}, largest {:.4}\n",
-                difference.rmse, difference.max
-            );
+            let [rmse, max] = [difference.rmse, difference.max].map(|v| of_column(v, name));
+            text += &format!("measured {name}: RMS difference {rmse}, largest {max}\n");
         }
     }
     if let Some(control) = &summary.control {
         text += &format!(
-            "set point: RMS error {:.4}, at the end {:.4}, overshoot {:.1} %\n",
-            control.rms_error,
-            control.steady_error,
+            "set point: RMS error {}, at the end {}, overshoot {:.1} %\n",
+            control.quantity.text(control.rms_error),
+            control.quantity.text(control.steady_error),
             control.overshoot * 100.0
         );
+    }
+    if let Some(warning) = summary.overconfidence() {
+        text += &format!("warning: {warning}\n");
     }
     text + &format!("report: {}\n", folder.join("report.html").display())
 }
@@ -496,7 +550,7 @@ fn progress_bar(length: u64, quiet: bool) -> ProgressBar {
     if quiet {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {msg}eta {eta}")
+    let style = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {msg}eta {eta}")
         .expect("the template is a constant");
     // Drawn on standard error, and only where that is a terminal.
     ProgressBar::new(length).with_style(style)

@@ -1,6 +1,6 @@
 //! `thermyo sweep`: its arguments, and what it prints and writes.
 
-use super::{Failure, OutputArgs, print, progress_bar, publish};
+use super::{Failure, OutputArgs, interrupt, load, print, progress_bar, publish, stopped};
 use crate::commands::sweep::page::page;
 use crate::commands::sweep::{Range, Shard, Sweep};
 use crate::files::output::OutputDir;
@@ -43,26 +43,35 @@ pub(super) fn run(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
+    load(&args.scenario, stderr)?;
     let sweep = Sweep::new(&args.scenario, args.vary, args.shard).map_err(Failure::Sweep)?;
     let folder = args.output.out.unwrap_or_else(|| PathBuf::from("out/sweep"));
     let mut out = OutputDir::create(&folder)?;
     let bar = progress_bar(sweep.count() as u64, args.output.quiet);
     // In the order in which they are done, until all are there: a point may take minutes.
     let file = out.file("sweep.csv")?;
-    let unwritable = |error: io::Error| out.unwritable("sweep.csv", &error);
-    let rows = Mutex::new(Rows::new(file, &sweep.csv_header()).map_err(unwritable)?);
-    let outcome = sweep.run(|point| {
+    let rows = Rows::new(file, &sweep.csv_header())
+        .map_err(|error| out.unwritable("sweep.csv", &error))?;
+    let rows = Mutex::new(rows);
+    interrupt::watch();
+    let outcome = sweep.run(interrupt::check, |point| {
         bar.inc(1);
         let mut rows = rows.lock().unwrap_or_else(PoisonError::into_inner);
         rows.push(&point.csv())?;
         rows.hand_over()
     });
     bar.finish_and_clear();
-    let outcome = outcome.map_err(|error| match error {
-        RunError::Output(error) => Failure::Input(unwritable(error)),
-        other => Failure::Run(other),
-    })?;
     drop(rows);
+    let outcome = match outcome {
+        Ok(outcome) => outcome,
+        Err(RunError::Output(error)) if error.kind() == io::ErrorKind::Interrupted => {
+            return Err(stopped(out, stderr));
+        }
+        Err(RunError::Output(error)) => {
+            return Err(out.unwritable("sweep.csv", &error).into());
+        }
+        Err(other) => return Err(Failure::Run(other)),
+    };
     let summary = outcome.summary(args.within);
     let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
     let stem = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());

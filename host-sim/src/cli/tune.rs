@@ -1,6 +1,6 @@
 //! `thermyo tune`: its arguments, and what it prints and writes.
 
-use super::{BoardArgs, Failure, OutputArgs, print, publish};
+use super::{BoardArgs, Failure, OutputArgs, load, print, publish};
 use crate::commands::tune;
 use crate::files::output::OutputDir;
 use crate::scenario;
@@ -22,9 +22,17 @@ pub(super) struct TuneArgs {
     board: BoardArgs,
 }
 
+/// Nobody means less than that: it is no pressure of a muscle, but one in another unit \[Pa\].
+const LEAST_PA: f64 = 1.0e5;
+
 fn pressure(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0);
-    value.ok_or_else(|| "must be an absolute pressure in Pa, above 0".to_owned())
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= LEAST_PA => Ok(value),
+        Ok(value) if (1.0..100.0).contains(&value) => {
+            Err(format!("must be an absolute pressure in Pa: {value} bar are {:.0}", value * 1e5))
+        }
+        _ => Err("must be an absolute pressure in Pa, at least 100000 (1 bar)".to_owned()),
+    }
 }
 
 pub(super) fn run(
@@ -32,7 +40,7 @@ pub(super) fn run(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = scenario::load(&args.scenario)?;
+    let loaded = load(&args.scenario, stderr)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let mut board = args.board.open()?;
     let mut out = OutputDir::create(&folder)?;

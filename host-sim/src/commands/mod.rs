@@ -1,5 +1,6 @@
 //! What the larger commands do, each a folder that needs no terminal; `cli` has their arguments.
 
+pub mod compare;
 pub mod evaluate;
 pub mod identify;
 #[cfg(feature = "command")]

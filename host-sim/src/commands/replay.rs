@@ -39,11 +39,17 @@ pub struct Replay {
     pub first: Option<Mismatch>,
 }
 
-/// Runs the samples of `rows`, which are consecutive steps from step 0 on, through a board.
+/// Runs the samples of `rows`, which are consecutive steps from step 0 on, through a board. `each` is shown
+/// every step, as recorded and as replayed, until it says that this is enough.
 ///
 /// # Errors
 /// [`BoardError`]
-pub fn replay(board: &mut dyn Board, config: &Config, rows: &[Row]) -> Result<Replay, BoardError> {
+pub fn replay(
+    board: &mut dyn Board,
+    config: &Config,
+    rows: &[Row],
+    each: &mut dyn FnMut(&Telemetry, &Telemetry) -> bool,
+) -> Result<Replay, BoardError> {
     let mut outcome = Replay::default();
     let first = rows.first().and_then(|row| row.set_point);
     board.start(config, first.unwrap_or_default())?;
@@ -63,7 +69,8 @@ pub fn replay(board: &mut dyn Board, config: &Config, rows: &[Row]) -> Result<Re
             outcome.mismatches += 1;
             outcome.first.get_or_insert(Mismatch { recorded: row.telemetry, replayed });
         }
-        if outcome.steps == rows.len() as u64 {
+        let go_on = each(&row.telemetry, &replayed);
+        if !go_on || outcome.steps == rows.len() as u64 {
             break;
         }
     }
@@ -182,7 +189,7 @@ mod tests {
     use crate::board::CoreBoard;
 
     fn again(config: &Config, rows: &[Row]) -> Replay {
-        replay(&mut CoreBoard::default(), config, rows).unwrap()
+        replay(&mut CoreBoard::default(), config, rows, &mut |_, _| true).unwrap()
     }
 
     fn record(config: &Config) -> Vec<Row> {

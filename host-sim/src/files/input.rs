@@ -102,6 +102,24 @@ pub enum Problem {
         /// What is wrong with the file.
         file: InputError,
     },
+    /// A table of keys that nothing looks at.
+    #[error("[{table}] is not used: {why}")]
+    UnusedTable {
+        /// Its whole path.
+        table: String,
+        /// The value that decides so.
+        why: &'static str,
+    },
+    /// A value that is allowed, and of which nothing good follows.
+    #[error("{key} = {value}: {why}")]
+    NoSense {
+        /// Its whole path.
+        key: String,
+        /// As it is written in the file.
+        value: String,
+        /// What follows.
+        why: String,
+    },
     /// A table without its first line.
     #[error("is empty; the first line must name the columns")]
     NoHeader,
@@ -129,10 +147,37 @@ pub enum Problem {
         instead: Instead,
     },
     /// A column that has to be there.
-    #[error("column {column} is missing")]
+    #[error("column {column} is missing; the file has {there}")]
     MissingColumn {
         /// The name.
         column: String,
+        /// The columns that the file has instead.
+        there: String,
+    },
+    /// A table of another kind, as spreadsheets of some countries write it.
+    #[error("cells are separated by {found}: must be commas, and numbers need a decimal point")]
+    Separator {
+        /// What stands between the cells.
+        found: &'static str,
+    },
+    /// A row with twice as many cells as there are columns.
+    #[error(
+        "{found} cells in this row: must be {expected}, one per column; are these decimal commas? \
+         Numbers need a decimal point"
+    )]
+    DecimalCommas {
+        /// How many cells the row has.
+        found: usize,
+        /// How many columns there are.
+        expected: usize,
+    },
+    /// Times without anything measured.
+    #[error("has no column to compare beside {time}; known here: {}", known.join(", "))]
+    NothingToCompare {
+        /// The column of times.
+        time: &'static str,
+        /// Columns that can be compared.
+        known: Vec<String>,
     },
     /// A column that is needed and says nothing.
     #[error("column {column} is missing, or empty in every row")]

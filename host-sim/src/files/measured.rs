@@ -40,6 +40,7 @@ impl Measured {
     /// For a column that is not `known`, for times that are missing or fall, and for what cannot have
     /// been measured.
     pub fn new(table: &Table, known: &[&str]) -> Result<Self, InputError> {
+        table.column(TIME)?;
         for column in table.columns() {
             if column.name != TIME && !known.contains(&column.name.as_str()) {
                 let instead = match nearest(&column.name, known.iter().copied()) {
@@ -81,6 +82,34 @@ impl Measured {
             .collect();
         Ok(Self { columns })
     }
+
+    /// What a run of that length can be compared with, the columns that are `comparable`; and how many of
+    /// the table's rows lie after its end.
+    ///
+    /// # Errors
+    /// When nothing is left.
+    pub fn within_run(
+        mut self,
+        table: &Table,
+        comparable: &[&str],
+        duration_s: f64,
+    ) -> Result<(Self, usize), InputError> {
+        let times = table.filled(TIME)?;
+        let late = times.iter().filter(|time| **time > duration_s).count();
+        if late == times.len() {
+            let allowed = format!("at most {duration_s:?} s somewhere: that is the run's end");
+            return Err(table.cell_error(0, TIME, &allowed));
+        }
+        self.columns.retain_mut(|column| {
+            column.points.retain(|(time_s, _)| *time_s <= duration_s);
+            comparable.contains(&column.name.as_str()) && !column.points.is_empty()
+        });
+        if self.columns.is_empty() {
+            let known = comparable.iter().map(|name| (*name).to_owned()).collect();
+            return Err(table.header_error(Problem::NothingToCompare { time: TIME, known }));
+        }
+        Ok((self, late))
+    }
 }
 
 #[cfg(test)]
@@ -111,6 +140,24 @@ mod tests {
     }
 
     #[test]
+    fn what_a_run_cannot_be_compared_with_is_said() {
+        let within = |text: &str| {
+            let table = Table::parse(text, "m.csv".as_ref()).unwrap();
+            Measured::new(&table, &KNOWN)
+                .and_then(|measured| measured.within_run(&table, &["pressure_pa"], 10.0))
+                .map(|(measured, late)| (measured.columns.len(), late))
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(within("time_s,pressure_pa,sensor_gas_k\n0,1e5,300\n11,1e5,300\n"), Ok((1, 1)));
+        let late = "m.csv:2: column time_s = 500.0: must be at most 10.0 s somewhere: that is the run's end";
+        assert_eq!(within("time_s,pressure_pa\n500,1e5\n"), Err(late.to_owned()));
+        let alone = "m.csv: has no column to compare beside time_s; known here: pressure_pa";
+        assert_eq!(within("time_s\n0\n"), Err(alone.to_owned()));
+        assert_eq!(within("time_s,sensor_gas_k\n0,300\n"), Err(alone.to_owned()));
+        assert_eq!(within("time_s,pressure_pa\n0,\n12,1e5\n"), Err(alone.to_owned()));
+    }
+
+    #[test]
     fn says_what_is_wrong_and_where() {
         for (text, message) in [
             (
@@ -123,7 +170,8 @@ mod tests {
                 "m.csv: unknown column colour; \
                  known here: time_s, pressure_pa, sensor_gas_k, length_m",
             ),
-            ("pressure_pa\n1\n", "m.csv: column time_s is missing"),
+            ("pressure_pa\n1\n", "m.csv: column time_s is missing; the file has pressure_pa"),
+            ("t,colour\n0,1\n", "m.csv: column time_s is missing; the file has t, colour"),
             ("time_s,pressure_pa\n0,1\n,2\n", "m.csv:3: column time_s = (empty): must be a number"),
             (
                 "time_s,pressure_pa\n0,1\n2,2\n\n1,3\n",

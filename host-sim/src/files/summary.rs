@@ -3,6 +3,7 @@
 use crate::files::measured::Measured;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::{Ledger, Truth};
+use crate::report::run_report::Controlled;
 use model_core::sensing::adc::at_rail;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -106,6 +107,8 @@ pub struct CoreFigures {
 /// How well a set point was held, in the set point's unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Control {
+    /// What the set point stands for.
+    pub quantity: Controlled,
     /// Root-mean-square error.
     pub rms_error: f64,
     /// Mean error over the last tenth of the run.
@@ -132,6 +135,8 @@ pub struct Ending {
     pub board: &'static str,
     /// Period of the working cycle, if it has one \[s\].
     pub period_s: Option<f64>,
+    /// What a set point stood for.
+    pub controlled: Option<Controlled>,
     /// Rest length of a muscle \[m\].
     pub rest_length_m: Option<f64>,
     /// The plant's books.
@@ -246,6 +251,23 @@ impl Comparison {
     }
 }
 
+impl Summary {
+    /// A share below this, of two stated deviations, says that the estimate is surer of itself than it may
+    /// be: of normal errors 95 % lie within.
+    pub const LEAST_WITHIN_2SD: f64 = 0.8;
+
+    /// What has to be said of the stated deviations, where they are too small.
+    pub fn overconfidence(&self) -> Option<String> {
+        (self.estimate_within_2sd < Self::LEAST_WITHIN_2SD).then(|| {
+            format!(
+                "the estimate is surer of itself than it may be: the truth lies within two of its stated \
+                 standard deviations only {:.0} % of the time, 95 % are expected",
+                100.0 * self.estimate_within_2sd
+            )
+        })
+    }
+}
+
 impl Accumulator {
     /// Nothing yet. `measured` columns must be among [`COLUMNS`].
     pub fn new(duration_s: f64, measured: Option<&Measured>) -> Self {
@@ -344,11 +366,12 @@ impl Accumulator {
     pub fn finish(self, ending: Ending) -> Summary {
         let count = self.steps as f64;
         let rms = |squares: f64| (squares / count).sqrt();
-        let control = (self.control.steps > 0).then(|| {
+        let control = ending.controlled.filter(|_| self.control.steps > 0).map(|quantity| {
             let sums = &self.control;
             let span = sums.largest_set_point - sums.smallest_set_point;
             let span = if span > 0.0 { span } else { sums.largest_set_point.abs() };
             Control {
+                quantity,
                 rms_error: (sums.squares / sums.steps as f64).sqrt(),
                 steady_error: sums.late_sum / sums.late_steps.max(1) as f64,
                 overshoot: ((sums.largest_value - sums.largest_set_point) / span).max(0.0),

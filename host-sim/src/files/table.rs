@@ -144,6 +144,9 @@ impl Table {
     }
 
     fn add_header(&mut self, record: &csv::StringRecord) -> Result<(), Problem> {
+        if let Some(found) = other_separator(record) {
+            return Err(Problem::Separator { found });
+        }
         for (i, name) in record.iter().enumerate() {
             if name.is_empty() {
                 return Err(Problem::UnnamedColumn { position: i + 1 });
@@ -158,24 +161,33 @@ impl Table {
 
     fn add_row(&mut self, record: &csv::StringRecord, line: u64) -> Result<(), Bad> {
         if record.len() != self.columns.len() {
-            let expected = self.columns.len();
-            return Err(Bad::Damage(Problem::CellCount { found: record.len(), expected }));
+            let (found, expected) = (record.len(), self.columns.len());
+            return Err(match other_separator(record) {
+                Some(found) => Bad::Value(Problem::Separator { found }),
+                None if found == 2 * expected => {
+                    Bad::Damage(Problem::DecimalCommas { found, expected })
+                }
+                None => Bad::Damage(Problem::CellCount { found, expected }),
+            });
         }
         let numbers: Vec<Option<f64>> = self
             .columns
             .iter()
             .zip(record)
             .map(|(column, cell)| {
-                let problem = || Problem::Cell {
+                let problem = |allowed: &str| Problem::Cell {
                     column: quoted(&column.name),
                     value: quoted(cell),
-                    allowed: "a finite number".to_owned(),
+                    allowed: allowed.to_owned(),
                 };
                 match cell.parse::<f64>() {
                     _ if cell.is_empty() => Ok(None),
                     Ok(number) if number.is_finite() => Ok(Some(number)),
-                    Ok(_) => Err(Bad::Value(problem())),
-                    Err(_) => Err(Bad::Damage(problem())),
+                    Ok(_) => Err(Bad::Value(problem("a finite number"))),
+                    Err(_) if cell.replacen(',', ".", 1).parse::<f64>().is_ok() => {
+                        Err(Bad::Value(problem("a number with a decimal point")))
+                    }
+                    Err(_) => Err(Bad::Damage(problem("a finite number"))),
                 }
             })
             .collect::<Result<_, _>>()?;
@@ -208,7 +220,11 @@ impl Table {
     pub fn column(&self, name: &str) -> Result<&[Option<f64>], InputError> {
         match self.columns.iter().find(|column| column.name == name) {
             Some(column) => Ok(&column.cells),
-            None => Err(self.header_error(Problem::MissingColumn { column: name.to_owned() })),
+            None => {
+                let there = quoted_list(self.columns.iter().map(|column| column.name.as_str()));
+                let column = name.to_owned();
+                Err(self.header_error(Problem::MissingColumn { column, there }))
+            }
         }
     }
 
@@ -240,6 +256,24 @@ impl Table {
         };
         InputError::line(&self.file, self.lines.get(row).copied().unwrap_or_default(), problem)
     }
+}
+
+/// What separates the cells of a line instead of commas.
+fn other_separator(record: &csv::StringRecord) -> Option<&'static str> {
+    [(';', "semicolons"), ('\t', "tabs")]
+        .into_iter()
+        .find(|(separator, _)| record.iter().any(|cell| cell.contains(*separator)))
+        .map(|(_, name)| name)
+}
+
+/// The first few names, fit to be quoted in a message.
+fn quoted_list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    const MOST: usize = 6;
+    let mut names: Vec<String> = names.take(MOST + 1).map(quoted).collect();
+    if names.len() > MOST {
+        names[MOST] = "...".to_owned();
+    }
+    names.join(", ")
 }
 
 /// Whether the record that begins at `start` ends only because the text does: within quotation marks.
@@ -274,6 +308,11 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    const SEMICOLONS: &str = "t.csv:1: cells are separated by semicolons: must be commas, and numbers \
+                              need a decimal point";
+    const TABS: &str =
+        "t.csv:1: cells are separated by tabs: must be commas, and numbers need a decimal point";
+
     fn parse(text: &str) -> Result<Table, String> {
         Table::parse(text, "t.csv".as_ref()).map_err(|error| error.to_string())
     }
@@ -302,12 +341,25 @@ mod tests {
             ("a,b\r\n1,2\r\n\r\n\r\n3,x\r\n", "t.csv:5: column b = x: must be a finite number"),
             ("a,b\n1,NaN\n", "t.csv:2: column b = NaN: must be a finite number"),
             ("a,b\n1,1e999\n", "t.csv:2: column b = 1e999: must be a finite number"),
+            ("time_s;p\n0,5;1,5\n", SEMICOLONS),
+            ("time_s\tp\n0\t1\n", TABS),
+            (
+                "a,b\n1;2\n",
+                "t.csv:2: cells are separated by semicolons: must be commas, and numbers need a \
+                 decimal point",
+            ),
+            (
+                "a,b\n0,5,1,5\n",
+                "t.csv:2: 4 cells in this row: must be 2, one per column; are these decimal \
+                 commas? Numbers need a decimal point",
+            ),
+            ("a,b\n1,\"2,5\"\n", "t.csv:2: column b = 2,5: must be a number with a decimal point"),
         ] {
             assert_eq!(parse(text), Err(message.to_owned()), "{text:?}");
         }
         let table = parse("a,b\n1,2\n\n3,\n").unwrap();
         let missing = table.column("c").unwrap_err().to_string();
-        assert_eq!(missing, "t.csv: column c is missing");
+        assert_eq!(missing, "t.csv: column c is missing; the file has a, b");
         let empty = table.filled("b").unwrap_err().to_string();
         assert_eq!(empty, "t.csv:4: column b = (empty): must be a number");
     }
@@ -357,7 +409,11 @@ mod tests {
             (b"a,b", "t.csv:1: the last line has no end: it may be cut"),
             (b"a,b\n1,2", "t.csv:2: the last line has no end: it may be cut"),
             (b"\xff\xfea\n1\n", "t.csv:1: is not UTF-8 text"),
-            (b"a,b\n1;2\n3;4\n", "t.csv:2: 1 cells in this row: must be 2, one per column"),
+            (
+                b"a,b\n1;2\n3;4\n",
+                "t.csv:2: cells are separated by semicolons: must be commas, and numbers need a \
+                 decimal point",
+            ),
             // A value that nobody can mean is no damage.
             (b"a,b\n1,2\n3,NaN\n", "t.csv:3: column b = NaN: must be a finite number"),
             (b"a,b\n1,2\n3,1e999\n", "t.csv:3: column b = 1e999: must be a finite number"),

@@ -47,6 +47,30 @@ pub const COLUMNS: [&str; 37] = [
     "limited",
 ];
 
+/// What two records of the same time can be compared in: quantities, and neither counts nor flags.
+pub const COMPARABLE: [&str; 20] = [
+    "pressure_pa",
+    "volume_m3",
+    "length_m",
+    "mass_kg",
+    "flow_in_kg_s",
+    "flow_out_kg_s",
+    "gas_temperature_k",
+    "wall_temperature_k",
+    "sensor_gas_k",
+    "sensor_wall_k",
+    "estimate_k",
+    "duty_in",
+    "duty_out",
+    "model_k",
+    "model_sensor_k",
+    "wall_estimate_k",
+    "sensor_estimate_k",
+    "mass_estimate_kg",
+    "measured_pressure_pa",
+    "measured_length_m",
+];
+
 /// One row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {

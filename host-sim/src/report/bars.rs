@@ -75,7 +75,7 @@ impl Bars {
                 } }
             }
         };
-        Figure::new(title, caption, Drawing { legend, svg: self.svg(title) })
+        Figure::new(title, caption, Drawing::still(legend, self.svg(title)))
     }
 
     fn range(&self) -> (f64, f64) {

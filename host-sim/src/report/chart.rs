@@ -14,7 +14,9 @@ use super::layer::{Layer, Mark};
 use super::number::px;
 use super::page::{DRAWING_STYLE, Drawing, Figure};
 use super::path::Path;
+use super::plot::Store;
 use super::scale::{Scale, Spacing, data_range, to_round_ends, with_room};
+use serde_json::{Value, json};
 
 /// Width of a chart across the page \[px\].
 pub const FULL_WIDTH: f64 = 860.0;
@@ -70,6 +72,11 @@ impl Axis {
 
     fn title(&self) -> String {
         axis_title(&self.label, &self.unit)
+    }
+
+    fn plot(&self) -> Value {
+        let log = self.spacing == Spacing::Log;
+        json!({ "label": self.label, "unit": self.unit, "log": log, "range": self.range })
     }
 }
 
@@ -186,7 +193,8 @@ impl Chart {
 
     /// Draws it.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
-        let drawing = Drawing { legend: self.legend(), svg: self.svg(title).0 };
+        let chart = Some(self.clone());
+        let drawing = Drawing { legend: self.legend(), svg: self.svg(title).0, chart };
         Figure::new(title, caption, drawing)
     }
 
@@ -241,6 +249,18 @@ impl Chart {
                 ul.legend { @for layer in shown { (layer.legend()) } }
             }
         }
+    }
+
+    /// What the page's script needs to draw it.
+    pub(super) fn plot(&self, store: &mut Store) -> Value {
+        let (from, to) = self.window();
+        let panels: Vec<Value> = self.panels.iter().map(|panel| panel.plot(store)).collect();
+        json!({
+            "x": self.x.plot(),
+            "window": [from, to],
+            "panels": panels,
+            "markers": self.markers,
+        })
     }
 
     /// The range of x in sight.
@@ -336,6 +356,20 @@ impl Chart {
 }
 
 impl Panel {
+    fn plot(&self, store: &mut Store) -> Value {
+        let log = self.y.spacing == Spacing::Log;
+        let layers = Mark::STACK
+            .into_iter()
+            .flat_map(|mark| self.layers.iter().filter(move |layer| layer.mark == mark));
+        let layers: Vec<Value> = layers.map(|layer| layer.plot(store, log)).collect();
+        json!({
+            "y": self.y.plot(),
+            "height": self.height,
+            "layers": layers,
+            "references": self.references,
+        })
+    }
+
     fn draw(&self, area: Area, window: (f64, f64), x: &Scale, x_ticks: &[Tick]) -> Markup {
         let y = self.scale(window, area);
         let y_ticks = ticks(&y, self.height / Y_TICK_DISTANCE);

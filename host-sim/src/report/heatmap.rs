@@ -129,7 +129,7 @@ impl Heatmap {
                 } }
             }
         };
-        Figure::new(title, caption, Drawing { legend, svg })
+        Figure::new(title, caption, Drawing::still(legend, svg))
     }
 
     fn cell(&self, row: usize, column: usize) -> f64 {

@@ -7,7 +7,10 @@ use maud::{Markup, html};
 use super::Colour;
 use super::decimate::{self, Keep};
 use super::path::Path;
+use super::plot::{Bits, Store};
 use super::scale::Scale;
+use super::series::{CAPACITY, Recorder};
+use serde_json::{Value, json};
 
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,6 +129,42 @@ impl Layer {
             }
         }
         html! { path class={ (self.colour.class()) " " (self.mark.class()) } d=(path.data()) {} }
+    }
+
+    /// What the page's script needs to draw it.
+    pub(super) fn plot(&self, store: &mut Store, log: bool) -> Value {
+        let fine = if log { Bits::ThirtyTwo } else { Bits::Sixteen };
+        let (x, edges) = self.kept();
+        let edges: Vec<usize> = edges.iter().map(|edge| store.add(edge, fine)).collect();
+        json!({
+            "name": self.name,
+            "colour": self.colour.class(),
+            "mark": self.mark.class(),
+            "rising": self.mark != Mark::Plane,
+            "x": store.add(&x, Bits::ThirtyTwo),
+            "y": edges,
+        })
+    }
+
+    /// The points, few enough for a page.
+    fn kept(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
+        if self.x.len() <= CAPACITY {
+            return (self.x.clone(), self.edges.clone());
+        }
+        if let (Mark::Plane, [y]) = (self.mark, &self.edges[..]) {
+            let gap = [(f64::NAN, f64::NAN)];
+            let runs = decimate::curve(&self.x, y, Keep::Both, CAPACITY);
+            let (x, y) = runs.iter().flat_map(|run| run.iter().chain(&gap).copied()).unzip();
+            return (x, vec![y]);
+        }
+        let names = ["x", "low", "high"];
+        let mut recorder = Recorder::new(&names[..=self.edges.len()]);
+        for (i, x) in self.x.iter().enumerate() {
+            let row: Vec<f64> = [*x].into_iter().chain(self.edges.iter().map(|e| e[i])).collect();
+            recorder.push(&row);
+        }
+        let column = |name: &str| recorder.column(name).unwrap_or_default().to_vec();
+        (column("x"), names[1..=self.edges.len()].iter().map(|name| column(name)).collect())
     }
 
     /// Whether both look alike in the legend.

@@ -6,7 +6,8 @@
 //! of a generic run. [`series`] records what is drawn, in bounded memory, while the run streams by.
 //!
 //! A drawing names its colours by class and leaves their values to the page's style sheet, so one
-//! drawing serves light mode, dark mode and print.
+//! drawing serves light mode, dark mode and print. [`plot`] packs the points of the charts for
+//! `plot.js`, which draws them anew when the reader looks closer; without it the page stays as it is.
 
 mod axes;
 pub mod bars;
@@ -19,6 +20,7 @@ pub mod muscle;
 pub mod number;
 pub mod page;
 mod path;
+mod plot;
 pub mod run_page;
 pub mod run_report;
 pub mod scale;

@@ -72,7 +72,7 @@ impl Muscle {
                 (self.profile(&zones))
             }
         };
-        Figure::new(title, caption, Drawing { legend: html! {}, svg })
+        Figure::new(title, caption, Drawing::still(html! {}, svg))
     }
 
     /// Position of each zone's centre \[px\] and its temperature \[degC\].

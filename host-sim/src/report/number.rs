@@ -65,6 +65,13 @@ pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
     }
 }
 
+/// An SI value of a column, such as a difference of two, with its unit: for a sentence.
+pub fn of_column(value: f64, column: &str) -> String {
+    let Unit { symbol, factor } = Unit::of_column(column);
+    let text = significant(value * factor, 3);
+    if symbol.is_empty() { text } else { format!("{text} {symbol}") }
+}
+
 /// `value` rounded to `digits` significant digits, but never to less than a whole unit.
 ///
 /// Below 0.001 and from a million on in powers of ten; [`MISSING`] when it is not finite.

@@ -4,11 +4,16 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::number::quantity;
+use super::chart::Chart;
+use super::number::{MISSING, quantity};
+use super::plot::Store;
+use serde_json::{Map, Value, json};
 
 /// Colours, and how a drawing's parts look.
 pub(super) const DRAWING_STYLE: &str = include_str!("drawing.css");
 const STYLE: &str = include_str!("style.css");
+/// Draws the charts anew, to be looked into; without it the page stays what it is.
+const SCRIPT: &str = include_str!("plot.js");
 
 /// What a drawing module returns.
 #[derive(Debug, Clone)]
@@ -17,6 +22,15 @@ pub struct Drawing {
     pub legend: Markup,
     /// One `svg` element.
     pub svg: Markup,
+    /// What the page's script draws in its place, where there is a closer look.
+    pub chart: Option<Chart>,
+}
+
+impl Drawing {
+    /// A drawing that stays as it is.
+    pub fn still(legend: Markup, svg: Markup) -> Self {
+        Self { legend, svg, chart: None }
+    }
 }
 
 /// A drawing with its title and caption. The page numbers it.
@@ -40,14 +54,18 @@ impl Figure {
 
     fn render(&self, number: usize) -> Markup {
         html! {
-            figure id={ "fig-" (number) } {
+            figure id=(figure_id(number)) {
                 div.figure-title { (self.title) }
                 (self.drawing.legend)
-                div.plot { (self.drawing.svg) }
+                div.plot tabindex="0" { (self.drawing.svg) }
                 figcaption { b { "Figure " (number) "." } " " (self.caption) }
             }
         }
     }
+}
+
+fn figure_id(number: usize) -> String {
+    format!("fig-{number}")
 }
 
 /// A figure that matters, at the head of the page.
@@ -66,9 +84,9 @@ impl Tile {
         Self { label: label.to_owned(), value, unit, target: None }
     }
 
-    /// States a target, such as `≤ 0.4 K`, and whether it is met.
+    /// States a target, such as `≤ 0.4 K`, and whether it is met; what is not a number never meets one.
     pub fn target(mut self, text: &str, met: bool) -> Self {
-        self.target = Some((text.to_owned(), met));
+        self.target = Some((text.to_owned(), met && self.value != MISSING));
         self
     }
 
@@ -102,11 +120,16 @@ impl Table {
     fn render(&self) -> Markup {
         html! {
             div.table {
-                table {
+                table.wide[self.columns.len() > 3] {
                     @if !self.caption.is_empty() { caption { (self.caption) } }
                     thead { tr { @for column in &self.columns { th scope="col" { (column) } } } }
                     tbody {
-                        @for row in &self.rows { tr { @for cell in row { td { (cell) } } } }
+                        @for row in &self.rows {
+                            // On a phone a wide table shows its rows as lists: each cell says what it is.
+                            tr { @for (cell, column) in row.iter().zip(&self.columns) {
+                                td data-column=(column) { (cell) }
+                            } }
+                        }
                     }
                 }
             }
@@ -184,6 +207,7 @@ impl Section {
 pub struct Page {
     title: String,
     lead: String,
+    warnings: Vec<String>,
     scenario_toml: String,
     tiles: Vec<Tile>,
     sections: Vec<Section>,
@@ -196,10 +220,17 @@ impl Page {
         Self {
             title: title.to_owned(),
             lead: lead.to_owned(),
+            warnings: Vec::new(),
             scenario_toml: scenario_toml.to_owned(),
             tiles: Vec::new(),
             sections: Vec::new(),
         }
+    }
+
+    /// Says what the reader has to know before believing the rest.
+    pub fn warning(mut self, text: &str) -> Self {
+        self.warnings.push(text.to_owned());
+        self
     }
 
     /// Adds a key figure.
@@ -242,6 +273,7 @@ impl Page {
                             header {
                                 h1 { (self.title) }
                                 p.lead { (self.lead) }
+                                @for text in &self.warnings { p.warning { (text) } }
                             }
                             @if !self.tiles.is_empty() {
                                 div.tiles { @for tile in &self.tiles { (tile.render()) } }
@@ -260,9 +292,41 @@ impl Page {
                             }
                         }
                     }
+                    (self.closer_look())
                 }
             }
         };
         page.into_string()
+    }
+
+    /// The points of all charts, and what draws them.
+    fn closer_look(&self) -> Markup {
+        let figures = self
+            .sections
+            .iter()
+            .flat_map(|section| &section.blocks)
+            .filter_map(|block| match block {
+                Block::Figures(figures) => Some(figures),
+                Block::Paragraph(_) | Block::Table(_) => None,
+            })
+            .flatten();
+        let mut store = Store::default();
+        let plots: Map<String, Value> = figures
+            .enumerate()
+            .filter_map(|(i, figure)| {
+                let chart = figure.drawing.chart.as_ref()?;
+                Some((figure_id(i + 1), chart.plot(&mut store)))
+            })
+            .collect();
+        if plots.is_empty() {
+            return html! {};
+        }
+        let data = json!({ "arrays": store.into_arrays(), "figures": plots });
+        // Within a script element only "<" could end it.
+        let data = data.to_string().replace('<', "\\u003c");
+        html! {
+            script type="application/json" id="plots" { (PreEscaped(data)) }
+            script { (PreEscaped(SCRIPT)) }
+        }
     }
 }

@@ -1,13 +1,15 @@
 //! The page of `thermyo run`: summary and recording of one run, brought into [`RunReport`]'s form.
 
+use super::number::{Unit, of_column};
 use super::page::Tile;
-use super::run_report::{self, Measured as MeasuredColumn, RunReport, SummaryRow};
+use super::run_report::{self, Measured as MeasuredColumn, RunReport, SummaryRow, label};
 use super::series::Recorder;
 use crate::files::measured::Measured;
 use crate::files::summary::Summary;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::chamber;
-use crate::scenario::{self, Loaded, PlantKind};
+use crate::scenario::{self, DriveKind, Loaded, PlantKind};
+use crate::simulation::run::SetPoints;
 
 /// Strokes that the enlarged temperature chart shows.
 const DETAIL_STROKES: f64 = 3.0;
@@ -17,6 +19,8 @@ const DETAIL_STROKES: f64 = 3.0;
 pub struct RunRecorder {
     recorder: Recorder,
     is_vessel: bool,
+    set_points: SetPoints,
+    rest_length_m: Option<f64>,
     stroke_from_s: f64,
     last_stroke: Vec<(f64, f64)>,
 }
@@ -26,16 +30,21 @@ impl RunRecorder {
     pub fn new(loaded: &Loaded) -> Self {
         let is_vessel = loaded.plant.plant.kind == PlantKind::Vessel;
         let mut names: Vec<&str> = COLUMNS.to_vec();
-        names.extend(["estimate_error_k", "sensor_gas_error_k"]);
+        names.extend(["estimate_error_k", "sensor_gas_error_k", "tracking_error"]);
         if is_vessel {
             // A vessel's length is its volume in other words.
             names.retain(|name| *name != "length_m");
         }
-        let period_s = loaded.plant.drive.period_s;
+        let drive = &loaded.plant.drive;
+        // Only a cycle of mass flows has strokes.
+        let strokes = drive.kind == DriveKind::MassFlow && loaded.drive_profile.is_none();
+        let end_s = loaded.plant.run.duration_s;
         Self {
             recorder: Recorder::new(&names),
             is_vessel,
-            stroke_from_s: loaded.plant.run.duration_s - period_s,
+            set_points: SetPoints::new(loaded),
+            rest_length_m: chamber::of(&loaded.plant).map(|chamber| chamber.rest_length()),
+            stroke_from_s: if strokes { end_s - drive.period_s } else { f64::INFINITY },
             last_stroke: Vec::new(),
         }
     }
@@ -46,6 +55,8 @@ impl RunRecorder {
         let mut cells = row.cells().to_vec();
         let error = |value: f64| value - truth.gas_temperature_k;
         cells.extend([error(f64::from(row.telemetry.estimate.gas_k)), error(row.sensor_gas_k)]);
+        let controlled = self.set_points.controlled(self.rest_length_m, row);
+        cells.push(controlled.map_or(f64::NAN, |value| value - row.set_point));
         if self.is_vessel
             && let Some(length) = COLUMNS.iter().position(|name| *name == "length_m")
         {
@@ -74,6 +85,7 @@ impl RunRecorder {
                     column: column.name.clone(),
                     points: column.points.clone(),
                     rmse: rmse(&column.name)?.rmse,
+                    max: rmse(&column.name)?.max,
                 })
             })
             .collect();
@@ -84,13 +96,15 @@ impl RunRecorder {
         run_report::render(&RunReport {
             title,
             lead: &lead(summary),
+            warnings: &warnings(summary),
             scenario_toml: &scenario::render(loaded),
             tiles: tiles(summary),
             series: &self.recorder,
+            controlled: summary.control.map(|control| control.quantity),
             measured: &measured,
             summary: &rows(summary),
             axial_wall_k: &summary.axial_temperature_k,
-            rest_length_m: chamber::of(&loaded.plant).map(|chamber| chamber.rest_length()),
+            rest_length_m: self.rest_length_m,
             kind: loaded.plant.plant.kind,
             last_stroke: &self.last_stroke,
             detail_s,
@@ -98,8 +112,26 @@ impl RunRecorder {
     }
 }
 
+/// The message: what the run was for comes first.
 fn lead(summary: &Summary) -> String {
-    format!(
+    let mut text = String::new();
+    if let Some(control) = &summary.control {
+        text += &format!(
+            "The {} keeps within {} of its set point (RMS). ",
+            control.quantity.name().to_lowercase(),
+            control.quantity.text(control.rms_error),
+        );
+    }
+    let measured = summary.measured.iter().flatten();
+    let differences: Vec<String> = measured
+        .map(|(column, difference)| {
+            format!("{} by {} (RMS)", label(column), of_column(difference.rmse, column))
+        })
+        .collect();
+    if !differences.is_empty() {
+        text += &format!("The run misses the measurement: {}. ", differences.join(", "));
+    }
+    text + &format!(
         "{} s simulated at {:.0} times real time, with the core on board \"{}\". Read bare, the sensor in \
          the gas is wrong by {:.2} K (RMS); the core's estimate by {:.2} K.",
         summary.duration_s,
@@ -110,16 +142,34 @@ fn lead(summary: &Summary) -> String {
     )
 }
 
+fn warnings(summary: &Summary) -> Vec<String> {
+    let capitalised = |text: String| text[..1].to_uppercase() + &text[1..] + ".";
+    summary.overconfidence().map(capitalised).into_iter().collect()
+}
+
 fn tiles(summary: &Summary) -> Vec<Tile> {
-    vec![
-        Tile::new("Bare sensor, RMS error", summary.rmse_k.sensor_gas, "K"),
+    let control = summary.control.iter().map(|control| {
+        let unit = control.quantity.unit();
+        Tile::new("Tracking error, RMS", control.rms_error * unit.factor, unit.symbol)
+    });
+    let measured = summary.measured.iter().flatten().map(|(column, difference)| {
+        let unit = Unit::of_column(column);
+        let name = format!("Against the measurement, {}, RMS", label(column));
+        Tile::new(&name, difference.rmse * unit.factor, unit.symbol)
+    });
+    let within = summary.estimate_within_2sd;
+    let own = [
         Tile::new("Estimate, RMS error", summary.rmse_k.estimate, "K"),
+        Tile::new("Bare sensor, RMS error", summary.rmse_k.sensor_gas, "K"),
+        Tile::new("Truth within two stated deviations", 100.0 * within, "%")
+            .target("≥ 80 %", within >= Summary::LEAST_WITHIN_2SD),
         Tile::new("Largest pressure", summary.pressure_pa.max, "Pa"),
         Tile::new("Mass balance", summary.mass_balance_error, "")
             .target("≤ 1e-9", summary.mass_balance_error <= 1e-9),
         Tile::new("Energy balance", summary.energy_balance_error, "")
             .target("≤ 1e-6", summary.energy_balance_error <= 1e-6),
-    ]
+    ];
+    control.chain(measured).chain(own).collect()
 }
 
 fn rows(summary: &Summary) -> Vec<SummaryRow> {
@@ -128,9 +178,11 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
         value,
         unit: unit.to_owned(),
     };
-    let mut rows = vec![
-        row("Simulated time", summary.duration_s, "s"),
-        row("Strokes", summary.strokes as f64, ""),
+    let mut rows = vec![row("Simulated time", summary.duration_s, "s")];
+    if summary.strokes > 0 {
+        rows.push(row("Strokes", summary.strokes as f64, ""));
+    }
+    rows.extend([
         row("Gas temperature, lowest", summary.gas_temperature_k.min, "K"),
         row("Gas temperature, highest", summary.gas_temperature_k.max, "K"),
         row("Gas temperature, mean", summary.gas_temperature_k.mean, "K"),
@@ -138,17 +190,18 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
         row("RMS error, sensor in the wall", summary.rmse_k.sensor_wall, "K"),
         row("RMS error, forward model", summary.rmse_k.model, "K"),
         row("RMS error, estimate", summary.rmse_k.estimate, "K"),
-        row("Truth within two stated deviations", summary.estimate_within_2sd, ""),
+        row("Truth within two stated deviations", 100.0 * summary.estimate_within_2sd, "%"),
         row("Mass balance error", summary.mass_balance_error, ""),
         row("Energy balance error", summary.energy_balance_error, ""),
         row("Steps of the core", summary.core.steps as f64, ""),
         row("Steps with a sensor at a rail", summary.core.saturations as f64, ""),
         row("Steps limited below the pressure limit", summary.core.limited as f64, ""),
-    ];
+    ]);
     if let Some(control) = &summary.control {
-        rows.push(row("Set point, RMS error", control.rms_error, ""));
-        rows.push(row("Set point, error at the end", control.steady_error, ""));
-        rows.push(row("Set point, overshoot", control.overshoot, ""));
+        let Unit { symbol, factor } = control.quantity.unit();
+        rows.push(row("Set point, RMS error", control.rms_error * factor, symbol));
+        rows.push(row("Set point, error at the end", control.steady_error * factor, symbol));
+        rows.push(row("Set point, overshoot", 100.0 * control.overshoot, "%"));
     }
     rows
 }

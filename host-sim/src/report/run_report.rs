@@ -7,18 +7,13 @@ use super::number::{Unit, quantity, significant};
 use super::page::{Page, Section, Table, Tile};
 use super::series::Recorder;
 use crate::scenario::PlantKind;
+use serde::Serialize;
 
 /// The plant's gas temperature, which the others are compared with.
 const TRUTH: &str = "gas_temperature_k";
 
-/// The columns of each section.
-const TEMPERATURES: [&str; 5] =
-    [TRUTH, "wall_temperature_k", "sensor_gas_k", "sensor_wall_k", "estimate_k"];
-const MOTION: [&str; 2] = ["pressure_pa", "length_m"];
-const AIR: [&str; 5] = ["flow_in_kg_s", "flow_out_kg_s", "mass_kg", "duty_in", "duty_out"];
-
 /// How a column is called in a legend.
-fn label(column: &str) -> &str {
+pub(crate) fn label(column: &str) -> &str {
     match column {
         TRUTH => "gas (plant)",
         "sensor_gas_k" | "sensor_gas_error_k" => "sensor in the gas",
@@ -26,6 +21,7 @@ fn label(column: &str) -> &str {
         "wall_temperature_k" => "wall (plant)",
         "estimate_k" | "estimate_error_k" => "estimate",
         "pressure_pa" => "pressure",
+        "volume_m3" => "volume",
         "length_m" => "length",
         "flow_in_kg_s" => "flow in",
         "flow_out_kg_s" => "flow out",
@@ -47,6 +43,42 @@ pub struct Measured {
     ///
     /// Computed from the run's own samples: recorded rows are thinned.
     pub rmse: f64,
+    /// Largest difference of the run to them, likewise \[SI\].
+    pub max: f64,
+}
+
+/// What a set point stood for, where one was driven.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Controlled {
+    /// Absolute pressure \[Pa\].
+    Pressure,
+    /// Contraction, fraction of the rest length \[-\].
+    Contraction,
+}
+
+impl Controlled {
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pressure => "Absolute pressure",
+            Self::Contraction => "Contraction",
+        }
+    }
+
+    /// How it is shown.
+    pub fn unit(self) -> Unit {
+        match self {
+            Self::Pressure => Unit::of_column("pressure_pa"),
+            Self::Contraction => Unit { symbol: "% of rest length", factor: 100.0 },
+        }
+    }
+
+    /// A value of it, or a difference of two, for a sentence.
+    pub fn text(self, value: f64) -> String {
+        let Unit { symbol, factor } = self.unit();
+        format!("{} {symbol}", significant(value * factor, 3))
+    }
 }
 
 /// A line of the summary.
@@ -67,14 +99,18 @@ pub struct RunReport<'a> {
     pub title: &'a str,
     /// First paragraph: what was run, and what came out.
     pub lead: &'a str,
+    /// What the reader has to know before believing the rest.
+    pub warnings: &'a [String],
     /// The scenario with all defaults filled in.
     pub scenario_toml: &'a str,
     /// Key figures.
     pub tiles: Vec<Tile>,
     /// Columns named as in `trace.csv`, `time_s` among them; any other may be missing. Beyond the
-    /// trace, `estimate_error_k` and `sensor_gas_error_k` (against the plant's gas temperature) are
-    /// drawn where they were recorded.
+    /// trace, `estimate_error_k` and `sensor_gas_error_k` (against the plant's gas temperature) and
+    /// `tracking_error` (the controlled value less its set point) are drawn where they were recorded.
     pub series: &'a Recorder,
+    /// What the set point stands for, where a loop closes on one.
+    pub controlled: Option<Controlled>,
     /// Measurements to draw over the run.
     pub measured: &'a [Measured],
     /// The summary.
@@ -94,6 +130,7 @@ pub struct RunReport<'a> {
 /// The page.
 pub fn render(input: &RunReport) -> String {
     let page = Page::new(input.title, input.lead, input.scenario_toml);
+    let page = input.warnings.iter().fold(page, |page, text| page.warning(text));
     let page = input.tiles.iter().cloned().fold(page, Page::tile);
     input.sections().into_iter().fold(page, Page::section).render()
 }
@@ -102,10 +139,11 @@ impl RunReport<'_> {
     /// The sections of the page, for a page that adds its own.
     pub fn sections(&self) -> Vec<Section> {
         [
+            self.control(),
+            self.comparison(),
             self.temperature(),
             self.motion(),
             self.supply(),
-            self.further_measurements(),
             self.axial(),
             self.numbers(),
         ]
@@ -114,19 +152,76 @@ impl RunReport<'_> {
         .collect()
     }
 
+    /// The set point, and how it was followed.
+    fn control(&self) -> Option<Section> {
+        let controlled = self.controlled?;
+        let time = self.column("time_s")?;
+        let unit = controlled.unit();
+        let (name, value) = match controlled {
+            Controlled::Pressure => (label("pressure_pa"), self.column("pressure_pa")?.to_vec()),
+            Controlled::Contraction => ("contraction", self.contraction()?),
+        };
+        let set_point = unit.convert(self.column("set_point")?);
+        let panel = Panel::new(Axis::new(controlled.name(), unit.symbol))
+            .height(240.0)
+            .dashed("set point", Colour::Vermillion, time, &set_point)
+            .line(name, Colour::Blue, time, &unit.convert(&value));
+        let mut chart = Chart::new(self.time_axis()).panel(panel);
+        if let Some(error) = self.column("tracking_error") {
+            let axis = Axis::new("Tracking error", unit.symbol);
+            let panel = Panel::new(axis).height(120.0).reference(0.0, "");
+            chart = chart.panel(panel.line("", Colour::Blue, time, &unit.convert(error)));
+        }
+        let caption = "The set point, the plant's value, and their difference.";
+        Some(Section::new("Control").figure(chart.figure("Set point and what follows it", caption)))
+    }
+
+    /// The run against what was measured, column by column.
+    fn comparison(&self) -> Option<Section> {
+        let rows: Vec<Vec<String>> = self
+            .measured
+            .iter()
+            .map(|measured| {
+                let unit = Unit::of_column(&measured.column);
+                let [rmse, max] =
+                    [measured.rmse, measured.max].map(|v| significant(v * unit.factor, 3));
+                vec![label(&measured.column).to_owned(), rmse, max, unit.symbol.to_owned()]
+            })
+            .collect();
+        if rows.is_empty() {
+            return None;
+        }
+        let colours = [Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple];
+        let panels = self.measured.iter().zip(colours.into_iter().cycle());
+        let chart = panels.fold(Chart::new(self.time_axis()), |chart, (measured, colour)| {
+            let unit = Unit::of_column(&measured.column).symbol;
+            let name = label(&measured.column);
+            let axis = Axis::new(&(name[..1].to_uppercase() + &name[1..]), unit);
+            chart.panel(self.plot(Panel::new(axis).height(180.0), &measured.column, colour))
+        });
+        let caption = "Points: measured. Lines: the run.";
+        let columns = ["Quantity", "RMS difference", "Largest", "Unit"];
+        Some(
+            Section::new("Against the measurement")
+                .figure(chart.figure("Run and measurement", caption))
+                .table(Table {
+                    caption: "Difference of the run to the measurement".to_owned(),
+                    columns: columns.map(str::to_owned).to_vec(),
+                    rows,
+                }),
+        )
+    }
+
     fn temperature(&self) -> Option<Section> {
         self.column(TRUTH).or(self.column("sensor_gas_k"))?;
         let mut chart = Chart::new(self.time_axis()).panel(self.temperature_panel());
         if self.column("estimate_error_k").is_some() {
             chart = chart.panel(self.error_panel());
         }
-        let caption = format!(
-            "The temperatures of gas (mass-weighted mean) and wall in the plant, what the sensors read, and what the core \
-             estimates from pressure, length and the gas sensor; shaded: estimate ± 2 standard deviations.{}",
-            self.rmse_text(&TEMPERATURES)
-        );
+        let caption = "The temperatures of gas (mass-weighted mean) and wall in the plant, what the sensors read, and what the core \
+             estimates from pressure, length and the gas sensor; shaded: estimate ± 2 standard deviations.";
         let mut section =
-            Section::new("Temperature").figure(chart.figure("Gas temperature", &caption));
+            Section::new("Temperature").figure(chart.figure("Gas temperature", caption));
         if let Some((from, to)) = self.detail_s.filter(|(from, to)| from < to) {
             let axis = self.time_axis().range(from, to);
             let chart = Chart::new(axis).panel(self.temperature_panel());
@@ -184,12 +279,14 @@ impl RunReport<'_> {
             .into_iter()
             .flatten()
             .fold(chart, Chart::panel);
-        let caption = format!(
-            "Absolute pressure in the gas, and how the muscle answers.{}",
-            self.rmse_text(&MOTION)
-        );
-        let mut section = Section::new("Pressure and motion")
-            .figure(chart.figure("Pressure and length", &caption));
+        let plant = self.plant();
+        let (heading, title, caption) = if self.kind == PlantKind::Vessel {
+            ("Pressure", "Pressure", format!("Absolute pressure in the {plant}."))
+        } else {
+            let caption = format!("Absolute pressure in the gas, and how the {plant} answers.");
+            ("Pressure and motion", "Pressure and length", caption)
+        };
+        let mut section = Section::new(heading).figure(chart.figure(title, &caption));
         if !self.last_stroke.is_empty() {
             let volume: Vec<f64> = self.last_stroke.iter().map(|p| p.0 * 1e6).collect();
             let pressure: Vec<f64> = self.last_stroke.iter().map(|p| p.1 * 1e-3).collect();
@@ -203,12 +300,27 @@ impl RunReport<'_> {
     }
 
     fn contraction_panel(&self) -> Option<Panel> {
-        let rest = self.rest_length_m?;
         let time = self.column("time_s")?;
-        let contraction: Vec<f64> =
-            self.column("length_m")?.iter().map(|l| 100.0 * (1.0 - l / rest)).collect();
-        let panel = Panel::new(Axis::new("Contraction", "% of rest length")).height(150.0);
+        let unit = Controlled::Contraction.unit();
+        let panel = Panel::new(Axis::new("Contraction", unit.symbol)).height(150.0);
+        let contraction = unit.convert(&self.contraction()?);
         Some(panel.line("contraction", Colour::Purple, time, &contraction))
+    }
+
+    /// Fraction of the rest length \[-\].
+    fn contraction(&self) -> Option<Vec<f64>> {
+        let rest = self.rest_length_m?;
+        Some(self.column("length_m")?.iter().map(|length| 1.0 - length / rest).collect())
+    }
+
+    /// What holds the gas, in a word.
+    fn plant(&self) -> &'static str {
+        match self.kind {
+            PlantKind::Muscle => "muscle",
+            PlantKind::Vessel => "vessel",
+            PlantKind::Cylinder => "cylinder",
+            PlantKind::Table => "chamber",
+        }
     }
 
     fn supply(&self) -> Option<Section> {
@@ -232,29 +344,10 @@ impl RunReport<'_> {
             .flatten()
             .fold(Chart::new(self.time_axis()), Chart::panel);
         let caption = format!(
-            "Mass flow through the valves, the gas in the muscle, and the duties that the core commands.{}",
-            self.rmse_text(&AIR)
+            "Mass flow in and out, the gas in the {}, and the duties that the core commands.",
+            self.plant()
         );
         Some(Section::new("Air").figure(chart.figure("Flow, mass and valves", &caption)))
-    }
-
-    /// Measurements of columns that no other section draws.
-    fn further_measurements(&self) -> Option<Section> {
-        let elsewhere = [&TEMPERATURES[..], &MOTION, &AIR].concat();
-        let columns: Vec<&str> = self
-            .measured
-            .iter()
-            .map(|m| m.column.as_str())
-            .filter(|column| !elsewhere.contains(column))
-            .collect();
-        (!columns.is_empty()).then(|| {
-            let chart = columns.iter().fold(Chart::new(self.time_axis()), |chart, column| {
-                let axis = Axis::new(column, Unit::of_column(column).symbol);
-                chart.panel(self.plot(Panel::new(axis).height(150.0), column, Colour::Blue))
-            });
-            let caption = format!("Run and measurement.{}", self.rmse_text(&columns));
-            Section::new("Further measurements").figure(chart.figure("Other columns", &caption))
-        })
     }
 
     fn axial(&self) -> Option<Section> {
@@ -318,23 +411,6 @@ impl RunReport<'_> {
             let name = format!("{}, measured", label(column));
             panel.dots(&name, colour, &time, &Unit::of_column(column).convert(&values))
         })
-    }
-
-    /// What the captions say about measurements of `columns`.
-    fn rmse_text(&self, columns: &[&str]) -> String {
-        self.measured
-            .iter()
-            .filter(|m| columns.contains(&m.column.as_str()))
-            .map(|m| {
-                let unit = Unit::of_column(&m.column);
-                let rmse = significant(m.rmse * unit.factor, 3);
-                format!(
-                    " Against the measurement of “{}”: {rmse} {} RMS.",
-                    label(&m.column),
-                    unit.symbol
-                )
-            })
-            .collect()
     }
 
     fn column(&self, name: &str) -> Option<&[f64]> {

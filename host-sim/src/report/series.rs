@@ -1,14 +1,14 @@
 //! Recording a streamed run in bounded memory, for drawing.
 
-/// Rows kept at the most.
-const CAPACITY: usize = 4096;
+/// Rows kept at the most: 100 s of a run, logged as usual, whole, on a page below 1 MB.
+pub const CAPACITY: usize = 10_240;
 
-/// Keeps named columns of a run that may be arbitrarily long, in at most 4096 rows.
+/// Keeps named columns of a run that may be arbitrarily long, in at most [`CAPACITY`] rows.
 ///
 /// Samples are gathered in stretches of equal length, two rows each: the smallest and the largest
 /// value of the stretch, column by column, in the order in which they came. When the rows are used
 /// up, neighbouring stretches are joined and the stretches become twice as long. So no peak is lost,
-/// a rising column (time) stays sorted, and nothing is thinned before row 4096.
+/// a rising column (time) stays sorted, and nothing is thinned before the rows are used up.
 ///
 /// Within a row the columns may stem from different samples of the stretch: figures (errors,
 /// RMSE) have to be computed from the samples themselves, or recorded as a column of their own.
@@ -105,10 +105,10 @@ mod tests {
     #[test]
     fn a_short_run_is_kept_whole() {
         let mut recorder = Recorder::new(&["time_s", "pressure_pa"]);
-        for i in 0..4096 {
+        for i in 0..CAPACITY as i32 {
             recorder.push(&[f64::from(i), f64::from(i % 7)]);
         }
-        let time: Vec<f64> = (0..4096).map(f64::from).collect();
+        let time: Vec<f64> = (0..CAPACITY as i32).map(f64::from).collect();
         assert_eq!(recorder.column("time_s"), Some(&time[..]));
         assert_eq!(recorder.column("length_m"), None);
     }
@@ -126,7 +126,7 @@ mod tests {
             let sparse = if i % 1000 == 0 { f64::from(i) } else { f64::NAN };
             recorder.push(&[f64::from(i) * 0.5, value, sparse]);
         }
-        assert!((2048..=4096).contains(&recorder.rows()), "{}", recorder.rows());
+        assert!((CAPACITY / 2..=CAPACITY).contains(&recorder.rows()), "{}", recorder.rows());
         let value = recorder.column("value").unwrap();
         assert_eq!(value.iter().copied().fold(f64::NEG_INFINITY, f64::max), 9.0);
         assert_eq!(value.iter().copied().fold(f64::INFINITY, f64::min), -7.0);

@@ -3,6 +3,7 @@
 use super::geometry::DIMENSIONS;
 use super::load::Loaded;
 use super::schema::{Allowed, FAULTS, Key, TABLES, Table};
+use super::sense::{model_is_unused, unused_tables};
 use super::tables::Scenario;
 use std::fmt::Write;
 use toml::Value;
@@ -11,15 +12,33 @@ use toml::Value;
 pub fn render(loaded: &Loaded) -> String {
     let plant = tree(&loaded.plant);
     let believed = tree(&loaded.believed);
+    let unused = unused_tables(&loaded.plant);
+    let defaults = tree(&Scenario::default());
+    let is_default = |path: &str, key: &Key| {
+        same(value(&plant, path, key.name), value(&defaults, path, key.name))
+    };
     let mut text = String::new();
     for table in TABLES {
         for path in paths(table, &loaded.plant) {
+            let why = unused.iter().find(|(name, _)| *name == path).map(|(_, why)| why);
+            // What nothing looks at and nobody has changed stays a comment: it can be run as it is
+            // printed, without a warning.
+            let left_out = why.is_some() && table.keys.iter().all(|key| is_default(&path, key));
             let lines = table
                 .keys
                 .iter()
-                .map(|key| key_line(key, value(&plant, &path, key.name)))
+                .map(|key| {
+                    let line = key_line(key, value(&plant, &path, key.name));
+                    let model = path == "plant" && key.name == "model";
+                    let comment = left_out || (model && model_is_unused(&loaded.plant));
+                    if comment && !line.starts_with('#') { format!("# {line}") } else { line }
+                })
                 .collect::<String>();
-            push_table(&mut text, &path, table.meaning, &lines);
+            let meaning = match why {
+                Some(why) => format!("{}; not used: {why}", table.meaning),
+                None => table.meaning.to_owned(),
+            };
+            push_table(&mut text, &path, &meaning, &lines);
         }
     }
     for table in TABLES {

@@ -5,6 +5,7 @@ use super::fault_rules;
 use super::geometry::{Dimensions, Given};
 use super::rules;
 use super::schema::{Allowed, Limits, limits};
+use super::sense::warnings;
 use super::tables::{DriveKind, PlantKind, PlantModel, Scenario};
 use super::violation::{Fault, Violation};
 use crate::files::input::{InputError, Problem, read_text};
@@ -72,6 +73,17 @@ impl Loaded {
 /// In one line: file, line, key, what is there and what is allowed.
 pub fn load(path: &Path) -> Result<Loaded, InputError> {
     parse(&read_text(path)?, path)
+}
+
+/// Loads a scenario file, along with what it says that makes no sense: see [`warnings`].
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_warnings(path: &Path) -> Result<(Loaded, Vec<InputError>), InputError> {
+    let document = Document::parse(&read_text(path)?, path)?;
+    let loaded = assemble(&document)?;
+    let found = warnings(&document, &loaded);
+    Ok((loaded, found))
 }
 
 /// Loads a scenario from its text; `origin` is what messages call it, and its folder is where CSV

@@ -15,13 +15,15 @@ mod number;
 pub mod profile;
 mod rules;
 pub mod schema;
+mod sense;
 mod tables;
 mod violation;
 
 pub use check::render;
 pub use document::Document;
 pub use geometry::at_rest;
-pub use load::{Loaded, WrongCell, assemble, load, parse};
+pub use load::{Loaded, WrongCell, assemble, load, load_with_warnings, parse};
 pub use number::{number, with_numbers};
 pub use rules::OBSERVABLE;
+pub use sense::warnings;
 pub use tables::*;

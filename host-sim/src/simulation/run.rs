@@ -10,6 +10,7 @@ use crate::files::summary::{Accumulator, Ending, Summary};
 use crate::files::trace::Row;
 use crate::plant::chamber;
 use crate::plant::{self, BuildError, Diverged, Plant, Truth};
+use crate::report::run_report::Controlled;
 use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded};
@@ -191,6 +192,7 @@ pub fn run(
         board: board.name(),
         period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
             .then_some(scenario.drive.period_s),
+        controlled: drive.quantity(),
         rest_length_m,
         ledger: plant.ledger(),
         axial_wall_k: plant.axial_wall_k(),
@@ -323,10 +325,20 @@ impl SetPoints {
     }
 
     /// What the set point stands for in the plant, where a loop closes on it.
-    fn controlled(&self, rest_length_m: Option<f64>, row: &Row) -> Option<f64> {
+    pub fn controlled(&self, rest_length_m: Option<f64>, row: &Row) -> Option<f64> {
+        self.quantity().and_then(|quantity| match quantity {
+            Controlled::Pressure => Some(row.truth.pressure_pa),
+            Controlled::Contraction => {
+                rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m)
+            }
+        })
+    }
+
+    /// The quantity that a loop closes on.
+    fn quantity(&self) -> Option<Controlled> {
         match self.drive.kind {
-            DriveKind::Pressure => Some(row.truth.pressure_pa),
-            DriveKind::Contraction => rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m),
+            DriveKind::Pressure => Some(Controlled::Pressure),
+            DriveKind::Contraction => Some(Controlled::Contraction),
             _ => None,
         }
     }

@@ -119,16 +119,19 @@ impl Sweep {
         self.points.len()
     }
 
-    /// Runs every point of the shard on all cores; `done` is shown each as soon as it is there.
+    /// Runs every point of the shard on all cores; `done` is shown each as soon as it is there. Before each
+    /// `go_on` is asked.
     ///
     /// # Errors
-    /// A run that could not be made, and those of `done`. A plant that diverges is no error: see
+    /// A run that could not be made, and those of `go_on` and `done`. A plant that diverges is no error: see
     /// [`Outcome::failed`].
     pub fn run(
         &self,
+        go_on: impl Fn() -> io::Result<()> + Sync,
         done: impl Fn(&Point) -> io::Result<()> + Sync,
     ) -> Result<Outcome<'_>, RunError> {
         let rows = parallel::map(&self.points, |(point, loaded)| {
+            go_on().map_err(RunError::Output)?;
             let row = self.row(*point, loaded)?;
             done(&row).map_err(RunError::Output)?;
             Ok(row)

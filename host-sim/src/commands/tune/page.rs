@@ -41,15 +41,15 @@ pub fn page(tuned: &Tuned, title: &str) -> String {
 }
 
 fn values(tuned: &Tuned) -> Section {
-    let columns = ["Parameter", "Before", "After", "Standard error", "Unit", "From"];
+    let columns = ["Parameter", "After", "Standard error", "Unit", "Before", "From"];
     let rows = tuned.findings.parameters.iter().map(|parameter| {
         let error = parameter.standard_error.map(|error| significant(error, 2));
         vec![
             parameter.path.to_owned(),
-            significant(parameter.before, 4),
             significant(parameter.after, 4),
             error.unwrap_or_else(|| MISSING.to_owned()),
             parameter.unit.to_owned(),
+            significant(parameter.before, 4),
             parameter.remark.clone(),
         ]
     });

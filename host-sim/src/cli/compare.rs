@@ -1,0 +1,57 @@
+//! `thermyo compare`: its arguments, and what it prints and writes.
+
+use super::{Failure, OutputArgs, print, publish, read_record};
+use crate::commands::compare::{self, Compared, Run};
+use crate::files::output::OutputDir;
+use clap::Args;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `thermyo compare`.
+#[derive(Debug, Args)]
+pub(super) struct CompareArgs {
+    /// Recorded runs: folders of results, or traces; the others are compared with the first
+    #[arg(required = true, num_args = 2..)]
+    runs: Vec<PathBuf>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+pub(super) fn run(
+    args: &CompareArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    let mut runs = Vec::new();
+    for path in &args.runs {
+        let trace = if path.is_dir() { path.join("trace.csv") } else { path.clone() };
+        runs.push(Run::new(&name(path), &read_record(&trace, stderr)?)?);
+    }
+    let Some((first, others)) = runs.split_first() else { return Ok(()) };
+    let compared: Vec<Compared> = others.iter().map(|run| run.compared(first)).collect();
+    for compared in compared.iter().filter(|compared| compared.differences.is_empty()) {
+        let Compared { run, with, .. } = compared;
+        let _ = writeln!(
+            stderr,
+            "thermyo: warning: {run} and {with} have no column at the same time in common"
+        );
+    }
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/compare"));
+    let mut out = OutputDir::create(&folder)?;
+    let json = serde_json::to_string_pretty(&compared).expect("figures are plain data") + "\n";
+    out.text("summary.json", &json)?;
+    out.text("report.html", &compare::page(&runs, &compared))?;
+    publish(out, stderr)?;
+    if args.output.json {
+        return print(stdout, &json);
+    }
+    print(stdout, &compare::text(&compared))?;
+    print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
+}
+
+/// What a run is called: by the user, less what every trace is called.
+fn name(path: &Path) -> String {
+    let folder = path.parent().filter(|_| path.ends_with("trace.csv"));
+    let named = folder.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(path);
+    named.display().to_string()
+}

@@ -1,0 +1,137 @@
+//! `thermyo replay`: its arguments, and what it prints and writes.
+
+use super::{BoardArgs, Failure, OutputArgs, interrupt, print, progress_bar, publish, read_record};
+use crate::commands::replay::{self, Replay};
+use crate::files::output::OutputDir;
+use crate::report::Colour;
+use crate::report::Recorder;
+use crate::report::chart::{Axis, Chart, Panel};
+use crate::report::page::{Page, Section, Tile};
+use clap::Args;
+use model_core::Telemetry;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Arguments of `thermyo replay`.
+#[derive(Debug, Args)]
+pub(super) struct ReplayArgs {
+    /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
+    trace: PathBuf,
+    #[command(flatten)]
+    output: OutputArgs,
+    #[command(flatten)]
+    board: BoardArgs,
+}
+
+/// What is drawn, beside `time_s`: as recorded, and what the core says now less that.
+const COLUMNS: [&str; 6] =
+    ["time_s", "estimate_k", "estimate_difference_k", "duty_in", "duty_out", "differs"];
+
+pub(super) fn run(
+    args: &ReplayArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    let (config, rows) = replay::read_record(&args.trace, &read_record(&args.trace, stderr)?)?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/replay"));
+    let mut board = args.board.open()?;
+    let mut out = OutputDir::create(&folder)?;
+    let bar = progress_bar(rows.len() as u64, args.output.quiet);
+    let mut recorder = Recorder::new(&COLUMNS);
+    interrupt::watch();
+    let mut each = |recorded: &Telemetry, replayed: &Telemetry| {
+        bar.inc(1);
+        recorder.push(&row(f64::from(config.step_s), recorded, replayed));
+        !interrupt::wanted()
+    };
+    let outcome = replay::replay(board.as_mut(), &config, &rows, &mut each);
+    bar.finish_and_clear();
+    if interrupt::wanted() {
+        return Err(Failure::Interrupted);
+    }
+    let outcome = outcome.map_err(Failure::Board)?;
+    let json = serde_json::json!({ "steps": outcome.steps, "mismatches": outcome.mismatches });
+    let json = format!("{json:#}\n");
+    out.text("summary.json", &json)?;
+    out.text("report.html", &page(&outcome, rows.len() as u64, &recorder))?;
+    publish(out, stderr)?;
+    if args.output.json {
+        print(stdout, &json)?;
+    } else {
+        print(stdout, &format!("{}\n", sentence(&outcome, rows.len() as u64)))?;
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
+    }
+    verdict(&outcome, rows.len() as u64)
+}
+
+fn row(step_s: f64, recorded: &Telemetry, replayed: &Telemetry) -> [f64; COLUMNS.len()] {
+    let differs = !replay::identical(recorded, replayed);
+    [
+        f64::from(recorded.step) * step_s,
+        f64::from(recorded.estimate.gas_k),
+        f64::from(replayed.estimate.gas_k) - f64::from(recorded.estimate.gas_k),
+        f64::from(recorded.command.inlet.share()),
+        f64::from(recorded.command.outlet.share()),
+        f64::from(u8::from(differs)),
+    ]
+}
+
+fn sentence(outcome: &Replay, rows: u64) -> String {
+    let Replay { steps, mismatches, .. } = outcome;
+    format!("{steps} of {rows} recorded steps replayed, {mismatches} differ")
+}
+
+fn verdict(outcome: &Replay, rows: u64) -> Result<(), Failure> {
+    match outcome.first {
+        None if outcome.steps == rows => Ok(()),
+        None => Err(Failure::Check(format!("{} of {rows} steps were replayed", outcome.steps))),
+        Some(first) => Err(Failure::Check(format!(
+            "{} of {} steps differ, the first is step {}: {:?} recorded, {:?} replayed",
+            outcome.mismatches,
+            outcome.steps,
+            first.recorded.step,
+            first.recorded.estimate,
+            first.replayed.estimate
+        ))),
+    }
+}
+
+fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
+    let column = |name: &str| recorder.column(name).unwrap_or_default();
+    let time = column("time_s");
+    let chart = Chart::new(Axis::new("Time", "s"))
+        .panel(Panel::new(Axis::new("Estimate of the gas temperature", "K")).line(
+            "recorded",
+            Colour::Blue,
+            time,
+            column("estimate_k"),
+        ))
+        .panel(
+            Panel::new(Axis::new("Replayed less recorded", "K"))
+                .height(120.0)
+                .line("estimate", Colour::Vermillion, time, column("estimate_difference_k"))
+                .reference(0.0, ""),
+        )
+        .panel(
+            Panel::new(Axis::new("Steps that differ in any bit", "").range(0.0, 1.0))
+                .height(60.0)
+                .line("differs", Colour::Vermillion, time, column("differs")),
+        )
+        .panel(
+            Panel::new(Axis::new("Valve duty", "").range(0.0, 1.0))
+                .height(110.0)
+                .line("inlet", Colour::Green, time, column("duty_in"))
+                .line("outlet", Colour::Orange, time, column("duty_out")),
+        );
+    let caption = "What the core made of every recorded sample, and what it makes of it now.";
+    let lead = format!("{}.", sentence(outcome, rows));
+    let steps = Tile::new("Steps replayed", outcome.steps as f64, "")
+        .target(&format!("all {rows}"), outcome.steps == rows);
+    let differing = Tile::new("Steps that differ", outcome.mismatches as f64, "")
+        .target("0", outcome.mismatches == 0);
+    Page::new("Replay", &lead, "")
+        .tile(differing)
+        .tile(steps)
+        .section(Section::new("Recorded and replayed").figure(chart.figure("The core", caption)))
+        .render()
+}

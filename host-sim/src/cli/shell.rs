@@ -1,0 +1,21 @@
+//! `thermyo completions` and `thermyo man`: what a shell and a reader want to know of the command line.
+
+use super::{Cli, Failure, print};
+use crate::files::input::InputError;
+use clap::CommandFactory;
+use clap_complete::Shell;
+use std::io::Write;
+use std::path::Path;
+
+pub(super) fn completions(shell: Shell, out: &mut dyn Write) -> Result<(), Failure> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "thermyo", &mut script);
+    print(out, &String::from_utf8_lossy(&script))
+}
+
+pub(super) fn man(folder: &Path, out: &mut dyn Write) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| InputError::output(folder, &error))?;
+    clap_mangen::generate_to(Cli::command().disable_help_subcommand(true), folder)
+        .map_err(|error| InputError::output(folder, &error))?;
+    print(out, &format!("man pages: {}\n", folder.join("thermyo.1").display()))
+}

@@ -1,0 +1,100 @@
+// Opens a report in headless Chromium, uses it as a reader would, and prints what it saw as JSON.
+//
+//     node look.mjs CHROMIUM PAGE.html SCREENSHOTS
+import puppeteer from "puppeteer-core";
+import { pathToFileURL } from "node:url";
+
+const [executablePath, file, screenshots] = process.argv.slice(2);
+const browser = await puppeteer.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
+const problems = [];
+
+async function open(viewport, scheme = "light", script = true) {
+  const page = await browser.newPage();
+  page.on("console", (message) => {
+    if (["error", "warn"].includes(message.type())) problems.push(message.text());
+  });
+  page.on("pageerror", (error) => problems.push(String(error)));
+  page.on("request", (request) => {
+    if (!request.url().startsWith("file:")) problems.push(`fetches ${request.url()}`);
+  });
+  await page.setViewport(viewport);
+  await page.setJavaScriptEnabled(script);
+  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+  await page.goto(pathToFileURL(file).href);
+  return page;
+}
+
+const figures = (page) => page.$$eval("figure", (all) => all.map((figure) => ({
+  id: figure.id,
+  drawn: figure.querySelectorAll(".plot svg path").length > 0,
+  live: Boolean(figure.querySelector(".plot.live")),
+})));
+const ticks = (figure) => figure.$$eval(".x-tick", (all) => all.map((tick) => tick.textContent));
+const wide = { width: 1280, height: 900 };
+
+/** One chart, looked into. */
+async function used(page, id) {
+  const figure = await page.$(`#${id}`);
+  const plot = await figure.$(".plot");
+  await plot.evaluate((node) => node.scrollIntoView({ block: "center" }));
+  const box = await plot.boundingBox();
+  const at = (share) => [box.x + box.width * share, box.y + Math.min(box.height / 2, 120)];
+  const whole = await ticks(figure);
+  await page.mouse.move(...at(0.5));
+  const readout = await figure.$eval(".readout", (node) => (node.hidden ? null :
+    [...node.querySelectorAll("dt:not(.of)")].map((term) => [term.textContent, term.nextElementSibling.textContent])));
+  const hair = await figure.$$eval(".hair", (all) => all.length);
+  await page.mouse.move(...at(0.4));
+  await page.mouse.down();
+  await page.mouse.move(...at(0.5), { steps: 4 });
+  await page.mouse.up();
+  const zoomed = await ticks(figure);
+  const linked = await page.$$eval("figure .plot.zoomed", (all) => all.map((node) => node.closest("figure").id));
+  await page.keyboard.press("ArrowRight");
+  const panned = await ticks(figure);
+  await page.mouse.move(...at(0.5));
+  await page.mouse.click(...at(0.5), { count: 2 });
+  const back = await ticks(figure);
+  const lines = () => figure.$$eval(".plot svg svg path", (all) => all.length);
+  const before = await lines();
+  const trace = await figure.$("button.trace");
+  let without = null, again = null;
+  if (trace) {
+    await trace.click();
+    without = await lines();
+    await trace.click();
+    again = await lines();
+  }
+  return { id, whole, readout, hair, zoomed, linked, panned, back, traces: [before, without, again] };
+}
+
+const began = Date.now();
+const page = await open(wide);
+const opened_s = (Date.now() - began) / 1000;
+const all = await figures(page);
+const charts = [];
+for (const { id, live } of all) if (live) charts.push(await used(page, id));
+
+const still = await open(wide, "light", false);
+const without_script = await figures(still);
+
+const phone = await open({ width: 390, height: 844, isMobile: true, hasTouch: true, deviceScaleFactor: 2 });
+const narrow = await phone.evaluate(() => ({
+  page_px: document.documentElement.scrollWidth,
+  // What is wider than its place, by its figure or table.
+  cut: [...document.querySelectorAll(".live, .table")].filter((node) => node.scrollWidth > node.clientWidth + 1)
+    .map((node) => (node.closest("figure") || node).id || node.textContent.slice(0, 40)),
+  smallest_text_px: Math.min(...[...document.querySelectorAll(".live text")].map((text) =>
+    parseFloat(getComputedStyle(text).fontSize) * text.ownerSVGElement.getBoundingClientRect().width /
+    text.ownerSVGElement.viewBox.baseVal.width)),
+}));
+
+for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 844, deviceScaleFactor: 2 }]]) {
+  for (const scheme of ["light", "dark"]) {
+    const shot = await open(viewport, scheme);
+    await shot.screenshot({ path: `${screenshots}-${name}-${scheme}.png`, fullPage: true });
+    await shot.close();
+  }
+}
+await browser.close();
+console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow }));

@@ -1,0 +1,137 @@
+//! The report pages in headless Chromium, used as a reader would. Without Chromium nothing is tested, and
+//! that is said; `THERMYO_CHROMIUM` names one that lies elsewhere.
+//!
+//! The screenshots stay in the target folder's `tmp`, to be looked at.
+
+use host_sim::board::image::prepare_node;
+use serde_json::Value;
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+const NAMES: [&str; 5] =
+    ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
+
+fn chromium() -> Option<PathBuf> {
+    if let Some(path) = env::var_os("THERMYO_CHROMIUM") {
+        return Some(PathBuf::from(path));
+    }
+    let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
+    let found = folders
+        .iter()
+        .flat_map(|folder| NAMES.map(|name| folder.join(name)))
+        .find(|path| path.is_file());
+    if found.is_none() {
+        eprintln!("no Chromium was found: the report pages are not tried in a browser");
+    }
+    found
+}
+
+/// Runs `thermyo` with these arguments and `--out` in a folder; gives the page.
+fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {
+    let out = folder.path().join(name);
+    let output = Command::new(env!("CARGO_BIN_EXE_thermyo"))
+        .args(arguments)
+        .args(["--quiet", "--out"])
+        .arg(&out)
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(".."))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    out.join("report.html")
+}
+
+/// What the browser saw of a page.
+fn look(chromium: &Path, page: &Path, name: &str) -> Value {
+    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
+    prepare_node(&scripts).unwrap();
+    let output = Command::new("node")
+        .arg(scripts.join("look.mjs"))
+        .args([chromium, page])
+        .arg(Path::new(env!("CARGO_TARGET_TMPDIR")).join(name))
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// What holds for every page; gives what was seen.
+fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Value {
+    let seen = look(chromium, page, name);
+    assert_eq!(seen["problems"], Value::Array(Vec::new()), "{name}");
+    for mode in ["figures", "without_script"] {
+        let all = seen[mode].as_array().unwrap();
+        assert_eq!(all.len(), figures, "{name}: {mode}");
+        assert!(all.iter().all(|figure| figure["drawn"] == true), "{name}: {all:?}");
+    }
+    assert!(seen["opened_s"].as_f64().unwrap() < 5.0, "{name}: {}", seen["opened_s"]);
+    let charts = seen["charts"].as_array().unwrap();
+    assert!(!charts.is_empty(), "{name}");
+    for chart in charts {
+        let readout = chart["readout"].as_array().unwrap_or_else(|| panic!("{name}: {chart}"));
+        assert!(readout.len() >= 2, "{name}: {chart}");
+        assert!(
+            readout
+                .iter()
+                .all(|row| row[1].as_str().unwrap().contains(|c: char| c.is_ascii_digit())),
+            "{name}: {chart}"
+        );
+        assert!(chart["hair"].as_u64() >= Some(1), "{name}: {chart}");
+        assert_ne!(chart["zoomed"], chart["whole"], "{name}: {chart}");
+        assert_ne!(chart["panned"], chart["zoomed"], "{name}: {chart}");
+        assert_eq!(chart["back"], chart["whole"], "{name}: {chart}");
+        let [all, without, again] = [0, 1, 2].map(|i| chart["traces"][i].as_u64());
+        assert!(without.is_none() || without < all && again == all, "{name}: {chart}");
+    }
+    let narrow = &seen["narrow"];
+    assert_eq!(narrow["page_px"], 390, "{name}: {narrow}");
+    assert_eq!(narrow["cut"], Value::Array(Vec::new()), "{name}");
+    assert!(narrow["smallest_text_px"].as_f64() >= Some(11.0), "{name}: {narrow}");
+    seen
+}
+
+#[test]
+fn pages_can_be_looked_into() {
+    let Some(chromium) = chromium() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let controlled = page(&folder, "contraction", &["run", "scenarios/contraction.toml"]);
+    let seen = looked_into(&chromium, &controlled, "contraction", 5);
+    let first = &seen["charts"][0];
+    let names: Vec<&str> =
+        first["readout"].as_array().unwrap().iter().map(|row| row[0].as_str().unwrap()).collect();
+    assert_eq!(names, ["Time", "set point", "contraction", "Tracking error"]);
+    // Every chart over time follows.
+    assert_eq!(first["linked"].as_array().unwrap().len(), seen["charts"].as_array().unwrap().len());
+
+    let measured = folder.path().join("measured.csv");
+    fs::write(&measured, "time_s,pressure_pa,sensor_gas_k\n1,7e5,290\n20,2e5,270\n40,1.2e5,280\n")
+        .unwrap();
+    let measured = measured.display().to_string();
+    let run = ["run", "scenarios/air_discharge.toml", "--measured", &measured];
+    let vessel = page(&folder, "vessel", &run);
+    looked_into(&chromium, &vessel, "vessel", 4);
+    let text = fs::read_to_string(&vessel).unwrap();
+    assert!(!text.contains("muscle answers") && !text.contains("last stroke"));
+
+    let trace = folder.path().join("contraction/trace.csv").display().to_string();
+    let replay = page(&folder, "replay", &["replay", &trace]);
+    looked_into(&chromium, &replay, "replay", 1);
+
+    let runs = ["contraction", "vessel"].map(|name| folder.path().join(name).display().to_string());
+    let compare = page(&folder, "compare", &["compare", &runs[0], &runs[1]]);
+    looked_into(&chromium, &compare, "compare", 3);
+}
+
+#[test]
+fn the_paper_s_page_can_be_looked_into() {
+    let Some(chromium) = chromium() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let reproduce = page(&folder, "reproduce", &["reproduce"]);
+    let bytes = fs::metadata(&reproduce).unwrap().len();
+    assert!((100_000..3_000_000).contains(&bytes), "{bytes} bytes");
+    let figures = fs::read_to_string(&reproduce).unwrap().matches("<figure ").count();
+    looked_into(&chromium, &reproduce, "reproduce", figures);
+}
