@@ -395,6 +395,8 @@ impl Board for EmulatedBoard {
         }
         self.ask(HostCommand::TelemetryDivider(1))?;
         self.ask(HostCommand::Configure(*config))?;
+        let armed = self.ask(HostCommand::Arm { most_pa: None });
+        let set_point = super::if_armed(armed, set_point)?;
         self.from_board.clear();
         // It takes a fraction of the coming exchange to arrive: the next one is the first judged.
         self.send(HostCommand::Start(set_point));

@@ -54,6 +54,12 @@ impl From<InputError> for Failure {
     }
 }
 
+impl From<BoardError> for Failure {
+    fn from(error: BoardError) -> Self {
+        Self::Board(error)
+    }
+}
+
 impl From<MonitorError> for Failure {
     fn from(error: MonitorError) -> Self {
         Self::Monitor(error)

@@ -1,5 +1,8 @@
 //! What the larger commands do, each a folder that needs no terminal; `cli` has their arguments.
 
+pub mod calibrate;
+#[cfg(feature = "command")]
+pub mod drive;
 pub mod evaluate;
 pub mod identify;
 #[cfg(feature = "command")]

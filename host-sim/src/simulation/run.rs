@@ -251,12 +251,13 @@ impl SetPoints {
         anew.then(|| self.at(step as f64 * step_s))
     }
 
-    fn follows_profile(&self) -> bool {
+    /// Whether a profile moves it.
+    pub fn follows_profile(&self) -> bool {
         self.profile.is_some()
     }
 
     /// The value driven, in the drive's own unit; 0 where it has none.
-    fn value(&self, time_s: f64) -> f64 {
+    pub fn value(&self, time_s: f64) -> f64 {
         if let Some(profile) = &self.profile {
             return profile.value(time_s);
         }
@@ -292,7 +293,7 @@ impl SetPoints {
     }
 
     /// What the set point stands for in the plant, where a loop closes on it.
-    fn controlled(&self, rest_length_m: Option<f64>, row: &Row) -> Option<f64> {
+    pub fn controlled(&self, rest_length_m: Option<f64>, row: &Row) -> Option<f64> {
         match self.drive.kind {
             DriveKind::Pressure => Some(row.truth.pressure_pa),
             DriveKind::Contraction => rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m),
