@@ -4,7 +4,7 @@ use super::BoardError;
 use super::line::Line;
 use model_core::control::Mode;
 use model_core::link::{
-    Answer, Event, HostCommand, LastReset, Name, Status, Timing, Version, checksum,
+    Answer, Chip, Event, HostCommand, LastReset, Name, Status, Timing, Version, checksum,
 };
 use model_core::{Config, Faults, SetPoint, Telemetry};
 use std::time::{Duration, Instant};
@@ -85,10 +85,15 @@ impl LiveBoard {
     /// Another configuration, taken as a whole or refused as a whole, and what it is called.
     ///
     /// # Errors
-    /// [`BoardError::Config`] with the value that is out of its range; [`BoardError::Damaged`] where the board
+    /// [`BoardError::Config`] with the value that is out of its range; [`BoardError::OtherChip`];
+    /// [`BoardError::Damaged`] where the board
     /// has another one afterwards.
     pub fn configure(&mut self, config: &Config, name: &str) -> Result<Status, BoardError> {
         config.check().map_err(BoardError::Config)?;
+        let chip = self.version.chip;
+        if chip != Chip::Rp2040 && config.sensors.adc.wide_code_lsb > 0.0 {
+            return Err(BoardError::OtherChip { chip });
+        }
         self.line.ask(HostCommand::Configure(*config), "configure")?;
         self.line.ask(HostCommand::Name(Name::new(name)), "name")?;
         let status = self.status()?;

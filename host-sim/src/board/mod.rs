@@ -25,7 +25,7 @@ use crate::plant::Actuation;
 use model_core::control::Mode;
 #[cfg(feature = "command")]
 use model_core::link::Answer;
-use model_core::link::{Chip, PROTOCOL, Refusal};
+use model_core::link::{Chip, PROTOCOL, Refusal, Timing};
 use model_core::{
     Command, Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry,
 };
@@ -53,6 +53,13 @@ pub trait Board {
     /// # Errors
     /// [`BoardError`]
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError>;
+    /// How the steps were timed, where that is not this process.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
+        Ok(None)
+    }
 }
 
 /// What one step gives.
@@ -151,6 +158,11 @@ pub enum BoardError {
         /// The chip.
         chip: Chip,
     },
+    /// The configuration is one for the converter of another chip.
+    OtherChip {
+        /// That of the board.
+        chip: Chip,
+    },
     /// The board has not the configuration that it was sent.
     Damaged,
     /// The user has ended it; the board vents.
@@ -235,6 +247,11 @@ impl fmt::Display for BoardError {
                 f,
                 "the board ({chip:?}) waits for simulated samples: to drive a muscle flash the firmware built \
                  without the feature `hil`"
+            ),
+            Self::OtherChip { chip } => write!(
+                f,
+                "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
+                 ({chip:?}) has none: [adc] wide_code_lsb = 0"
             ),
             Self::Damaged => write!(
                 f,

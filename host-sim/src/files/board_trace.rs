@@ -4,6 +4,7 @@
 use crate::files::rows::Rows;
 use crate::files::trace::{COLUMNS, Row, cells_text};
 use crate::plant::Truth;
+use crate::scenario::from_config::short;
 use model_core::link::Status;
 use model_core::sensing::Sensing;
 use model_core::{Config, SetPoint, Telemetry};
@@ -133,7 +134,7 @@ impl<W: Write> Recorder<W> {
         status: Option<&Status>,
         telemetry: &Telemetry,
     ) -> io::Result<Row> {
-        let time_s = self.clock.time_s(telemetry.step, f64::from(config.step_s));
+        let time_s = self.clock.time_s(telemetry.step, short(config.step_s));
         self.rows += 1;
         let row = row(time_s, config, telemetry);
         let (kind, value, second) = kind_and_values(telemetry.set_point);

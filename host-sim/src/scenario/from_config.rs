@@ -35,7 +35,7 @@ pub fn say(config: &Config) -> Result<Said, InputError> {
 }
 
 /// The shortest number that is this one in f32.
-fn short(value: f32) -> f64 {
+pub fn short(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }
 

@@ -189,6 +189,7 @@ pub fn run(
         ledger: plant.ledger(),
         axial_wall_k: plant.axial_wall_k(),
         axial_gas_k: plant.axial_gas_k(),
+        timing: board.timing()?,
     }))
 }
 

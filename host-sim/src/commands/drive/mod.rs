@@ -12,12 +12,13 @@ mod summary;
 
 pub use bench::LiveBench;
 pub use page::{Drawn, page};
-pub use summary::{Driven, Gathered, TimingFigures};
+pub use summary::{Driven, Gathered};
 
 use crate::board::BoardError;
 use crate::board::live::{LiveBoard, VIEW_DIVIDER};
 use crate::files::input::{InputError, Problem};
 use crate::files::table::read_table;
+use crate::scenario::core_config::core_config;
 use crate::scenario::from_config::Said;
 use crate::scenario::profile::Profile;
 use crate::scenario::{self, DriveKind, Loaded};
@@ -27,6 +28,7 @@ use model_core::link::Status;
 use model_core::safety::supervisor::VENTING;
 use model_core::{Faults, Telemetry};
 use std::io;
+use std::mem::discriminant;
 use std::path::{Path, PathBuf};
 
 /// A set point is sent that many steps before its time: so long it is on its way.
@@ -70,6 +72,15 @@ pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
         driven.drive_profile = Some(profile);
     } else {
         let loaded = scenario::load(file)?;
+        let kinds = [&loaded, &driven].map(|loaded| core_config(&loaded.believed).body);
+        if discriminant(&kinds[0]) != discriminant(&kinds[1]) {
+            let problem = Problem::NotAllowed {
+                key: "plant.kind".to_owned(),
+                value: format!("{:?}", loaded.plant.plant.kind),
+                allowed: format!("what the board was told, {:?}", driven.plant.plant.kind),
+            };
+            return Err(InputError::file(file, problem));
+        }
         driven.plant.run.duration_s = loaded.plant.run.duration_s;
         driven.plant.drive = loaded.plant.drive.clone();
         driven.drive_profile = loaded.drive_profile;

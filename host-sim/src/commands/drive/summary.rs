@@ -2,7 +2,7 @@
 
 use crate::files::measured::Measured;
 use crate::files::summary::{
-    Accumulator, Control, CoreFigures, Difference, Ending, Range, Readings,
+    Accumulator, Control, CoreFigures, Difference, Ending, Range, Readings, TimingFigures,
 };
 use crate::files::trace::Row;
 use crate::plant::Ledger;
@@ -11,31 +11,6 @@ use crate::simulation::run::SetPoints;
 use model_core::link::{Status, Timing};
 use serde::Serialize;
 use std::collections::BTreeMap;
-
-/// How a board's steps were timed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct TimingFigures {
-    /// Mean time of the core's step [us].
-    pub step_mean_us: f64,
-    /// Worst time of the core's step [us].
-    pub step_worst_us: f64,
-    /// Worst delay of a start, from the mean one [us].
-    pub jitter_worst_us: f64,
-    /// Steps that were left out.
-    pub missed_steps: u32,
-}
-
-impl From<&Timing> for TimingFigures {
-    fn from(timing: &Timing) -> Self {
-        let mean_us = f64::from(timing.jitter_mean_ns) / 1e3;
-        Self {
-            step_mean_us: f64::from(timing.step_mean_ns) / 1e3,
-            step_worst_us: f64::from(timing.step_worst_us),
-            jitter_worst_us: f64::from(timing.jitter_worst_us) - mean_us,
-            missed_steps: timing.missed_steps,
-        }
-    }
-}
 
 /// Everything that `summary.json` says of a run on a board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -132,6 +107,7 @@ impl Gathered {
             ledger: Ledger::default(),
             axial_wall_k: Vec::new(),
             axial_gas_k: Vec::new(),
+            timing: None,
         });
         Driven {
             duration_s: self.last_s,

@@ -21,6 +21,8 @@ const SILENCE: Duration = Duration::from_secs(2);
 const DIVIDER: u16 = 10;
 /// Time between two words of a host that has nothing to ask: a fraction of `link.timeout_s`.
 const ALIVE: Duration = Duration::from_millis(100);
+/// Questions whose answers are looked for: those of some seconds, fewer than there are sequence numbers.
+const OPEN_QUESTIONS: usize = 64;
 /// The pressure's set point is moved by multiples of this \[Pa\].
 pub const MOVE_PA: f32 = 5.0e3;
 /// Points that the plot keeps.
@@ -206,8 +208,8 @@ impl Session {
 
     fn ask(&mut self) {
         self.asked = Some(Instant::now());
-        // What was not answered in this time never is.
-        self.questions.clear();
+        // What was asked long ago is not answered any more.
+        self.questions.drain(..self.questions.len().saturating_sub(OPEN_QUESTIONS));
         for command in [
             HostCommand::Version,
             HostCommand::ReadConfig,
