@@ -5,9 +5,10 @@ use super::core_config::{OneZone, core_config};
 use super::{
     HeatModel, LoadKind, Loaded, PlantKind, PlantModel, Scenario, parse, render, with_numbers,
 };
-use crate::files::input::InputError;
+use crate::files::input::{InputError, Problem};
 use model_core::Config;
-use model_core::config::{Body, Load};
+use model_core::config::Load;
+use model_core::physics::chamber::{ChamberConfig, Vessel};
 use model_core::sensing::gas::{GasElement, Pt1000};
 use std::f64::consts::PI;
 use std::path::Path;
@@ -26,10 +27,18 @@ pub struct Said {
 /// # Errors
 /// For a configuration that no scenario may have.
 pub fn say(config: &Config) -> Result<Said, InputError> {
-    let plant = scenario(config);
+    let origin = Path::new("the board's configuration");
+    let Some(plant) = scenario(config) else {
+        let problem = Problem::NotAllowed {
+            key: "plant.kind".to_owned(),
+            value: "another".to_owned(),
+            allowed: "\"muscle\" or \"vessel\", to be written as a scenario".to_owned(),
+        };
+        return Err(InputError::file(origin, problem));
+    };
     let loaded =
         Loaded { believed: plant.clone(), plant, volume_profile: None, drive_profile: None };
-    let scenario = parse(&render(&loaded), Path::new("the board's configuration"))?;
+    let scenario = parse(&render(&loaded), origin)?;
     let exact = core_config(&scenario.believed) == *config;
     Ok(Said { scenario, exact })
 }
@@ -39,7 +48,8 @@ pub fn short(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }
 
-fn scenario(config: &Config) -> Scenario {
+/// `None` for a chamber whose dimensions a scenario has in other words.
+fn scenario(config: &Config) -> Option<Scenario> {
     let mut s = Scenario::default();
     s.plant.model = PlantModel::Full;
     // A foil that averages over the whole muscle sees the mean, as the core's one zone has it.
@@ -47,8 +57,8 @@ fn scenario(config: &Config) -> Scenario {
     s.tube.volume_m3 = 1.0e-9;
     s.heat.model = HeatModel::Constant;
     s.heat.scale = 1.0;
-    match config.body {
-        Body::Muscle(muscle) => {
+    match config.chamber {
+        ChamberConfig::Muscle(muscle) => {
             s.plant.kind = PlantKind::Muscle;
             let (thread_m, rest_m) =
                 (short(muscle.braid.thread_length_m), short(muscle.rest_length_m));
@@ -61,12 +71,14 @@ fn scenario(config: &Config) -> Scenario {
             s.muscle.bladder_stiffness_n_m = short(muscle.bladder_stiffness_n_m);
             s.muscle.dead_volume_m3 = (short(muscle.dead_volume_m3) - s.tube.volume_m3).max(0.0);
         }
-        Body::Vessel { section_m2, surface_m2 } => {
+        ChamberConfig::Vessel(Vessel { section_m2, surface_m2 }) => {
             s.plant.kind = PlantKind::Vessel;
             s.vessel.characteristic_length_m = (4.0 / PI * f64::from(section_m2)).sqrt();
             s.vessel.surface_m2 = short(surface_m2);
             s.vessel.wall_heat_capacity_j_k = short(config.wall.heat_capacity_j_k);
         }
+        // Its rows or its bore are in files of the user's own.
+        _ => return None,
     }
     (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
         Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
@@ -127,7 +139,7 @@ fn scenario(config: &Config) -> Scenario {
     let mut s = with_numbers(&s, numbers);
     s.estimator = config.estimator;
     s.controller = config.controller;
-    s
+    Some(s)
 }
 
 #[cfg(test)]

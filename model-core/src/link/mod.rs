@@ -19,7 +19,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 7;
+pub const PROTOCOL: u16 = 8;
 /// Speed of the line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
