@@ -56,7 +56,13 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     }
 
     // Nothing is cut off.
-    for text in ["set point none: it vents", "not armed", "Ctrl-C vents and leaves", "late; 0 missed", "K, wall"] {
+    for text in [
+        "set point none: it vents",
+        "not armed",
+        "Ctrl-C vents and leaves",
+        "late; 0 missed",
+        "K, wall",
+    ] {
         assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
     }
 

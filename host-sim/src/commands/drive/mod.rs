@@ -72,7 +72,7 @@ pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
         driven.drive_profile = Some(profile);
     } else {
         let loaded = scenario::load(file)?;
-        let kinds = [&loaded, &driven].map(|loaded| core_config(&loaded.believed).body);
+        let kinds = [&loaded, &driven].map(|loaded| core_config(&loaded.believed).chamber);
         if discriminant(&kinds[0]) != discriminant(&kinds[1]) {
             let problem = Problem::NotAllowed {
                 key: "plant.kind".to_owned(),

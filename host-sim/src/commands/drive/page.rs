@@ -2,10 +2,11 @@
 
 use super::Driven;
 use crate::files::trace::{COLUMNS, Row};
+use crate::plant::chamber;
 use crate::report::page::Tile;
 use crate::report::run_report::{self, RunReport, SummaryRow};
 use crate::report::series::Recorder;
-use crate::scenario::{self, Loaded, PlantKind};
+use crate::scenario::{self, Loaded};
 
 /// Records what the page draws, in bounded memory.
 pub struct Drawn {
@@ -78,7 +79,6 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         row("Steps whose telemetry was lost", summary.lost_steps as f64, ""),
         row("Start jitter, worst", summary.timing.jitter_worst_us * 1e-6, "s"),
     ];
-    let muscle = driven.plant.plant.kind == PlantKind::Muscle;
     run_report::render(&RunReport {
         title,
         lead: &lead,
@@ -88,7 +88,8 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         measured: &[],
         summary: &rows,
         axial_wall_k: &[],
-        rest_length_m: muscle.then_some(driven.plant.muscle.rest_length_m),
+        rest_length_m: chamber::of(&driven.plant).map(|chamber| chamber.rest_length()),
+        kind: driven.plant.plant.kind,
         last_stroke: &[],
         detail_s: None,
     })

@@ -5,8 +5,8 @@ use crate::files::summary::{
     Accumulator, Control, CoreFigures, Difference, Ending, Range, Readings, TimingFigures,
 };
 use crate::files::trace::Row;
-use crate::plant::Ledger;
-use crate::scenario::{DriveKind, Loaded, PlantKind};
+use crate::plant::{Ledger, chamber};
+use crate::scenario::{DriveKind, Loaded};
 use crate::simulation::run::SetPoints;
 use model_core::link::{Status, Timing};
 use serde::Serialize;
@@ -53,6 +53,8 @@ pub struct Gathered {
     accumulator: Accumulator,
     set_points: SetPoints,
     scenario: Loaded,
+    /// Of what moves [m].
+    rest_length_m: Option<f64>,
     estimate: Range,
     rows: u64,
     last_step: u32,
@@ -66,6 +68,7 @@ impl Gathered {
             accumulator: Accumulator::new(driven.plant.run.duration_s, measured),
             set_points: SetPoints::new(driven),
             scenario: driven.clone(),
+            rest_length_m: chamber::of(&driven.believed).map(|chamber| chamber.rest_length()),
             estimate: Range { min: f64::INFINITY, max: f64::NEG_INFINITY, mean: 0.0 },
             rows: 0,
             last_step: 0,
@@ -85,7 +88,7 @@ impl Gathered {
             max: max.max(estimate_k),
             mean: mean + (estimate_k - mean) / self.rows as f64,
         };
-        self.accumulator.add(row, self.set_points.controlled(&self.scenario.plant, row));
+        self.accumulator.add(row, self.set_points.controlled(self.rest_length_m, row));
     }
 
     /// Steps so far.
@@ -98,12 +101,11 @@ impl Gathered {
         let scenario = &self.scenario.plant;
         let cycle =
             scenario.drive.kind == DriveKind::MassFlow && !self.set_points.follows_profile();
-        let muscle = scenario.plant.kind == PlantKind::Muscle;
         let summary = self.accumulator.finish(Ending {
             wall_clock_s: f64::INFINITY,
             board: "live",
             period_s: cycle.then_some(scenario.drive.period_s),
-            rest_length_m: muscle.then_some(scenario.muscle.rest_length_m),
+            rest_length_m: self.rest_length_m,
             ledger: Ledger::default(),
             axial_wall_k: Vec::new(),
             axial_gas_k: Vec::new(),
