@@ -35,6 +35,8 @@ pub struct BlackBox {
     failure: Word,
     failure_pressure: Word,
     failure_step: Word,
+    /// Restarts since power came that nobody asked for.
+    restarts: Word,
 }
 
 const WRITTEN: u32 = 0x7468_7931;
@@ -54,6 +56,7 @@ impl BlackBox {
             failure: Word::new(),
             failure_pressure: Word::new(),
             failure_step: Word::new(),
+            restarts: Word::new(),
         }
     }
 
@@ -71,8 +74,11 @@ impl BlackBox {
                 failure,
                 failure_pressure,
                 failure_step,
+                restarts,
             } = self;
-            for word in [phase, end, detail, latched, failure, failure_pressure, failure_step] {
+            for word in
+                [phase, end, detail, latched, failure, failure_pressure, failure_step, restarts]
+            {
                 word.set(0);
             }
             written.set(WRITTEN);
@@ -88,6 +94,7 @@ impl BlackBox {
             Reset::Power | Reset::Forced => LastReset::Power,
         };
         if last_reset != LastReset::Power {
+            self.restarts.set(self.restarts.get().wrapping_add(1));
             defmt::warn!("restarted in phase {=u32}, cause {=u32}", phase as u32, end);
         }
         self.note(Phase::Starting);
@@ -99,6 +106,11 @@ impl BlackBox {
         };
         let latched = Faults(self.latched.get() as u16);
         (last_reset, (first.faults != Faults::NONE).then_some((first, latched)))
+    }
+
+    /// Restarts since power came that nobody asked for.
+    pub fn restarts(&self) -> u32 {
+        self.restarts.get()
     }
 
     /// Control enters a phase.

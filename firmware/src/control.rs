@@ -8,7 +8,7 @@ use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
 use model_core::control::Mode;
-use model_core::link::{Answer, Message, Phase};
+use model_core::link::{Answer, ConfigSource, Message, Name, Phase, Status};
 use model_core::{Command, Core, Sample};
 
 /// Waits of [`Source::due`] without a sample after which the valves are not left as they are.
@@ -16,6 +16,9 @@ const PATIENCE: u32 = 4;
 
 /// Steps for which a flood of requests is told after the last one that was dropped: a second.
 const FLOODED_STEPS: u32 = 1000;
+
+/// Steps between two messages of what changes rarely: half a second.
+const STATUS_STEPS: u64 = 500;
 
 /// Runs for ever.
 pub async fn run<S: Source, V: Valves>(
@@ -78,6 +81,12 @@ pub async fn run<S: Source, V: Valves>(
                     black_box.record(first, latched);
                     shared.set_first_failure(first);
                 }
+                let status = shared.status();
+                if core.armed_pa() != status.armed_pa {
+                    shared.tell(Status { armed_pa: core.armed_pa(), step: next_step, ..status });
+                } else if tally.steps.is_multiple_of(STATUS_STEPS) {
+                    shared.tell(status);
+                }
                 let divider = u32::from(shared.telemetry_divider());
                 // While the sensors are judged the core's own count stands still.
                 let step = if judging { tally.steps as u32 } else { telemetry.step };
@@ -95,21 +104,35 @@ pub async fn run<S: Source, V: Valves>(
                 }
             }
             Either::Second((sequence, order)) => {
+                let mut status = shared.status();
+                if let Order::Configure { checksum } = order {
+                    core.disarm();
+                    status.config_checksum = checksum;
+                    status.config_source = ConfigSource::Host;
+                    status.config_name = Name::NONE;
+                }
                 let outcome = match order {
-                    Order::Restart => {
+                    Order::Configure { .. } | Order::Restart => {
                         if let Some(other) = shared.prepared() {
                             core.restart_as(other);
                         }
                         next_step = 0;
                         fresh = true;
+                        status.starts = status.starts.wrapping_add(1);
                         Ok(())
                     }
+                    Order::Arm(most_pa) => core.arm(most_pa),
                     Order::Set(set_point) => core.set(set_point),
                     Order::ClearFaults => {
                         core.clear_faults();
                         Ok(())
                     }
                 };
+                // Set points are in the telemetry.
+                if !matches!(order, Order::Set(_)) {
+                    (status.armed_pa, status.step) = (core.armed_pa(), next_step);
+                    shared.tell(status);
+                }
                 let answer = match outcome {
                     Ok(()) => Answer::Done { step: next_step },
                     Err(error) => Answer::Refused(error.into()),

@@ -1,5 +1,6 @@
 //! The line to the host: [`model_core::link`] over any serial port.
 
+use crate::keep;
 use crate::shared::{Order, Shared};
 use crate::source::STEP;
 use core::sync::atomic::Ordering;
@@ -7,7 +8,8 @@ use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 use model_core::link::{
-    Answer, Chip, Decoder, HostCommand, LastReset, PROTOCOL, Refusal, Request, Version, encode,
+    Answer, Chip, Decoder, HostCommand, LastReset, PROTOCOL, Refusal, Request, Version, checksum,
+    encode,
 };
 use model_core::{Config, Core};
 
@@ -96,9 +98,9 @@ pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static 
                 match carry_out(command, &identity, shared).await {
                     Outcome::Answer(answer) => shared.answer(sequence, answer),
                     Outcome::Order(order) => shared.orders.send((sequence, order)).await,
-                    Outcome::Restart => {
+                    Outcome::Restart(order) => {
                         time_to_restart().await;
-                        shared.orders.send((sequence, Order::Restart)).await;
+                        shared.orders.send((sequence, order)).await;
                     }
                     Outcome::Silent => (),
                 }
@@ -118,7 +120,7 @@ enum Outcome {
     /// Control carries it out and answers.
     Order(Order),
     /// Control starts anew with the core that is prepared, and answers.
-    Restart,
+    Restart(Order),
     /// The step's telemetry is the answer, or there is none.
     Silent,
 }
@@ -137,24 +139,41 @@ async fn carry_out(command: HostCommand, identity: &Identity, shared: &'static S
         HostCommand::Configure(wanted) => match check(&wanted, identity) {
             Ok(core) => {
                 shared.prepare(core);
-                Outcome::Restart
+                Outcome::Restart(Order::Configure { checksum: checksum(&wanted) })
             }
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
         HostCommand::Start(set_point) => match shared.prepare_set_point(set_point) {
-            Ok(()) => Outcome::Restart,
+            Ok(()) => Outcome::Restart(Order::Restart),
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
         HostCommand::Set(set_point) => Outcome::Order(Order::Set(set_point)),
-        HostCommand::Stop => Outcome::Answer(Answer::Done { step: shared.tally().steps as u32 }),
+        HostCommand::Stop => Outcome::Answer(done(shared)),
         HostCommand::ClearFaults => Outcome::Order(Order::ClearFaults),
         HostCommand::TelemetryDivider(divider) => {
             shared.set_telemetry_divider(divider);
-            Outcome::Answer(Answer::Done { step: shared.tally().steps as u32 })
+            Outcome::Answer(done(shared))
         }
         HostCommand::Timing => Outcome::Answer(Answer::Timing(shared.timing())),
         HostCommand::LastReset => Outcome::Answer(Answer::LastReset(identity.last_reset)),
         HostCommand::FirstFailure => Outcome::Answer(Answer::FirstFailure(shared.first_failure())),
+        HostCommand::Arm { most_pa } => Outcome::Order(Order::Arm(most_pa)),
+        HostCommand::Status => Outcome::Answer(Answer::Status(shared.status())),
+        HostCommand::Name(config_name) => {
+            shared.set_config_name(config_name);
+            Outcome::Answer(done(shared))
+        }
+        HostCommand::Save => match shared.config() {
+            Some(config) => Outcome::Answer(told(
+                keep::save(&config, &shared.status().config_name).await,
+                shared,
+            )),
+            None => Outcome::Answer(Answer::Refused(Refusal::NotConfigured)),
+        },
+        HostCommand::Forget => Outcome::Answer(told(keep::forget().await, shared)),
+        HostCommand::History(number) => {
+            Outcome::Answer(Answer::Event(keep::event(number, identity, shared)))
+        }
         HostCommand::Alive => Outcome::Silent,
         HostCommand::Step(sample) => {
             if cfg!(feature = "hil") {
@@ -165,6 +184,16 @@ async fn carry_out(command: HostCommand, identity: &Identity, shared: &'static S
             }
         }
     }
+}
+
+/// Done at once.
+fn done(shared: &Shared) -> Answer {
+    Answer::Done { step: shared.tally().steps as u32 }
+}
+
+/// Done, or why not.
+fn told(outcome: Result<(), Refusal>, shared: &Shared) -> Answer {
+    outcome.map_or_else(Answer::Refused, |()| done(shared))
 }
 
 /// Time that a restart of the core may take: nothing else runs while one is copied.

@@ -12,6 +12,7 @@
 mod black_box;
 mod board;
 mod control;
+mod keep;
 mod link;
 mod shared;
 mod source;
@@ -24,8 +25,8 @@ use cortex_m_rt::ExceptionFrame;
 use defmt_rtt as _;
 use embassy_executor::{Executor, InterruptExecutor};
 use embassy_time::Instant;
-use model_core::Core;
-use model_core::link::LastReset;
+use model_core::link::{LastReset, Status, checksum};
+use model_core::{Config, Core};
 use shared::Shared;
 use static_cell::StaticCell;
 
@@ -50,6 +51,11 @@ static BLACK_BOX: BlackBox = BlackBox::new();
 fn main() -> ! {
     let parts: Parts<Chosen> = Board::start();
     let (last_reset, remembered) = BLACK_BOX.open(parts.reset);
+    SHARED.tell(Status {
+        restarts: BLACK_BOX.restarts(),
+        config_checksum: checksum(&Config::default()),
+        ..Status::AT_START
+    });
     let [major, minor, patch] = link::FIRMWARE;
     defmt::info!("thermyo firmware {}.{}.{}", major, minor, patch);
 

@@ -4,17 +4,24 @@ use core::cell::{Cell, RefCell};
 use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 use embassy_sync::channel::Channel;
-use model_core::link::{Answer, Message, Refusal, Reply, Timing};
+use model_core::link::{Answer, Message, Name, Refusal, Reply, Status, Timing};
 use model_core::safety::supervisor::FirstFailure;
-use model_core::{Config, Core, Faults, Sample, SetPoint};
+use model_core::{Config, Core, Faults, Sample, SetPoint, SetPointError};
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
 /// From the link to control, carried out between two steps. Small: it is moved at every turn of the
 /// control task.
 pub enum Order {
+    /// Start anew as the core that was [prepared](Shared::prepare), with another configuration, and disarm.
+    Configure {
+        /// That of the configuration.
+        checksum: u32,
+    },
     /// Start anew as the core that was [prepared](Shared::prepare).
     Restart,
+    /// Take set points up to this absolute pressure \[Pa\], or as far as the configuration allows.
+    Arm(Option<f32>),
     /// Another set point.
     Set(SetPoint),
     /// Forget latched faults.
@@ -57,6 +64,7 @@ pub struct Shared {
     /// What vented first, over restarts.
     first_failure: Mutex<CriticalSectionRawMutex, Cell<Option<FirstFailure>>>,
     tally: Mutex<CriticalSectionRawMutex, Cell<Tally>>,
+    status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
 }
 
 impl Shared {
@@ -77,6 +85,7 @@ impl Shared {
             next_core: Mutex::new(RefCell::new(Slot::Empty)),
             first_failure: Mutex::new(Cell::new(None)),
             tally: Mutex::new(Cell::new(Tally::NONE)),
+            status: Mutex::new(Cell::new(Status::AT_START)),
         }
     }
 
@@ -129,13 +138,20 @@ impl Shared {
         });
     }
 
-    /// Gives the core that is prepared another set point.
+    /// Gives the core that is prepared another set point, which is checked as the armed core would.
     ///
     /// # Errors
     /// Why it does not take it, or that there is none.
     pub fn prepare_set_point(&self, set_point: SetPoint) -> Result<(), Refusal> {
+        let armed_pa = self.status().armed_pa;
         self.next_core.lock(|slot| match slot.try_borrow_mut().as_deref_mut() {
-            Ok(Slot::Full(core)) => Ok(core.set(set_point)?),
+            Ok(Slot::Full(_)) if set_point != SetPoint::Vent && armed_pa.is_none() => {
+                Err(SetPointError::NotArmed.into())
+            }
+            Ok(Slot::Full(core)) => {
+                core.arm(armed_pa)?;
+                Ok(core.set(set_point)?)
+            }
             _ => Err(Refusal::NotConfigured),
         })
     }
@@ -174,6 +190,26 @@ impl Shared {
     /// The control task's measurements.
     pub fn tally(&self) -> Tally {
         self.tally.lock(Cell::get)
+    }
+
+    /// What changes rarely.
+    pub fn status(&self) -> Status {
+        self.status.lock(Cell::get)
+    }
+
+    /// Another name for the configuration in use; tells the host.
+    pub fn set_config_name(&self, config_name: Name) {
+        let status = self.status.lock(|cell| {
+            cell.set(Status { config_name, ..cell.get() });
+            cell.get()
+        });
+        self.post(Message::Status(status));
+    }
+
+    /// Changes what changes rarely, and tells the host.
+    pub fn tell(&self, status: Status) {
+        self.status.lock(|cell| cell.set(status));
+        self.post(Message::Status(status));
     }
 
     /// How the steps were timed.

@@ -28,7 +28,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["run", &missing], "missing.toml: no such file"),
         (vec!["run", &unknown], "scenario.toml:2: unknown key heat.iner_w_m2_k"),
         (vec!["check", &unknown], "did you mean heat.inner_w_m2_k"),
-        (vec!["run", &unknown, "--board", "toaster"], "must be core, emulated or serial:PORT"),
+        (
+            vec!["run", &unknown, "--board", "toaster"],
+            "must be core, emulated, serial:PORT or a PORT",
+        ),
         (vec!["replay", &missing], "missing.toml: no such file"),
         (vec!["replay", env!("CARGO_MANIFEST_DIR")], "is a folder; a file is needed"),
         (vec!["tune", &missing], "missing.toml: no such file"),

@@ -221,7 +221,12 @@ impl Config {
     /// Highest absolute pressure that a set point is followed to, a twentieth of the gauge pressure
     /// below the limit: what overshoots on the way there does not trip it \[Pa\].
     pub fn working_limit_pa(&self) -> f32 {
-        self.pressure_limit_pa - 0.05 * (self.pressure_limit_pa - self.ambient.pressure_pa)
+        self.pressure_limit_pa - self.pressure_margin_pa()
+    }
+
+    /// From the working limit to the one at which the muscle vents \[Pa\].
+    pub fn pressure_margin_pa(&self) -> f32 {
+        0.05 * (self.pressure_limit_pa - self.ambient.pressure_pa)
     }
 
     /// Checks every value.

@@ -1,6 +1,6 @@
 //! What crosses the border of the core in every step: raw codes in, duties out.
 
-use crate::control::Mode;
+use crate::control::{Mode, SetPoint};
 
 /// Conversions of the 12-bit ADC that are added up into one code.
 pub const OVERSAMPLING: u16 = 8;
@@ -284,6 +284,8 @@ pub struct Telemetry {
     pub mode: Mode,
     /// The set point asks for more than the core gives: it holds the pressure below its limit.
     pub limited: bool,
+    /// What the core is to do.
+    pub set_point: SetPoint,
     /// Faults that hold now or are latched.
     pub faults: Faults,
 }

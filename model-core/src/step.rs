@@ -1,8 +1,9 @@
 //! The core: one [`Sample`] in, one [`Telemetry`] with its [`Command`] out, once per fixed step.
 
 use crate::config::{Config, ConfigError, Load};
-use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, Target};
+use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, SetPointField, Target};
 use crate::estimation::{Estimator, Measurement, Openings};
+use crate::math::limit;
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
 use crate::safety::watch::{EMPTY, Watch};
@@ -29,10 +30,13 @@ pub struct Core {
     inlet_steps: u16,
     outlet_steps: u16,
     step: u32,
+    /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: it takes none.
+    armed_pa: Option<f32>,
 }
 
 impl Core {
-    /// A core that vents until it has judged its sensors and is given a set point.
+    /// A core that vents until it has judged its sensors and is given a set point. It is
+    /// [armed](Self::arm), for whoever makes a core in a program of his own drives it.
     ///
     /// ```
     /// use model_core::{Config, Core, SetPoint};
@@ -62,11 +66,12 @@ impl Core {
             inlet_steps: 0,
             outlet_steps: 0,
             step: 0,
+            armed_pa: Some(config.working_limit_pa()),
         })
     }
 
     /// The core of a board that nobody has told its configuration: it has the default one, and vents
-    /// until it is [restarted](Self::restart_as) as one that is configured.
+    /// until it is [restarted](Self::restart_as) as one that is configured, and armed.
     ///
     /// ```
     /// use model_core::{Core, Sample, SetPoint};
@@ -81,12 +86,15 @@ impl Core {
     /// None: the default configuration holds.
     pub fn unconfigured() -> Result<Self, ConfigError> {
         let config = Config::default();
-        Ok(Self { supervisor: Supervisor::new(&config, false), ..Self::new(&config)? })
+        let supervisor = Supervisor::new(&config, false);
+        Ok(Self { supervisor, armed_pa: None, ..Self::new(&config)? })
     }
 
-    /// Starts anew as `other`, with its configuration and its set point. The supervisor stays: what is
-    /// latched is latched, what it has counted counts, and the sensors are judged again.
+    /// Starts anew as `other`, with its configuration and, where the core is armed, its set point. The
+    /// supervisor stays: what is latched is latched, what it has counted counts, and the sensors are judged
+    /// again. So does the arming, as far as the new configuration allows.
     pub fn restart_as(&mut self, other: Self) {
+        let armed_pa = self.armed_pa;
         *self = Self {
             supervisor: self.supervisor.after_restart(&other.supervisor),
             sensing: self.sensing.after_restart(&other.sensing),
@@ -94,6 +102,66 @@ impl Core {
             inlet_steps: self.inlet_steps,
             ..other
         };
+        let most_pa = self.config.working_limit_pa();
+        self.set_armed(armed_pa.map(|armed_pa| limit(armed_pa, 0.0, most_pa)));
+        if armed_pa.is_none() {
+            self.controller.set(Target::VENT);
+        }
+    }
+
+    /// Takes set points from now on, as far as they ask for no more than this absolute pressure \[Pa\]; a
+    /// little above it the muscle vents. `None`: as much as the configuration gives. A link that was lost is
+    /// forgotten. The core vents until there is a set point.
+    ///
+    /// # Errors
+    /// [`SetPointError`] for a pressure below what the muscle has now or above the configuration's, and while
+    /// faults vent; it is as armed as before.
+    pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), SetPointError> {
+        let maximum = self.config.working_limit_pa();
+        let value = most_pa.unwrap_or(maximum);
+        let minimum = self.config.ambient.pressure_pa.max(self.pressure_pa);
+        // Not a number fails both.
+        if !(value >= minimum && value <= maximum) {
+            return Err(SetPointError::Range {
+                field: SetPointField::Armed,
+                value,
+                minimum,
+                maximum,
+            });
+        }
+        self.supervisor.forget_link();
+        let venting = self.supervisor.venting();
+        if venting != Faults::NONE {
+            return Err(SetPointError::Faults(venting));
+        }
+        self.controller.set(Target::VENT);
+        self.set_armed(Some(value));
+        Ok(())
+    }
+
+    /// Vents, and takes no set point until it is [armed](Self::arm).
+    pub fn disarm(&mut self) {
+        self.vent();
+        self.set_armed(None);
+    }
+
+    /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: it is not armed.
+    pub fn armed_pa(&self) -> Option<f32> {
+        self.armed_pa
+    }
+
+    fn set_armed(&mut self, armed_pa: Option<f32>) {
+        let config = &self.config;
+        let working_pa = config.working_limit_pa();
+        let (most_pa, limit_pa) = match armed_pa {
+            Some(armed_pa) if armed_pa < working_pa => {
+                (armed_pa, armed_pa + config.pressure_margin_pa())
+            }
+            _ => (working_pa, config.pressure_limit_pa),
+        };
+        self.armed_pa = armed_pa;
+        self.controller.limit_to(most_pa);
+        self.supervisor.limit_to(limit_pa);
     }
 
     /// The configuration that the core runs with.
@@ -115,15 +183,31 @@ impl Core {
     ///
     /// # Errors
     /// [`SetPointError`] for a value that is no number or out of its range, and for anything but
-    /// to vent while faults do; what held before goes on.
+    /// to vent while faults do or the core is not armed; what held before goes on.
     pub fn set(&mut self, set_point: SetPoint) -> Result<(), SetPointError> {
         let target = Target::new(&set_point, &self.config)?;
         let venting = self.supervisor.venting();
         if target != Target::VENT && venting != Faults::NONE {
             return Err(SetPointError::Faults(venting));
         }
+        match (set_point, self.armed_pa) {
+            (SetPoint::Vent, _) => (),
+            (_, None) => return Err(SetPointError::NotArmed),
+            (SetPoint::Pressure { pressure_pa: value }, Some(maximum))
+                if value > maximum && maximum < self.config.working_limit_pa() =>
+            {
+                let field = SetPointField::Pressure;
+                return Err(SetPointError::Range { field, value, minimum: 0.0, maximum });
+            }
+            _ => (),
+        }
         self.controller.set(target);
         Ok(())
+    }
+
+    /// What the core is to do.
+    pub fn set_point(&self) -> SetPoint {
+        self.controller.target().set_point()
     }
 
     /// Vents, from this step on: what [`SetPoint::Vent`] does from the next PWM period on.
@@ -170,12 +254,16 @@ impl Core {
                 command: Command::VENT,
                 mode: Mode::Judging,
                 limited: false,
+                set_point: self.set_point(),
                 faults,
             };
         }
         let venting = self.supervisor.venting() != Faults::NONE;
         if venting {
             self.controller.set(Target::VENT);
+            if self.armed_pa.is_some() {
+                self.set_armed(None);
+            }
         }
         // While venting too: it counts the periods of the PWM, and the hardware goes on with them.
         let wanted = self.controller.step(
@@ -226,6 +314,7 @@ impl Core {
             command,
             mode: self.controller.mode(),
             limited: self.controller.limited(),
+            set_point: self.set_point(),
             faults,
         };
         self.step = self.step.wrapping_add(1);
@@ -373,6 +462,9 @@ mod tests {
         }
         core.clear_faults();
         core.restart_as(core_with(HALF));
+        assert_eq!(judged(&mut core, &HEALTHY).command, Command::VENT, "not armed");
+        core.arm(None).unwrap();
+        core.restart_as(core_with(HALF));
         assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
     }
 
@@ -412,6 +504,7 @@ mod tests {
             assert_eq!(core.step(&HEALTHY).command, Command::VENT, "latched");
         }
         core.clear_faults();
+        core.arm(None).unwrap();
         core.set(HALF).unwrap();
         let commands = [17, 18, 19, 20].map(|_| core.step(&HEALTHY).command);
         assert_eq!(commands[..3], [Command::VENT; 3], "the period of step 10 goes on");
@@ -548,7 +641,56 @@ mod tests {
         core.step(&HEALTHY);
         core.clear_faults();
         assert_eq!(core.step(&HEALTHY).command, Command::VENT, "nothing moves by itself");
+        assert_eq!(core.set(HALF), Err(SetPointError::NotArmed));
+        assert_eq!(core.arm(None), Ok(()));
         assert_eq!(core.set(HALF), Ok(()));
+    }
+
+    /// Whoever lost his board has it again by arming it; what else is latched stays.
+    #[test]
+    fn a_lost_link_is_forgotten_by_arming() {
+        let mut core = judged_core(&Config::default(), CLOSED, &HEALTHY);
+        let silent = Sample { heard: false, ..HEALTHY };
+        while core.step(&silent).faults == Faults::NONE {}
+        assert_eq!(core.armed_pa(), None);
+        assert_eq!(core.set(CLOSED), Err(SetPointError::Faults(Faults::LINK_LOST)));
+        core.step(&HEALTHY);
+        assert_eq!(core.arm(None), Ok(()));
+        assert_eq!(core.step(&HEALTHY).faults, Faults::NONE);
+        assert_eq!(core.set(CLOSED), Ok(()));
+        core.step(&Sample { emergency_stop: true, ..HEALTHY });
+        core.step(&HEALTHY);
+        assert_eq!(core.arm(None), Err(SetPointError::Faults(Faults::EMERGENCY_STOP)));
+        assert_eq!(core.armed_pa(), None);
+    }
+
+    /// The muscle has 120.03 kPa in these samples.
+    #[test]
+    fn what_is_armed_takes_no_more_than_it_is_armed_for() {
+        let config = Config::default();
+        let mut core = judged_core(&config, SetPoint::Vent, &HEALTHY);
+        let pressure = |pressure_pa| SetPoint::Pressure { pressure_pa };
+        for most_pa in [f32::NAN, 1.1e5, 6.7e5] {
+            assert!(core.arm(Some(most_pa)).is_err(), "{most_pa}");
+            assert!(core.set(pressure(3.0e5)).is_ok(), "as armed as before");
+        }
+        core.arm(Some(2.0e5)).unwrap();
+        assert_eq!(core.set_point(), SetPoint::Vent, "who arms moves nothing");
+        assert_eq!(core.set(pressure(2.0e5)), Ok(()));
+        let (field, value) = (SetPointField::Pressure, 2.1e5);
+        let refused = SetPointError::Range { field, value, minimum: 0.0, maximum: 2.0e5 };
+        assert_eq!(core.set(pressure(value)), Err(refused));
+        // A twentieth of the gauge pressure above it, 29.4 kPa, it vents: 26.7 Pa a code.
+        let above = |pa: f32| Sample {
+            pressure: AdcCode(HEALTHY.pressure.0 + ((pa + 29_408.0 - 120_033.0) / 26.71) as u16),
+            ..HEALTHY
+        };
+        core.set(CLOSED).unwrap();
+        for (most_pa, faults) in [(1.97e5, Faults::NONE), (2.03e5, Faults::OVERPRESSURE)] {
+            let found = (0..12).map(|_| core.step(&above(most_pa)).faults).last().unwrap();
+            assert_eq!(found, faults, "{most_pa}");
+        }
+        assert_eq!(core.armed_pa(), None);
     }
 
     #[test]
@@ -573,7 +715,7 @@ mod tests {
         recalled.recall(first, Faults::BURST);
         recalled.clear_faults();
         assert_eq!(judged(&mut recalled, &HEALTHY).command, Command::VENT);
-        assert_eq!(recalled.set(HALF), Ok(()));
+        assert_eq!(recalled.set(HALF), Ok(()), "it has not vented yet");
     }
 
     #[test]
@@ -582,6 +724,9 @@ mod tests {
         let telemetry = judged(&mut core, &HEALTHY);
         assert_eq!((telemetry.command, telemetry.faults), (Command::VENT, Faults::NOT_CONFIGURED));
         assert_eq!(core.set(HALF), Err(SetPointError::Faults(Faults::NOT_CONFIGURED)));
+        core.restart_as(core_with(HALF));
+        assert_eq!(judged(&mut core, &HEALTHY).command, Command::VENT, "nor armed");
+        core.arm(None).unwrap();
         core.restart_as(core_with(HALF));
         assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
     }

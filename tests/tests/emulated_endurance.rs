@@ -5,7 +5,7 @@
 
 use host_sim::board::emulated::{Exchange, Injection, Place};
 use model_core::control::Mode;
-use model_core::link::{HostCommand, LastReset, Phase, Request, encode};
+use model_core::link::{HostCommand, LastReset, Name, Phase, Request, encode};
 use model_core::{Command, Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -194,6 +194,7 @@ fn stops(cases: Range<u32>) -> f64 {
         worst_ms = worst_ms.max(until_vented);
         rig.exchange();
         rig.board.send(HostCommand::ClearFaults);
+        rig.board.send(HostCommand::Arm { most_pa: None });
         rig.exchange();
         rig.exchange();
     }
@@ -220,7 +221,7 @@ enum Flood {
 }
 
 /// Every request that a host can make; set points open the inlet by [`FLOOD_INLET`] at most.
-fn requests(rig: &Rig) -> [HostCommand; 13] {
+fn requests(rig: &Rig) -> [HostCommand; 19] {
     let fill = SetPoint::Duty { inlet: FLOOD_INLET, outlet: 0.0 };
     [
         HostCommand::Version,
@@ -236,6 +237,12 @@ fn requests(rig: &Rig) -> [HostCommand; 13] {
         HostCommand::FirstFailure,
         HostCommand::Alive,
         HostCommand::Step(Sample::default()),
+        HostCommand::Arm { most_pa: None },
+        HostCommand::Status,
+        HostCommand::Name(Name::new("flood")),
+        HostCommand::Save,
+        HostCommand::Forget,
+        HostCommand::History(0),
     ]
 }
 
@@ -246,7 +253,7 @@ impl Flood {
             let all = requests(rig);
             // Every second one is a set point.
             let set = HostCommand::Set(SetPoint::Vent);
-            let any = *all.get(random.below(26) as usize).unwrap_or(&set);
+            let any = *all.get(random.below(38) as usize).unwrap_or(&set);
             match self {
                 Self::Of(command) => rig.board.send(command),
                 Self::Mixed | Self::Garbled => rig.board.send(match (any, random.below(16)) {
@@ -267,6 +274,7 @@ impl Flood {
                         HostCommand::Configure(_)
                         | HostCommand::Start(_)
                         | HostCommand::Stop
+                        | HostCommand::Arm { .. }
                         | HostCommand::ClearFaults,
                         1..,
                     ) => HostCommand::Alive,
@@ -327,6 +335,7 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
             HostCommand::Configure(_)
                 | HostCommand::Start(_)
                 | HostCommand::Stop
+                | HostCommand::Arm { .. }
                 | HostCommand::ClearFaults
         )
     );

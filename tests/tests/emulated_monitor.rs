@@ -46,7 +46,7 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     assert_eq!(session.status(), Status::Connected);
     assert_eq!(session.last_reset(), Some(LastReset::Power));
 
-    let mut terminal = Terminal::new(TestBackend::new(120, 40)).unwrap();
+    let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
     terminal.draw(|frame| draw(frame, &session)).unwrap();
     let screen = terminal.backend().to_string();
     let parts = ["connected", "Rp2040, firmware", "pressure", "kPa", "estimate", "[K]"];
@@ -54,6 +54,21 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     for text in parts.into_iter().chain(["not configured"]) {
         assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
     }
+
+    // Nothing is cut off.
+    for text in [
+        "set point none: it vents",
+        "not armed",
+        "Ctrl-C vents and leaves",
+        "late; 0 missed",
+        "K, wall",
+    ] {
+        assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
+    }
+
+    // What it does not know its muscle for, it refuses.
+    session.arm();
+    poll_until(&mut session, |session| session.refused().is_some());
 
     // Who kills the monitor now has what it has shown.
     let shown = session.rows();

@@ -197,12 +197,13 @@ fn a_lost_link_vents() {
     let until_vented = powered.iter().rposition(|&powered| powered).unwrap();
     assert!((380..=501).contains(&until_vented), "{until_vented} ms");
     assert_eq!(last_telemetry(&mut rig, AS_IT_IS).faults, Faults::LINK_LOST);
-    rig.board.ask(HostCommand::ClearFaults).unwrap();
+    rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
     rig.board.ask(HostCommand::Set(pressure)).unwrap();
-    assert!(held(&mut rig, 100), "cleared, it goes on");
+    assert!(held(&mut rig, 100), "armed again, it goes on");
     // And a board that is told to go on alone does.
     let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
     rig.board.ask(HostCommand::Configure(alone)).unwrap();
+    rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
     rig.board.ask(HostCommand::Start(pressure)).unwrap();
     for _ in 0..2000 {
         rig.exchange_with(silent);
@@ -408,6 +409,7 @@ fn a_million_random_bytes_change_nothing() {
     // No word of the host gets through: the board goes on alone.
     let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
     rig.board.ask(HostCommand::Configure(alone)).unwrap();
+    rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
     rig.board.ask(HostCommand::Start(fill(0.5))).unwrap();
     mean_shares(&mut rig, 90, 20);
     // xorshift32 (Marsaglia 2003)

@@ -48,7 +48,7 @@ fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
         opened += outcome.actuation.inlet;
         rows.push(Row { set_point, telemetry });
     }
-    let outcome = replay(&mut CoreBoard::default(), &config, &rows).unwrap();
+    let outcome = replay(&mut CoreBoard::default(), &config, &rows, &mut |_, _| true).unwrap();
     assert_eq!((outcome.steps, outcome.mismatches), (500, 0));
     assert!((10.0..300.0).contains(&opened), "the inlet was open for {opened} steps");
 }

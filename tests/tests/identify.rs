@@ -247,7 +247,7 @@ fn a_monitors_record_of_a_board_that_restarted_is_taken() {
     let mut observer = |row: &Row| {
         let mut telemetry = row.telemetry;
         telemetry.step = telemetry.step.checked_sub(30_000).unwrap_or(telemetry.step + 120_000);
-        recorder.write(&config, &telemetry)
+        recorder.write(&config, None, &telemetry).map(drop)
     };
     run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).expect("it runs");
     let record = String::from_utf8(recorder.finish().expect("memory takes it")).expect("text");

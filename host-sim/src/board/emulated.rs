@@ -398,6 +398,8 @@ impl Board for EmulatedBoard {
         }
         self.ask(HostCommand::TelemetryDivider(1))?;
         self.ask(HostCommand::Configure(*config))?;
+        let armed = self.ask(HostCommand::Arm { most_pa: None });
+        let set_point = super::if_armed(armed, set_point)?;
         self.from_board.clear();
         // It takes a fraction of the coming exchange to arrive: the next one is the first judged.
         self.send(HostCommand::Start(set_point));
@@ -434,6 +436,11 @@ impl Board for EmulatedBoard {
         self.inject(Injection::Fault);
         self.restarted = true;
         Ok(())
+    }
+
+    fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
+        // The one that is its own.
+        Self::timing(self).map(Some)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The host's end of the wire, over any transport: bytes in, bytes out.
 
 use model_core::Telemetry;
-use model_core::link::{Answer, Decoder, HostCommand, Message, Reply, Request, encode};
+use model_core::link::{Answer, Decoder, HostCommand, Message, Reply, Request, Status, encode};
 use std::collections::VecDeque;
 
 /// What has come and what has been asked.
@@ -11,6 +11,7 @@ pub struct Link {
     sequence: u8,
     replies: VecDeque<Reply>,
     telemetry: VecDeque<Telemetry>,
+    status: Option<Status>,
     /// Request after whose answer the steps count anew.
     start: Option<u8>,
 }
@@ -43,9 +44,15 @@ impl Link {
                     }
                     self.replies.push_back(reply);
                 }
+                Some(Message::Status(status)) => self.status = Some(status),
                 None => (),
             }
         }
+    }
+
+    /// What the board has said last of what changes rarely.
+    pub fn status(&self) -> Option<Status> {
+        self.status
     }
 
     /// The next telemetry.

@@ -5,18 +5,30 @@
 pub mod emulated;
 #[cfg(feature = "command")]
 pub mod image;
+#[cfg(feature = "command")]
+pub mod line;
 pub mod link;
 #[cfg(feature = "command")]
+pub mod live;
+#[cfg(feature = "command")]
 mod log;
+#[cfg(feature = "command")]
+pub mod port;
 #[cfg(all(unix, feature = "command"))]
 pub mod pty;
 #[cfg(feature = "command")]
 pub mod serial;
+#[cfg(feature = "command")]
+pub mod service;
 
 use crate::plant::Actuation;
 use model_core::control::Mode;
-use model_core::link::{Chip, PROTOCOL, Refusal};
-use model_core::{Command, Config, ConfigError, Core, Sample, SetPoint, SetPointError, Telemetry};
+#[cfg(feature = "command")]
+use model_core::link::Answer;
+use model_core::link::{Chip, PROTOCOL, Refusal, Timing};
+use model_core::{
+    Command, Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry,
+};
 use std::path::PathBuf;
 use std::{fmt, io};
 
@@ -48,6 +60,14 @@ pub trait Board {
     /// [`BoardError::NoRestart`] where nothing here can restart it.
     fn restart(&mut self) -> Result<(), BoardError> {
         Err(BoardError::NoRestart)
+    }
+
+    /// How the steps were timed, where that is not this process.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
+        Ok(None)
     }
 }
 
@@ -115,6 +135,16 @@ pub enum BoardError {
         /// What the system said.
         reason: String,
     },
+    /// The user may not open the port.
+    NoPermission {
+        /// Name of the port.
+        port: String,
+    },
+    /// Another program has the port.
+    Taken {
+        /// Name of the port.
+        port: String,
+    },
     /// The line to the board broke.
     Line(io::Error),
     /// The board does not answer.
@@ -132,6 +162,22 @@ pub enum BoardError {
         /// The chip.
         chip: Chip,
     },
+    /// The board wants its samples from here.
+    Hil {
+        /// The chip.
+        chip: Chip,
+    },
+    /// The configuration is one for the converter of another chip.
+    OtherChip {
+        /// That of the board.
+        chip: Chip,
+    },
+    /// The board has not the configuration that it was sent.
+    Damaged,
+    /// The user has ended it; the board vents.
+    Interrupted,
+    /// Faults vent the muscle.
+    Vented(Faults),
     /// The board refused a request.
     Refused(Refusal),
     /// The board restarted in the middle of a run.
@@ -179,6 +225,14 @@ impl fmt::Display for BoardError {
                 "{port}: {reason}: connect the board and name its port (Linux /dev/ttyACM0 or \
                  /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
             ),
+            Self::NoPermission { port } => write!(
+                f,
+                "{port}: no permission to open it: on Linux `sudo usermod -aG dialout $USER`, then log in \
+                 again (Arch: the group uucp)"
+            ),
+            Self::Taken { port } => {
+                write!(f, "{port}: another program has it open: close that one, then try again")
+            }
             Self::Line(error) => {
                 write!(f, "the line to the board broke ({error}): check its cable and start again")
             }
@@ -197,6 +251,35 @@ impl fmt::Display for BoardError {
                 "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
                  built with `--features hil`"
             ),
+            Self::Hil { chip } => write!(
+                f,
+                "the board ({chip:?}) waits for simulated samples: to drive a muscle flash the firmware built \
+                 without the feature `hil`"
+            ),
+            Self::OtherChip { chip } => write!(
+                f,
+                "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
+                 ({chip:?}) has none: [adc] wide_code_lsb = 0"
+            ),
+            Self::Damaged => write!(
+                f,
+                "the board's configuration is not the one that was sent: another program talks to it"
+            ),
+            Self::Interrupted => write!(f, "ended by Ctrl-C; the board vents"),
+            Self::Vented(faults) => write!(
+                f,
+                "the board vents: {faults}. Remove the cause, then `thermyo board PORT clear` and `arm`"
+            ),
+            Self::Refused(Refusal::NotConfigured)
+            | Self::Refused(Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED))) => {
+                write!(
+                    f,
+                    "the board does not know its muscle yet: `thermyo board PORT config write SCENARIO.toml`"
+                )
+            }
+            Self::Refused(Refusal::SetPoint(SetPointError::NotArmed)) => {
+                write!(f, "the board is not armed: `thermyo board PORT arm`, or `--arm`")
+            }
             Self::Refused(refusal) => write!(f, "the board refused: {refusal}"),
             Self::Restarted => write!(
                 f,
@@ -216,6 +299,19 @@ impl std::error::Error for BoardError {}
 impl From<io::Error> for BoardError {
     fn from(error: io::Error) -> Self {
         Self::Line(error)
+    }
+}
+
+/// The set point to start with: while faults vent, nothing else is taken, and the telemetry says why.
+#[cfg(feature = "command")]
+fn if_armed(
+    armed: Result<Answer, BoardError>,
+    set_point: SetPoint,
+) -> Result<SetPoint, BoardError> {
+    match armed {
+        Ok(_) => Ok(set_point),
+        Err(BoardError::Refused(Refusal::SetPoint(SetPointError::Faults(_)))) => Ok(SetPoint::Vent),
+        Err(error) => Err(error),
     }
 }
 

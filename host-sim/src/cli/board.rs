@@ -10,7 +10,8 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 pub(super) struct BoardArgs {
     /// Where the core runs: "core" (in this process), "emulated" (the firmware on an emulated
-    /// RP2040) or "serial:PORT" (a flashed board, firmware built with its feature `hil`)
+    /// RP2040), "serial:PORT" (a flashed board, firmware built with its feature `hil`), or for `tune` a PORT
+    /// such as /dev/ttyACM0 (a flashed board with a muscle of its own; "port:emulated" tries that)
     #[arg(long, value_name = "BOARD", default_value = "core", value_parser = board_kind)]
     board: BoardKind,
     /// Image for the emulated board, ELF or UF2 [default: the firmware of this checkout]
@@ -23,6 +24,7 @@ enum BoardKind {
     Core,
     Emulated,
     Serial(String),
+    Port(String),
 }
 
 fn board_kind(text: &str) -> Result<BoardKind, String> {
@@ -30,11 +32,27 @@ fn board_kind(text: &str) -> Result<BoardKind, String> {
         ("core", _) => Ok(BoardKind::Core),
         ("emulated", _) => Ok(BoardKind::Emulated),
         (_, Some(port)) if !port.is_empty() => Ok(BoardKind::Serial(port.to_owned())),
-        _ => Err("must be core, emulated or serial:PORT".to_owned()),
+        _ => match text.strip_prefix("port:") {
+            Some(port) => Ok(BoardKind::Port(port.to_owned())),
+            None if text.starts_with("/dev/") || text.starts_with("COM") => {
+                Ok(BoardKind::Port(text.to_owned()))
+            }
+            None => {
+                Err("must be core, emulated, serial:PORT or a PORT such as /dev/ttyACM0".to_owned())
+            }
+        },
     }
 }
 
 impl BoardArgs {
+    /// The port of a board that samples a muscle of its own.
+    pub(super) fn port(&self) -> Option<&str> {
+        match &self.board {
+            BoardKind::Port(port) => Some(port),
+            _ => None,
+        }
+    }
+
     pub(super) fn open(&self) -> Result<Box<dyn Board>, Failure> {
         let board: Result<Box<dyn Board>, BoardError> = match (&self.board, &self.image) {
             (BoardKind::Core, None) => return Ok(Box::new(CoreBoard::default())),
@@ -45,7 +63,12 @@ impl BoardArgs {
             (BoardKind::Serial(port), None) => {
                 SerialBoard::open(port).map(|board| Box::new(board) as _)
             }
-            (BoardKind::Core | BoardKind::Serial(_), Some(_)) => {
+            (BoardKind::Port(_), None) => {
+                let usage = "a board at a PORT samples a muscle of its own: `thermyo board PORT drive` drives it; \
+                             for the simulated one give serial:PORT, with firmware built with `--features hil`";
+                return Err(Failure::Usage(usage.to_owned()));
+            }
+            (_, Some(_)) => {
                 return Err(Failure::Usage("--image goes with --board emulated only".to_owned()));
             }
         };

@@ -71,6 +71,12 @@ impl From<TruthError> for Failure {
     }
 }
 
+impl From<BoardError> for Failure {
+    fn from(error: BoardError) -> Self {
+        Self::Board(error)
+    }
+}
+
 impl From<MonitorError> for Failure {
     fn from(error: MonitorError) -> Self {
         Self::Monitor(error)

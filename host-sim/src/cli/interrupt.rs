@@ -1,5 +1,5 @@
-//! Ctrl-C: not the end of the program, but a wish that it stops and keeps what it has. Pressed twice, it ends
-//! the program.
+//! Ctrl-C: not the end of the program, but a wish that it stops, keeps what it has and vents what it drives. Pressed
+//! twice, it ends the program: the board then vents by its link's timeout.
 
 use super::failure::STOPPED;
 use std::io;

@@ -3,9 +3,11 @@
 //! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage; 130: stopped by Ctrl-C.
 
 mod board;
+mod calibrate;
 mod compare;
 mod evaluate;
 mod failure;
+mod flashed;
 mod interrupt;
 mod replay;
 mod shell;
@@ -63,14 +65,19 @@ enum Task {
     Replay(replay::ReplayArgs),
     /// Runs over each other: what differs, in pictures and figures
     Compare(compare::CompareArgs),
-    /// Live view and recording of a flashed board; q ends it
+    /// Live view and recording of a board, which it arms and drives too
     Monitor {
-        /// Serial port, such as /dev/ttyUSB0 or COM3
+        /// Serial port, such as /dev/ttyUSB0 or COM3, or "emulated"
         port: String,
         /// Folder for trace.csv and config.json [default: out/monitor]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// A flashed board: asked, armed, driven, configured
+    Board(flashed::BoardCommand),
+    /// The process behind the port "emulated"
+    #[command(name = crate::board::service::TASK, hide = true)]
+    EmulatedBoard(flashed::ServeArgs),
     /// Measures the project's own targets and prints a table of target and figure
     Evaluate(evaluate::EvaluateArgs),
     /// Validates a scenario and prints it with every default filled in
@@ -180,6 +187,8 @@ pub fn run<A: Into<OsString> + Clone>(
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
             monitor_command(&port, &folder, out, err)
         }
+        Task::Board(command) => flashed::run(command, out, err),
+        Task::EmulatedBoard(args) => flashed::serve(&args),
         Task::Evaluate(args) => evaluate::run(&args, out, err),
         Task::Check { scenario, json, quiet } => check_command(&scenario, (json, quiet), out, err),
         Task::Completions { shell } => shell::completions(shell, out),

@@ -1,6 +1,8 @@
 //! `thermyo tune`: its arguments, and what it prints and writes.
 
-use super::{BoardArgs, Failure, OutputArgs, load, print, publish};
+use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish};
+use crate::board::live::LiveBoard;
+use crate::commands::drive::LiveBench;
 use crate::commands::tune;
 use crate::files::output::OutputDir;
 use crate::scenario;
@@ -42,9 +44,19 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     let loaded = load(&args.scenario, stderr)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
-    let mut board = args.board.open()?;
+    let tuned = |args: &TuneArgs| -> Result<tune::Tuned, Failure> {
+        let Some(port) = args.board.port() else {
+            let mut board = args.board.open()?;
+            return Ok(tune::tune(&loaded, &args.scenario, args.max_pressure, board.as_mut())?);
+        };
+        let mut board = LiveBoard::open(port)?;
+        interrupt::watch();
+        let highest_pa = args.max_pressure;
+        let mut bench = LiveBench::new(&mut board, "tune", highest_pa, &interrupt::wanted);
+        Ok(tune::tune_on(&loaded, &args.scenario, highest_pa, &mut bench)?)
+    };
     let mut out = OutputDir::create(&folder)?;
-    let tuned = tune::tune(&loaded, &args.scenario, args.max_pressure, board.as_mut())?;
+    let tuned = tuned(args)?;
     let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     out.text("summary.json", &json)?;

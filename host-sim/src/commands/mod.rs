@@ -1,6 +1,9 @@
 //! What the larger commands do, each a folder that needs no terminal; `cli` has their arguments.
 
+pub mod calibrate;
 pub mod compare;
+#[cfg(feature = "command")]
+pub mod drive;
 pub mod evaluate;
 pub mod identify;
 #[cfg(feature = "command")]

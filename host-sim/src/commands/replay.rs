@@ -1,12 +1,14 @@
 //! Recorded samples through the core again, compared to the bit.
 
 use crate::board::{Board, BoardError};
+use crate::files::board_trace;
 use crate::files::input::InputError;
 use crate::files::table::Table;
 use crate::scenario;
 use crate::scenario::core_config::core_config;
 use crate::simulation::run::{MOST_LATE_STEPS, SetPoints};
 use model_core::control::Mode;
+use model_core::safety::supervisor::VENTING;
 use model_core::{AdcCode, Command, Config, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
 use std::path::Path;
 
@@ -106,14 +108,23 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), In
     let [inlet, outlet, faults] = [column("duty_in")?, column("duty_out")?, column("faults")?];
     let [valid, mode] = [column("estimate_valid")?, column("mode")?];
     let limited = column("limited")?;
+    let told = told_set_points(table)?;
+    let mut held = SetPoint::Vent;
     let rows = (0..steps.len())
         .map(|i| {
             let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
                 estimate.each_ref().map(|values| values[i] as f32);
-            let set_point = match i {
-                0 => Some(drive.at(0.0)),
-                _ => drive.acting_from(i as u64, &loaded),
+            let set_point = match &told {
+                // What vents by a fault, vents by itself.
+                Some(told) if Faults(faults[i] as u16).intersects(VENTING) => {
+                    held = told[i];
+                    None
+                }
+                Some(told) => (i == 0 || told[i] != held).then_some(told[i]),
+                None if i == 0 => Some(drive.at(0.0)),
+                None => drive.acting_from(i as u64, &loaded),
             };
+            held = set_point.unwrap_or(held);
             let telemetry = Telemetry {
                 step: i as u32,
                 sample: Sample {
@@ -143,12 +154,27 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), In
                 },
                 mode: Mode::NAMES.get(mode[i] as usize).map_or(Mode::Judging, |(mode, _)| *mode),
                 limited: limited[i] != 0.0,
+                set_point: held,
                 faults: Faults(faults[i] as u16),
             };
             Row { set_point, telemetry }
         })
         .collect();
     Ok((core_config(&loaded.believed), rows))
+}
+
+/// The set point of every row, where a board has recorded it; a simulated run's follow from its scenario.
+fn told_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError> {
+    if !table.columns().iter().any(|column| column.name == "set_point_kind") {
+        return Ok(None);
+    }
+    let [kinds, values, seconds] =
+        ["set_point_kind", "set_point_value", "set_point_second"].map(|name| table.filled(name));
+    let values = values?.into_iter().zip(seconds?);
+    let told = kinds?.into_iter().zip(values).map(|(kind, (value, second))| {
+        board_trace::set_point(kind as u8, value as f32, second as f32)
+    });
+    Ok(Some(told.collect()))
 }
 
 /// Equal to the bit: a NaN is equal to itself, and the two zeros differ.

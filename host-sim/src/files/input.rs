@@ -2,7 +2,7 @@
 //! allowed.
 
 use std::fmt;
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// A file that cannot be used as it is. Its `Display` is one line:
@@ -306,6 +306,20 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
             Err(InputError::line(path, line, Problem::NotUtf8))
         }
     }
+}
+
+/// Writes a file that does not exist yet, and the folder that it is in.
+///
+/// # Errors
+/// When it exists, or cannot be written.
+pub fn write_new(path: &Path, text: &str) -> Result<(), InputError> {
+    let mut options = std::fs::OpenOptions::new();
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let written = folder
+        .map_or(Ok(()), std::fs::create_dir_all)
+        .and_then(|()| options.write(true).create_new(true).open(path))
+        .and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|error| InputError::output(path, &error))
 }
 
 /// The line, from 1, in which what follows `before` begins.

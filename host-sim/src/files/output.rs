@@ -12,12 +12,13 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// What any command leaves in its folder: the files of one result stay together.
-const RESULTS: [&str; 8] = [
+const RESULTS: [&str; 9] = [
     "summary.json",
     "report.html",
     "trace.csv",
     "scenario.toml",
     "config.json",
+    "profile.csv",
     "sweep.csv",
     "tuned.toml",
     "identified.toml",

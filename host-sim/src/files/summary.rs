@@ -4,6 +4,7 @@ use crate::files::measured::Measured;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::{Ledger, Truth};
 use crate::report::run_report::Controlled;
+use model_core::link::Timing;
 use model_core::sensing::adc::at_rail;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -49,6 +50,9 @@ pub struct Summary {
     /// How well the set point was held, where one was driven.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
+    /// How the steps were timed, where the board is not this process.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingFigures>,
     /// Root-mean-square and largest difference to measured columns, where some were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured: Option<BTreeMap<String, Difference>>,
@@ -126,6 +130,31 @@ pub struct Difference {
     pub max: f64,
 }
 
+/// How a board's steps were timed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TimingFigures {
+    /// Mean time of the core's step \[us\].
+    pub step_mean_us: f64,
+    /// Worst time of the core's step \[us\].
+    pub step_worst_us: f64,
+    /// Worst delay of a start, from the mean one \[us\].
+    pub jitter_worst_us: f64,
+    /// Steps that were left out.
+    pub missed_steps: u32,
+}
+
+impl From<&Timing> for TimingFigures {
+    fn from(timing: &Timing) -> Self {
+        let mean_us = f64::from(timing.jitter_mean_ns) / 1e3;
+        Self {
+            step_mean_us: f64::from(timing.step_mean_ns) / 1e3,
+            step_worst_us: f64::from(timing.step_worst_us),
+            jitter_worst_us: f64::from(timing.jitter_worst_us) - mean_us,
+            missed_steps: timing.missed_steps,
+        }
+    }
+}
+
 /// What the accumulator cannot see by itself.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ending {
@@ -145,6 +174,8 @@ pub struct Ending {
     pub axial_wall_k: Vec<f64>,
     /// Gas temperatures \[K\].
     pub axial_gas_k: Vec<f64>,
+    /// How the board's steps were timed.
+    pub timing: Option<Timing>,
 }
 
 /// Gathers the figures of a run, step by step, in constant memory.
@@ -425,6 +456,7 @@ impl Accumulator {
                 faults: self.faults,
             },
             control,
+            timing: ending.timing.as_ref().map(TimingFigures::from),
             measured,
         }
     }

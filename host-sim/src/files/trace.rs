@@ -144,7 +144,22 @@ impl Row {
 #[derive(Debug)]
 pub struct TraceWriter<W: Write> {
     rows: Rows<W>,
-    line: String,
+}
+
+/// Cells as a line of the file; what nobody knows, NaN, is empty.
+pub fn cells_text(cells: impl IntoIterator<Item = f64>) -> String {
+    let mut line = String::with_capacity(512);
+    let mut buffer = zmij::Buffer::new();
+    for (i, cell) in cells.into_iter().enumerate() {
+        if i > 0 {
+            line.push(',');
+        }
+        if !cell.is_nan() {
+            let text = buffer.format(cell);
+            line.push_str(text.strip_suffix(".0").unwrap_or(text));
+        }
+    }
+    line
 }
 
 impl<W: Write> TraceWriter<W> {
@@ -154,7 +169,7 @@ impl<W: Write> TraceWriter<W> {
     /// What the writer answers.
     pub fn new(out: W) -> io::Result<Self> {
         let rows = Rows::new(out, &COLUMNS.join(","))?;
-        Ok(Self { rows, line: String::with_capacity(512) })
+        Ok(Self { rows })
     }
 
     /// Writes one row.
@@ -162,16 +177,7 @@ impl<W: Write> TraceWriter<W> {
     /// # Errors
     /// What the writer answers.
     pub fn write(&mut self, cells: &[f64; COLUMNS.len()]) -> io::Result<()> {
-        self.line.clear();
-        let mut buffer = zmij::Buffer::new();
-        for (i, cell) in cells.iter().enumerate() {
-            if i > 0 {
-                self.line.push(',');
-            }
-            let text = buffer.format(*cell);
-            self.line.push_str(text.strip_suffix(".0").unwrap_or(text));
-        }
-        self.rows.push(&self.line)
+        self.rows.push(&cells_text(*cells))
     }
 
     /// Every row is where it belongs.

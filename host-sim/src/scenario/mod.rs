@@ -9,6 +9,7 @@ pub mod core_config;
 pub(crate) mod declare;
 mod document;
 mod fault_rules;
+pub mod from_config;
 mod geometry;
 mod load;
 mod number;

@@ -197,6 +197,7 @@ pub fn run(
         ledger: plant.ledger(),
         axial_wall_k: plant.axial_wall_k(),
         axial_gas_k: plant.axial_gas_k(),
+        timing: board.timing()?,
     }))
 }
 
@@ -284,12 +285,13 @@ impl SetPoints {
         anew.then(|| self.at(step as f64 * step_s))
     }
 
-    fn follows_profile(&self) -> bool {
+    /// Whether a profile moves it.
+    pub fn follows_profile(&self) -> bool {
         self.profile.is_some()
     }
 
     /// The value driven, in the drive's own unit; 0 where it has none.
-    fn value(&self, time_s: f64) -> f64 {
+    pub fn value(&self, time_s: f64) -> f64 {
         if let Some(profile) = &self.profile {
             return profile.value(time_s);
         }
@@ -335,7 +337,7 @@ impl SetPoints {
     }
 
     /// The quantity that a loop closes on.
-    fn quantity(&self) -> Option<Controlled> {
+    pub fn quantity(&self) -> Option<Controlled> {
         match self.drive.kind {
             DriveKind::Pressure => Some(Controlled::Pressure),
             DriveKind::Contraction => Some(Controlled::Contraction),

@@ -155,6 +155,16 @@ impl Controller {
         self.target = target;
     }
 
+    /// What it is to do.
+    pub fn target(&self) -> Target {
+        self.target
+    }
+
+    /// Follows no set point beyond this absolute pressure \[Pa\].
+    pub fn limit_to(&mut self, working_limit_pa: f32) {
+        self.working_limit_pa = working_limit_pa;
+    }
+
     /// Vents, in the middle of a PWM period too: venting acts at once.
     pub fn vent(&mut self) {
         self.set(Target::VENT);

@@ -72,6 +72,8 @@ pub enum SetPointField {
     Pressure,
     /// Contraction.
     Contraction,
+    /// Highest pressure for which a core is armed.
+    Armed,
 }
 
 impl SetPointField {
@@ -84,6 +86,7 @@ impl SetPointField {
             Self::Period => "period_s",
             Self::Pressure => "pressure_pa",
             Self::Contraction => "contraction",
+            Self::Armed => "armed_pa",
         }
     }
 }
@@ -106,6 +109,8 @@ pub enum SetPointError {
     },
     /// Faults that vent hold, or are latched.
     Faults(Faults),
+    /// Nobody has armed the core since it started or last vented by a fault.
+    NotArmed,
 }
 
 impl core::fmt::Display for SetPointError {
@@ -115,6 +120,7 @@ impl core::fmt::Display for SetPointError {
                 write!(f, "{} = {value}: must be from {minimum} to {maximum}", field.key())
             }
             Self::Faults(faults) => write!(f, "vents until this is cleared: {faults}"),
+            Self::NotArmed => write!(f, "the board is not armed: arm it first"),
         }
     }
 }

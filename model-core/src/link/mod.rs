@@ -19,7 +19,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 8;
+pub const PROTOCOL: u16 = 9;
 /// Speed of the line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
@@ -48,9 +48,9 @@ pub enum HostCommand {
     Version,
     /// The configuration in use: [`Answer::Config`].
     ReadConfig,
-    /// A whole new configuration: the core starts anew with it, and vents.
+    /// A whole new configuration, without a name: the core starts anew with it, vents, and is not armed.
     Configure(Config),
-    /// The core starts anew with its configuration; the next step is step 0.
+    /// The core starts anew with its configuration, as armed as it is; the next step is step 0.
     Start(SetPoint),
     /// Another set point, from the step on that the reply names.
     Set(SetPoint),
@@ -71,6 +71,22 @@ pub enum HostCommand {
     /// One step on this sample instead of one from the ADC; firmware with the `hil` feature only.
     /// The reply is the step's telemetry.
     Step(Sample),
+    /// Takes set points from now on, as far as they ask for no more than this absolute pressure \[Pa\];
+    /// `None`: as much as the configuration gives. The muscle vents until there is one.
+    Arm {
+        /// \[Pa\]
+        most_pa: Option<f32>,
+    },
+    /// What changes rarely: [`Answer::Status`].
+    Status,
+    /// What the configuration in use is called.
+    Name(Name),
+    /// Keeps the configuration in use, with its name, over the loss of power.
+    Save,
+    /// Forgets what was saved.
+    Forget,
+    /// What happened, the last event first: the one of this number, from 0 on. [`Answer::Event`].
+    History(u8),
 }
 
 /// From the board to the host.
@@ -81,6 +97,8 @@ pub enum Message {
     Telemetry(Telemetry),
     /// Answer to the request of the same sequence number.
     Reply(Reply),
+    /// What changes rarely: whenever it does, and twice a second.
+    Status(Status),
 }
 
 /// An answer and what it belongs to.
@@ -113,6 +131,10 @@ pub enum Answer {
     LastReset(LastReset),
     /// What vented first since faults were last cleared, before the last restart included.
     FirstFailure(Option<FirstFailure>),
+    /// What changes rarely.
+    Status(Status),
+    /// What happened; nothing before the first event that is remembered.
+    Event(Option<Event>),
 }
 
 /// Why a request was not carried out.
@@ -138,6 +160,8 @@ pub enum Refusal {
     SetPoint(SetPointError),
     /// Nobody has told the board its configuration since it started.
     NotConfigured,
+    /// This firmware has no place where it could keep a configuration.
+    NoStore,
 }
 
 impl From<SetPointError> for Refusal {
@@ -167,6 +191,7 @@ impl core::fmt::Display for Refusal {
             Self::NotConfigured => {
                 write!(f, "the board has no configuration since it started: configure it first")
             }
+            Self::NoStore => write!(f, "this firmware cannot save: flash one that can"),
         }
     }
 }
@@ -184,6 +209,97 @@ pub struct Version {
     pub chip: Chip,
     /// Samples come from the host.
     pub hil: bool,
+}
+
+/// What a configuration is called: up to 24 bytes of UTF-8, zeros behind them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub struct Name([u8; 24]);
+
+impl Name {
+    /// No name.
+    pub const NONE: Self = Self([0; 24]);
+
+    /// The name, or as much of it as there is room for.
+    pub fn new(text: &str) -> Self {
+        let mut bytes = [0; 24];
+        let mut end = 0;
+        for character in text.chars() {
+            let Some(place) = bytes.get_mut(end..end + character.len_utf8()) else { break };
+            character.encode_utf8(place);
+            end += character.len_utf8();
+        }
+        Self(bytes)
+    }
+
+    /// As text; empty: it has none.
+    pub fn as_str(&self) -> &str {
+        let end = self.0.iter().position(|&byte| byte == 0).unwrap_or(self.0.len());
+        let bytes = self.0.get(..end).unwrap_or_default();
+        core::str::from_utf8(bytes).unwrap_or_default()
+    }
+}
+
+/// What changes rarely.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Status {
+    /// Number of the step from which on this holds.
+    pub step: u32,
+    /// Restarts of the board that nobody asked for, since power came.
+    pub restarts: u32,
+    /// Starts of the core since the board started: with each of them its steps count from 0 again.
+    pub starts: u32,
+    /// [`checksum`] of the configuration in use.
+    pub config_checksum: u32,
+    /// Where that comes from.
+    pub config_source: ConfigSource,
+    /// What it is called.
+    pub config_name: Name,
+    /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: the board is not armed.
+    pub armed_pa: Option<f32>,
+}
+
+impl Status {
+    /// That of a board that has just started, and has started for the first time since power came.
+    pub const AT_START: Self = Self {
+        step: 0,
+        restarts: 0,
+        starts: 0,
+        config_checksum: 0,
+        config_source: ConfigSource::Defaults,
+        config_name: Name::NONE,
+        armed_pa: None,
+    };
+}
+
+/// Where a configuration comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub enum ConfigSource {
+    /// The core's defaults: the muscle is another one.
+    #[default]
+    Defaults,
+    /// The host, since the board started.
+    Host,
+    /// The board has kept it.
+    Flash,
+}
+
+/// Something that happened to a board.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Event {
+    /// It started.
+    Started(LastReset),
+    /// It vented.
+    Vented(FirstFailure),
+}
+
+/// What tells a configuration from every other one: the CRC-32 of its encoding.
+pub fn checksum(config: &Config) -> u32 {
+    let mut bytes = [0_u8; MAX_PAYLOAD];
+    match postcard::to_slice(config, &mut bytes) {
+        Ok(encoded) => CRC.checksum(encoded),
+        // Every configuration fits, or it would not have come over the link.
+        Err(_) => 0,
+    }
 }
 
 /// Chips that the firmware is built for.
@@ -403,6 +519,7 @@ mod tests {
             command: Command { inlet: Duty::FULL, outlet: Duty::FULL },
             mode: Mode::ContractionHeld,
             limited: true,
+            set_point: SetPoint::Pressure { pressure_pa: value },
             faults: Faults(u16::MAX),
         }
     }
@@ -419,6 +536,34 @@ mod tests {
         let done = Reply { sequence: 255, answer: Answer::Done { step: u32::MAX } };
         let reply = encode(&Message::Reply(done)).unwrap().len();
         assert!((60..=bytes_per_ms - reply).contains(&telemetry), "{telemetry} + {reply} bytes");
+        // Where a set point has two values, the reply comes with the next step's.
+        let cycle = SetPoint::MassFlowCycle { flow_kg_s: f32::NAN, period_s: f32::NAN };
+        let longest = Telemetry { set_point: cycle, ..longest_telemetry() };
+        let telemetry = encode(&Message::Telemetry(longest)).unwrap().len();
+        assert!(telemetry <= bytes_per_ms, "{telemetry} bytes");
+    }
+
+    #[test]
+    fn a_name_is_cut_where_a_character_ends() {
+        for (text, name) in [
+            ("nominal", "nominal"),
+            ("", ""),
+            ("a muscle with a long name", "a muscle with a long nam"),
+            ("a muscle with a long nam\u{e9}", "a muscle with a long nam"),
+            ("a muscle with a long na\u{e9}", "a muscle with a long na"),
+        ] {
+            assert_eq!(Name::new(text).as_str(), name);
+        }
+        assert_eq!(Name([0xff; 24]).as_str(), "", "what is no text is none");
+    }
+
+    #[test]
+    fn a_checksum_tells_configurations_apart() {
+        let config = Config::default();
+        let mut other = config;
+        other.link.timeout_s = f32::from_bits(other.link.timeout_s.to_bits() + 1);
+        assert_eq!(checksum(&config), checksum(&config.clone()));
+        assert_ne!(checksum(&config), checksum(&other));
     }
 
     #[test]
@@ -461,7 +606,16 @@ mod tests {
             Version { protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false };
         let phase = Phase::Stepping;
         let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
-        for (bytes, expected) in [
+        let status = Status {
+            step: 1000,
+            restarts: 2,
+            starts: 3,
+            config_checksum: 0x1234_5678,
+            config_source: ConfigSource::Host,
+            config_name: Name::new("nominal"),
+            armed_pa: Some(pressure_pa),
+        };
+        let (found, expected): (Vec<String>, Vec<&str>) = [
             (request(HostCommand::Version), "0207053884980e00"),
             (
                 request(HostCommand::Set(SetPoint::Pressure { pressure_pa })),
@@ -472,22 +626,28 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807070a4eb09a5500"),
             (request(HostCommand::Alive), "07070bb05d4a9900"),
             (request(HostCommand::Step(sample)), "0a070cda3cce7ccdb90102010105a67c65cf00"),
-            (answer(Answer::Version(version)), "03010702080201010105fcec58af00"),
+            (answer(Answer::Version(version)), "03010702090201010105593f046400"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
                 answer(Answer::LastReset(LastReset::Panic { line: 300, phase })),
                 "0c01070502ac0203b534aa3f00",
             ),
+            (request(HostCommand::Arm { most_pa: Some(pressure_pa) }), "04070d0108247448f24025d500"),
+            (request(HostCommand::Save), "0707105c942f1300"),
+            (request(HostCommand::History(1)), "08071201d28ffdf500"),
+            (hex(encode(&Message::Status(status)).unwrap()), "1302e8070203f8acd19101016e6f6d696e616c01010101010101010101010101010101020108247448a05ee7b800"),
+            (answer(Answer::Event(Some(Event::Vented(failure)))), "080107080101800809247448097926dc5800"),
             (answer(Answer::FirstFailure(Some(failure))), "07010706018008092474480992e1f4ae00"),
-        ] {
-            assert_eq!(bytes, expected);
-        }
+        ]
+        .into_iter()
+        .unzip();
+        assert_eq!(found, expected);
         // The long ones by their checksum.
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (304, 1_412_867_060)), (encode(&telemetry), (73, 4_047_776_586))]
+            [(encode(&config), (304, 1_412_867_060)), (encode(&telemetry), (78, 3_172_555_875))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
@@ -610,6 +770,7 @@ mod tests {
                 },
                 mode: Mode::Pressure,
                 limited: true,
+                set_point: SetPoint::Duty { inlet: f[0], outlet: f[1] },
                 faults: Faults(faults),
             };
             let frame = encode(&Message::Telemetry(telemetry)).unwrap();

@@ -24,7 +24,8 @@
 //!
 //! While the pressure is not to be trusted there is no estimate.
 //!
-//! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone. Another
+//! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone; a lost link also by arming
+//! the core again. What vents disarms the core. Another
 //! configuration or another start of the core is no way round: the supervisor outlives both, and
 //! after each of them the muscle vents for the 50 ms that it takes to judge the sensors.
 
@@ -51,7 +52,7 @@ const LATCHING: Faults = Faults::EMERGENCY_STOP
     .with(Faults::NO_OUTFLOW)
     .with(Faults::FORCE);
 /// Faults that vent.
-const VENTING: Faults = LATCHING.with(Faults::NOT_CONFIGURED);
+pub const VENTING: Faults = LATCHING.with(Faults::NOT_CONFIGURED);
 
 /// The first fault that vented, and what held with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -231,6 +232,17 @@ impl Supervisor {
     /// Faults for which the muscle must vent.
     pub fn venting(&self) -> Faults {
         self.faults().of(VENTING)
+    }
+
+    /// Vents above this absolute pressure \[Pa\].
+    pub fn limit_to(&mut self, pressure_pa: f32) {
+        self.limits.pressure_pa = pressure_pa;
+    }
+
+    /// Forgets that the host was silent, if it no longer is.
+    pub fn forget_link(&mut self) {
+        let lost = Faults(Faults::LINK_LOST.0 & !self.present.0);
+        self.latched = Faults(self.latched.0 & !lost.0);
     }
 
     /// Forgets the latched faults whose cause is gone.

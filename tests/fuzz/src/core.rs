@@ -102,6 +102,15 @@ impl Life {
                 self.set_point = SetPoint::Vent;
                 self.latched = self.core.supervisor().latched();
             }
+            6 => {
+                let armed = self.core.arm(None).is_ok();
+                self.same(armed == flushed(|| self.flushed.arm(None)).is_ok());
+                if armed {
+                    self.let_go();
+                    self.set_point = SetPoint::Vent;
+                }
+                self.latched = self.core.supervisor().latched();
+            }
             4 => {
                 let config = config::from_bytes(bytes);
                 self.restart(&config, set_point(bytes, &config));
@@ -130,7 +139,8 @@ impl Life {
         self.same(taken == flushed(|| other.set(set_point)).is_ok());
         self.core.restart_as(core);
         flushed(|| self.flushed.restart_as(other));
-        self.set_point = if taken { set_point } else { SetPoint::Vent };
+        let driven = taken && self.core.armed_pa().is_some();
+        self.set_point = if driven { set_point } else { SetPoint::Vent };
         self.both_steps = 0;
     }
 

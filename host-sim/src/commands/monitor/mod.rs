@@ -3,18 +3,18 @@
 //! The session asks the board and records what it says; the view draws what the session knows. A
 //! board that is unplugged is waited for, and asked again when it is back.
 
-mod record;
 mod session;
 mod view;
 
-pub use record::Recorder;
-pub use session::{Session, Status, Told};
+pub use crate::files::board_trace::Recorder;
+pub use session::{MOVE_PA, Session, Status, Told};
 pub use view::draw;
 
 use crate::board::BoardError;
 use crate::files::input::InputError;
 use crate::files::output::OutputDir;
-use ratatui::crossterm::event::{self, Event, KeyCode};
+use crate::scenario::{self, from_config};
+use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use std::io;
 use std::time::{Duration, Instant};
 
@@ -38,7 +38,8 @@ pub enum MonitorError {
     Terminal(io::Error),
 }
 
-/// Shows and records until `q` or Esc is pressed; `config.json` in `out` says what the board was told.
+/// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents what is driven; `config.json` in `out` says
+/// what the board was told, `scenario.toml` what it was told last.
 ///
 /// # Errors
 /// [`MonitorError`]; the rows until then are recorded.
@@ -46,6 +47,7 @@ pub fn run(session: &mut Session, out: &mut OutputDir) -> Result<(), MonitorErro
     let mut terminal = ratatui::try_init().map_err(MonitorError::Terminal)?;
     let outcome = watch(session, out, &mut terminal);
     ratatui::restore();
+    session.let_go();
     outcome.and(session.finish())
 }
 
@@ -62,24 +64,49 @@ fn watch(
             written = session.told().len();
             let json = serde_json::to_string_pretty(session.told()).expect("plain data") + "\n";
             out.text("config.json", &json)?;
+            // A configuration that no scenario may have is in the other file all the same.
+            if let Ok(said) = from_config::say(&session.config()) {
+                out.text("scenario.toml", &scenario::render(&said.scenario))?;
+            }
         }
         if shown.is_none_or(|at| at.elapsed() >= FRAME) {
             shown = Some(Instant::now());
             terminal.draw(|frame| draw(frame, session)).map_err(MonitorError::Terminal)?;
         }
-        if quit().map_err(MonitorError::Terminal)? {
-            return Ok(());
+        match key().map_err(MonitorError::Terminal)? {
+            Some(Key::Leave) => return Ok(()),
+            Some(Key::Vent) => session.vent(),
+            Some(Key::Arm) => session.arm(),
+            Some(Key::Move(steps)) => session.move_set_point(steps * MOVE_PA),
+            None => (),
         }
     }
 }
 
-/// Whether the user wants to leave.
-fn quit() -> io::Result<bool> {
+/// What the user wants.
+enum Key {
+    Leave,
+    Vent,
+    Arm,
+    /// Another set point, by so many steps.
+    Move(f32),
+}
+
+fn key() -> io::Result<Option<Key>> {
     if !event::poll(Duration::ZERO)? {
-        return Ok(false);
+        return Ok(None);
     }
-    Ok(matches!(
-        event::read()?,
-        Event::Key(key) if matches!(key.code, KeyCode::Char('q') | KeyCode::Esc)
-    ))
+    let Event::Key(key) = event::read()? else { return Ok(None) };
+    let control = key.modifiers.contains(KeyModifiers::CONTROL);
+    Ok(match key.code {
+        KeyCode::Char('c') if control => Some(Key::Leave),
+        KeyCode::Char('q') | KeyCode::Esc => Some(Key::Leave),
+        KeyCode::Char(' ') => Some(Key::Vent),
+        KeyCode::Char('a') => Some(Key::Arm),
+        KeyCode::Up => Some(Key::Move(1.0)),
+        KeyCode::Down => Some(Key::Move(-1.0)),
+        KeyCode::Right => Some(Key::Move(5.0)),
+        KeyCode::Left => Some(Key::Move(-5.0)),
+        _ => None,
+    })
 }

@@ -2,13 +2,13 @@
 
 use super::{MonitorError, Recorder};
 use crate::board::link::Link;
-use crate::board::{BoardError, serial};
+use crate::board::port::Port;
+use crate::board::{BoardError, port, serial};
 use model_core::control::Mode;
-use model_core::link::{Answer, HostCommand, LastReset, PROTOCOL, Timing, Version};
+use model_core::link::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing, Version};
 use model_core::safety::supervisor::FirstFailure;
-use model_core::{Config, Telemetry};
+use model_core::{Config, SetPoint, Telemetry};
 use serde::Serialize;
-use serialport::SerialPort;
 use std::collections::VecDeque;
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -19,6 +19,12 @@ const RETRY: Duration = Duration::from_millis(500);
 const SILENCE: Duration = Duration::from_secs(2);
 /// Telemetry is asked for once per this many steps: 100 Hz.
 const DIVIDER: u16 = 10;
+/// Time between two words of a host that has nothing to ask: a fraction of `link.timeout_s`.
+const ALIVE: Duration = Duration::from_millis(100);
+/// Questions whose answers are looked for: those of some seconds, fewer than there are sequence numbers.
+const OPEN_QUESTIONS: usize = 64;
+/// The pressure's set point is moved by multiples of this \[Pa\].
+pub const MOVE_PA: f32 = 5.0e3;
 /// Points that the plot keeps.
 const HISTORY: usize = 6000;
 
@@ -45,7 +51,7 @@ pub struct Told {
 /// A monitor's session with one port.
 pub struct Session {
     name: String,
-    port: Option<Box<dyn SerialPort>>,
+    port: Option<Box<dyn Port>>,
     link: Link,
     recorder: Recorder,
     told: Vec<Told>,
@@ -59,6 +65,9 @@ pub struct Session {
     heard: Instant,
     connections: u32,
     history: VecDeque<Telemetry>,
+    wanted: Option<f32>,
+    said: Instant,
+    refused: Option<Refusal>,
 }
 
 impl Session {
@@ -70,7 +79,7 @@ impl Session {
         let now = Instant::now();
         Ok(Self {
             name: name.to_owned(),
-            port: Some(serial::open(name)?),
+            port: Some(port::open(name)?),
             link: Link::default(),
             recorder,
             told: Vec::new(),
@@ -84,6 +93,9 @@ impl Session {
             heard: now,
             connections: 1,
             history: VecDeque::new(),
+            wanted: None,
+            said: now,
+            refused: None,
         })
     }
 
@@ -111,7 +123,9 @@ impl Session {
             if telemetry.mode == Mode::Judging {
                 continue;
             }
-            self.recorder.write(&config, &telemetry).map_err(MonitorError::Recording)?;
+            let status = self.link.status();
+            let written = self.recorder.write(&config, status.as_ref(), &telemetry);
+            written.map_err(MonitorError::Recording)?;
             self.history.push_back(telemetry);
             if self.history.len() > HISTORY {
                 self.history.pop_front();
@@ -119,8 +133,61 @@ impl Session {
         }
         if self.asked.is_none_or(|at| at.elapsed() > RETRY) {
             self.ask();
+        } else if self.said.elapsed() > ALIVE {
+            self.send(HostCommand::Alive);
         }
         Ok(())
+    }
+
+    fn send(&mut self, command: HostCommand) {
+        self.said = Instant::now();
+        let (sequence, frame) = self.link.request(command);
+        self.questions.push(sequence);
+        if let Some(port) = &mut self.port
+            && port.write_all(&frame).is_err()
+        {
+            self.port = None;
+        }
+    }
+
+    /// Vents.
+    pub fn vent(&mut self) {
+        self.wanted = None;
+        self.send(HostCommand::Stop);
+    }
+
+    /// Vents what is driven: nobody looks after it any more.
+    pub fn let_go(&mut self) {
+        if self.history.back().is_some_and(|telemetry| telemetry.set_point != SetPoint::Vent) {
+            self.vent();
+        }
+    }
+
+    /// Arms the board, as far as its configuration allows.
+    pub fn arm(&mut self) {
+        (self.wanted, self.refused) = (None, None);
+        self.send(HostCommand::Arm { most_pa: None });
+    }
+
+    /// Moves the pressure's set point, from what is measured if there is none \[Pa\].
+    pub fn move_set_point(&mut self, by_pa: f32) {
+        let Some(telemetry) = self.history.back() else { return };
+        let config = self.config();
+        let from_pa = self.wanted.unwrap_or(telemetry.pressure_pa);
+        let to_pa = ((from_pa + by_pa) / MOVE_PA).round() * MOVE_PA;
+        let pressure_pa = to_pa.clamp(config.ambient.pressure_pa, config.working_limit_pa());
+        (self.wanted, self.refused) = (Some(pressure_pa), None);
+        self.send(HostCommand::Set(SetPoint::Pressure { pressure_pa }));
+    }
+
+    /// Why the board did not do what was asked last.
+    pub fn refused(&self) -> Option<Refusal> {
+        self.refused
+    }
+
+    /// What the board has said last of what changes rarely.
+    pub fn told_status(&self) -> Option<model_core::link::Status> {
+        self.link.status()
     }
 
     fn reopen(&mut self) {
@@ -129,7 +196,7 @@ impl Session {
             return;
         }
         self.tried = Instant::now();
-        if let Ok(port) = serial::open(&self.name) {
+        if let Ok(port) = port::open(&self.name) {
             self.port = Some(port);
             // Half a frame may have been lost, and the board may have started anew.
             self.link = Link::default();
@@ -141,7 +208,8 @@ impl Session {
 
     fn ask(&mut self) {
         self.asked = Some(Instant::now());
-        self.questions.clear();
+        // What was asked long ago is not answered any more.
+        self.questions.drain(..self.questions.len().saturating_sub(OPEN_QUESTIONS));
         for command in [
             HostCommand::Version,
             HostCommand::ReadConfig,
@@ -150,13 +218,7 @@ impl Session {
             HostCommand::TelemetryDivider(DIVIDER),
             HostCommand::Timing,
         ] {
-            let (sequence, frame) = self.link.request(command);
-            self.questions.push(sequence);
-            if let Some(port) = &mut self.port
-                && port.write_all(&frame).is_err()
-            {
-                self.port = None;
-            }
+            self.send(command);
         }
     }
 
@@ -166,11 +228,17 @@ impl Session {
                 Some(Answer::Version(version)) if version.protocol != PROTOCOL => {
                     return Err(BoardError::Protocol { board: version.protocol });
                 }
+                Some(Answer::Version(version)) if version.hil => {
+                    return Err(BoardError::Hil { chip: version.chip });
+                }
                 Some(Answer::Version(version)) => self.version = Some(version),
                 Some(Answer::Config(config)) => self.take_config(config),
                 Some(Answer::LastReset(last_reset)) => self.last_reset = Some(last_reset),
                 Some(Answer::FirstFailure(first)) => self.first_failure = first,
                 Some(Answer::Timing(timing)) => self.timing = Some(timing),
+                Some(Answer::Refused(refusal)) => {
+                    (self.wanted, self.refused) = (None, Some(refusal))
+                }
                 _ => (),
             }
         }

@@ -1,108 +1,150 @@
-//! One picture of a session.
+//! One picture of a session. It fits a terminal of 80 by 24.
 
 use super::{Session, Status};
+use crate::files::board_trace::kind_and_values;
 use model_core::control::Mode;
 use model_core::link::LastReset;
 use model_core::sensing::Sensing;
-use model_core::{Faults, Telemetry};
+use model_core::{Faults, SetPoint, Telemetry};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::Line;
-use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph};
+use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Wrap};
 
 /// Draws the session.
 pub fn draw(frame: &mut Frame, session: &Session) {
-    let [head, gauges, plot] =
-        Layout::vertical([Constraint::Length(5), Constraint::Length(12), Constraint::Min(8)])
-            .areas(frame.area());
+    let [head, muscle, plot, keys] = Layout::vertical([
+        Constraint::Length(6),
+        Constraint::Length(8),
+        Constraint::Min(8),
+        Constraint::Length(1),
+    ])
+    .areas(frame.area());
     draw_head(frame, head, session);
     if let Some(telemetry) = session.history().back() {
-        draw_gauges(frame, gauges, session, telemetry);
+        draw_muscle(frame, muscle, session, telemetry);
         draw_plot(frame, plot, session);
     }
+    let help = "space vents   a arms   arrows move the pressure   Ctrl-C vents and leaves";
+    frame.render_widget(Paragraph::new(help).style(Style::new().fg(Color::DarkGray)), keys);
 }
 
 fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
-    let status = match session.status() {
-        Status::Connected => Line::styled("connected", Color::Green),
-        Status::Silent => Line::styled("no telemetry: is the firmware flashed?", Color::Yellow),
-        Status::Unplugged => Line::styled("unplugged: waiting for it to come back", Color::Red),
+    let (status, color) = match session.status() {
+        Status::Connected => ("connected", Color::Green),
+        Status::Silent => ("no telemetry: is the firmware flashed?", Color::Yellow),
+        Status::Unplugged => ("unplugged: waiting for it to come back", Color::Red),
     };
     let board = session.version().map_or(String::new(), |version| {
         let [major, minor, patch] = version.firmware;
-        format!("{:?}, firmware {major}.{minor}.{patch}", version.chip)
+        format!(", {:?}, firmware {major}.{minor}.{patch}", version.chip)
+    });
+    let told = session.told_status().map_or(String::new(), |status| {
+        let armed = match status.armed_pa {
+            Some(pa) => format!("armed up to {:.0} kPa", pa / 1e3),
+            None => "not armed".to_owned(),
+        };
+        let name = status.config_name.as_str().to_owned();
+        format!("{armed}; configuration {name} {:08x}", status.config_checksum)
     });
     let restart = match session.last_reset() {
-        None | Some(LastReset::Power) => String::new(),
-        Some(reason) => format!("last restart: {reason:?}"),
+        None | Some(LastReset::Power) => None,
+        Some(reason) => Some(format!("last restart: {reason:?}")),
     };
-    let first = session.first_failure().map_or(String::new(), |first| {
+    let first = session.first_failure().map(|first| {
         let bar = first.pressure_pa / 1.0e5;
         format!("first failure: {} at {bar:.2} bar, step {}", first.faults, first.step)
     });
+    let refused = session.refused().map(|refusal| format!("refused: {refusal}"));
+    let event = refused.or(first).or(restart).unwrap_or_default();
     let timing = session.timing().map_or(String::new(), |timing| {
         format!(
-            "step {:.0} us mean, {} us worst; start {} us late at worst; {} missed, {} dropped, {} malformed, {} flooded",
+            "step {:.0}/{} us, start {} us late; {} missed, {} dropped, {} malformed",
             f64::from(timing.step_mean_ns) / 1000.0,
             timing.step_worst_us,
             timing.jitter_worst_us,
             timing.missed_steps,
             timing.dropped_telemetry,
             timing.malformed_frames,
-            timing.dropped_requests,
         )
     });
-    let title = format!(" thermyo monitor {} - {} rows - q quits ", session.port(), session.rows());
-    let lines = vec![status, Line::raw(format!("{board}  {restart}  {first}")), Line::raw(timing)];
+    let title = format!(" thermyo monitor {} - {} rows ", session.port(), session.rows());
+    let lines = vec![
+        Line::styled(format!("{status}{board}"), color),
+        Line::raw(told),
+        Line::styled(event, Color::Yellow),
+        Line::raw(timing),
+    ];
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
 }
 
-fn draw_gauges(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Telemetry) {
+/// A quantity: its name, its share of the range, what is written beside it.
+type Row = (&'static str, f32, String);
+
+fn draw_muscle(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Telemetry) {
     let sensors = session.config().sensors;
-    let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-    let mode = mode.map_or("", |(_, name)| name);
-    let limited = if telemetry.limited { ", limited" } else { "" };
-    let faults = if telemetry.faults == Faults::NONE {
-        "no fault".to_owned()
-    } else {
-        telemetry.faults.to_string()
-    };
-    let faults = format!("{mode}{limited}: {faults}");
     let (pressure, length) = (telemetry.pressure_pa, telemetry.length_m);
     let (inlet, outlet) = (telemetry.command.inlet.share(), telemetry.command.outlet.share());
-    let gauges = [
+    let wanted = wanted(telemetry.set_point);
+    let rows: [Row; 4] = [
         ("pressure", pressure / sensors.pressure.range_pa, format!("{:.1} kPa", pressure / 1e3)),
         ("length", length / sensors.length.range_m, format!("{:.1} mm", length * 1e3)),
         ("inlet", inlet, format!("{:.1} %", inlet * 100.0)),
         ("outlet", outlet, format!("{:.1} %", outlet * 100.0)),
     ];
-    let rows = Layout::vertical([Constraint::Length(2); 6]).split(area);
-    for ((name, ratio, label), &row) in gauges.into_iter().zip(rows.iter()) {
-        let [name_area, gauge_area] =
-            Layout::horizontal([Constraint::Length(10), Constraint::Min(10)]).areas(row);
+    let areas = Layout::vertical([Constraint::Length(1); 8]).split(area);
+    for ((name, ratio, label), &row) in rows.into_iter().zip(areas.iter()) {
+        let [name_area, gauge_area, wanted_area] = Layout::horizontal([
+            Constraint::Length(10),
+            Constraint::Min(10),
+            Constraint::Length(28),
+        ])
+        .areas(row);
         frame.render_widget(Paragraph::new(name), name_area);
         let gauge = Gauge::default()
             .ratio(f64::from(ratio).clamp(0.0, 1.0))
             .label(label)
             .gauge_style(Style::new().fg(Color::Cyan).bg(Color::DarkGray));
-        frame.render_widget(gauge, Rect { height: 1, ..gauge_area });
+        frame.render_widget(gauge, gauge_area);
+        if name == "pressure" {
+            frame.render_widget(Paragraph::new(format!(" set point {wanted}")), wanted_area);
+        }
     }
-    if let (Some(&estimate_row), Some(&fault_row)) = (rows.get(4), rows.get(5)) {
-        let estimate = &telemetry.estimate;
-        let text = format!(
-            "gas {:.2} K +- {:.2}{}, wall {:.2} K, sensor {:.2} K, lag {:.2} s",
-            estimate.gas_k,
-            estimate.gas_sd_k,
-            if estimate.valid { "" } else { " (not to be relied on)" },
-            estimate.wall_k,
-            estimate.sensor_k,
-            estimate.sensor_lag_s
-        );
-        frame.render_widget(Paragraph::new(text), estimate_row);
-        let color = if telemetry.faults == Faults::NONE { Color::Green } else { Color::Red };
-        frame.render_widget(Paragraph::new(faults).style(color), fault_row);
+    let estimate = &telemetry.estimate;
+    let reading_k = Sensing::new(&session.config()).gas_k(telemetry.sample.gas);
+    let doubt = if estimate.valid { "" } else { " (not to be relied on)" };
+    let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
+    let mode = mode.map_or("", |(_, name)| name);
+    let limited = if telemetry.limited { ", limited" } else { "" };
+    let (faults, color) = match telemetry.faults {
+        Faults::NONE => ("no fault".to_owned(), Color::Green),
+        faults => (faults.to_string(), Color::Red),
+    };
+    let lines = vec![
+        Line::raw(format!(
+            "gas {:.2} +- {:.2} K{doubt}, sensor {reading_k:.2} K, wall {:.2} K",
+            estimate.gas_k, estimate.gas_sd_k, estimate.wall_k,
+        )),
+        Line::styled(format!("{mode}{limited}: {faults}"), color),
+    ];
+    // Many faults take two lines.
+    if let (Some(&from), Some(&to)) = (areas.get(4), areas.get(7)) {
+        let rest = Rect { height: to.bottom() - from.y, ..from };
+        frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), rest);
+    }
+}
+
+fn wanted(set_point: SetPoint) -> String {
+    let (_, value, second) = kind_and_values(set_point);
+    match set_point {
+        SetPoint::Vent => "none: it vents".to_owned(),
+        SetPoint::Pressure { .. } => format!("{:.1} kPa", value / 1e3),
+        SetPoint::Contraction { .. } => format!("{:.1} %", value * 100.0),
+        SetPoint::MassFlow { .. } => format!("{:.3} g/s", value * 1e3),
+        SetPoint::MassFlowCycle { .. } => format!("{:.3} g/s, {second:.1} s", value * 1e3),
+        SetPoint::Duty { .. } => format!("{:.0} %, {:.0} %", value * 100.0, second * 100.0),
     }
 }
 

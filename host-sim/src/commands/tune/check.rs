@@ -1,7 +1,6 @@
 //! The same short motion before and after: whether the tuned values move the muscle better.
 
-use super::experiment::{Record, record};
-use crate::board::Board;
+use super::experiment::{Bench, Record, record};
 use crate::scenario::{DriveKind, Loaded};
 use crate::simulation::run::RunError;
 use serde::Serialize;
@@ -52,7 +51,7 @@ pub fn check(
     loaded: &Loaded,
     [from, to]: [f64; 2],
     rest_m: f64,
-    board: &mut dyn Board,
+    bench: &mut dyn Bench,
 ) -> Result<Checked, RunError> {
     let (middle, amplitude) = (f64::midpoint(from, to), AMPLITUDE * (to - from));
     let sine_end_s = BEFORE_S + PERIODS / SINE_HZ;
@@ -65,7 +64,7 @@ pub fn check(
         let start_s = sine_end_s + i as f64 * HOLD_S;
         profile.extend([(start_s + 0.001, *value), (start_s + HOLD_S, *value)]);
     }
-    let records = record(loaded, DriveKind::Contraction, profile, board)?;
+    let records = record(loaded, DriveKind::Contraction, profile, bench)?;
     let contraction = |record: &Record| 1.0 - record.length_m / rest_m;
     let within = |from_s: f64, to_s: f64| {
         records.iter().filter(move |record| (from_s..to_s).contains(&record.time_s))

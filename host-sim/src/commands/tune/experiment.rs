@@ -9,14 +9,14 @@
 //! Nothing but telemetry is looked at: what any board gives.
 
 use super::Refusal;
-use crate::board::Board;
+use crate::board::{Board, BoardError};
 use crate::files::trace::Row;
 use crate::scenario::{DriveKind, Loaded};
 use crate::simulation::run::{self, RunError};
 use model_core::config::{Config, Load};
 use model_core::control::contractions;
 use model_core::physics::chamber::{AnyChamber, Chamber};
-use model_core::{Faults, Telemetry};
+use model_core::{Faults, SetPoint, Telemetry};
 use std::ops::Range;
 
 /// Highest absolute pressure of an experiment where none is stated \[Pa\].
@@ -89,6 +89,47 @@ impl Record {
     }
 }
 
+/// What an experiment is carried out on: a board with a simulated muscle, or with one of its own.
+pub trait Bench {
+    /// Drives a scenario from its beginning to its end; the telemetry of every step is shown, with its set point
+    /// in the drive's unit.
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    fn drive(
+        &mut self,
+        driven: &Loaded,
+        each: &mut dyn FnMut(&Telemetry, f64),
+    ) -> Result<(), RunError>;
+
+    /// Vents.
+    ///
+    /// # Errors
+    /// When the board does not answer.
+    fn vent(&mut self, config: &Config) -> Result<(), BoardError>;
+}
+
+/// A board that is given the samples of a simulated muscle, step by step.
+pub struct Simulated<'a>(pub &'a mut dyn Board);
+
+impl Bench for Simulated<'_> {
+    fn drive(
+        &mut self,
+        driven: &Loaded,
+        each: &mut dyn FnMut(&Telemetry, f64),
+    ) -> Result<(), RunError> {
+        let mut observer = |row: &Row| {
+            each(&row.telemetry, row.set_point);
+            Ok(())
+        };
+        run::run(driven, self.0, None, &mut observer).map(drop)
+    }
+
+    fn vent(&mut self, config: &Config) -> Result<(), BoardError> {
+        self.0.start(config, SetPoint::Vent)
+    }
+}
+
 /// Runs a set-point profile and records every step.
 ///
 /// # Errors
@@ -97,16 +138,14 @@ pub fn record(
     loaded: &Loaded,
     kind: DriveKind,
     profile: Vec<(f64, f64)>,
-    board: &mut dyn Board,
+    bench: &mut dyn Bench,
 ) -> Result<Vec<Record>, RunError> {
     let driven = loaded.driven(kind, profile);
     let step_s = driven.plant.run.step_s;
     let mut records = Vec::new();
-    let mut observer = |row: &Row| {
-        records.push(Record::new(&row.telemetry, row.set_point, step_s));
-        Ok(())
-    };
-    run::run(&driven, board, None, &mut observer)?;
+    bench.drive(&driven, &mut |telemetry, set_point| {
+        records.push(Record::new(telemetry, set_point, step_s));
+    })?;
     Ok(records)
 }
 

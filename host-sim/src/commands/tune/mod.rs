@@ -19,7 +19,7 @@ mod regression;
 mod valve;
 
 pub use check::Figures;
-pub use experiment::HIGHEST_PA;
+pub use experiment::{Bench, HIGHEST_PA, Simulated};
 pub use findings::{Findings, Parameter};
 pub use page::{check_chart, page};
 
@@ -34,7 +34,7 @@ use check::Checked;
 use experiment::{Plan, Record, during};
 use force::Force;
 use gains::{Basis, Gains, Noise};
-use model_core::{Faults, SetPoint};
+use model_core::Faults;
 use std::path::Path;
 use valve::{Direction, Gas};
 
@@ -196,8 +196,7 @@ pub struct Tuned {
     after: Checked,
 }
 
-/// Runs the experiment for a scenario, fits, and checks. `file` is what messages call the scenario;
-/// no more than `highest_pa` is asked for. The board is left venting.
+/// [`tune_on`] a board with a simulated muscle.
 ///
 /// # Errors
 /// [`TuneError`]
@@ -206,6 +205,20 @@ pub fn tune(
     file: &Path,
     highest_pa: f64,
     board: &mut dyn Board,
+) -> Result<Tuned, TuneError> {
+    tune_on(loaded, file, highest_pa, &mut Simulated(board))
+}
+
+/// Runs the experiment for a scenario, fits, and checks. `file` is what messages call the scenario;
+/// no more than `highest_pa` is asked for. The board is left venting.
+///
+/// # Errors
+/// [`TuneError`]
+pub fn tune_on(
+    loaded: &Loaded,
+    file: &Path,
+    highest_pa: f64,
+    bench: &mut dyn Bench,
 ) -> Result<Tuned, TuneError> {
     let refused = |why: &str| {
         let kind = loaded.plant.plant.kind.word();
@@ -228,9 +241,9 @@ pub fn tune(
     };
     let config = core_config(&loaded.believed);
     let plan = Plan::new(&config, highest_pa)?;
-    let result = tried(loaded, plan, (chamber.rest_length(), tunable), board);
+    let result = tried(loaded, plan, (chamber.rest_length(), tunable), bench);
     // Whatever happened, the muscle is not left under pressure.
-    let vented = board.start(&config, SetPoint::Vent);
+    let vented = bench.vent(&config);
     let tuned = result?;
     vented.map_err(RunError::Board)?;
     Ok(tuned)
@@ -240,10 +253,10 @@ fn tried(
     loaded: &Loaded,
     plan: Plan,
     (rest_m, tunable): (f64, Tunable),
-    board: &mut dyn Board,
+    bench: &mut dyn Bench,
 ) -> Result<Tuned, TuneError> {
     let config = core_config(&loaded.believed);
-    let records = experiment::record(loaded, DriveKind::Pressure, plan.profile.clone(), board)?;
+    let records = experiment::record(loaded, DriveKind::Pressure, plan.profile.clone(), bench)?;
     let contractions = good_enough(&records, &plan, rest_m)?;
     let force = force::fit(&records, &plan, &config)?;
 
@@ -282,8 +295,8 @@ fn tried(
     let parameters = parts.parameters();
     adopt(&mut scenario, &parameters)?;
 
-    let before = check::check(loaded, contractions, rest_m, board)?;
-    let after = check::check(&scenario, contractions, rest_m, board)?;
+    let before = check::check(loaded, contractions, rest_m, bench)?;
+    let after = check::check(&scenario, contractions, rest_m, bench)?;
     let rms = |checked: &Checked| checked.figures.sine_rms_percent;
     if rms(&after) > WORSE_PERCENT.max(WORSE * rms(&before)) {
         return Err(Refusal::Worse { before: rms(&before), after: rms(&after) }.into());

@@ -1,16 +1,75 @@
-//! `trace.csv` of a real board: the columns of every trace, empty where only a plant would know, and
-//! behind them what `thermyo replay` needs.
+//! `trace.csv` of a real board: the columns of every trace, empty where only a plant would know, and behind them
+//! what was told to the core.
 
 use crate::files::rows::Rows;
+use crate::files::trace::{COLUMNS, Row, cells_text};
+use crate::plant::Truth;
+use crate::scenario::from_config::short;
+use model_core::link::Status;
 use model_core::sensing::Sensing;
-use model_core::{Config, Telemetry};
+use model_core::{Config, SetPoint, Telemetry};
 use std::fs::File;
 use std::io::{self, Write};
 
-const HEADER: &str = "time_s,pressure_pa,volume_m3,length_m,mass_kg,flow_in_kg_s,flow_out_kg_s,\
-gas_temperature_k,wall_temperature_k,sensor_gas_k,sensor_wall_k,estimate_k,estimate_sd_k,duty_in,\
-duty_out,step,code_pressure,code_gas,code_length,emergency_stop,wall_estimate_k,\
-sensor_estimate_k,heat_scale,sensor_lag_s,faults";
+/// Columns behind those of every trace. The set point's kind is its place in [`kind_and_values`].
+pub const MORE_COLUMNS: [&str; 7] = [
+    "set_point_kind",
+    "set_point_value",
+    "set_point_second",
+    "armed_pa",
+    "restarts",
+    "starts",
+    "config_checksum",
+];
+
+/// A set point as a kind and the values that it has.
+pub fn kind_and_values(set_point: SetPoint) -> (u8, f32, f32) {
+    match set_point {
+        SetPoint::Vent => (0, 0.0, 0.0),
+        SetPoint::Duty { inlet, outlet } => (1, inlet, outlet),
+        SetPoint::MassFlow { flow_kg_s } => (2, flow_kg_s, 0.0),
+        SetPoint::MassFlowCycle { flow_kg_s, period_s } => (3, flow_kg_s, period_s),
+        SetPoint::Pressure { pressure_pa } => (4, pressure_pa, 0.0),
+        SetPoint::Contraction { contraction } => (5, contraction, 0.0),
+    }
+}
+
+/// The set point of a kind and its values.
+pub fn set_point(kind: u8, value: f32, second: f32) -> SetPoint {
+    match kind {
+        1 => SetPoint::Duty { inlet: value, outlet: second },
+        2 => SetPoint::MassFlow { flow_kg_s: value },
+        3 => SetPoint::MassFlowCycle { flow_kg_s: value, period_s: second },
+        4 => SetPoint::Pressure { pressure_pa: value },
+        5 => SetPoint::Contraction { contraction: value },
+        _ => SetPoint::Vent,
+    }
+}
+
+/// What a board's telemetry says of a row; nobody knows the rest.
+pub fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
+    let unknown = f64::NAN;
+    Row {
+        truth: Truth {
+            time_s,
+            pressure_pa: f64::from(telemetry.pressure_pa),
+            length_m: f64::from(telemetry.length_m),
+            mass_kg: f64::from(telemetry.estimate.mass_kg),
+            volume_m3: unknown,
+            flow_in_kg_s: unknown,
+            flow_out_kg_s: unknown,
+            gas_temperature_k: unknown,
+            wall_temperature_k: unknown,
+            ..Truth::default()
+        },
+        sensor_gas_k: f64::from(Sensing::new(config).gas_k(telemetry.sample.gas)),
+        sensor_wall_k: unknown,
+        model_k: unknown,
+        model_sensor_k: unknown,
+        set_point: f64::from(kind_and_values(telemetry.set_point).1),
+        telemetry: *telemetry,
+    }
+}
 
 /// Most steps that can be missing where their count begins anew at 2^32: three days at 1 kHz.
 const MOST_MISSING: u32 = 1 << 28;
@@ -61,36 +120,36 @@ impl<W: Write> Recorder<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W) -> io::Result<Self> {
-        Ok(Self { out: Rows::new(out, HEADER)?, clock: Clock::default(), rows: 0 })
+        let header = [&COLUMNS[..], &MORE_COLUMNS].concat().join(",");
+        Ok(Self { out: Rows::new(out, &header)?, clock: Clock::default(), rows: 0 })
     }
 
-    /// One row. `Display` of a float is the shortest text that reads back to the same bits.
+    /// One row, as it was written; an empty `status` leaves its columns empty.
     ///
     /// # Errors
     /// Those of `out`.
-    pub fn write(&mut self, config: &Config, telemetry: &Telemetry) -> io::Result<()> {
-        let Telemetry { step, sample, pressure_pa, length_m, estimate, command, faults, .. } =
-            telemetry;
-        let sensor_k = Sensing::new(config).gas_k(sample.gas);
-        let time_s = self.clock.time_s(*step, f64::from(config.step_s));
+    pub fn write(
+        &mut self,
+        config: &Config,
+        status: Option<&Status>,
+        telemetry: &Telemetry,
+    ) -> io::Result<Row> {
+        let time_s = self.clock.time_s(telemetry.step, short(config.step_s));
         self.rows += 1;
-        self.out.push(&format!(
-            "{time_s},{pressure_pa},,{length_m},{},,,,,{sensor_k},,{},{},{},{},{step},{},{},{},{},{},{},{},{},{}",
-            estimate.mass_kg,
-            estimate.gas_k,
-            estimate.gas_sd_k,
-            command.inlet.share(),
-            command.outlet.share(),
-            sample.pressure.0,
-            sample.gas.0,
-            sample.length.0,
-            u8::from(sample.emergency_stop),
-            estimate.wall_k,
-            estimate.sensor_k,
-            estimate.heat_scale,
-            estimate.sensor_lag_s,
-            faults.0,
-        ))
+        let row = row(time_s, config, telemetry);
+        let (kind, value, second) = kind_and_values(telemetry.set_point);
+        let told = |value: fn(&Status) -> f64| status.map_or(f64::NAN, value);
+        let more: [f64; MORE_COLUMNS.len()] = [
+            f64::from(kind),
+            f64::from(value),
+            f64::from(second),
+            told(|status| f64::from(status.armed_pa.unwrap_or_default())),
+            told(|status| f64::from(status.restarts)),
+            told(|status| f64::from(status.starts)),
+            told(|status| f64::from(status.config_checksum)),
+        ];
+        self.out.push(&cells_text(row.cells().into_iter().chain(more)))?;
+        Ok(row)
     }
 
     /// Rows so far.
@@ -126,7 +185,6 @@ impl<W: Write> Recorder<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::trace::COLUMNS;
     use model_core::{AdcCode, Core, Sample};
 
     #[test]
@@ -135,7 +193,7 @@ mod tests {
         let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
         let telemetry = Core::new(&config).unwrap().step(&sample);
         let mut recorder = Recorder::new(Vec::new()).unwrap();
-        recorder.write(&config, &telemetry).unwrap();
+        recorder.write(&config, None, &telemetry).unwrap();
         let text = String::from_utf8(recorder.finish().unwrap()).unwrap();
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
         assert_eq!(lines.len(), 2);
@@ -147,11 +205,22 @@ mod tests {
         assert_eq!(value("sensor_lag_s"), telemetry.estimate.sensor_lag_s.to_bits());
         assert_eq!(cell("code_length"), "23757");
         assert_eq!(cell("gas_temperature_k"), "", "nobody knows it on a real board");
-        for column in &lines[0] {
-            assert!(
-                ["time_s"].contains(column) || COLUMNS.contains(column),
-                "as in a trace: {column}"
-            );
+        let restarts = lines[0].iter().position(|&column| column == "restarts").unwrap();
+        assert_eq!(lines[1][restarts], "", "the board has not said");
+    }
+
+    #[test]
+    fn a_set_point_reads_back() {
+        for told in [
+            SetPoint::Vent,
+            SetPoint::Duty { inlet: 0.25, outlet: 0.5 },
+            SetPoint::MassFlow { flow_kg_s: -1.0e-4 },
+            SetPoint::MassFlowCycle { flow_kg_s: 1.0e-4, period_s: 5.0 },
+            SetPoint::Pressure { pressure_pa: 1.3e5 },
+            SetPoint::Contraction { contraction: 0.1 },
+        ] {
+            let (kind, value, second) = kind_and_values(told);
+            assert_eq!(set_point(kind, value, second), told);
         }
     }
 

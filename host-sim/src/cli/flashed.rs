@@ -1,0 +1,541 @@
+//! `thermyo board`: a flashed board, or the emulated one, asked and commanded.
+
+use super::{
+    Failure, OutputArgs, calibrate, interrupt, print, progress_bar, publish, read_to_compare,
+};
+use crate::board::live::LiveBoard;
+use crate::board::{BoardError, port, service};
+use crate::commands::drive::{self, Drawn, DriveError, Driven, Gathered};
+use crate::files::board_trace::Recorder;
+use crate::files::input::write_new;
+use crate::files::output::OutputDir;
+use crate::scenario::core_config::core_config;
+use crate::scenario::{self, from_config};
+use clap::{Args, Subcommand};
+use model_core::control::Mode;
+use model_core::link::{ConfigSource, Event, LastReset, Status, Timing};
+use model_core::safety::supervisor::VENTING;
+use model_core::{Faults, SetPoint, Telemetry};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `thermyo board`.
+#[derive(Debug, Args)]
+pub(super) struct BoardCommand {
+    /// Serial port, such as /dev/ttyACM0, or "emulated": the firmware on an emulated Pico, with a simulated
+    /// muscle at its pins
+    port: String,
+    #[command(subcommand)]
+    task: BoardTask,
+}
+
+#[derive(Debug, Subcommand)]
+enum BoardTask {
+    /// Who it is, what it knows of its muscle, what is wrong with it
+    Info {
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Lets it take set points, until something vents it
+    Arm(ArmArgs),
+    /// Gives it a set point, shows the muscle, and vents it in the end
+    Set(SetArgs),
+    /// Vents
+    Stop,
+    /// Forgets latched faults whose cause is gone
+    Clear,
+    /// The configuration in use
+    #[command(subcommand)]
+    Config(ConfigTask),
+    /// What happened to it, the last event first
+    History {
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Puts a sensor right by two points at which a reference is read
+    Calibrate(calibrate::CalibrateArgs),
+    /// Drives a profile, recorded as a simulated run is: trace.csv, summary.json, report.html
+    Drive(DriveArgs),
+    /// Plugs the emulated board in anew, with the muscle of a scenario
+    Plug {
+        /// Scenario file (TOML) [default: the nominal muscle]
+        scenario: Option<PathBuf>,
+    },
+    /// Unplugs the emulated board
+    Unplug,
+}
+
+#[derive(Debug, Args)]
+struct ArmArgs {
+    /// Highest absolute pressure that set points may ask for, in Pa [default: what the configuration allows]
+    #[arg(long, value_name = "PA")]
+    max_pressure: Option<f32>,
+}
+
+#[derive(Debug, Args)]
+struct SetArgs {
+    #[command(subcommand)]
+    what: Wanted,
+    /// Vents after this time, in s [default: at Ctrl-C]
+    #[arg(long, value_name = "S", global = true, value_parser = seconds)]
+    hold: Option<f64>,
+    /// Arms it first
+    #[arg(long, global = true)]
+    arm: bool,
+    /// Says what happens only in the end
+    #[arg(long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Args)]
+struct DriveArgs {
+    /// Scenario (TOML), of which its drive and its duration count, or CSV: time_s and one of pressure_pa,
+    /// contraction, flow_kg_s, duty
+    profile: PathBuf,
+    /// Arms it first
+    #[arg(long)]
+    arm: bool,
+    /// Measurements to compare with: time_s and any columns of trace.csv
+    #[arg(long, value_name = "FILE.csv")]
+    measured: Option<PathBuf>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| (0.0..=1.0e6).contains(value));
+    value.ok_or_else(|| "must be a time from 0 to 1000000 s".to_owned())
+}
+
+#[derive(Debug, Clone, Copy, Subcommand)]
+enum Wanted {
+    /// An absolute pressure
+    Pressure {
+        /// In Pa
+        #[arg(allow_negative_numbers = true)]
+        pressure_pa: f32,
+    },
+    /// A contraction
+    Contraction {
+        /// Fraction of the rest length
+        #[arg(allow_negative_numbers = true)]
+        contraction: f32,
+    },
+    /// A mass flow, or a working cycle of it in and out
+    Flow {
+        /// In kg/s, negative out of the muscle
+        #[arg(allow_negative_numbers = true)]
+        flow_kg_s: f32,
+        /// Period of the cycle, in s
+        period_s: Option<f32>,
+    },
+    /// Fixed openings
+    Duty {
+        /// Inlet, 0 to 1
+        #[arg(allow_negative_numbers = true)]
+        inlet: f32,
+        /// Outlet, 0 to 1
+        #[arg(allow_negative_numbers = true)]
+        outlet: f32,
+    },
+    /// Inlet shut, outlet open
+    Vent,
+}
+
+impl From<Wanted> for SetPoint {
+    fn from(wanted: Wanted) -> Self {
+        match wanted {
+            Wanted::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
+            Wanted::Contraction { contraction } => Self::Contraction { contraction },
+            Wanted::Flow { flow_kg_s, period_s: None } => Self::MassFlow { flow_kg_s },
+            Wanted::Flow { flow_kg_s, period_s: Some(period_s) } => {
+                Self::MassFlowCycle { flow_kg_s, period_s }
+            }
+            Wanted::Duty { inlet, outlet } => Self::Duty { inlet, outlet },
+            Wanted::Vent => Self::Vent,
+        }
+    }
+}
+
+#[derive(Debug, Subcommand)]
+enum ConfigTask {
+    /// Writes it into a file, as a scenario
+    Read {
+        /// Scenario file that does not exist yet
+        file: PathBuf,
+    },
+    /// Takes the core's part of a scenario, as a whole; the board vents and is not armed
+    Write {
+        /// Scenario file (TOML)
+        file: PathBuf,
+    },
+    /// Keeps it over the loss of power
+    Save,
+    /// Forgets what was saved
+    Forget,
+}
+
+pub(super) fn run(
+    command: BoardCommand,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    let BoardCommand { port, task } = command;
+    if let BoardTask::Plug { .. } | BoardTask::Unplug = task {
+        return plug(&port, task, out);
+    }
+    let mut board = LiveBoard::open(&port)?;
+    match task {
+        BoardTask::Info { json } => info(&mut board, json, out),
+        BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, out),
+        BoardTask::Set(args) => set(&mut board, &args, out),
+        BoardTask::Stop => {
+            board.stop()?;
+            print(out, "it vents\n")
+        }
+        BoardTask::Clear => match board.clear()? {
+            Faults::NONE => print(out, "no fault is left; it vents until it is armed\n"),
+            Faults::NOT_CONFIGURED => {
+                print(out, "no fault is left; it waits for its configuration\n")
+            }
+            left if !left.intersects(VENTING) => print(out, &format!("shown: {left}\n")),
+            left => Err(Failure::Check(format!("still there: {left}"))),
+        },
+        BoardTask::Config(task) => configure(&mut board, task, out, err),
+        BoardTask::History { json } => history(&mut board, json, out),
+        BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, out),
+        BoardTask::Drive(args) => drive_profile(&mut board, &args, out, err),
+        BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
+    }
+}
+
+fn plug(port: &str, task: BoardTask, out: &mut dyn Write) -> Result<(), Failure> {
+    if port != port::EMULATED {
+        let usage =
+            "only the emulated board is plugged in by a command: thermyo board emulated plug";
+        return Err(Failure::Usage(usage.to_owned()));
+    }
+    match task {
+        BoardTask::Plug { scenario } => {
+            if let Some(scenario) = &scenario {
+                scenario::load(scenario)?;
+            }
+            service::plug(scenario.as_deref())?;
+            print(out, "plugged in\n")
+        }
+        _ if service::unplug() => print(out, "unplugged\n"),
+        _ => print(out, "it was not plugged in\n"),
+    }
+}
+
+/// The hidden task behind the port "emulated".
+#[derive(Debug, Args)]
+pub(super) struct ServeArgs {
+    file: PathBuf,
+    scenario: Option<PathBuf>,
+}
+
+pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
+    let loaded = match &args.scenario {
+        Some(path) => scenario::load(path)?,
+        None => scenario::parse("", Path::new("the nominal muscle"))?,
+    };
+    Ok(service::serve(&args.file, &loaded)?)
+}
+
+fn info(board: &mut LiveBoard, json: bool, out: &mut dyn Write) -> Result<(), Failure> {
+    let version = board.version();
+    let (status, timing, last_reset) = (board.status()?, board.timing()?, board.last_reset()?);
+    let telemetry = board.fresh_telemetry()?;
+    if json {
+        let json = serde_json::json!({
+            "port": board.port(),
+            "version": version,
+            "status": status,
+            "config_name": status.config_name.as_str(),
+            "last_reset": last_reset,
+            "timing": timing,
+            "faults": telemetry.faults.to_string(),
+            "pressure_pa": telemetry.pressure_pa,
+            "length_m": telemetry.length_m,
+            "estimate_k": telemetry.estimate.gas_k,
+        });
+        return print(out, &format!("{json:#}\n"));
+    }
+    let [major, minor, patch] = version.firmware;
+    let text = format!(
+        "board:         {:?}, firmware {major}.{minor}.{patch}, protocol {}\n\
+         started by:    {}, {} restarts since power came\n\
+         configuration: {}\n\
+         armed:         {}\n\
+         faults:        {}\n\
+         muscle:        {}\n\
+         timing:        {}\n",
+        version.chip,
+        version.protocol,
+        started_by(last_reset),
+        status.restarts,
+        configuration(&status),
+        status.armed_pa.map_or("no".to_owned(), |pa| format!("up to {:.1} kPa", pa / 1e3)),
+        if telemetry.faults == Faults::NONE {
+            "none".to_owned()
+        } else {
+            telemetry.faults.to_string()
+        },
+        muscle(&telemetry),
+        timed(&timing),
+    );
+    print(out, &text)
+}
+
+fn started_by(last_reset: LastReset) -> String {
+    match last_reset {
+        LastReset::Power => "power or its reset pin".to_owned(),
+        other => format!("{other:?}"),
+    }
+}
+
+fn configuration(status: &Status) -> String {
+    let name = match status.config_name.as_str() {
+        "" => "no name",
+        name => name,
+    };
+    let from = match status.config_source {
+        ConfigSource::Defaults => "the core's defaults",
+        ConfigSource::Host => "told by the host, not saved",
+        ConfigSource::Flash => "from flash",
+    };
+    format!("{name}, {:08x}, {from}", status.config_checksum)
+}
+
+fn timed(timing: &Timing) -> String {
+    format!(
+        "step {:.0} us mean, {} us worst; start {:.0} us late in the mean, {} us at worst; {} missed of {}",
+        f64::from(timing.step_mean_ns) / 1e3,
+        timing.step_worst_us,
+        f64::from(timing.jitter_mean_ns) / 1e3,
+        timing.jitter_worst_us,
+        timing.missed_steps,
+        timing.steps,
+    )
+}
+
+fn muscle(telemetry: &Telemetry) -> String {
+    let Telemetry { pressure_pa, length_m, estimate, command, mode, .. } = telemetry;
+    let mode = Mode::NAMES.iter().find(|(known, _)| known == mode).map_or("", |(_, name)| name);
+    format!(
+        "{:7.2} kPa  {:6.1} mm  gas {:6.2} +- {:.2} K  in {:5.1} %  out {:5.1} %  {mode}",
+        pressure_pa / 1e3,
+        length_m * 1e3,
+        estimate.gas_k,
+        estimate.gas_sd_k,
+        command.inlet.share() * 100.0,
+        command.outlet.share() * 100.0,
+    )
+}
+
+fn arm(board: &mut LiveBoard, most_pa: Option<f32>, out: &mut dyn Write) -> Result<(), Failure> {
+    board.arm(most_pa)?;
+    let armed_pa = board.status()?.armed_pa.unwrap_or_default();
+    print(out, &format!("armed up to {:.1} kPa, absolute\n", armed_pa / 1e3))
+}
+
+/// Time between two lines about the muscle [s].
+const LINE_S: f64 = 0.5;
+/// Time before the end over which is averaged what was held [s].
+const HELD_S: f64 = 1.0;
+
+fn set(board: &mut LiveBoard, args: &SetArgs, out: &mut dyn Write) -> Result<(), Failure> {
+    let set_point = SetPoint::from(args.what);
+    let step_s = f64::from(board.config()?.step_s);
+    interrupt::watch();
+    if args.arm {
+        board.arm(None)?;
+    }
+    let first = board.set(set_point)?;
+    if set_point == SetPoint::Vent {
+        return print(out, "it vents\n");
+    }
+    let (mut next_line_s, mut held) = (0.0, Vec::new());
+    loop {
+        let Some(telemetry) = board.poll()? else {
+            if interrupt::wanted() { break } else { continue }
+        };
+        let faults = telemetry.faults.of(VENTING);
+        if faults != Faults::NONE {
+            return Err(BoardError::Vented(faults).into());
+        }
+        // Telemetry that was on its way is of before.
+        let Some(steps) = telemetry.step.checked_sub(first) else { continue };
+        let time_s = f64::from(steps) * step_s;
+        held.push((time_s, f64::from(telemetry.pressure_pa)));
+        if time_s >= next_line_s && !args.quiet {
+            next_line_s += LINE_S;
+            print(out, &format!("{time_s:7.2} s  {}\n", muscle(&telemetry)))?;
+        }
+        if interrupt::wanted() || args.hold.is_some_and(|hold_s| time_s >= hold_s) {
+            break;
+        }
+    }
+    board.stop()?;
+    let (end_s, _) = held.last().copied().unwrap_or_default();
+    held.retain(|(time_s, _)| *time_s >= end_s - HELD_S);
+    let mean_pa = held.iter().map(|(_, pa)| pa).sum::<f64>() / held.len().max(1) as f64;
+    let error = match set_point {
+        SetPoint::Pressure { pressure_pa } => {
+            format!(", {:+.2} kPa from the set point", (mean_pa - f64::from(pressure_pa)) / 1e3)
+        }
+        _ => String::new(),
+    };
+    print(
+        out,
+        &format!("{:.2} kPa in the mean of the last second{error}; it vents\n", mean_pa / 1e3),
+    )
+}
+
+fn configure(
+    board: &mut LiveBoard,
+    task: ConfigTask,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    match task {
+        ConfigTask::Write { file } => {
+            let config = core_config(&scenario::load(&file)?.believed);
+            let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let status = board.configure(&config, &name)?;
+            print(out, &format!("{}\n", configuration(&status)))
+        }
+        ConfigTask::Read { file } => {
+            let config = board.config()?;
+            let status = board.status()?;
+            let said = from_config::say(&config)?;
+            let head = format!("# {}\n\n", configuration(&status));
+            write_new(&file, &(head + &scenario::render(&said.scenario)))?;
+            if !said.exact {
+                let _ = writeln!(
+                    err,
+                    "thermyo: a scenario cannot say all of this configuration: written back it has another \
+                     checksum"
+                );
+            }
+            print(out, &format!("{} in {}\n", configuration(&status), file.display()))
+        }
+        ConfigTask::Save => {
+            board.save()?;
+            print(out, &format!("saved: {}\n", configuration(&board.status()?)))
+        }
+        ConfigTask::Forget => {
+            board.forget()?;
+            print(out, "what was saved is forgotten\n")
+        }
+    }
+}
+
+fn history(board: &mut LiveBoard, json: bool, out: &mut dyn Write) -> Result<(), Failure> {
+    let events = board.history()?;
+    if json {
+        let json = serde_json::to_string_pretty(&events).expect("plain data");
+        return print(out, &(json + "\n"));
+    }
+    for event in events {
+        let line = match event {
+            Event::Started(last_reset) => format!("started by {}", started_by(last_reset)),
+            Event::Vented(first) => format!(
+                "vented by {} at {:.2} kPa, step {}",
+                first.faults,
+                first.pressure_pa / 1e3,
+                first.step
+            ),
+        };
+        print(out, &(line + "\n"))?;
+    }
+    Ok(())
+}
+
+fn drive_profile(
+    board: &mut LiveBoard,
+    args: &DriveArgs,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    let config = board.config()?;
+    let said = from_config::say(&config)?;
+    let driven = drive::plan(&args.profile, &said)?;
+    let duration_s = driven.plant.run.duration_s;
+    let measured =
+        args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
+    let mut files = OutputDir::create(&folder)?;
+    files.text("scenario.toml", &scenario::render(&driven))?;
+    if let Some(profile) = &driven.drive_profile {
+        let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
+        files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;
+    }
+    let mut recorder = Recorder::new(files.file("trace.csv")?)
+        .map_err(|error| files.unwritable("trace.csv", &error))?;
+    let (mut gathered, mut drawn) = (Gathered::new(&driven, measured.as_ref()), Drawn::new());
+    interrupt::watch();
+    if args.arm {
+        board.arm(None)?;
+    }
+    let bar = progress_bar((driven.plant.run.duration_s * 1e3) as u64, args.output.quiet);
+    let outcome = drive::drive(board, &driven, &interrupt::wanted, &mut |telemetry, status| {
+        let row = recorder.write(&config, status, telemetry)?;
+        gathered.add(&row);
+        drawn.add(&row);
+        bar.set_position((row.truth.time_s * 1e3) as u64);
+        Ok(())
+    });
+    bar.finish_and_clear();
+    let unwritable =
+        |files: &OutputDir, error| Failure::from(files.unwritable("trace.csv", &error));
+    let written = recorder.finish().map_err(|error| unwritable(&files, error));
+    match outcome {
+        Err(DriveError::Output(error)) => {
+            let failure = unwritable(&files, error);
+            files.leave();
+            return Err(failure);
+        }
+        Err(DriveError::Board(error)) if gathered.rows() > 0 => {
+            let left = files.leave();
+            let _ = writeln!(err, "thermyo: the record so far is in {}", left.display());
+            return Err(error.into());
+        }
+        Err(DriveError::Board(error)) => return Err(error.into()),
+        Ok(()) => drop(written?),
+    }
+    let (status, timing) = (board.status()?, board.timing()?);
+    let summary = gathered.finish(board.port(), &status, &timing);
+    let json = serde_json::to_string_pretty(&summary).expect("plain data") + "\n";
+    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    files.text("summary.json", &json)?;
+    files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
+    publish(files, err)?;
+    if args.output.json { print(out, &json) } else { print(out, &brief(&summary, &folder)) }
+}
+
+fn brief(summary: &Driven, folder: &Path) -> String {
+    let mut text = format!(
+        "{:.2} s driven, configuration {} ({:08x}); it vents\n\
+         pressure {:.1} to {:.1} kPa, estimated gas {:.1} to {:.1} K\n\
+         core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
+        summary.duration_s,
+        summary.config_name,
+        summary.config_checksum,
+        summary.pressure_pa.min / 1e3,
+        summary.pressure_pa.max / 1e3,
+        summary.estimate_k.min,
+        summary.estimate_k.max,
+        summary.timing.step_mean_us,
+        summary.timing.step_worst_us,
+        summary.timing.missed_steps,
+        summary.lost_steps,
+    );
+    if let Some(control) = &summary.control {
+        text += &format!("set point: RMS error {:.4}\n", control.rms_error);
+    }
+    text + &format!("report: {}\n", folder.join("report.html").display())
+}

@@ -1,0 +1,225 @@
+//! `thermyo board PORT calibrate`: gain and offset of a sensor from two points at which a reference was read.
+
+use model_core::sensing::Sensing;
+use model_core::{Config, Sample};
+
+/// A sensor that can be calibrated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sensor {
+    /// Absolute pressure \[Pa\].
+    Pressure,
+    /// Length \[m\].
+    Length,
+    /// Gas temperature \[K\].
+    Gas,
+}
+
+/// Least distance of the points, share of the sensor's range.
+const LEAST_SPAN: f64 = 0.05;
+/// Most that a gain may be off 1; what is further off is no sensor of the range that the board was told.
+const MOST_GAIN: f64 = 0.1;
+/// Most that is put right at any point between, share of the range.
+const MOST_SHIFT: f64 = 0.1;
+/// A reading that scatters by more than this share of the range is not at rest.
+const MOST_SCATTER: f64 = 0.005;
+
+/// Why a calibration is not taken.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Implausible {
+    /// The points tell no line.
+    #[error("the two points are {found} {unit} apart: must be at least {least} {unit}")]
+    TooClose {
+        /// Their distance.
+        found: f64,
+        /// What is needed.
+        least: f64,
+        /// Of the sensor.
+        unit: &'static str,
+    },
+    /// Another sensor, or another range.
+    #[error(
+        "the gain came out as {gain:.4}: must be from {:.2} to {:.2}; is the sensor's range the one in the \
+         configuration, and the reference read in {unit}?",
+        1.0 - MOST_GAIN, 1.0 + MOST_GAIN
+    )]
+    Gain {
+        /// What came out.
+        gain: f64,
+        /// Of the sensor.
+        unit: &'static str,
+    },
+    /// Something else is wrong.
+    #[error("the sensor is {found:.4} {unit} off: at most {most:.4} {unit} are put right")]
+    Shift {
+        /// How far the sensor is off.
+        found: f64,
+        /// What is put right.
+        most: f64,
+        /// Of the sensor.
+        unit: &'static str,
+    },
+    /// Something moves.
+    #[error(
+        "the reading scatters by {found:.4} {unit}: at most {most:.4} {unit} are taken; is it at rest?"
+    )]
+    Restless {
+        /// Deviation.
+        found: f64,
+        /// What is taken.
+        most: f64,
+        /// Of the sensor.
+        unit: &'static str,
+    },
+}
+
+/// One point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// What the sensor reads, uncalibrated.
+    pub reading: f64,
+    /// What the reference reads.
+    pub reference: f64,
+}
+
+impl Sensor {
+    /// Its unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Pressure => "Pa",
+            Self::Length => "m",
+            Self::Gas => "K",
+        }
+    }
+
+    /// Range of the sensor, in its unit.
+    fn range(self, config: &Config) -> f64 {
+        let sensors = &config.sensors;
+        f64::from(match self {
+            Self::Pressure => sensors.pressure.range_pa,
+            Self::Length => sensors.length.range_m,
+            Self::Gas => {
+                let sensing = Sensing::new(&uncalibrated(config));
+                let at = |code| sensing.gas_k(model_core::AdcCode(code));
+                at(31_122) - at(1_638)
+            }
+        })
+    }
+
+    /// Mean of what the sensor reads, uncalibrated.
+    ///
+    /// # Errors
+    /// [`Implausible::Restless`]
+    pub fn reading(self, config: &Config, samples: &[Sample]) -> Result<f64, Implausible> {
+        let sensing = Sensing::new(&uncalibrated(config));
+        let readings = samples.iter().map(|sample| {
+            f64::from(match self {
+                Self::Pressure => sensing.pressure_pa(sample.pressure),
+                Self::Length => sensing.length_m(sample.length),
+                Self::Gas => sensing.gas_k(sample.gas),
+            })
+        });
+        let readings: Vec<f64> = readings.collect();
+        let count = readings.len().max(1) as f64;
+        let mean = readings.iter().sum::<f64>() / count;
+        let found = (readings.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / count).sqrt();
+        let most = MOST_SCATTER * self.range(config);
+        // Not a number is not taken either.
+        if found <= most {
+            Ok(mean)
+        } else {
+            Err(Implausible::Restless { found, most, unit: self.unit() })
+        }
+    }
+
+    /// The configuration with the sensor put right, so that it reads at both points what the reference does.
+    ///
+    /// # Errors
+    /// [`Implausible`]
+    pub fn calibrated(self, config: &Config, [a, b]: [Point; 2]) -> Result<Config, Implausible> {
+        let (range, unit) = (self.range(config), self.unit());
+        let span = |of: fn(&Point) -> f64| of(&b) - of(&a);
+        let found = span(|point| point.reference).abs().min(span(|point| point.reading).abs());
+        let least = LEAST_SPAN * range;
+        if found.is_nan() || found < least {
+            return Err(Implausible::TooClose { found, least, unit });
+        }
+        let gain = span(|point| point.reference) / span(|point| point.reading);
+        if !(1.0 - MOST_GAIN..=1.0 + MOST_GAIN).contains(&gain) {
+            return Err(Implausible::Gain { gain, unit });
+        }
+        let most = MOST_SHIFT * range;
+        let off = |point: &Point| (point.reference - point.reading).abs();
+        let found = off(&a).max(off(&b));
+        if found > most {
+            return Err(Implausible::Shift { found, most, unit });
+        }
+        let (gain, offset) = (gain as f32, (a.reference - gain * a.reading) as f32);
+        let mut config = *config;
+        let sensors = &mut config.sensors;
+        match self {
+            Self::Pressure => (sensors.pressure.gain, sensors.pressure.offset_pa) = (gain, offset),
+            Self::Length => (sensors.length.gain, sensors.length.offset_m) = (gain, offset),
+            Self::Gas => (sensors.gas.gain, sensors.gas.offset_k) = (gain, offset),
+        }
+        Ok(config)
+    }
+}
+
+/// The configuration with every sensor as it comes.
+fn uncalibrated(config: &Config) -> Config {
+    let mut config = *config;
+    let sensors = &mut config.sensors;
+    (sensors.pressure.gain, sensors.pressure.offset_pa) = (1.0, 0.0);
+    (sensors.length.gain, sensors.length.offset_m) = (1.0, 0.0);
+    (sensors.gas.gain, sensors.gas.offset_k) = (1.0, 0.0);
+    config
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_core::AdcCode;
+
+    fn point(reading: f64, reference: f64) -> Point {
+        Point { reading, reference }
+    }
+
+    #[test]
+    fn two_points_put_a_sensor_right() {
+        let mut config = Config::default();
+        // An earlier calibration is replaced, not added to.
+        (config.sensors.pressure.gain, config.sensors.pressure.offset_pa) = (0.97, 800.0);
+        let points = [point(1.0e5, 1.01e5), point(3.0e5, 3.05e5)];
+        let calibrated = Sensor::Pressure.calibrated(&config, points).unwrap().sensors.pressure;
+        assert!((calibrated.gain - 1.02).abs() < 1e-5, "{calibrated:?}");
+        assert!((calibrated.offset_pa + 1000.0).abs() < 0.1, "{calibrated:?}");
+    }
+
+    #[test]
+    fn what_no_sensor_is_is_refused() {
+        let config = Config::default();
+        let pressure = |a, b| Sensor::Pressure.calibrated(&config, [a, b]).unwrap_err();
+        let close = pressure(point(1.0e5, 1.0e5), point(1.1e5, 1.1e5));
+        assert!(matches!(close, Implausible::TooClose { .. }), "{close}");
+        // Bar in place of pascals, and a range of 800 kPa that the board takes for 700.
+        let gain = pressure(point(1.0e5, 1.0), point(3.0e5, 3.0));
+        assert!(matches!(gain, Implausible::TooClose { .. }), "{gain}");
+        let gain = pressure(point(1.0e5, 1.14e5), point(3.0e5, 3.43e5));
+        assert!(gain.to_string().contains("must be from 0.90 to 1.10"), "{gain}");
+        let shift = pressure(point(1.0e5, 1.8e5), point(3.0e5, 3.8e5));
+        assert!(matches!(shift, Implausible::Shift { .. }), "{shift}");
+    }
+
+    #[test]
+    fn a_reading_is_uncalibrated_and_at_rest() {
+        let mut config = Config::default();
+        config.sensors.length.gain = 1.1;
+        let sample = |code| Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(code));
+        let rest = [sample(16_380), sample(16_381)];
+        let reading = Sensor::Length.reading(&config, &rest).unwrap();
+        assert!((reading - 0.2).abs() < 1e-3, "{reading}");
+        let moving = [sample(16_380), sample(17_380)];
+        let error = Sensor::Length.reading(&config, &moving).unwrap_err();
+        assert!(matches!(error, Implausible::Restless { .. }), "{error}");
+    }
+}

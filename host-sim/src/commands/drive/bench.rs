@@ -1,0 +1,58 @@
+//! A board with a muscle of its own, for `thermyo tune`.
+
+use super::{DriveError, drive};
+use crate::board::BoardError;
+use crate::board::live::LiveBoard;
+use crate::commands::tune::Bench;
+use crate::scenario::Loaded;
+use crate::scenario::core_config::core_config;
+use crate::simulation::run::{RunError, SetPoints};
+use model_core::{Config, Telemetry};
+
+/// The board, armed for each run up to a pressure, a little above which it vents.
+pub struct LiveBench<'a> {
+    board: &'a mut LiveBoard,
+    name: &'a str,
+    highest_pa: f64,
+    /// Whether the user wants to end it.
+    wanted: &'a dyn Fn() -> bool,
+}
+
+impl<'a> LiveBench<'a> {
+    /// A board that is told configurations of this name.
+    pub fn new(
+        board: &'a mut LiveBoard,
+        name: &'a str,
+        highest_pa: f64,
+        wanted: &'a dyn Fn() -> bool,
+    ) -> Self {
+        Self { board, name, highest_pa, wanted }
+    }
+}
+
+impl Bench for LiveBench<'_> {
+    fn drive(
+        &mut self,
+        driven: &Loaded,
+        each: &mut dyn FnMut(&Telemetry, f64),
+    ) -> Result<(), RunError> {
+        let config = core_config(&driven.believed);
+        self.board.configure(&config, self.name)?;
+        self.board.arm(Some((self.highest_pa as f32).min(config.working_limit_pa())))?;
+        let set_points = SetPoints::new(driven);
+        let step_s = driven.plant.run.step_s;
+        let mut show = |telemetry: &Telemetry, _: Option<&_>| {
+            each(telemetry, set_points.value(f64::from(telemetry.step) * step_s));
+            Ok(())
+        };
+        drive(self.board, driven, self.wanted, &mut show).map_err(|error| match error {
+            DriveError::Board(error) => RunError::Board(error),
+            DriveError::Output(error) => RunError::Output(error),
+        })?;
+        if (self.wanted)() { Err(BoardError::Interrupted.into()) } else { Ok(()) }
+    }
+
+    fn vent(&mut self, _: &Config) -> Result<(), BoardError> {
+        self.board.stop()
+    }
+}

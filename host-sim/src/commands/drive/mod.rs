@@ -1,0 +1,155 @@
+//! `thermyo board PORT drive`: a whole run on a board that samples its own muscle, recorded as a simulated one.
+//!
+//! ```text
+//! profile --set points, a little ahead--> board --telemetry of every step--> trace, summary, page
+//! ```
+//!
+//! The core starts anew with the first set point, so that the record replays from its step 0 on.
+
+mod bench;
+mod page;
+mod summary;
+
+pub use bench::LiveBench;
+pub use page::{Drawn, page};
+pub use summary::{Driven, Gathered};
+
+use crate::board::BoardError;
+use crate::board::live::{LiveBoard, VIEW_DIVIDER};
+use crate::files::input::{InputError, Problem};
+use crate::files::table::read_table;
+use crate::scenario::core_config::core_config;
+use crate::scenario::from_config::Said;
+use crate::scenario::profile::Profile;
+use crate::scenario::{self, DriveKind, Loaded};
+use crate::simulation::run::SetPoints;
+use model_core::control::Mode;
+use model_core::link::Status;
+use model_core::safety::supervisor::VENTING;
+use model_core::{Faults, Telemetry};
+use std::io;
+use std::mem::discriminant;
+use std::path::{Path, PathBuf};
+
+/// A set point is sent that many steps before its time: so long it is on its way.
+const LEAD_STEPS: u64 = 5;
+
+/// Columns of a profile, and what they drive.
+const PROFILES: [(&str, DriveKind); 4] = [
+    ("pressure_pa", DriveKind::Pressure),
+    ("contraction", DriveKind::Contraction),
+    ("flow_kg_s", DriveKind::MassFlow),
+    ("duty", DriveKind::Duty),
+];
+
+/// Why a run ended before its time.
+#[derive(Debug, thiserror::Error)]
+pub enum DriveError {
+    /// The board cannot be used any more, or vents.
+    #[error(transparent)]
+    Board(#[from] BoardError),
+    /// The record cannot be written.
+    #[error("the record cannot be written: {0}")]
+    Output(io::Error),
+}
+
+/// What is going to be driven: the profile of a file, on the muscle that the board was told.
+///
+/// # Errors
+/// [`InputError`] for a file that is neither a scenario nor a table with a set point.
+pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
+    let mut driven = board.scenario.clone();
+    if file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        let table = read_table(file)?;
+        let names: Vec<&str> = table.columns().iter().map(|column| column.name.as_str()).collect();
+        let found = PROFILES.iter().find(|(name, _)| names.contains(name));
+        let (name, kind) = *found.unwrap_or(&PROFILES[0]);
+        let points = table.filled("time_s")?.into_iter().zip(table.filled(name)?).collect();
+        let profile = Profile::new(points)
+            .map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))?;
+        driven.plant.run.duration_s = profile.points().last().map_or(0.0, |point| point.0);
+        driven.plant.drive.kind = kind;
+        driven.drive_profile = Some(profile);
+    } else {
+        let loaded = scenario::load(file)?;
+        let kinds = [&loaded, &driven].map(|loaded| core_config(&loaded.believed).chamber);
+        if discriminant(&kinds[0]) != discriminant(&kinds[1]) {
+            let problem = Problem::NotAllowed {
+                key: "plant.kind".to_owned(),
+                value: format!("{:?}", loaded.plant.plant.kind),
+                allowed: format!("what the board was told, {:?}", driven.plant.plant.kind),
+            };
+            return Err(InputError::file(file, problem));
+        }
+        driven.plant.run.duration_s = loaded.plant.run.duration_s;
+        driven.plant.drive = loaded.plant.drive.clone();
+        driven.drive_profile = loaded.drive_profile;
+    }
+    driven.plant.run.log_every = 1;
+    if driven.drive_profile.is_some() {
+        // Beside the scenario in the record's folder.
+        driven.plant.drive.profile_csv = Some(PathBuf::from("profile.csv"));
+    }
+    driven.believed.run = driven.plant.run.clone();
+    driven.believed.drive = driven.plant.drive.clone();
+    Ok(driven)
+}
+
+/// Drives a board; every step of the muscle is shown to `each`. The board vents afterwards, whatever happens.
+/// `wanted` says when to end before the time.
+///
+/// # Errors
+/// [`DriveError`]; what vented is one.
+pub fn drive(
+    board: &mut LiveBoard,
+    driven: &Loaded,
+    wanted: &dyn Fn() -> bool,
+    each: &mut dyn FnMut(&Telemetry, Option<&Status>) -> io::Result<()>,
+) -> Result<(), DriveError> {
+    board.telemetry_every(1)?;
+    let outcome = along(board, driven, wanted, each);
+    // A line that is gone is told once.
+    let stopped = board.stop().and_then(|()| board.telemetry_every(VIEW_DIVIDER));
+    outcome.and_then(|()| Ok(stopped?))
+}
+
+fn along(
+    board: &mut LiveBoard,
+    driven: &Loaded,
+    wanted: &dyn Fn() -> bool,
+    each: &mut dyn FnMut(&Telemetry, Option<&Status>) -> io::Result<()>,
+) -> Result<(), DriveError> {
+    let steps = (driven.plant.run.duration_s / driven.plant.run.step_s).round() as u64;
+    let set_points = SetPoints::new(driven);
+    board.start(set_points.at(0.0))?;
+    let mut told = 0;
+    let mut asked = None;
+    loop {
+        if wanted() {
+            return Ok(());
+        }
+        let Some(telemetry) = board.poll()? else { continue };
+        if telemetry.mode == Mode::Judging {
+            continue;
+        }
+        let status = board.last_status();
+        each(&telemetry, status.as_ref()).map_err(DriveError::Output)?;
+        let faults = telemetry.faults.of(VENTING);
+        if faults != Faults::NONE {
+            return Err(BoardError::Vented(faults).into());
+        }
+        let step = u64::from(telemetry.step);
+        if step >= steps {
+            return Ok(());
+        }
+        if let Some(sequence) = asked {
+            board.check(sequence)?;
+        }
+        for ahead in told + 1..=(step + LEAD_STEPS).min(steps) {
+            told = ahead;
+            if let Some(set_point) = set_points.acting_from(ahead, driven) {
+                asked = Some(board.send(set_point)?);
+            }
+        }
+    }
+}

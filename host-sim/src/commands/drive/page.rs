@@ -1,0 +1,99 @@
+//! The page of a run on a board.
+
+use super::Driven;
+use crate::files::trace::{COLUMNS, Row};
+use crate::plant::chamber;
+use crate::report::page::Tile;
+use crate::report::run_report::{self, RunReport, SummaryRow};
+use crate::report::series::Recorder;
+use crate::scenario::{self, Loaded};
+
+/// Records what the page draws, in bounded memory.
+pub struct Drawn {
+    series: Recorder,
+    /// Places of the columns that a board knows.
+    known: Vec<usize>,
+}
+
+impl Default for Drawn {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Drawn {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        let unknown = [
+            "volume_m3",
+            "flow_in_kg_s",
+            "flow_out_kg_s",
+            "gas_temperature_k",
+            "wall_temperature_k",
+            "sensor_wall_k",
+            "model_k",
+            "model_sensor_k",
+        ];
+        let known: Vec<usize> =
+            (0..COLUMNS.len()).filter(|&i| !unknown.contains(&COLUMNS[i])).collect();
+        let names: Vec<&str> = known.iter().map(|&i| COLUMNS[i]).collect();
+        Self { series: Recorder::new(&names), known }
+    }
+
+    /// One step more.
+    pub fn add(&mut self, row: &Row) {
+        let cells = row.cells();
+        let known: Vec<f64> = self.known.iter().map(|&i| cells[i]).collect();
+        self.series.push(&known);
+    }
+}
+
+/// The page.
+pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> String {
+    let lead = format!(
+        "{:.2} s on the board at {}, configuration {} ({:08x}).",
+        summary.duration_s, summary.board, summary.config_name, summary.config_checksum
+    );
+    let mut tiles = vec![
+        Tile::new("Largest pressure", summary.pressure_pa.max, "Pa"),
+        Tile::new("Core step, mean", summary.timing.step_mean_us * 1e-6, "s"),
+        Tile::new("Core step, worst", summary.timing.step_worst_us * 1e-6, "s"),
+        Tile::new("Missed steps", f64::from(summary.timing.missed_steps), ""),
+    ];
+    if let Some(control) = &summary.control {
+        let unit = control.quantity.unit();
+        tiles.push(Tile::new("Tracking error, RMS", control.rms_error * unit.factor, unit.symbol));
+    }
+    let row = |label: &str, value: f64, unit: &str| SummaryRow {
+        label: label.to_owned(),
+        value,
+        unit: unit.to_owned(),
+    };
+    let rows = [
+        row("Time driven", summary.duration_s, "s"),
+        row("Strokes", summary.strokes as f64, ""),
+        row("Pressure, lowest", summary.pressure_pa.min, "Pa"),
+        row("Pressure, highest", summary.pressure_pa.max, "Pa"),
+        row("Estimated gas temperature, lowest", summary.estimate_k.min, "K"),
+        row("Estimated gas temperature, highest", summary.estimate_k.max, "K"),
+        row("Steps of the core", summary.core.steps as f64, ""),
+        row("Steps whose telemetry was lost", summary.lost_steps as f64, ""),
+        row("Start jitter, worst", summary.timing.jitter_worst_us * 1e-6, "s"),
+    ];
+    run_report::render(&RunReport {
+        title,
+        lead: &lead,
+        warnings: &[],
+        controlled: summary.control.map(|control| control.quantity),
+        scenario_toml: &scenario::render(driven),
+        tiles,
+        series: &drawn.series,
+        measured: &[],
+        summary: &rows,
+        axial_wall_k: &[],
+        rest_length_m: chamber::of(&driven.plant).map(|chamber| chamber.rest_length()),
+        kind: driven.plant.plant.kind,
+        last_stroke: &[],
+        detail_s: None,
+    })
+}

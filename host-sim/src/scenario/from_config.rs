@@ -1,0 +1,167 @@
+//! The way back from [`core_config`]: a configuration of the core, such as a board has it, as a scenario that
+//! says it. The plant is `full`, with what the core does not have left out or at its default.
+
+use super::core_config::{OneZone, core_config};
+use super::{
+    HeatModel, LoadKind, Loaded, PlantKind, PlantModel, Scenario, parse, render, with_numbers,
+};
+use crate::files::input::{InputError, Problem};
+use model_core::Config;
+use model_core::config::Load;
+use model_core::physics::chamber::{ChamberConfig, Vessel};
+use model_core::sensing::gas::{GasElement, Pt1000};
+use std::f64::consts::PI;
+use std::path::Path;
+
+/// A scenario for a configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Said {
+    /// As `thermyo check` prints it.
+    pub scenario: Loaded,
+    /// Read again, it gives that very configuration.
+    pub exact: bool,
+}
+
+/// The scenario that says it.
+///
+/// # Errors
+/// For a configuration that no scenario may have.
+pub fn say(config: &Config) -> Result<Said, InputError> {
+    let origin = Path::new("the board's configuration");
+    let Some(plant) = scenario(config) else {
+        let problem = Problem::NotAllowed {
+            key: "plant.kind".to_owned(),
+            value: "another".to_owned(),
+            allowed: "\"muscle\" or \"vessel\", to be written as a scenario".to_owned(),
+        };
+        return Err(InputError::file(origin, problem));
+    };
+    let loaded =
+        Loaded { believed: plant.clone(), plant, volume_profile: None, drive_profile: None };
+    let scenario = parse(&render(&loaded), origin)?;
+    let exact = core_config(&scenario.believed) == *config;
+    Ok(Said { scenario, exact })
+}
+
+/// The shortest number that is this one in f32.
+pub fn short(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
+/// `None` for a chamber whose dimensions a scenario has in other words.
+fn scenario(config: &Config) -> Option<Scenario> {
+    let mut s = Scenario::default();
+    s.plant.model = PlantModel::Full;
+    // A foil that averages over the whole muscle sees the mean, as the core's one zone has it.
+    (s.sensor.gas.span, s.sensor.gas.position) = (1.0, 0.5);
+    s.tube.volume_m3 = 1.0e-9;
+    s.heat.model = HeatModel::Constant;
+    s.heat.scale = 1.0;
+    match config.chamber {
+        ChamberConfig::Muscle(muscle) => {
+            s.plant.kind = PlantKind::Muscle;
+            let (thread_m, rest_m) =
+                (short(muscle.braid.thread_length_m), short(muscle.rest_length_m));
+            let turns = short(muscle.braid.turns);
+            s.muscle.thread_length_m = thread_m;
+            s.muscle.turns = turns;
+            s.muscle.rest_length_m = rest_m;
+            s.muscle.diameter_m = (thread_m * thread_m - rest_m * rest_m).sqrt() / (turns * PI);
+            s.muscle.braid_angle_deg = (rest_m / thread_m).acos().to_degrees();
+            s.muscle.bladder_stiffness_n_m = short(muscle.bladder_stiffness_n_m);
+            s.muscle.dead_volume_m3 = (short(muscle.dead_volume_m3) - s.tube.volume_m3).max(0.0);
+        }
+        ChamberConfig::Vessel(Vessel { section_m2, surface_m2 }) => {
+            s.plant.kind = PlantKind::Vessel;
+            s.vessel.characteristic_length_m = (4.0 / PI * f64::from(section_m2)).sqrt();
+            s.vessel.surface_m2 = short(surface_m2);
+            s.vessel.wall_heat_capacity_j_k = short(config.wall.heat_capacity_j_k);
+        }
+        // Its rows or its bore are in files of the user's own.
+        _ => return None,
+    }
+    (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
+        Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
+        Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
+    };
+    let one_zone = OneZone::of(&s);
+    let step_s = short(config.step_s);
+    let pt1000 = match config.sensors.gas_element {
+        GasElement::Pt1000(pt1000) => pt1000,
+        // No scenario says another one: what is read again is not the same.
+        _ => Pt1000::default(),
+    };
+    let sensors = &config.sensors;
+    let core = [
+        ("gas.gas_constant_j_kg_k", config.gas.gas_constant_j_kg_k),
+        ("gas.heat_capacity_ratio", config.gas.heat_capacity_ratio),
+        ("ambient.pressure_pa", config.ambient.pressure_pa),
+        ("ambient.temperature_k", config.ambient.temperature_k),
+        ("supply.pressure_pa", config.supply.pressure_pa),
+        ("supply.temperature_k", config.supply.temperature_k),
+        ("heat.inner_w_m2_k", config.heat.inner_w_m2_k),
+        ("heat.outer_w_m2_k", config.heat.outer_w_m2_k),
+        ("heat.outer_per_speed", config.heat.outer_per_speed),
+        ("friction.force_n", config.friction.force_n),
+        ("friction.reference_temperature_k", config.friction.reference_temperature_k),
+        ("friction.softening_per_k", config.friction.softening_per_k),
+        ("friction.heat_fraction", config.friction.heat_fraction),
+        ("friction.presliding_stiffness_n_m", config.friction.presliding_stiffness_n_m),
+        ("friction.viscous_n_s_m", config.friction.viscous_n_s_m),
+        ("load.mass_kg", config.moving_mass_kg),
+        ("valve.conductance_m3_s_pa", config.valve.conductance_m3_s_pa),
+        ("valve.critical_ratio", config.valve.critical_ratio),
+        ("valve.switch_time_s", config.valve.switch_time_s),
+        ("valve.dead_time_s", config.valve.dead_time_s),
+        ("adc.wide_code_lsb", sensors.adc.wide_code_lsb),
+        ("sensor.pressure.range_pa", sensors.pressure.range_pa),
+        ("sensor.pressure.noise_pa", sensors.pressure.noise_pa),
+        ("sensor.pressure.gain", sensors.pressure.gain),
+        ("sensor.pressure.offset_pa", sensors.pressure.offset_pa),
+        ("sensor.length.range_m", sensors.length.range_m),
+        ("sensor.length.gain", sensors.length.gain),
+        ("sensor.length.offset_m", sensors.length.offset_m),
+        ("sensor.gas.time_constant_s", sensors.gas.time_constant_s),
+        ("sensor.gas.housing_time_constant_s", sensors.gas.housing_time_constant_s),
+        ("sensor.gas.noise_k", sensors.gas.noise_k),
+        ("sensor.gas.gain", sensors.gas.gain),
+        ("sensor.gas.offset_k", sensors.gas.offset_k),
+        ("sensor.gas.range_min_k", pt1000.range_min_k),
+        ("sensor.gas.range_max_k", pt1000.range_max_k),
+        ("link.timeout_s", config.link.timeout_s),
+    ];
+    let numbers = core.map(|(path, value)| (path, short(value))).into_iter().chain([
+        ("run.step_s", step_s),
+        ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
+        ("heat.inner_per_flow", short(config.heat.inner_per_flow) / one_zone.stirring),
+        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / one_zone.wall),
+    ]);
+    let mut s = with_numbers(&s, numbers);
+    s.estimator = config.estimator;
+    s.controller = config.controller;
+    Some(s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a board was told comes back from it as it was.
+    #[test]
+    fn what_a_scenario_has_told_is_said_again() {
+        for text in [
+            "",
+            "[plant]\nmodel = \"lumped\"\n",
+            "[sensor.pressure]\nrange_pa = 689_476.0\ngain = 1.013\noffset_pa = -312.7\n\
+             [load]\nkind = \"mass\"\nmass_kg = 7.3\n[heat]\nmodel = \"correlation\"\n",
+            "[muscle]\nrest_length_m = 0.217\ndiameter_m = 0.0137\nbraid_angle_deg = 21.3\n\
+             [valve]\npwm_hz = 62.5\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
+        ] {
+            let config = core_config(&parse(text, Path::new("told")).unwrap().believed);
+            let said = say(&config).unwrap();
+            let back = core_config(&said.scenario.believed);
+            assert_eq!(back, config, "{text}");
+            assert!(said.exact);
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! `thermyo board emulated`: the command as a user runs it, one process after the other, and every line of
+//! `docs/board.md`.
+
+use model_core::SetPoint;
+use model_core::link::{HostCommand, Request, encode};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn skip_emulator() -> bool {
+    let skip = std::env::var_os("THERMYO_SKIP_EMULATOR").is_some_and(|value| value == "1");
+    if skip {
+        eprintln!("skipped: THERMYO_SKIP_EMULATOR=1");
+    }
+    skip
+}
+
+/// A place of its own for the emulated board, which is unplugged in the end.
+struct Bench(TempDir);
+
+impl Bench {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs a line such as `thermyo board emulated info`, from the repository.
+    fn run(&self, line: &str) -> Output {
+        let mut words = line.split_whitespace();
+        assert_eq!(words.next(), Some("thermyo"), "{line}");
+        let out = self.path("out");
+        let words = words.map(|word| word.replace("out/", &format!("{}/", out.display())));
+        Command::new(env!("CARGO_BIN_EXE_thermyo"))
+            .args(words)
+            .current_dir(repository())
+            .env("TMPDIR", self.0.path())
+            .output()
+            .unwrap()
+    }
+
+    /// What a line prints that has to end well.
+    fn ok(&self, line: &str) -> String {
+        let output = self.run(line);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        assert!(output.status.success(), "{line}: {}", text(&output.stderr));
+        text(&output.stdout)
+    }
+
+    /// What a line says that must not be carried out.
+    fn refused(&self, line: &str) -> String {
+        let output = self.run(line);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{line}: {message}");
+        assert_eq!(message.trim().lines().count(), 1, "{line}: {message}");
+        message
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        self.run("thermyo board emulated unplug");
+    }
+}
+
+#[test]
+fn a_board_is_told_armed_driven_and_asked() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = Bench::new();
+    assert!(bench.ok("thermyo board emulated info").contains("the core's defaults"));
+    let set = "thermyo board emulated set pressure 130000 --hold 1.5";
+    assert!(bench.refused(set).contains("config write"));
+    bench.ok("thermyo board emulated config write scenarios/contraction.toml");
+    assert!(bench.refused(set).contains("not armed"));
+    let out_of_range = bench.refused("thermyo board emulated set pressure 900000 --arm");
+    assert!(out_of_range.contains("must be from 0 to"), "{out_of_range}");
+    assert!(bench.ok("thermyo board emulated arm --max-pressure 200000").contains("200.0 kPa"));
+    let above = bench.refused("thermyo board emulated set pressure 210000");
+    assert!(above.contains("must be from 0 to 200000"), "{above}");
+    let held = bench.ok(set);
+    let last = held.lines().last().unwrap();
+    let mean_kpa: f64 = last.split_whitespace().next().unwrap().parse().unwrap();
+    assert!((128.0..132.0).contains(&mean_kpa), "{held}");
+    let info = bench.ok("thermyo board emulated info");
+    assert!(
+        info.contains("contraction, ") && info.contains("armed:         up to 200.0"),
+        "{info}"
+    );
+
+    // What it was told comes back, to the bit.
+    let json = |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap();
+    let checksum = |bench: &Bench| {
+        json(bench.ok("thermyo board emulated info --json"))["status"]["config_checksum"].clone()
+    };
+    let before = checksum(&bench);
+    let file = bench.path("read.toml").display().to_string();
+    bench.ok(&format!("thermyo board emulated config read {file}"));
+    assert!(
+        bench.refused(&format!("thermyo board emulated config read {file}")).contains("exists")
+    );
+    bench.ok("thermyo board emulated config write scenarios/reproduce.toml");
+    assert_ne!(checksum(&bench), before);
+    bench.ok(&format!("thermyo board emulated config write {file}"));
+    assert_eq!(checksum(&bench), before);
+    fs::write(bench.path("wrong.toml"), "[valve]\ncritical_ratio = 7\n").unwrap();
+    let wrong = bench.path("wrong.toml").display().to_string();
+    let message = bench.refused(&format!("thermyo board emulated config write {wrong}"));
+    assert!(message.contains("wrong.toml:2: valve.critical_ratio = 7"), "{message}");
+    assert_eq!(checksum(&bench), before, "refused as a whole");
+
+    // A run on it is recorded as a simulated one, and replays to the bit.
+    fs::write(bench.path("steps.csv"), "time_s,pressure_pa\n0,120000\n0.2,140000\n0.6,125000\n")
+        .unwrap();
+    let steps = bench.path("steps.csv").display().to_string();
+    let run = format!("thermyo board emulated drive {steps} --arm --quiet --json --out out/drive");
+    let summary = json(bench.ok(&run));
+    assert_eq!(summary["lost_steps"], 0, "{summary}");
+    assert!(summary["timing"]["step_mean_us"].as_f64().unwrap() > 10.0, "{summary}");
+    let replayed = json(bench.ok("thermyo replay out/drive/trace.csv"));
+    assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&601.into(), &0.into()));
+    assert!(bench.path("out/drive/report.html").is_file());
+}
+
+/// The lines that begin with `thermyo` in code blocks of the document, for the emulated board.
+fn documented(document: &str) -> Vec<String> {
+    let text = fs::read_to_string(repository().join(document)).unwrap();
+    let lines =
+        text.lines().filter_map(|line| line.trim_start().strip_prefix("thermyo board PORT "));
+    let commands = lines.map(|line| line.split("  ").next().unwrap_or(line).trim());
+    commands.map(|line| format!("thermyo board emulated {line}")).collect()
+}
+
+#[test]
+fn every_line_of_the_document_runs() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = Bench::new();
+    let lines = documented("docs/board.md");
+    assert!(lines.len() >= 8, "{lines:?}");
+    for line in lines {
+        bench.ok(&line);
+    }
+}
+
+#[test]
+fn the_frame_of_the_document_is_the_links() {
+    let command = HostCommand::Set(SetPoint::Pressure { pressure_pa: 2.5e5 });
+    let frame = encode(&Request { sequence: 7, command }).unwrap();
+    let bytes: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
+    let text = fs::read_to_string(repository().join("docs/protocol.md")).unwrap();
+    assert!(text.contains(&bytes.join(" ")), "{bytes:?}");
+}
