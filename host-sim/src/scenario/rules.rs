@@ -3,7 +3,7 @@
 use super::fault_rules;
 use super::number::number;
 use super::schema::{Limits, fittable, fittable_paths, limits};
-use super::tables::{DriveKind, LoadKind, PlantKind, PlantModel, Scenario};
+use super::tables::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
 use super::violation::{Violation, within};
 use crate::files::input::nearest;
 use crate::plant::chamber;
@@ -68,6 +68,15 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
     let highest = limits("sensor.gas.range_max_k").max;
     let why = "at least 1 K above sensor.gas.range_min_k";
     within("sensor.gas.range_max_k", sensor.range_max_k, (sensor.range_min_k + 1.0, highest), why)?;
+    if scenario.plant.kind == PlantKind::Muscle {
+        let Muscle { thread_length_m, rest_length_m, slack_m, .. } = scenario.muscle;
+        // From braids at 2.7 deg to such that still pull; the core allows a hair more.
+        let ends = [0.9989, 0.579].map(|share| rest_length_m - share * thread_length_m);
+        let allowed = limits("muscle.slack_m");
+        let range = (ends[0].max(allowed.min), ends[1].min(allowed.max));
+        let why = "by its rest length, so that a braid that pulls is left";
+        within("muscle.slack_m", slack_m, range, why)?;
+    }
     let Some(chamber) = chamber::of(scenario) else { return Ok(()) };
     match scenario.load.kind {
         LoadKind::Isometric => {
