@@ -125,7 +125,7 @@ fn a_board_is_told_armed_driven_and_asked() {
     let summary = json(bench.ok(&run));
     assert_eq!(summary["lost_steps"], 0, "{summary}");
     assert!(summary["timing"]["step_mean_us"].as_f64().unwrap() > 10.0, "{summary}");
-    let replayed = json(bench.ok("thermyo replay out/drive/trace.csv"));
+    let replayed = json(bench.ok("thermyo replay out/drive/trace.csv --json --out out/again"));
     assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&601.into(), &0.into()));
     assert!(bench.path("out/drive/report.html").is_file());
 }
