@@ -15,7 +15,8 @@ const LEAD: Duration = Duration::from_micros(30);
 pub struct Inputs<A, P> {
     adc: A,
     run_line: P,
-    due: Instant,
+    /// Time of the next step; of the first one when it is asked for: what comes before takes its time.
+    due: Option<Instant>,
     /// Steps left out since the last one: kept here, because an order may end a wait early.
     missed: u32,
 }
@@ -23,8 +24,7 @@ pub struct Inputs<A, P> {
 impl<A: Adc, P: InputPin> Inputs<A, P> {
     /// `run_line` is high while the emergency stop is not pressed and its wire not broken.
     pub fn new(adc: A, run_line: P) -> Self {
-        let now_ms = Instant::now().as_millis();
-        Self { adc, run_line, due: Instant::from_millis(now_ms + 1), missed: 0 }
+        Self { adc, run_line, due: None, missed: 0 }
     }
 
     /// A sum of conversions: averaging costs no division, and the core knows the sum's scale.
@@ -40,14 +40,18 @@ impl<A: Adc, P: InputPin> Inputs<A, P> {
 impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
     async fn due(&mut self) -> Option<(Instant, u32)> {
         let now = Instant::now();
-        while self.due + STEP <= now {
-            self.due += STEP;
+        let mut due = match self.due {
+            Some(due) => due,
+            None => Instant::from_millis((now + LEAD).as_millis() + 1),
+        };
+        while due + STEP <= now {
+            due += STEP;
             self.missed = self.missed.saturating_add(1);
         }
-        let due = self.due;
+        self.due = Some(due);
         Timer::at(due - LEAD).await;
         while Instant::now() < due {}
-        self.due += STEP;
+        self.due = Some(due + STEP);
         Some((due, core::mem::take(&mut self.missed)))
     }
 
