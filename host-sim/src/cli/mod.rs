@@ -21,12 +21,13 @@ use crate::commands::identify;
 use crate::commands::identify::static_map::{self, Readings};
 use crate::commands::monitor::{self, Recorder, Session};
 use crate::commands::reproduce;
+use crate::files::board_trace::every_column;
 use crate::files::input::InputError;
 use crate::files::measured::Measured;
 use crate::files::output::OutputDir;
 use crate::files::summary::Summary;
 use crate::files::table::{self, Table};
-use crate::files::trace::{COLUMNS, COMPARABLE, Row, TraceWriter};
+use crate::files::trace::{COMPARABLE, Row, TraceWriter};
 use crate::report::number::of_column;
 use crate::report::run_page::RunRecorder;
 use crate::scenario::{self, Loaded};
@@ -281,7 +282,7 @@ fn identify_command(
     if args.against.is_some() {
         return Err(Failure::Usage("--against goes with a static map only".to_owned()));
     }
-    let measured = Measured::new(&table, &COLUMNS)?;
+    let measured = Measured::new(&table, &every_column())?;
     let out = identified_folder(&args.output)?;
     let identified =
         identify::identify(&loaded, &args.config, &measured, data).map_err(Failure::Identify)?;
@@ -502,7 +503,7 @@ fn read_to_compare(
     stderr: &mut dyn Write,
 ) -> Result<Measured, Failure> {
     let table = read_record(path, stderr)?;
-    let measured = Measured::new(&table, &COLUMNS)?;
+    let measured = Measured::new(&table, &every_column())?;
     let (measured, late) = measured.within_run(&table, &COMPARABLE, duration_s)?;
     if late > 0 {
         let (file, rows) = (path.display(), table.rows());

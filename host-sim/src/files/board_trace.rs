@@ -22,6 +22,11 @@ pub const MORE_COLUMNS: [&str; 7] = [
     "config_checksum",
 ];
 
+/// Every column that a record may have, of a run or of a board.
+pub fn every_column() -> Vec<&'static str> {
+    [&COLUMNS[..], &MORE_COLUMNS].concat()
+}
+
 /// A set point as a kind and the values that it has.
 pub fn kind_and_values(set_point: SetPoint) -> (u8, f32, f32) {
     match set_point {
@@ -120,7 +125,7 @@ impl<W: Write> Recorder<W> {
     /// # Errors
     /// Those of `out`.
     pub fn new(out: W) -> io::Result<Self> {
-        let header = [&COLUMNS[..], &MORE_COLUMNS].concat().join(",");
+        let header = every_column().join(",");
         Ok(Self { out: Rows::new(out, &header)?, clock: Clock::default(), rows: 0 })
     }
 

@@ -148,8 +148,6 @@ impl<C: Chamber> Config<C> {
         let speed = y[SPEED];
         let drag = self.bristle.drag(speed, y[BRISTLE], softening);
         let net = self.pull.force(pressure, y[LENGTH]) - self.pull.load_n - drag.force;
-        // A slack muscle leaves its load to itself.
-        let net = net.max(self.pull.chamber.least_force() - self.pull.load_n);
         // On a stop the load rests until it is lifted off.
         let [shortest, longest] = self.pull.stops;
         let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;

@@ -46,7 +46,10 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
             Some(pa) => format!("armed up to {:.0} kPa", pa / 1e3),
             None => "not armed".to_owned(),
         };
-        let name = status.config_name.as_str().to_owned();
+        let name = match status.config_name.as_str() {
+            "" => "without a name",
+            name => name,
+        };
         format!("{armed}; configuration {name} {:08x}", status.config_checksum)
     });
     let restart = match session.last_reset() {

@@ -143,11 +143,6 @@ impl Chamber for Muscle {
         self.bladder_n_m + self.saturation_n / self.filling_m * left
     }
 
-    /// It cannot push.
-    fn least_force(&self) -> f64 {
-        0.0
-    }
-
     fn surface(&self, length: f64) -> f64 {
         self.braid.surface(length - self.slack_m)
     }

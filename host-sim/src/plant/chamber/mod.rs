@@ -53,11 +53,6 @@ pub trait Chamber: fmt::Debug {
     /// Slope of [`Self::elastic`] over length \[N/m\].
     fn elastic_slope(&self, length: f64) -> f64;
 
-    /// Least force that it passes on to its load \[N\]: what cannot push, none.
-    fn least_force(&self) -> f64 {
-        f64::NEG_INFINITY
-    }
-
     /// Surface that the gas exchanges heat with \[m2\].
     fn surface(&self, length: f64) -> f64;
 
