@@ -158,7 +158,7 @@ impl LiveBoard {
         Ok(events)
     }
 
-    /// Set points are taken from now on, up to this absolute pressure [Pa].
+    /// Set points are taken from now on, up to this absolute pressure \[Pa\].
     ///
     /// # Errors
     /// [`BoardError::Refused`]

@@ -342,9 +342,9 @@ fn arm(board: &mut LiveBoard, most_pa: Option<f32>, out: &mut dyn Write) -> Resu
     print(out, &format!("armed up to {:.1} kPa, absolute\n", armed_pa / 1e3))
 }
 
-/// Time between two lines about the muscle [s].
+/// Time between two lines about the muscle \[s\].
 const LINE_S: f64 = 0.5;
-/// Time before the end over which is averaged what was held [s].
+/// Time before the end over which is averaged what was held \[s\].
 const HELD_S: f64 = 1.0;
 
 fn set(board: &mut LiveBoard, args: &SetArgs, out: &mut dyn Write) -> Result<(), Failure> {

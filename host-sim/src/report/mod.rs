@@ -6,7 +6,7 @@
 //! of a generic run. [`series`] records what is drawn, in bounded memory, while the run streams by.
 //!
 //! A drawing names its colours by class and leaves their values to the page's style sheet, so one
-//! drawing serves light mode, dark mode and print. [`plot`] packs the points of the charts for
+//! drawing serves light mode, dark mode and print. `plot` packs the points of the charts for
 //! `plot.js`, which draws them anew when the reader looks closer; without it the page stays as it is.
 
 mod axes;

@@ -104,7 +104,8 @@ impl Life {
             }
             6 => {
                 let armed = self.core.arm(None).is_ok();
-                self.same(armed == flushed(|| self.flushed.arm(None)).is_ok());
+                let flushed_armed = flushed(|| self.flushed.arm(None)).is_ok();
+                self.same(armed == flushed_armed);
                 if armed {
                     self.let_go();
                     self.set_point = SetPoint::Vent;

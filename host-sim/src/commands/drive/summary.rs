@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 /// Everything that `summary.json` says of a run on a board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Driven {
-    /// Time driven [s].
+    /// Time driven \[s\].
     pub duration_s: f64,
     /// Working strokes; 0 where the drive has no period.
     pub strokes: u64,
@@ -25,14 +25,14 @@ pub struct Driven {
     pub config_name: String,
     /// Its checksum.
     pub config_checksum: u32,
-    /// Measured absolute pressure [Pa].
+    /// Measured absolute pressure \[Pa\].
     pub pressure_pa: Range,
-    /// Measured contraction, as a fraction of the rest length [-]; of a muscle.
+    /// Measured contraction, as a fraction of the rest length \[-\]; of a muscle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contraction: Option<Range>,
-    /// Readings of the sensor in the gas [K].
+    /// Readings of the sensor in the gas \[K\].
     pub sensor_gas_k: Readings,
-    /// Estimated gas temperature [K].
+    /// Estimated gas temperature \[K\].
     pub estimate_k: Range,
     /// What the core reports of itself.
     pub core: CoreFigures,
@@ -53,7 +53,7 @@ pub struct Gathered {
     accumulator: Accumulator,
     set_points: SetPoints,
     scenario: Loaded,
-    /// Of what moves [m].
+    /// Of what moves \[m\].
     rest_length_m: Option<f64>,
     estimate: Range,
     rows: u64,

@@ -20,7 +20,7 @@
 //!
 //! At a gauge pressure from zero on, F rises with l, and its slope too: it is convex. The bladder never holds back more than K1, nor
 //! more than K1 x, so that the roots of the two quadratics with these in its place lie at or above the one
-//! looked for. From there Newton's steps come down to it, never past it: [`STEPS`] of them cannot fail.
+//! looked for. From there Newton's steps come down to it, never past it: `STEPS` of them cannot fail.
 
 use super::Chamber;
 use crate::config::{ConfigError, within};
