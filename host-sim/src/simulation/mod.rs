@@ -3,4 +3,5 @@
 pub mod adc;
 pub mod elements;
 pub mod faults;
+pub mod rig;
 pub mod run;

@@ -9,13 +9,12 @@ use crate::files::measured::Measured;
 use crate::files::summary::{Accumulator, Ending, Summary};
 use crate::files::trace::Row;
 use crate::plant::chamber;
-use crate::plant::{self, BuildError, Diverged, Plant, Truth};
+use crate::plant::{BuildError, Diverged, Truth};
 use crate::report::run_report::Controlled;
 use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded};
-use crate::simulation::adc::VirtualAdc;
-use crate::simulation::faults::InjectedFaults;
+use crate::simulation::rig::{MeanFlows, Rig};
 use model_core::control::Mode;
 use model_core::physics::model::Model;
 use model_core::{ConfigError, Sample, SetPoint, Telemetry};
@@ -100,12 +99,9 @@ pub fn run(
     let step_s = scenario.run.step_s;
     let steps = (scenario.run.duration_s / step_s).round() as u64;
     let config = core_config(&loaded.believed);
-    let mut plant =
-        plant::build(scenario, loaded.volume_profile.clone()).map_err(RunError::Build)?;
-    let mut adc = VirtualAdc::new(scenario);
-    let mut faults = InjectedFaults::new(scenario);
+    let mut rig = Rig::new(loaded).map_err(RunError::Build)?;
     let drive = SetPoints::new(loaded);
-    let truth = plant.truth();
+    let truth = rig.truth();
     let mut model = Model::new(
         &config,
         truth.pressure_pa as f32,
@@ -117,7 +113,7 @@ pub fn run(
     let length_held = rest_length_m.is_none() || scenario.load.kind == LoadKind::Isometric;
     let mut sample = Sample::default();
     let mut accumulator = Accumulator::new(scenario.run.duration_s, measured);
-    let mut flows = MeanFlows::new(plant.as_ref());
+    let mut flows = MeanFlows::new(&rig);
     let mut step_flows = flows;
     // WebAssembly has no clock of its own.
     let started = (!cfg!(target_family = "wasm")).then(Instant::now);
@@ -131,8 +127,8 @@ pub fn run(
             break;
         }
         if !ended {
-            let mut truth = plant.truth();
-            let (inflow, outflow) = step_flows.since(plant.as_ref(), step_s);
+            let mut truth = rig.truth();
+            let (inflow, outflow) = step_flows.since(&rig, step_s);
             if step > 0 {
                 let held = length_held.then_some(truth.length_m as f32);
                 model.step(inflow as f32, outflow as f32, held);
@@ -141,21 +137,21 @@ pub fn run(
             if let Some(set_point) = drive.acting_from(step + 1, loaded) {
                 board.set(set_point)?;
             }
-            if faults.board_restarts(truth.time_s) {
+            if rig.board_restarts() {
                 board.restart()?;
             }
-            sample = faults.apply(truth.time_s, adc.convert(&faults.sensed(&truth)));
+            sample = rig.sample();
             let logged = step % scenario.run.log_every == 0 || step == steps;
             if logged {
-                let elapsed_s = truth.time_s - flows.time_s;
-                (truth.flow_in_kg_s, truth.flow_out_kg_s) = flows.since(plant.as_ref(), elapsed_s);
+                let elapsed_s = flows.elapsed_s(&rig);
+                (truth.flow_in_kg_s, truth.flow_out_kg_s) = flows.since(&rig, elapsed_s);
             }
             waiting.push_back(Waiting {
                 step,
                 logged,
                 truth,
-                sensor_gas_k: adc.gas_reading_k(),
-                sensor_wall_k: adc.wall_reading_k(),
+                sensor_gas_k: rig.gas_reading_k(),
+                sensor_wall_k: rig.wall_reading_k(),
                 model_k: f64::from(model.gas_k()),
                 model_sensor_k: f64::from(model.sensor_k()),
             });
@@ -183,8 +179,7 @@ pub fn run(
             }
         }
         if step < steps {
-            plant.disturb(faults.disturbance(step as f64 * step_s));
-            plant.advance(actuation)?;
+            rig.advance(actuation)?;
         }
     }
     Ok(accumulator.finish(Ending {
@@ -194,9 +189,9 @@ pub fn run(
             .then_some(scenario.drive.period_s),
         controlled: drive.quantity(),
         rest_length_m,
-        ledger: plant.ledger(),
-        axial_wall_k: plant.axial_wall_k(),
-        axial_gas_k: plant.axial_gas_k(),
+        ledger: rig.ledger(),
+        axial_wall_k: rig.axial_wall_k(),
+        axial_gas_k: rig.axial_gas_k(),
         timing: board.timing()?,
     }))
 }
@@ -235,32 +230,6 @@ impl Count {
         let step = *self.zero.get_or_insert(in_time.saturating_sub(counted)) + counted;
         self.late = now.saturating_sub(step);
         step
-    }
-}
-
-/// Mean mass flows between two looks at the plant's books.
-#[derive(Debug, Clone, Copy)]
-struct MeanFlows {
-    time_s: f64,
-    in_kg: f64,
-    out_kg: f64,
-}
-
-impl MeanFlows {
-    fn new(plant: &dyn Plant) -> Self {
-        let ledger = plant.ledger();
-        Self { time_s: plant.truth().time_s, in_kg: ledger.mass_in_kg, out_kg: ledger.mass_out_kg }
-    }
-
-    /// Mean flows in and out since the last call, `elapsed_s` ago \[kg/s\]; none at the start.
-    fn since(&mut self, plant: &dyn Plant, elapsed_s: f64) -> (f64, f64) {
-        let before = *self;
-        *self = Self::new(plant);
-        if elapsed_s > 0.0 {
-            ((self.in_kg - before.in_kg) / elapsed_s, (self.out_kg - before.out_kg) / elapsed_s)
-        } else {
-            (0.0, 0.0)
-        }
     }
 }
 
@@ -310,12 +279,18 @@ impl SetPoints {
 
     /// The set point for the core.
     pub fn at(&self, time_s: f64) -> SetPoint {
-        let value = self.value(time_s);
         match self.drive.kind {
             DriveKind::MassFlow if self.profile.is_none() => SetPoint::MassFlowCycle {
                 flow_kg_s: self.drive.flow_kg_s as f32,
                 period_s: self.drive.period_s as f32,
             },
+            _ => self.of(self.value(time_s)),
+        }
+    }
+
+    /// The set point of a value in the drive's own unit.
+    pub fn of(&self, value: f64) -> SetPoint {
+        match self.drive.kind {
             DriveKind::MassFlow => SetPoint::MassFlow { flow_kg_s: value as f32 },
             DriveKind::Pressure => SetPoint::Pressure { pressure_pa: value as f32 },
             DriveKind::Contraction => SetPoint::Contraction { contraction: value as f32 },
