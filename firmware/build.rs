@@ -27,8 +27,10 @@ fn main() {
     for argument in [&format!("-T{}", script.display()), "-Tdefmt.x", "--nmagic"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
-    // `memory.x` for a linker that does not run in the workspace's folder.
+    // What scripts include: what boards of a family share, and `memory.x` for a linker that does not run in the workspace's folder.
     println!("cargo:rustc-link-search={folder}/..");
+    println!("cargo:rustc-link-search={}", boards.display());
     println!("cargo:rerun-if-changed=../memory.x");
+    println!("cargo:rerun-if-changed={}", boards.display());
     println!("cargo:rerun-if-changed={}", script.display());
 }

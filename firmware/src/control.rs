@@ -2,14 +2,14 @@
 
 use crate::black_box::BlackBox;
 use crate::board::Valves;
-use crate::shared::{Order, Shared, Tally};
+use crate::shared::{Answer, Message, Order, Shared, Tally};
 use crate::source::Source;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
 use model_core::control::Mode;
-use model_core::link::{Answer, ConfigSource, Message, Name, Phase, Status};
-use model_core::{Command, Core, Sample};
+use model_core::link::{Phase, Refusal};
+use model_core::{Command, Core, Sample, SetPoint, SetPointError};
 
 /// Waits of [`Source::due`] without a sample after which the valves are not left as they are.
 const PATIENCE: u32 = 4;
@@ -20,11 +20,13 @@ const FLOODED_STEPS: u32 = 1000;
 /// Steps between two messages of what changes rarely: half a second.
 const STATUS_STEPS: u64 = 500;
 
-/// Runs for ever.
+/// Runs for ever. `feed` feeds the watchdog: the supervisor's business, but while the flash is busy the thread
+/// stands still.
 pub async fn run<S: Source, V: Valves>(
-    mut core: Core,
+    core: &mut Core,
     mut source: S,
     mut valves: V,
+    feed: fn(),
     black_box: &'static BlackBox,
     shared: &'static Shared,
 ) -> ! {
@@ -53,7 +55,7 @@ pub async fn run<S: Source, V: Valves>(
                 }
                 flooded_steps = flooded_steps.saturating_sub(1);
                 let sample = Sample {
-                    heard: Shared::take(&shared.heard),
+                    heard: shared.take_heard(),
                     flooded: flooded_steps > 0,
                     missed_steps: missed.try_into().unwrap_or(u8::MAX),
                     ..source.sample()
@@ -80,18 +82,29 @@ pub async fn run<S: Source, V: Valves>(
                     let first = core.supervisor().first_failure();
                     black_box.record(first, latched);
                     shared.set_first_failure(first);
+                    if let Some(first) = first {
+                        shared.failed.signal(first);
+                    }
                 }
-                let status = shared.status();
-                if core.armed_pa() != status.armed_pa {
-                    shared.tell(Status { armed_pa: core.armed_pa(), step: next_step, ..status });
+                // While the sensors are judged there may be a set point to come.
+                let vented = telemetry.set_point == SetPoint::Vent;
+                shared.vented.store(vented, Ordering::Relaxed);
+                let busy_steps = shared.flash_busy_steps.load(Ordering::Relaxed);
+                if busy_steps > 0 {
+                    shared.flash_busy_steps.store(busy_steps - 1, Ordering::Relaxed);
+                    feed();
+                }
+                if core.armed_pa() != shared.status().armed_pa {
+                    shared.change_status(|status| {
+                        (status.armed_pa, status.step) = (core.armed_pa(), next_step);
+                    });
                 } else if tally.steps.is_multiple_of(STATUS_STEPS) {
-                    shared.tell(status);
+                    shared.tell_status();
                 }
-                let divider = u32::from(shared.telemetry_divider());
                 // While the sensors are judged the core's own count stands still.
                 let step = if judging { tally.steps as u32 } else { telemetry.step };
-                if cfg!(feature = "hil") || divider > 0 && step.is_multiple_of(divider) {
-                    shared.post(Message::Telemetry(telemetry));
+                for line in shared.lines.iter().filter(|line| line.wants(step)) {
+                    line.post(Message::Telemetry(telemetry));
                 }
                 tally.missed_steps += missed;
                 tally.add(us(due, start), us(before, after), us(start, Instant::now()));
@@ -103,44 +116,67 @@ pub async fn run<S: Source, V: Valves>(
                     valves.drive(Command::VENT);
                 }
             }
-            Either::Second((sequence, order)) => {
-                let mut status = shared.status();
-                if let Order::Configure { checksum } = order {
-                    core.disarm();
-                    status.config_checksum = checksum;
-                    status.config_source = ConfigSource::Host;
-                    status.config_name = Name::NONE;
-                }
+            Either::Second((asker, order)) => {
                 let outcome = match order {
-                    Order::Configure { .. } | Order::Restart => {
-                        if let Some(other) = shared.prepared() {
+                    Order::Configure { .. } => {
+                        shared.prepared().map_or(Err(Refusal::NotConfigured), |other| {
+                            core.disarm();
                             core.restart_as(other);
-                        }
-                        next_step = 0;
-                        fresh = true;
-                        status.starts = status.starts.wrapping_add(1);
-                        Ok(())
+                            Ok(())
+                        })
                     }
-                    Order::Arm(most_pa) => core.arm(most_pa),
-                    Order::Set(set_point) => core.set(set_point),
+                    Order::Start(set_point) => start(core, shared.prepared(), set_point),
+                    Order::Arm(most_pa) => core.arm(most_pa).map_err(Refusal::from),
+                    Order::Set(set_point) => core.set(set_point).map_err(Refusal::from),
                     Order::ClearFaults => {
                         core.clear_faults();
                         Ok(())
                     }
                 };
-                // Set points are in the telemetry.
-                if !matches!(order, Order::Set(_)) {
-                    (status.armed_pa, status.step) = (core.armed_pa(), next_step);
-                    shared.tell(status);
+                let restarted =
+                    outcome.is_ok() && matches!(order, Order::Configure { .. } | Order::Start(_));
+                if restarted {
+                    next_step = 0;
+                    fresh = true;
+                }
+                if restarted || core.armed_pa() != shared.status().armed_pa {
+                    shared.change_status(|status| {
+                        if let Order::Configure { checksum, source, name } = order {
+                            status.config_checksum = checksum;
+                            status.config_source = source;
+                            status.config_name = name;
+                        }
+                        status.starts = status.starts.wrapping_add(restarted.into());
+                        (status.armed_pa, status.step) = (core.armed_pa(), next_step);
+                    });
+                }
+                if outcome.is_ok() && matches!(order, Order::Start(_) | Order::Set(_)) {
+                    // Before the next step says so.
+                    shared.vented.store(false, Ordering::Relaxed);
                 }
                 let answer = match outcome {
                     Ok(()) => Answer::Done { step: next_step },
-                    Err(error) => Answer::Refused(error.into()),
+                    Err(refusal) => Answer::Refused(refusal),
                 };
-                shared.answer(sequence, answer);
+                if let Some(asker) = asker {
+                    asker.line.answer(asker.sequence, answer);
+                }
             }
         }
     }
+}
+
+/// Starts anew with a set point, which is checked as if the other core had been armed as this one is.
+fn start(core: &mut Core, other: Option<Core>, set_point: SetPoint) -> Result<(), Refusal> {
+    let mut other = other.ok_or(Refusal::NotConfigured)?;
+    if let Some(armed_pa) = core.armed_pa() {
+        other.arm(Some(armed_pa))?;
+        other.set(set_point)?;
+    } else if set_point != SetPoint::Vent {
+        return Err(SetPointError::NotArmed.into());
+    }
+    core.restart_as(other);
+    Ok(())
 }
 
 /// Time between two instants \[us\].

@@ -1,14 +1,13 @@
-//! The line to the host: [`model_core::link`] over any serial port.
+//! The lines to the host: [`model_core::link`] over any serial port, and over all of them at once.
 
-use crate::keep;
-use crate::shared::{Order, Shared};
+use crate::shared::{Answer, Asker, InUse, Keep, Line, Order, Shared};
 use crate::source::STEP;
 use core::sync::atomic::Ordering;
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
 use model_core::link::{
-    Answer, Chip, Decoder, HostCommand, LastReset, PROTOCOL, Refusal, Request, Version, checksum,
+    Chip, ConfigSource, Decoder, HostCommand, LastReset, Name, PROTOCOL, Refusal, Request, Version,
     encode,
 };
 use model_core::{Config, Core};
@@ -22,12 +21,16 @@ pub struct Identity {
     pub last_reset: LastReset,
     /// Longest PWM period of its valves, in steps.
     pub maximum_period_steps: u16,
+    /// Restarts it into its boot loader, if it has one.
+    pub boot_loader: Option<fn() -> !>,
 }
 
 /// Sends what the tasks post.
-pub async fn send<W: Write>(mut port: W, shared: &'static Shared) -> ! {
+pub async fn send<W: Write>(mut port: W, line: &'static Line) -> ! {
+    // The loss of power may have cut a frame: its end, or the first answer would be lost with it.
+    let _ = port.write_all(&[0]).await;
     loop {
-        let message = shared.outbox.receive().await;
+        let message = line.outbox.receive().await;
         // Every message fits a frame; a line that fails has nobody to tell.
         if let Ok(frame) = encode(&message) {
             let _ = port.write_all(&frame).await;
@@ -68,12 +71,35 @@ impl Ration {
 
 /// A new core takes a millisecond: four of them in a row, and the receiver's buffer is not yet full.
 fn cost(command: &HostCommand) -> u32 {
-    if matches!(command, HostCommand::Configure(_) | HostCommand::Start(_)) { 4 } else { 1 }
+    match command {
+        HostCommand::Configure(_)
+        | HostCommand::Start(_)
+        | HostCommand::Save
+        | HostCommand::Forget => 4,
+        _ => 1,
+    }
 }
+
+/// Whether what the request asks for holds only as long as its host is there.
+fn commands(command: &HostCommand) -> bool {
+    use HostCommand::{Arm, Configure, Set, Start};
+    matches!(command, Arm { .. } | Configure(_) | Start(_) | Set(_))
+}
+
+/// Time in which an answer leaves the board.
+const ANSWERING: Duration = Duration::from_millis(20);
 
 /// Carries out what the host asks, as much of it as leaves the other tasks their time: the rest is
 /// dropped and counted. To stop is always carried out.
-pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static Shared) -> ! {
+pub async fn receive<R: Read>(
+    mut port: R,
+    line: &'static Line,
+    identity: Identity,
+    shared: &'static Shared,
+) -> ! {
+    while !shared.recalled.load(Ordering::Relaxed) {
+        Timer::after_millis(1).await;
+    }
     let mut decoder = Decoder::new();
     let mut chunk = [0; 32];
     let mut ration = Ration { left: RATION, since: Instant::now() };
@@ -82,7 +108,7 @@ pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static 
         let count = port.read(&mut chunk).await.unwrap_or(0);
         for &byte in chunk.iter().take(count) {
             if let Some(Request { sequence, command }) = decoder.push(byte) {
-                shared.heard.store(true, Ordering::Relaxed);
+                line.hear();
                 if command == HostCommand::Stop {
                     shared.stop.store(true, Ordering::Relaxed);
                 }
@@ -95,17 +121,24 @@ pub async fn receive<R: Read>(mut port: R, identity: Identity, shared: &'static 
                     );
                     continue;
                 }
-                match carry_out(command, &identity, shared).await {
-                    Outcome::Answer(answer) => shared.answer(sequence, answer),
-                    Outcome::Order(order) => shared.orders.send((sequence, order)).await,
-                    Outcome::Restart(order) => {
-                        time_to_restart().await;
-                        shared.orders.send((sequence, order)).await;
+                if commands(&command) {
+                    shared.obey(line);
+                }
+                let asker = Asker { line, sequence };
+                match carry_out(command, &identity, line, shared).await {
+                    Outcome::Answer(answer) => line.answer(sequence, answer),
+                    Outcome::Order(order) => shared.order(Some(asker), order).await,
+                    Outcome::Restart(order) => shared.restart(Some(asker), order).await,
+                    Outcome::Keep(keep) => shared.keep.send((asker, keep)).await,
+                    Outcome::Leave(boot_loader) => {
+                        line.answer(sequence, Answer::Done { step: shared.tally().steps as u32 });
+                        Timer::after(ANSWERING).await;
+                        boot_loader()
                     }
                     Outcome::Silent => (),
                 }
             }
-            shared.malformed.store(decoder.malformed(), Ordering::Relaxed);
+            line.malformed.store(decoder.malformed(), Ordering::Relaxed);
         }
         // While bytes wait, `read` does not.
         yield_now().await;
@@ -121,11 +154,20 @@ enum Outcome {
     Order(Order),
     /// Control starts anew with the core that is prepared, and answers.
     Restart(Order),
+    /// The keeper carries it out and answers.
+    Keep(Keep),
+    /// An answer, and the board is in its boot loader.
+    Leave(fn() -> !),
     /// The step's telemetry is the answer, or there is none.
     Silent,
 }
 
-async fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Shared) -> Outcome {
+async fn carry_out(
+    command: HostCommand,
+    identity: &Identity,
+    line: &'static Line,
+    shared: &'static Shared,
+) -> Outcome {
     match command {
         HostCommand::Version => Outcome::Answer(Answer::Version(Version {
             protocol: PROTOCOL,
@@ -133,25 +175,20 @@ async fn carry_out(command: HostCommand, identity: &Identity, shared: &'static S
             chip: identity.chip,
             hil: cfg!(feature = "hil"),
         })),
-        HostCommand::ReadConfig => {
-            Outcome::Answer(Answer::Config(shared.config().unwrap_or_default()))
-        }
+        HostCommand::ReadConfig => Outcome::Answer(Answer::Config(InUse(shared))),
         HostCommand::Configure(wanted) => match check(&wanted, identity) {
             Ok(core) => {
                 shared.prepare(core);
-                Outcome::Restart(Order::Configure { checksum: checksum(&wanted) })
+                Outcome::Restart(Order::configure(&wanted, ConfigSource::Host, Name::NONE))
             }
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
-        HostCommand::Start(set_point) => match shared.prepare_set_point(set_point) {
-            Ok(()) => Outcome::Restart(Order::Restart),
-            Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
-        },
+        HostCommand::Start(set_point) => Outcome::Restart(Order::Start(set_point)),
         HostCommand::Set(set_point) => Outcome::Order(Order::Set(set_point)),
         HostCommand::Stop => Outcome::Answer(done(shared)),
         HostCommand::ClearFaults => Outcome::Order(Order::ClearFaults),
         HostCommand::TelemetryDivider(divider) => {
-            shared.set_telemetry_divider(divider);
+            line.set_telemetry_divider(divider);
             Outcome::Answer(done(shared))
         }
         HostCommand::Timing => Outcome::Answer(Answer::Timing(shared.timing())),
@@ -160,21 +197,18 @@ async fn carry_out(command: HostCommand, identity: &Identity, shared: &'static S
         HostCommand::Arm { most_pa } => Outcome::Order(Order::Arm(most_pa)),
         HostCommand::Status => Outcome::Answer(Answer::Status(shared.status())),
         HostCommand::Name(config_name) => {
-            shared.set_config_name(config_name);
+            shared.change_status(|status| status.config_name = config_name);
             Outcome::Answer(done(shared))
         }
-        HostCommand::Save => match shared.config() {
-            Some(config) => Outcome::Answer(told(
-                keep::save(&config, &shared.status().config_name).await,
-                shared,
-            )),
-            None => Outcome::Answer(Answer::Refused(Refusal::NotConfigured)),
-        },
-        HostCommand::Forget => Outcome::Answer(told(keep::forget().await, shared)),
-        HostCommand::History(number) => {
-            Outcome::Answer(Answer::Event(keep::event(number, identity, shared)))
-        }
+        HostCommand::Save => Outcome::Keep(Keep::Save),
+        HostCommand::Forget => Outcome::Keep(Keep::Forget),
+        HostCommand::History(number) => Outcome::Keep(Keep::Event(number)),
         HostCommand::Alive => Outcome::Silent,
+        HostCommand::BootLoader => match identity.boot_loader {
+            None => Outcome::Answer(Answer::Refused(Refusal::NoBootLoader)),
+            Some(_) if !shared.vented() => Outcome::Answer(Answer::Refused(Refusal::NotVented)),
+            Some(boot_loader) => Outcome::Leave(boot_loader),
+        },
         HostCommand::Step(sample) => {
             if cfg!(feature = "hil") {
                 shared.samples.send(sample).await;
@@ -191,25 +225,8 @@ fn done(shared: &Shared) -> Answer {
     Answer::Done { step: shared.tally().steps as u32 }
 }
 
-/// Done, or why not.
-fn told(outcome: Result<(), Refusal>, shared: &Shared) -> Answer {
-    outcome.map_or_else(Answer::Refused, |()| done(shared))
-}
-
-/// Time that a restart of the core may take: nothing else runs while one is copied.
-const RESTARTING: Duration = Duration::from_micros(350);
-
-/// Waits until the core can be restarted before the next step is due.
-async fn time_to_restart() {
-    let now = Instant::now();
-    let into_us = now.as_micros() % STEP.as_micros();
-    if into_us + RESTARTING.as_micros() > STEP.as_micros() {
-        Timer::at(now + STEP - Duration::from_micros(into_us)).await;
-    }
-}
-
 /// A core for the configuration, if the board can run it.
-fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
+pub fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
     let board_us = STEP.as_micros() as u32;
     if (config.step_s * 1.0e6 + 0.5) as u32 != board_us {
         return Err(Refusal::Step { board_us });

@@ -2,7 +2,8 @@
 //!
 //! Two executors run the tasks. The upper one, in an interrupt, has the control task alone: at every
 //! whole millisecond it samples, steps the core and drives the valves. The lower one, in the thread,
-//! has the line to the host and the supervisor, which feeds the watchdog. The folder `board` knows
+//! has the lines to the host, the keeper of what survives the loss of power, and the supervisor, which
+//! feeds the watchdog. The folder `board` knows
 //! the chips; everything else knows the traits in [`board`] only.
 
 #![no_std]
@@ -12,29 +13,34 @@
 mod black_box;
 mod board;
 mod control;
-mod keep;
+mod keeper;
 mod link;
 mod shared;
 mod source;
+mod store;
 mod supervisor;
+#[cfg(feature = "usb")]
+mod usb;
 
-use black_box::{BlackBox, End, Remembered};
+use black_box::{BlackBox, End};
 use board::{Board, Chosen, Parts};
 use core::panic::PanicInfo;
 use cortex_m_rt::ExceptionFrame;
 use defmt_rtt as _;
 use embassy_executor::{Executor, InterruptExecutor};
 use embassy_time::Instant;
-use model_core::link::{LastReset, Status, checksum};
+use model_core::link::{LastReset, checksum};
 use model_core::{Config, Core};
-use shared::Shared;
+use shared::{Line, Shared};
 use static_cell::StaticCell;
 
 type Valves = <Chosen as Board>::Valves;
-type Watchdog = <Chosen as Board>::Watchdog;
+type Flash = <Chosen as Board>::Flash;
 type Output = <Chosen as Board>::Output;
 type Receiver = <Chosen as Board>::Receiver;
 type Sender = <Chosen as Board>::Sender;
+#[cfg(feature = "usb")]
+type Usb = <Chosen as Board>::Usb;
 #[cfg(not(feature = "hil"))]
 type Source = source::Inputs<<Chosen as Board>::Adc, <Chosen as Board>::Input>;
 #[cfg(feature = "hil")]
@@ -51,10 +57,9 @@ static BLACK_BOX: BlackBox = BlackBox::new();
 fn main() -> ! {
     let parts: Parts<Chosen> = Board::start();
     let (last_reset, remembered) = BLACK_BOX.open(parts.reset);
-    SHARED.tell(Status {
-        restarts: BLACK_BOX.restarts(),
-        config_checksum: checksum(&Config::default()),
-        ..Status::AT_START
+    SHARED.change_status(|status| {
+        status.restarts = BLACK_BOX.restarts();
+        status.config_checksum = checksum(&Config::default());
     });
     let [major, minor, patch] = link::FIRMWARE;
     defmt::info!("thermyo firmware {}.{}.{}", major, minor, patch);
@@ -67,23 +72,55 @@ fn main() -> ! {
         chip: Chosen::CHIP,
         last_reset,
         maximum_period_steps: Chosen::maximum_period_steps(),
+        boot_loader: Chosen::BOOT_LOADER,
     };
 
+    #[cfg(feature = "usb")]
+    let [serial, usb_line] = &SHARED.lines;
+    #[cfg(not(feature = "usb"))]
+    let [serial] = &SHARED.lines;
+    // A task that owned it would have room for it three times: here, as an argument, as a variable.
+    static CORE: StaticCell<Core> = StaticCell::new();
+    let core = CORE.init_with(|| {
+        let Ok(mut core) = Core::unconfigured() else {
+            panic!("the default configuration holds");
+        };
+        if let Some((first, latched)) = remembered {
+            core.recall(first, latched);
+        }
+        core
+    });
     let control = Chosen::start_control(&CONTROL);
     static THREAD: StaticCell<Executor> = StaticCell::new();
     THREAD.init_with(Executor::new).run(|thread| {
-        let (Ok(send), Ok(receive), Ok(supervise), Ok(step)) = (
-            send(parts.sender),
-            receive(parts.receiver, identity),
-            supervise(parts.watchdog, parts.led, parts.fault_output, last_reset),
-            step(source, parts.valves, remembered),
+        let (Ok(send), Ok(receive), Ok(keep), Ok(supervise), Ok(step)) = (
+            send(parts.sender, serial),
+            receive(parts.receiver, serial, identity),
+            keep(parts.flash, identity),
+            supervise(parts.led, parts.fault_output, last_reset),
+            step(source, parts.valves, core),
         ) else {
             panic!("each task is started once");
         };
         thread.spawn(send);
         thread.spawn(receive);
+        thread.spawn(keep);
         thread.spawn(supervise);
         control.spawn(step);
+        #[cfg(feature = "usb")]
+        {
+            let (device, sender, receiver) = usb::open(parts.usb, usb_line);
+            let (Ok(run), Ok(send), Ok(receive)) = (
+                run_usb(device),
+                send_usb(sender, usb_line),
+                receive_usb(receiver, usb_line, identity),
+            ) else {
+                panic!("each task is started once");
+            };
+            thread.spawn(run);
+            thread.spawn(send);
+            thread.spawn(receive);
+        }
     })
 }
 
@@ -97,34 +134,50 @@ pub unsafe fn on_control_interrupt() {
 }
 
 #[embassy_executor::task]
-async fn step(source: Source, valves: Valves, remembered: Remembered) -> ! {
-    let Ok(mut core) = Core::unconfigured() else {
-        panic!("the default configuration holds");
-    };
-    if let Some((first, latched)) = remembered {
-        core.recall(first, latched);
-    }
-    control::run(core, source, valves, &BLACK_BOX, &SHARED).await
+async fn step(source: Source, valves: Valves, core: &'static mut Core) -> ! {
+    control::run(core, source, valves, Chosen::feed, &BLACK_BOX, &SHARED).await
 }
 
 #[embassy_executor::task]
-async fn send(sender: Sender) -> ! {
-    link::send(sender, &SHARED).await
+async fn send(sender: Sender, line: &'static Line) -> ! {
+    link::send(sender, line).await
 }
 
 #[embassy_executor::task]
-async fn receive(receiver: Receiver, identity: link::Identity) -> ! {
-    link::receive(receiver, identity, &SHARED).await
+async fn receive(receiver: Receiver, line: &'static Line, identity: link::Identity) -> ! {
+    link::receive(receiver, line, identity, &SHARED).await
 }
 
+#[cfg(feature = "usb")]
 #[embassy_executor::task]
-async fn supervise(
-    watchdog: Watchdog,
-    led: Output,
-    fault_output: Output,
-    last_reset: LastReset,
+async fn run_usb(device: usb::Device<Usb>) -> ! {
+    usb::run(device, Chosen::usb_reset_waits).await
+}
+
+#[cfg(feature = "usb")]
+#[embassy_executor::task]
+async fn send_usb(sender: usb::Sender<Usb>, line: &'static Line) -> ! {
+    link::send(sender, line).await
+}
+
+#[cfg(feature = "usb")]
+#[embassy_executor::task]
+async fn receive_usb(
+    receiver: usb::Receiver<Usb>,
+    line: &'static Line,
+    identity: link::Identity,
 ) -> ! {
-    supervisor::run(watchdog, led, fault_output, last_reset, &SHARED).await
+    link::receive(receiver, line, identity, &SHARED).await
+}
+
+#[embassy_executor::task]
+async fn keep(flash: Option<Flash>, identity: link::Identity) -> ! {
+    keeper::run(flash, identity, &SHARED).await
+}
+
+#[embassy_executor::task]
+async fn supervise(led: Output, fault_output: Output, last_reset: LastReset) -> ! {
+    supervisor::run(Chosen::feed, led, fault_output, last_reset, &SHARED).await
 }
 
 /// Vents, leaves a note for after the restart, restarts.

@@ -8,7 +8,6 @@
 //! | three flashes, a pause | the last start was not asked for: watchdog, panic or fault of the processor |
 //! | dark or frozen | no firmware, or it hangs: the watchdog restarts the board within 50 ms |
 
-use crate::board::Watchdog;
 use crate::shared::Shared;
 use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Ticker};
@@ -23,8 +22,8 @@ const LOOK: Duration = Duration::from_millis(20);
 const PATTERN: u32 = 50;
 
 /// Runs for ever.
-pub async fn run<W: Watchdog, L: OutputPin, F: OutputPin>(
-    mut watchdog: W,
+pub async fn run<L: OutputPin, F: OutputPin>(
+    feed: fn(),
     mut led: L,
     mut fault_output: F,
     last_reset: LastReset,
@@ -39,7 +38,7 @@ pub async fn run<W: Watchdog, L: OutputPin, F: OutputPin>(
         let beat = shared.heartbeat.load(Ordering::Relaxed);
         let missed = shared.tally().missed_steps;
         if beat != heartbeat && missed == missed_steps {
-            watchdog.feed();
+            feed();
         }
         heartbeat = beat;
         missed_steps = missed;

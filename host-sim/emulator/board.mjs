@@ -1,14 +1,16 @@
 // A Raspberry Pi Pico: the chip, its flash, and what is wired to its pins.
 
-import { GPIOPinState, RP2040 } from 'rp2040js';
+import { GPIOPinState } from 'rp2040js';
+import { Chip } from './chip.mjs';
+import { FlashChip } from './flash_chip.mjs';
 import { PacedUart } from './uart.mjs';
+import { UsbHost } from './usb.mjs';
 
 const NANOS_PER_CYCLE = 8; // 125 MHz
-const VECTOR_TABLE = 0x10000100; // behind the second stage boot loader
 const UART0 = { slot: 0x40034, irq: 20 };
 const CONTROL_EXCEPTION = 16 + 27; // SWI_IRQ_1, the control task's executor
 const HARD_FAULT = 3; // its exception
-const FLASH_PAGE = 0x10; // upper byte of the addresses that programs have
+const ROM_END = 0x4000;
 const OVERSAMPLING = 8;
 const ADC_NANOS = 2000;
 const BRANCH_TO_ITSELF = 0xe7fe;
@@ -23,6 +25,8 @@ const RUN_LINE = 14;
 const FAULT_OUTPUT = 15;
 const LED = 25;
 const RAM = 0x20000000;
+/** Why the chip does not go on. */
+const [TIME_IS_UP, WATCHDOG_BITES, POWER_FAILS] = [0, 1, 2];
 /** Where a hang happens: the control task, the thread's tasks, any other interrupt. */
 const PLACES = [
   (exception) => exception === CONTROL_EXCEPTION,
@@ -30,35 +34,49 @@ const PLACES = [
   (exception) => exception !== 0 && exception !== CONTROL_EXCEPTION,
 ];
 
-const quiet = { debug() {}, info() {}, warn() {}, error() {} };
-
 export class Board {
   /** `flash`: the image's bytes, 16 MiB of them as rp2040js has it. */
   constructor(flash) {
-    this.image = flash;
+    this.store = new FlashChip(flash);
     this.sums = [0, 0, 0, 0, 0];
     this.conversions = [0, 0, 0, 0, 0];
     this.runLine = false;
     this.adcStalled = false;
     this.hang = null; // what is to happen: { is: one of PLACES, instructions: left until it does }
     this.uartBytes = [];
+    this.usbBytes = [];
+    this.identities = []; // what the board has said of itself over USB, each time that it was plugged in
+    this.cable = { plugged: false, open: false };
+    this.bootLoader = false;
     this.resets = 0;
+    this.powerCuts = 0;
     this.busyCycles = 0;
+    this.flashReads = 0;
+    this.flashMisses = 0;
+    this.flashViolations = 0;
     this.nanos = 0; // since power came
-    this.powerUp();
+    this.start();
   }
 
-  powerUp() {
-    const chip = new RP2040();
-    chip.logger = quiet;
-    chip.flash.set(this.image);
-    chip.core.VTOR = VECTOR_TABLE;
-    chip.core.reset();
+  /** Comes out of reset; `sram` is what memory holds. */
+  start(sram) {
+    const chip = new Chip(this.store.content);
+    this.store.attach(chip, () => {
+      this.bootLoader = true;
+      this.restart = true;
+    });
+    chip.boot(sram);
 
     this.uart = new PacedUart(chip, 'UART0', UART0.irq, (byte) => this.uartBytes.push(byte));
     chip.uart[0] = this.uart;
     chip.peripherals[UART0.slot] = this.uart;
 
+    this.usb = new UsbHost(
+      chip,
+      (byte) => this.usbBytes.push(byte),
+      (identity) => this.identities.push(identity),
+    );
+    this.usb.set(this.cable.plugged, this.cable.open);
     this.restart = false;
     const watchdog = chip.peripherals[0x40058];
     watchdog.onWatchdogTrigger = () => {
@@ -92,17 +110,25 @@ export class Board {
   /** The watchdog restarts everything but itself and its scratch registers; memory keeps its content. */
   watchdogRestart() {
     const { reason, scratchData } = this.chip.peripherals[0x40058];
-    const { sram } = this.chip;
-    this.settleCoils();
-    const totals = this.coils.map((coil) => coil.total);
-    this.nanos = this.now();
-    this.powerUp();
-    this.coils.forEach((coil, i) => (coil.total = totals[i]));
+    this.startAgain(this.chip.sram);
     const watchdog = this.chip.peripherals[0x40058];
     watchdog.reason = reason;
     watchdog.scratchData.set(scratchData);
-    this.chip.sram.set(sram);
     this.resets++;
+  }
+
+  /** Power was gone, and with it all but what the flash holds. */
+  powerCut() {
+    this.startAgain(undefined);
+    this.powerCuts++;
+  }
+
+  startAgain(sram) {
+    this.settleCoils();
+    const totals = this.coils.map((coil) => coil.total);
+    this.nanos = this.now();
+    this.start(sram);
+    this.coils.forEach((coil, i) => (coil.total = totals[i]));
   }
 
   now() {
@@ -149,13 +175,22 @@ export class Board {
     this.hang = { is: PLACES[place], instructions };
   }
 
-  /** Before an instruction, while a hang is armed. Only in flash: the rest is the chip's own program. */
+  /** Before an instruction, while a hang is armed. Not in the boot ROM, which is the chip's own program. */
   countToHang() {
-    const { core, flash16 } = this.chip;
-    if (this.hang.is(core.IPSR) && --this.hang.instructions <= 0 && core.PC >>> 24 === FLASH_PAGE) {
-      flash16[(core.PC & 0xffffff) >> 1] = BRANCH_TO_ITSELF;
+    const { core } = this.chip;
+    if (this.hang.is(core.IPSR) && --this.hang.instructions <= 0 && core.PC >= ROM_END) {
+      // At a handler's first instruction it still has the vector's lowest bit.
+      this.chip.writeUint16(core.PC & ~1, BRANCH_TO_ITSELF);
       this.hang = null;
     }
+  }
+
+  countFlashReads() {
+    const { reads, misses } = this.chip.cache.takeReads();
+    this.flashReads += reads;
+    this.flashMisses += misses;
+    this.flashViolations += this.chip.violations;
+    this.chip.violations = 0;
   }
 
   settleCoils() {
@@ -167,6 +202,12 @@ export class Board {
   setRunLine(high) {
     this.runLine = high;
     this.chip.gpio[RUN_LINE].setInputValue(high);
+  }
+
+  /** The USB cable is in or out; a program has its port open or not. */
+  setCable(plugged, open) {
+    this.cable = { plugged, open };
+    this.usb.set(plugged, open);
   }
 
   pin(number) {
@@ -199,16 +240,29 @@ export class Board {
     for (const coil of this.coils) {
       coil.total = 0;
     }
-    while (this.runChip(until)) {
-      this.watchdogRestart();
+    for (;;) {
+      const end = this.runChip(until);
+      this.countFlashReads();
+      if (end === TIME_IS_UP) {
+        break;
+      } else if (end === POWER_FAILS) {
+        this.powerCut();
+      } else {
+        this.watchdogRestart();
+      }
     }
     this.settleCoils();
   }
 
-  /** Returns whether the watchdog wants a restart. */
+  /** Returns why it does not go on. */
   runChip(until) {
-    const { clock, core } = this.chip;
+    const { cache, clock, core } = this.chip;
     const end = until - this.started;
+    this.chip.until = end;
+    if (this.bootLoader) {
+      clock.tick(end - clock.nanosCounter);
+      return TIME_IS_UP;
+    }
     while (clock.nanosCounter < end) {
       if (core.waiting) {
         const next = clock.nextAlarm === null ? end : Math.min(clock.nextAlarm.nanos, end);
@@ -217,7 +271,7 @@ export class Board {
         if (this.hang !== null) {
           this.countToHang();
         }
-        const cycles = core.executeInstruction();
+        const cycles = core.executeInstruction() + cache.takeStalled();
         this.busyCycles += cycles;
         clock.nanosCounter += cycles * NANOS_PER_CYCLE;
         if (clock.nextAlarm !== null && clock.nextAlarm.nanos <= clock.nanosCounter) {
@@ -225,10 +279,13 @@ export class Board {
         }
       }
       if (this.restart) {
-        return true;
+        return WATCHDOG_BITES;
+      }
+      if (this.store.takeCut()) {
+        return POWER_FAILS;
       }
     }
-    return false;
+    return TIME_IS_UP;
   }
 
   /** What the firmware has logged: takes the bytes out of the ring buffer of its first RTT channel. */

@@ -1,5 +1,5 @@
 // Calls functions of the firmware's image, one after the other, on an emulated RP2040 that runs
-// nothing else. All numbers u32, little end first.
+// nothing else once its start has copied them into RAM. All numbers u32, little end first.
 //
 // request:  address of the function; its two arguments; number of instructions after which an
 //           interrupt calls it too, 0 for none; the two arguments of that call
@@ -8,17 +8,25 @@
 // Ends with exit code 1 when a function does not leave registers and stack as it found them.
 
 import { readSync, writeSync } from 'node:fs';
-import { RP2040 } from 'rp2040js';
+import { Chip } from './chip.mjs';
 import { load } from './image.mjs';
 
 const RAM = 0x20000000;
+const RAM_END = 0x20040000;
+const RETURN = 0; // no function lies there: the call is over
 const STACK = 0x20040000;
 const REQUEST_BYTES = 24;
 const REQUESTS = 4096;
 
-const chip = new RP2040();
-load(process.argv[2], chip.flash);
+const flash = new Uint8Array(16 * 1024 * 1024).fill(0xff);
+load(process.argv[2], flash);
+const chip = new Chip(flash);
+chip.boot();
 const { core } = chip;
+// The program's first instruction in RAM comes when all of it is there.
+while (core.PC < RAM || core.PC >= RAM_END) {
+  core.executeInstruction();
+}
 core.SP = STACK;
 
 const input = Buffer.alloc(REQUESTS * REQUEST_BYTES);
@@ -54,10 +62,10 @@ function call(address, values, interrupt) {
   const kept = core.registers.slice(4, 14);
   core.registers[0] = values[0];
   core.registers[1] = values[1];
-  core.LR = RAM | 1; // no function lies there: the call is over
+  core.LR = RETURN | 1;
   core.PC = address & ~1;
   let cycles = 0;
-  for (let instructions = 0; core.PC !== RAM; instructions++) {
+  for (let instructions = 0; core.PC !== RETURN; instructions++) {
     if (instructions === interrupt?.after) {
       const registers = core.registers.slice();
       const flags = core.APSR;

@@ -2,23 +2,34 @@
 // input. All numbers little end first.
 //
 // request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2; u8 inputs
-//           (1: run line high, 2: converter stalled, 4: a fault of the processor at the beginning); u8 place and u32 number of the instruction there
-//           that is to hang (0: control, 1: thread, 2: other interrupts; number 0: none); u16 count
-//           and bytes for the UART
+//           (1: run line high, 2: converter stalled, 4: a fault of the processor at the beginning, 8: USB cable plugged in,
+//           16: its port open); u8 place and u32 number of the instruction there
+//           that is to hang (0: control, 1: thread, 2: other interrupts; number 0: none); u32 number of the flash
+//           operation in which power is to fail (0: none, 0xffffffff: at once) and u16 share of its time that it
+//           has had, in 1/65535; u16 counts of bytes for the UART and for USB; these bytes
 // response: u32 nanoseconds that the inlet's and the outlet's coil were powered; u32 cycles in which the
-//           core did not sleep; u32 restarts by the watchdog so far; u16 duties that inlet's and outlet's
-//           coil are set to, in 1/65535; u8 state (1: fault output, 2: LED, 4: a hang is still to
-//           come); u16 count and bytes from the UART; u16 count and bytes of the log (defmt over RTT)
+//           core did not sleep; u32 restarts by the watchdog so far; u32 reads of flash; u32 of them that
+//           were not in its cache; u32 times that power came back so far; u32 operations of the flash
+//           so far; u32 violations of its rules so far; u16 duties that inlet's and outlet's coil
+//           are set to, in 1/65535; u8 state (1: fault output, 2: LED, 4: a hang is still to
+//           come, 8: in the boot loader); u16 count and bytes each from the UART, from USB, of what the board
+//           has said of itself each time it was plugged in (one line each), and of the log (defmt over RTT)
 //
+// The first argument is the image, the second one, if there is one, the file that has what the flash keeps.
 // The first response comes of its own accord, when the image is in place.
 
 import { readSync, writeSync } from 'node:fs';
 import { Board } from './board.mjs';
 import { load } from './image.mjs';
+import { Kept } from './kept.mjs';
+
+const HEAD_BYTES = 41;
 
 const flash = new Uint8Array(16 * 1024 * 1024).fill(0xff);
+const kept = new Kept(process.argv[3]);
 try {
   load(process.argv[2], flash);
+  kept.load(flash);
 } catch (error) {
   process.stderr.write(`${error.message}\n`);
   process.exit(2);
@@ -26,7 +37,7 @@ try {
 const board = new Board(flash);
 respond();
 
-const head = Buffer.alloc(18);
+const head = Buffer.alloc(26);
 let until = 0;
 while (fill(head)) {
   until += head.readUInt32LE(0);
@@ -43,12 +54,19 @@ while (fill(head)) {
   if (instructions > 0) {
     board.armHang(head[11], instructions);
   }
-  const bytes = Buffer.alloc(head.readUInt16LE(16));
-  if (!fill(bytes)) {
+  board.setCable(!!(inputs & 8), !!(inputs & 16));
+  const operation = head.readUInt32LE(16);
+  if (operation > 0) {
+    board.store.armCut(operation, head.readUInt16LE(20) / 65535);
+  }
+  const [forUart, forUsb] = [22, 24].map((at) => Buffer.alloc(head.readUInt16LE(at)));
+  if (!fill(forUart) || !fill(forUsb)) {
     break;
   }
-  board.uart.feed(bytes);
+  board.uart.feed(forUart);
+  board.usb.feed(forUsb);
   board.run(until);
+  kept.save(board.store);
   respond();
 }
 
@@ -66,20 +84,32 @@ function fill(buffer) {
 }
 
 function respond() {
-  const uart = board.uartBytes;
+  const said = Buffer.from(board.identities.map((identity) => `${identity}\n`).join(''));
+  const parts = [board.uartBytes, board.usbBytes, said, board.takeLog()];
   board.uartBytes = [];
-  const log = board.takeLog();
-  const response = Buffer.alloc(21 + 2 + uart.length + 2 + log.length);
+  board.usbBytes = [];
+  board.identities = [];
+  const bytes = parts.reduce((length, part) => length + 2 + part.length, HEAD_BYTES);
+  const response = Buffer.alloc(bytes);
   board.coils.forEach((coil, i) => response.writeUInt32LE(Math.round(coil.total), 4 * i));
   response.writeUInt32LE(board.busyCycles >>> 0, 8);
   response.writeUInt32LE(board.resets, 12);
-  board.duties.forEach((duty, i) => response.writeUInt16LE(Math.round(duty * 65535), 16 + 2 * i));
-  response[20] = board.pins | (board.hang === null ? 0 : 4);
-  response.writeUInt16LE(uart.length, 21);
-  response.set(uart, 23);
-  response.writeUInt16LE(log.length, 23 + uart.length);
-  log.copy(response, 25 + uart.length);
+  response.writeUInt32LE(board.flashReads >>> 0, 16);
+  response.writeUInt32LE(board.flashMisses >>> 0, 20);
+  response.writeUInt32LE(board.powerCuts, 24);
+  response.writeUInt32LE(board.store.operations, 28);
+  response.writeUInt32LE(board.flashViolations + board.store.violations, 32);
+  board.duties.forEach((duty, i) => response.writeUInt16LE(Math.round(duty * 65535), 36 + 2 * i));
+  response[40] = board.pins | (board.hang === null ? 0 : 4) | (board.bootLoader ? 8 : 0);
+  let at = HEAD_BYTES;
+  for (const part of parts) {
+    response.writeUInt16LE(part.length, at);
+    response.set(part, at + 2);
+    at += 2 + part.length;
+  }
   board.busyCycles = 0;
+  board.flashReads = 0;
+  board.flashMisses = 0;
   let written = 0;
   while (written < response.length) {
     written += writeSync(1, response, written);

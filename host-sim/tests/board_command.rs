@@ -4,71 +4,9 @@
 use model_core::SetPoint;
 use model_core::link::{HostCommand, Request, encode};
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-use tempfile::TempDir;
 
-fn repository() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
-
-fn skip_emulator() -> bool {
-    let skip = std::env::var_os("THERMYO_SKIP_EMULATOR").is_some_and(|value| value == "1");
-    if skip {
-        eprintln!("skipped: THERMYO_SKIP_EMULATOR=1");
-    }
-    skip
-}
-
-/// A place of its own for the emulated board, which is unplugged in the end.
-struct Bench(TempDir);
-
-impl Bench {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    /// Runs a line such as `thermyo board emulated info`, from the repository.
-    fn run(&self, line: &str) -> Output {
-        let mut words = line.split_whitespace();
-        assert_eq!(words.next(), Some("thermyo"), "{line}");
-        let out = self.path("out");
-        let words = words.map(|word| word.replace("out/", &format!("{}/", out.display())));
-        Command::new(env!("CARGO_BIN_EXE_thermyo"))
-            .args(words)
-            .current_dir(repository())
-            .env("TMPDIR", self.0.path())
-            .output()
-            .unwrap()
-    }
-
-    /// What a line prints that has to end well.
-    fn ok(&self, line: &str) -> String {
-        let output = self.run(line);
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        assert!(output.status.success(), "{line}: {}", text(&output.stderr));
-        text(&output.stdout)
-    }
-
-    /// What a line says that must not be carried out.
-    fn refused(&self, line: &str) -> String {
-        let output = self.run(line);
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{line}: {message}");
-        assert_eq!(message.trim().lines().count(), 1, "{line}: {message}");
-        message
-    }
-}
-
-impl Drop for Bench {
-    fn drop(&mut self) {
-        self.run("thermyo board emulated unplug");
-    }
-}
+mod board_support;
+use board_support::{Bench, repository, skip_emulator};
 
 #[test]
 fn a_board_is_told_armed_driven_and_asked() {
@@ -128,6 +66,29 @@ fn a_board_is_told_armed_driven_and_asked() {
     let replayed = json(bench.ok("thermyo replay out/drive/trace.csv --json --out out/again"));
     assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&601.into(), &0.into()));
     assert!(bench.path("out/drive/report.html").is_file());
+}
+
+#[test]
+fn what_is_saved_survives_the_power() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = Bench::new();
+    let info = |bench: &Bench| bench.ok("thermyo board emulated info");
+    assert!(
+        bench.refused("thermyo board emulated config save").contains("does not know its muscle")
+    );
+    bench.ok("thermyo board emulated config write scenarios/contraction.toml");
+    assert!(bench.ok("thermyo board emulated config save").contains("from flash"));
+    assert!(bench.ok("thermyo board emulated history").contains("never vented"));
+    bench.ok("thermyo board emulated unplug");
+    let found = info(&bench);
+    assert!(found.contains("contraction, ") && found.contains("from flash"), "{found}");
+    assert!(found.contains("armed:         no"), "{found}");
+    bench.ok("thermyo board emulated config forget");
+    bench.ok("thermyo board emulated unplug");
+    let found = info(&bench);
+    assert!(found.contains("the core's defaults") && found.contains("not configured"), "{found}");
 }
 
 /// The lines that begin with `thermyo` in code blocks of the document, for the emulated board.

@@ -1,33 +1,13 @@
-//! The report pages in headless Chromium, used as a reader would. Without Chromium nothing is tested, and
-//! that is said; `THERMYO_CHROMIUM` names one that lies elsewhere.
-//!
-//! The screenshots stay in the target folder's `tmp`, to be looked at.
+//! The report pages in headless Chromium, used as a reader would.
 
-use host_sim::board::image::prepare_node;
 use serde_json::Value;
-use std::env;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use tempfile::TempDir;
 
-const NAMES: [&str; 5] =
-    ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
-
-fn chromium() -> Option<PathBuf> {
-    if let Some(path) = env::var_os("THERMYO_CHROMIUM") {
-        return Some(PathBuf::from(path));
-    }
-    let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
-    let found = folders
-        .iter()
-        .flat_map(|folder| NAMES.map(|name| folder.join(name)))
-        .find(|path| path.is_file());
-    if found.is_none() {
-        eprintln!("no Chromium was found: the report pages are not tried in a browser");
-    }
-    found
-}
+mod browser_support;
+use browser_support::{chromium, look};
 
 /// Runs `thermyo` with these arguments and `--out` in a folder; gives the page.
 fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {
@@ -43,24 +23,9 @@ fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {
     out.join("report.html")
 }
 
-/// What the browser saw of a page.
-fn look(chromium: &Path, page: &Path, name: &str) -> Value {
-    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
-    prepare_node(&scripts).unwrap();
-    let output = Command::new("node")
-        .arg(scripts.join("look.mjs"))
-        .args([chromium, page])
-        .arg(Path::new(env!("CARGO_TARGET_TMPDIR")).join(name))
-        .stdin(Stdio::null())
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
 /// What holds for every page; gives what was seen.
 fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Value {
-    let seen = look(chromium, page, name);
+    let seen = look("look.mjs", chromium, page.as_os_str(), name);
     assert_eq!(seen["problems"], Value::Array(Vec::new()), "{name}");
     for mode in ["figures", "without_script"] {
         let all = seen[mode].as_array().unwrap();

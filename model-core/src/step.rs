@@ -185,7 +185,7 @@ impl Core {
     /// [`SetPointError`] for a value that is no number or out of its range, and for anything but
     /// to vent while faults do or the core is not armed; what held before goes on.
     pub fn set(&mut self, set_point: SetPoint) -> Result<(), SetPointError> {
-        let target = Target::new(&set_point, &self.config)?;
+        let target = Target::new(&set_point, &self.config, &self.chamber)?;
         let venting = self.supervisor.venting();
         if target != Target::VENT && venting != Faults::NONE {
             return Err(SetPointError::Faults(venting));

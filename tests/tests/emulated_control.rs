@@ -10,8 +10,8 @@ fn assert_on_time(board: &mut EmulatedBoard) {
     let timing = board.timing().unwrap();
     println!("{timing:?}");
     assert_eq!((timing.missed_steps, timing.malformed_frames), (0, 0));
-    assert!((20_000..=150_000).contains(&timing.step_mean_ns), "{timing:?}");
-    assert!((50..=300).contains(&timing.step_worst_us), "{timing:?}");
+    assert!((20_000..=75_000).contains(&timing.step_mean_ns), "{timing:?}");
+    assert!((50..=200).contains(&timing.step_worst_us), "{timing:?}");
 }
 
 #[test]

@@ -2,13 +2,20 @@
 
 use host_sim::board::image::{Variant, firmware, prepare_emulator};
 use host_sim::board::{BoardError, emulated::EmulatedBoard};
+use model_core::link::HostCommand;
+use model_core::{Sample, SetPoint};
 use object::{Object, ObjectSection, ObjectSymbol};
+use system_tests::rig::Rig;
 use system_tests::skip_emulator;
 
 /// Flash of the image \[bytes\].
 const FLASH: u64 = 128 * 1024;
-/// Static memory of the image \[bytes\].
+/// Static memory of the image, its code and constants left out \[bytes\].
 const RAM: u64 = 24 * 1024;
+/// Cycles of the RP2040 in a millisecond.
+const CYCLES_PER_MS: f64 = 125.0e3;
+/// Share of the time for which the processor is busy, telemetry as at the start included.
+const BUSY: f64 = 0.18;
 
 #[test]
 fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
@@ -21,9 +28,16 @@ fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
         let named = |section: &object::Section| names.contains(&section.name().unwrap_or(""));
         file.sections().filter(named).map(|section| section.size()).sum()
     };
-    let flash = size(&[".boot2", ".vector_table", ".text", ".rodata", ".data"]);
+    let start = size(&[".boot2", ".vector_table", ".text", ".before_copy", ".rodata"]);
+    let copied = size(&[".ram_text", ".ram_rodata"]);
+    let flash = start + copied + size(&[".data"]);
     let ram = size(&[".data", ".bss", ".uninit"]);
-    println!("{flash} bytes of flash, {ram} bytes of static memory");
+    println!(
+        "{flash} bytes of flash, {copied} of them code and constants that are copied into RAM; \
+         {ram} bytes of static memory beside them"
+    );
+    // Boot loader, vector table and what copies the rest.
+    assert!((256..1024).contains(&start), "{start} bytes stay in flash");
     assert!((20_000..=FLASH).contains(&flash), "{flash} bytes of flash");
     assert!((2_000..=RAM).contains(&ram), "{ram} bytes of static memory");
 
@@ -34,6 +48,48 @@ fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
     let unwanted: Vec<_> =
         names.iter().filter(|name| never.iter().any(|part| name.contains(part))).collect();
     assert!(unwanted.is_empty(), "{unwanted:?}");
+}
+
+/// After the start nothing is read from flash: neither code nor constants nor the vector table, whatever the
+/// board is at, unless it saves. The start itself shows what a read costs.
+#[test]
+fn the_image_runs_from_ram() {
+    if skip_emulator() {
+        return;
+    }
+    let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
+    let started = rig.board.started();
+    println!("start: {} reads of flash, {} misses", started.flash_reads, started.flash_misses);
+    // A word at a time is copied, and each waits.
+    assert!((15_000..60_000).contains(&started.flash_misses), "{started:?}");
+    assert!(
+        (started.flash_misses..8 * started.flash_misses).contains(&started.flash_reads),
+        "{started:?}"
+    );
+
+    rig.start(SetPoint::Contraction { contraction: 0.1 });
+    rig.board.send(HostCommand::TelemetryDivider(10));
+    let mut busy_cycles = 0.0;
+    for ms in 0..2000 {
+        match ms {
+            500 => rig.board.send(HostCommand::Timing),
+            600 => rig.board.send(HostCommand::ReadConfig),
+            700 => rig.board.send(HostCommand::Set(SetPoint::Pressure { pressure_pa: 3.0e5 })),
+            1000 => rig.board.send(HostCommand::Set(SetPoint::Contraction { contraction: 0.15 })),
+            _ => (),
+        }
+        let exchange = rig.exchange();
+        assert_eq!((exchange.flash_reads, exchange.flash_misses), (0, 0), "{ms} ms");
+        if ms < 500 {
+            busy_cycles += f64::from(exchange.busy_cycles);
+        }
+    }
+    // To write down what vents is another matter.
+    rig.exchange_with(|sample| Sample { emergency_stop: true, ..sample });
+    assert!((0..5).any(|_| rig.exchange().flash_reads > 0), "a read of flash is not noticed");
+    let busy = busy_cycles / (500.0 * CYCLES_PER_MS);
+    println!("processor busy for {:.1} % of the time in contraction", 100.0 * busy);
+    assert!((0.05..BUSY).contains(&busy), "{busy}");
 }
 
 #[test]

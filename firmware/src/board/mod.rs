@@ -15,6 +15,8 @@ mod pico;
 mod pico2;
 #[cfg(any(feature = "pico", feature = "pico2"))]
 mod rp;
+#[cfg(any(feature = "pico", feature = "pico2"))]
+mod rp_flash;
 
 #[cfg(feature = "nucleo-g474re")]
 pub use nucleo_g474re::NucleoG474re as Chosen;
@@ -27,6 +29,7 @@ use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_time::Duration;
 use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_io_async::{Read, Write};
+use embedded_storage_async::nor_flash::NorFlash;
 use model_core::Command;
 use model_core::link::Chip;
 
@@ -41,8 +44,8 @@ pub trait Board: Sized {
     type Adc: Adc;
     /// Both valves.
     type Valves: Valves;
-    /// The watchdog.
-    type Watchdog: Watchdog;
+    /// Flash of [`STORE_BYTES`].
+    type Flash: NorFlash;
     /// A digital input.
     type Input: InputPin;
     /// A digital output.
@@ -52,17 +55,28 @@ pub trait Board: Sized {
     /// What goes to the host.
     type Sender: Write;
 
+    /// The chip's own USB.
+    #[cfg(feature = "usb")]
+    type Usb: embassy_usb::driver::Driver<'static>;
+
     /// Called once, first of all. Both coils are without power before anything else happens; the line to
-    /// the host runs at [`BAUD`](model_core::link::BAUD), and its interrupt comes before control's; the
-    /// watchdog runs when this returns.
+    /// the host runs at [`BAUD`](model_core::link::BAUD), and its interrupt comes before control's, that
+    /// of USB after it; the watchdog runs when this returns.
     fn start() -> Parts<Self>;
     /// Starts control's executor in an interrupt with a priority below the line's, whose handler calls
     /// [`on_control_interrupt`](crate::on_control_interrupt).
     fn start_control(executor: &'static InterruptExecutor) -> SendSpawner;
+    /// Feeds the watchdog, which restarts the board [`WATCHDOG`] after it was fed last.
+    fn feed();
     /// Takes the power from both coils, whoever has the pins: nothing else runs any more.
     fn vent();
+    /// Whether a reset of the bus waits to be seen by the driver of [`Self::Usb`].
+    #[cfg(feature = "usb")]
+    fn usb_reset_waits() -> bool;
     /// Restarts the board; it then finds [`Reset::Forced`].
     fn restart() -> !;
+    /// Restarts it into the chip's boot loader, which takes another image; `None` where there is none.
+    const BOOT_LOADER: Option<fn() -> !>;
 }
 
 /// What a board hands over at the start.
@@ -75,8 +89,8 @@ pub struct Parts<B: Board> {
     pub run_line: B::Input,
     /// Both valves, closed for the inlet and open for the outlet.
     pub valves: B::Valves,
-    /// The watchdog, fed a moment ago.
-    pub watchdog: B::Watchdog,
+    /// Where the board keeps what survives the loss of power, if it has such a place.
+    pub flash: Option<B::Flash>,
     /// The LED, on while high.
     pub led: B::Output,
     /// High while a fault holds or is latched.
@@ -85,6 +99,9 @@ pub struct Parts<B: Board> {
     pub receiver: B::Receiver,
     /// What goes to the host.
     pub sender: B::Sender,
+    /// The chip's own USB, and what tells this board from all others.
+    #[cfg(feature = "usb")]
+    pub usb: (B::Usb, [u8; 8]),
 }
 
 /// Why a board started.
@@ -114,6 +131,9 @@ pub trait Adc {
     /// One conversion, 0 to 4095. It blocks for the two microseconds that this takes; the watchdog
     /// ends a longer wait.
     fn convert(&mut self, channel: Channel) -> u16;
+    /// Holds back interrupts that come before control's, where what causes them has room for 100 us: from
+    /// shortly before a step is due until its conversions are done.
+    fn hold_others(&mut self, _held: bool) {}
 }
 
 /// Both valves' PWM. One call sets both, so that they change together; `embedded-hal`'s
@@ -129,11 +149,8 @@ pub trait Valves {
 /// steps of the same kind may take longer and must not miss the period's begin.
 pub const PWM_DELAY: Duration = Duration::from_micros(250);
 
-/// Restarts the board when it is not fed.
-pub trait Watchdog {
-    /// Not before [`WATCHDOG`] from now.
-    fn feed(&mut self);
-}
+/// Flash in which the board keeps what survives the loss of power: four sectors.
+pub const STORE_BYTES: usize = 4 * 4096;
 
 /// The watchdog restarts the board after this time without food.
 pub const WATCHDOG: Duration = Duration::from_millis(50);

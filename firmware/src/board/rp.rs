@@ -7,7 +7,9 @@
 //! | GP0, GP1 | UART0 |
 //! | GP14 | emergency stop, pulled down: open or low is stop |
 //! | GP15, GP25 | fault output, LED |
+//! | USB | the same link as on UART0 |
 
+use super::rp_flash::StoreFlash;
 use super::{Adc, Board, Channel, PWM_DELAY, Parts, Reset, Valves, WATCHDOG};
 use crate::source::STEP;
 use core::marker::PhantomData;
@@ -16,20 +18,21 @@ use embassy_rp::adc::{self, Blocking};
 use embassy_rp::clocks::clk_sys_freq;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
 use embassy_rp::interrupt::{self, InterruptExt, Priority};
-use embassy_rp::pac::IO_BANK0;
-use embassy_rp::pac::io::vals::Outover;
-use embassy_rp::peripherals::{self, PIN_16, PIN_17, UART0};
+use embassy_rp::pac::{self, io::vals::Outover};
+use embassy_rp::peripherals::{self, FLASH, PIN_16, PIN_17, UART0, USB};
 use embassy_rp::pwm::{Config as PwmConfig, Pwm};
 use embassy_rp::uart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config as UartConfig,
 };
 use embassy_rp::watchdog::{ResetReason, Watchdog};
+use embassy_rp::{Peri, usb};
 use model_core::link::{BAUD, Chip};
 use model_core::{Command, Duty};
 use static_cell::StaticCell;
 
 embassy_rp::bind_interrupts!(struct Irqs {
     UART0_IRQ => BufferedInterruptHandler<UART0>;
+    USBCTRL_IRQ => usb::InterruptHandler<USB>;
 });
 
 #[embassy_rp::interrupt]
@@ -42,6 +45,10 @@ unsafe fn SWI_IRQ_1() {
 pub trait Member {
     /// The chip.
     const CHIP: Chip;
+    /// What tells the board from all others; zeros where it cannot be read.
+    fn unique_id(flash: Peri<'_, FLASH>) -> [u8; 8];
+    /// Has the boot ROM restart the chip as if BOOTSEL was pressed.
+    fn boot_loader() -> !;
 }
 
 /// A board of this family.
@@ -57,14 +64,16 @@ impl<M: Member> Board for Rp<M> {
 
     type Adc = Converter;
     type Valves = Slice;
-    type Watchdog = Watchdog;
+    type Flash = StoreFlash;
     type Input = Input<'static>;
     type Output = Output<'static>;
     type Receiver = BufferedUartRx;
     type Sender = BufferedUartTx;
+    type Usb = usb::Driver<'static, USB>;
 
     fn start() -> Parts<Self> {
-        let p = embassy_rp::init(embassy_rp::config::Config::default());
+        vectors_to_ram();
+        let mut p = embassy_rp::init(embassy_rp::config::Config::default());
         let valves = Slice::new(Pwm::new_output_ab(p.PWM_SLICE0, p.PIN_16, p.PIN_17, Slice::off()));
 
         let mut watchdog = Watchdog::new(p.WATCHDOG);
@@ -90,9 +99,15 @@ impl<M: Member> Board for Rp<M> {
             uart_config,
         );
         let (sender, receiver) = uart.split();
-        // Above control, whose step is longer than the receiver's buffer lasts.
+        // Half of the receiver's 32 bytes is room: 170 us.
+        pac::UART0.uartifls().modify(|levels| levels.set_rxiflsel(0b010));
+        // Above control, whose step is longer than that lasts.
         interrupt::UART0_IRQ.set_priority(Priority::P0);
+        let usb = usb::Driver::new(p.USB, Irqs);
+        // Below control: the host waits until there is time for it.
+        interrupt::USBCTRL_IRQ.set_priority(Priority::P2);
 
+        let unique_id = M::unique_id(p.FLASH.reborrow());
         Parts {
             reset,
             adc: Converter {
@@ -103,17 +118,23 @@ impl<M: Member> Board for Rp<M> {
             },
             run_line: Input::new(p.PIN_14, Pull::Down),
             valves,
-            watchdog,
+            flash: Some(StoreFlash::new(p.FLASH)),
             led: Output::new(p.PIN_25, Level::Low),
             fault_output: Output::new(p.PIN_15, Level::Low),
             receiver,
             sender,
+            usb: (usb, unique_id),
         }
     }
 
     fn start_control(executor: &'static InterruptExecutor) -> SendSpawner {
         interrupt::SWI_IRQ_1.set_priority(Priority::P1);
         executor.start(interrupt::SWI_IRQ_1)
+    }
+
+    fn feed() {
+        // SAFETY: a single write of a register.
+        Watchdog::new(unsafe { peripherals::WATCHDOG::steal() }).feed(WATCHDOG);
     }
 
     fn vent() {
@@ -123,6 +144,10 @@ impl<M: Member> Board for Rp<M> {
         core::mem::forget((Output::new(inlet, Level::Low), Output::new(outlet, Level::Low)));
     }
 
+    fn usb_reset_waits() -> bool {
+        pac::USB.sie_status().read().bus_reset()
+    }
+
     fn restart() -> ! {
         // SAFETY: nothing else runs any more.
         let mut watchdog = Watchdog::new(unsafe { peripherals::WATCHDOG::steal() });
@@ -130,6 +155,33 @@ impl<M: Member> Board for Rp<M> {
         loop {
             cortex_m::asm::nop();
         }
+    }
+
+    const BOOT_LOADER: Option<fn() -> !> = Some(|| {
+        cortex_m::interrupt::disable();
+        Self::vent();
+        // Nobody feeds it there.
+        pac::WATCHDOG.ctrl().modify(|ctrl| ctrl.set_enable(false));
+        M::boot_loader()
+    });
+}
+
+/// Words of the vector table: 16 of the core and those of the chip's interrupts.
+const VECTORS: usize = 16 + if cfg!(feature = "pico2") { 52 } else { 32 };
+
+/// The vector table, in RAM as the rest of the program: an interrupt that reads flash waits, and finds
+/// nothing while flash is written. Aligned for the longer of both (Armv8-M, VTOR).
+#[repr(C, align(512))]
+struct VectorTable([u32; VECTORS]);
+
+/// Interrupts take their handlers from RAM from here on. Once.
+fn vectors_to_ram() {
+    static TABLE: StaticCell<VectorTable> = StaticCell::new();
+    // SAFETY: the table in use is as long as this; the same handlers are in both.
+    unsafe {
+        let scb = &*cortex_m::peripheral::SCB::PTR;
+        let table = TABLE.init_with(|| VectorTable(*(scb.vtor.read() as *const _)));
+        scb.vtor.write(table.0.as_ptr() as u32);
     }
 }
 
@@ -150,6 +202,16 @@ impl Adc for Converter {
         };
         // A failed conversion reads as a broken sensor, which the core's supervisor knows.
         self.adc.blocking_read(channel).unwrap_or(0)
+    }
+
+    /// The UART's: its receiver has room.
+    fn hold_others(&mut self, held: bool) {
+        if held {
+            interrupt::UART0_IRQ.disable();
+        } else {
+            // SAFETY: it was before.
+            unsafe { interrupt::UART0_IRQ.enable() };
+        }
     }
 }
 
@@ -211,7 +273,7 @@ impl Valves for Slice {
         let over = if command == Command::VENT { Outover::LOW } else { Outover::NORMAL };
         if over != self.over {
             for pin in [INLET_PIN, OUTLET_PIN] {
-                IO_BANK0.gpio(pin).ctrl().modify(|ctrl| ctrl.set_outover(over));
+                pac::IO_BANK0.gpio(pin).ctrl().modify(|ctrl| ctrl.set_outover(over));
             }
             self.over = over;
         }
@@ -219,11 +281,5 @@ impl Valves for Slice {
             // Compare values are taken over where the counter wraps: a pulse is never cut.
             self.pwm.set_config(&self.config);
         }
-    }
-}
-
-impl super::Watchdog for Watchdog {
-    fn feed(&mut self) {
-        Watchdog::feed(self, WATCHDOG);
     }
 }

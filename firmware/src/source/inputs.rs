@@ -8,7 +8,7 @@ use model_core::sample::OVERSAMPLING;
 use model_core::{AdcCode, Sample};
 
 /// The timer is set this much ahead, and the rest is waited for in place: the way from the timer's
-/// interrupt to the task takes some 14 us, and the line's interrupt may come in between.
+/// interrupt to the task takes some 14 us, and the line's interrupt may come in between. It is held back then.
 const LEAD: Duration = Duration::from_micros(30);
 
 /// The board's own inputs, at every whole millisecond.
@@ -50,6 +50,7 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
         }
         self.due = Some(due);
         Timer::at(due - LEAD).await;
+        self.adc.hold_others(true);
         while Instant::now() < due {}
         self.due = Some(due + STEP);
         Some((due, core::mem::take(&mut self.missed)))
@@ -61,6 +62,7 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
             self.code(Channel::Gas),
             self.code(Channel::Length),
         );
+        self.adc.hold_others(false);
         // A line that cannot be read is a line that is open.
         Sample { emergency_stop: !self.run_line.is_high().unwrap_or(false), ..codes }
     }

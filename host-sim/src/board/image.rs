@@ -6,8 +6,9 @@ use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::{env, fs, io};
 
-/// Target of the RP2040.
-const TARGET: &str = "thumbv6m-none-eabi";
+/// Targets of the RP2040 and the RP2350.
+const RP2040: &str = "thumbv6m-none-eabi";
+const RP2350: &str = "thumbv8m.main-none-eabihf";
 
 /// Oldest Node.js that the emulator runs on.
 const NODE_MAJOR: u32 = 18;
@@ -20,12 +21,41 @@ static BUILD: Mutex<()> = Mutex::new(());
 pub enum Variant {
     /// What a user flashes.
     Standard,
+    /// The same for the Pico 2.
+    Pico2,
     /// Samples come from the host.
     Hil,
 }
 
+impl Variant {
+    fn target(self) -> &'static str {
+        match self {
+            Self::Standard | Self::Hil => RP2040,
+            Self::Pico2 => RP2350,
+        }
+    }
+
+    /// Further arguments of cargo.
+    fn arguments(self) -> &'static [&'static str] {
+        match self {
+            Self::Standard => &[],
+            Self::Hil => &["--features", "hil"],
+            Self::Pico2 => &["--no-default-features", "--features", "pico2"],
+        }
+    }
+
+    /// Name of the image.
+    fn file(self) -> &'static str {
+        match self {
+            Self::Standard => "firmware.elf",
+            Self::Hil => "firmware-hil.elf",
+            Self::Pico2 => "firmware-pico2.elf",
+        }
+    }
+}
+
 /// Folder of the workspace that this program was built from.
-fn workspace() -> PathBuf {
+pub fn workspace() -> PathBuf {
     let host_sim = Path::new(env!("CARGO_MANIFEST_DIR"));
     host_sim.parent().unwrap_or(host_sim).to_path_buf()
 }
@@ -48,13 +78,11 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
         .join("firmware");
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
-        .args(["build", "--release", "--target", TARGET, "--target-dir"])
+        .args(["build", "--release", "--target", variant.target(), "--target-dir"])
         .arg(&target_folder)
+        .args(variant.arguments())
         .current_dir(root.join("firmware"))
         .stdin(Stdio::null());
-    if variant == Variant::Hil {
-        cargo.args(["--features", "hil"]);
-    }
     // What cargo tells a test about the test itself would make the firmware stale.
     for (name, _) in env::vars_os() {
         let text = name.to_string_lossy();
@@ -69,12 +97,9 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
         // The variants share the folder, and with it what they are built of; each image gets a place
         // of its own, at once whole.
         let build_error = |error: io::Error| BoardError::Build { message: error.to_string() };
-        let image = target_folder.join(match variant {
-            Variant::Standard => "firmware.elf",
-            Variant::Hil => "firmware-hil.elf",
-        });
+        let image = target_folder.join(variant.file());
         let copy = image.with_extension(format!("{}.part", std::process::id()));
-        fs::copy(target_folder.join(TARGET).join("release").join("firmware"), &copy)
+        fs::copy(target_folder.join(variant.target()).join("release").join("firmware"), &copy)
             .and_then(|_| fs::rename(&copy, &image))
             .map_err(build_error)?;
         return Ok(image);
@@ -83,7 +108,7 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     if message.contains("can't find crate for `core`")
         || message.contains("target may not be installed")
     {
-        return Err(BoardError::NoTarget { target: TARGET });
+        return Err(BoardError::NoTarget { target: variant.target() });
     }
     Err(BoardError::Build { message })
 }

@@ -23,11 +23,23 @@ impl Line {
     /// # Errors
     /// [`BoardError`], where nobody answers or what answers speaks another protocol.
     pub fn open(name: &str) -> Result<(Self, Version), BoardError> {
+        let (line, version) = Self::meet(name)?;
+        if version.protocol == PROTOCOL {
+            Ok((line, version))
+        } else {
+            Err(BoardError::Protocol { board: version.protocol })
+        }
+    }
+
+    /// The same with a board of any protocol, of which nothing is to be asked but what all of them know.
+    ///
+    /// # Errors
+    /// [`BoardError`], where nobody answers.
+    pub fn meet(name: &str) -> Result<(Self, Version), BoardError> {
         let port = port::open(name)?;
         let mut line = Self { name: name.to_owned(), port, link: Link::default() };
         match line.ask(HostCommand::Version, "version") {
-            Ok(Answer::Version(version)) if version.protocol == PROTOCOL => Ok((line, version)),
-            Ok(Answer::Version(version)) => Err(BoardError::Protocol { board: version.protocol }),
+            Ok(Answer::Version(version)) => Ok((line, version)),
             Ok(_) => Err(BoardError::Silent { asked: "version" }),
             // It lets one client in and shows the door to the next.
             Err(BoardError::Line(_)) if name == port::EMULATED => {
@@ -42,7 +54,7 @@ impl Line {
         &self.name
     }
 
-    /// Sends a request; its answer is nobody's.
+    /// Sends a request; its number.
     ///
     /// # Errors
     /// [`BoardError::Line`]

@@ -213,10 +213,19 @@ impl LiveBoard {
     /// # Errors
     /// [`BoardError`]
     pub fn stop(&mut self) -> Result<(), BoardError> {
-        self.line.ask(HostCommand::Stop, "stop")?;
-        self.driving = false;
+        self.vent()?;
         let vents = |telemetry: &Telemetry| matches!(telemetry.mode, Mode::Vent | Mode::Judging);
         self.line.wait(|link| link.take_telemetry().filter(vents), "telemetry").map(drop)
+    }
+
+    /// Vents, for those who take every telemetry themselves.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn vent(&mut self) -> Result<(), BoardError> {
+        self.line.ask(HostCommand::Stop, "stop")?;
+        self.driving = false;
+        Ok(())
     }
 
     /// Forgets the latched faults whose cause is gone; those that are left.
@@ -224,9 +233,18 @@ impl LiveBoard {
     /// # Errors
     /// [`BoardError`]
     pub fn clear(&mut self) -> Result<Faults, BoardError> {
+        self.forget_faults()?;
+        Ok(self.fresh_telemetry()?.faults)
+    }
+
+    /// The same, for those who take every telemetry themselves.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn forget_faults(&mut self) -> Result<(), BoardError> {
         self.line.ask(HostCommand::ClearFaults, "clear")?;
         self.driving = false;
-        Ok(self.fresh_telemetry()?.faults)
+        Ok(())
     }
 
     /// The telemetry of a step that is not yet done.

@@ -331,7 +331,11 @@ pub struct CoreBoard {
 }
 
 impl CoreBoard {
-    fn core(&mut self) -> Result<&mut Core, BoardError> {
+    /// The core, once it has been started.
+    ///
+    /// # Errors
+    /// [`BoardError::NotStarted`]
+    pub fn core(&mut self) -> Result<&mut Core, BoardError> {
         self.core.as_mut().ok_or(BoardError::NotStarted)
     }
 }

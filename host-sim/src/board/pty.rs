@@ -14,6 +14,7 @@ use std::time::Duration;
 pub struct PtyBoard {
     port: String,
     stop: Arc<AtomicBool>,
+    in_boot_loader: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -32,6 +33,8 @@ impl PtyBoard {
         let port = slave.name().unwrap_or_default();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
+        let in_boot_loader = Arc::new(AtomicBool::new(false));
+        let left = Arc::clone(&in_boot_loader);
         let thread = thread::spawn(move || {
             // Open for as long as the board lives: without it the master's reads fail.
             let _slave = slave;
@@ -40,14 +43,18 @@ impl PtyBoard {
                 if let Ok(count) = serial::read(&mut master, &mut buffer) {
                     board.write(&buffer[..count]);
                 }
-                if board.exchange(&sample).is_err() {
-                    break;
-                }
+                let Ok(exchange) = board.exchange(&sample) else { break };
+                left.store(exchange.boot_loader, Ordering::Relaxed);
                 let _ = master.write_all(&board.read());
                 board.take_telemetry();
             }
         });
-        Ok(Self { port, stop, thread: Some(thread) })
+        Ok(Self { port, stop, in_boot_loader, thread: Some(thread) })
+    }
+
+    /// Whether the board has left for its boot loader.
+    pub fn in_boot_loader(&self) -> bool {
+        self.in_boot_loader.load(Ordering::Relaxed)
     }
 
     /// Name of the port to open.

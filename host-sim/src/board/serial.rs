@@ -8,7 +8,7 @@ use model_core::control::Mode;
 use model_core::link::{BAUD, HostCommand};
 use model_core::{Config, Sample, SetPoint, Telemetry};
 use serialport::{ErrorKind, SerialPort};
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::time::Duration;
 
 /// Longest wait of one read.
@@ -19,7 +19,8 @@ pub const READ: Duration = Duration::from_millis(20);
 /// # Errors
 /// [`BoardError::NoPort`], [`BoardError::NoPermission`], [`BoardError::Taken`]
 pub fn open(port: &str) -> Result<Box<dyn SerialPort>, BoardError> {
-    serialport::new(port, BAUD).timeout(READ).open().map_err(|error| {
+    let opened = serialport::new(port, BAUD).timeout(READ).open();
+    let mut opened = opened.map_err(|error| {
         let (port, reason) = (port.to_owned(), error.to_string());
         match error.kind() {
             ErrorKind::Io(io::ErrorKind::PermissionDenied) => BoardError::NoPermission { port },
@@ -33,7 +34,12 @@ pub fn open(port: &str) -> Result<Box<dyn SerialPort>, BoardError> {
             }
             _ => BoardError::NoPort { port, reason },
         }
-    })
+    })?;
+    // Over USB the board takes it that nobody listens without it; a pseudo-terminal has none.
+    let _ = opened.write_data_terminal_ready(true);
+    // Ends what a program that was here before may have left half sent.
+    opened.write_all(&[0])?;
+    Ok(opened)
 }
 
 /// Reads what is there; nothing after the port's timeout.

@@ -3,16 +3,14 @@
 //!
 //! A file in the folder for temporary files says at which local port it listens. It is plugged in by the first
 //! who asks for it, and unplugged by removing that file. While nobody is connected its time stands still, after
-//! as much of it as a board needs to notice that its host is gone; unused for long, it ends.
+//! as much of it as a board needs to notice that its host is gone; unused for long, it ends. Beside that file lies what
+//! its flash keeps: as any board's, over the loss of power.
 
 use super::BoardError;
 use super::emulated::EmulatedBoard;
 use super::serial::READ;
-use crate::plant::{self, Plant};
 use crate::scenario::Loaded;
-use crate::simulation::adc::VirtualAdc;
-use crate::simulation::faults::InjectedFaults;
-use model_core::Sample;
+use crate::simulation::rig::Rig;
 use model_core::link::PROTOCOL;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -66,14 +64,16 @@ pub fn connect() -> Result<TcpStream, BoardError> {
     }
 }
 
-/// The board that is plugged in.
-fn plugged_in() -> Option<TcpStream> {
+/// Local port at which the board that is plugged in listens.
+fn address() -> Option<u16> {
     let text = fs::read_to_string(file()).ok()?;
     let (port, by) = text.trim().split_once(' ')?;
-    if by != build() {
-        return None;
-    }
-    let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port.parse().ok()?)).ok()?;
+    if by == build() { port.parse().ok() } else { None }
+}
+
+/// The board that is plugged in.
+fn plugged_in() -> Option<TcpStream> {
+    let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, address()?)).ok()?;
     stream.set_read_timeout(Some(READ)).ok()?;
     stream.set_nodelay(true).ok()?;
     Some(stream)
@@ -108,6 +108,29 @@ pub fn plug(scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
     Err(BoardError::Silent { asked: "a connection" })
 }
 
+/// Whether a board is plugged in.
+pub fn is_plugged_in() -> bool {
+    plugged_in().is_some()
+}
+
+/// Plugs a board in that lives in a thread of this process and ends with it, with the muscle of a scenario, in
+/// place of one that is: for a program that cannot be started anew as the board's process.
+///
+/// # Errors
+/// [`BoardError`], where it cannot be made.
+pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
+    unplug();
+    let board = thread::spawn(move || serve(&file(), &loaded));
+    while !is_plugged_in() {
+        if board.is_finished() {
+            let silent = Err(BoardError::Silent { asked: "a connection" });
+            return board.join().unwrap_or(silent);
+        }
+        thread::sleep(LOOK);
+    }
+    Ok(())
+}
+
 fn last_words(process: &mut Child) -> String {
     let mut message = String::new();
     if let Some(mut errors) = process.stderr.take() {
@@ -127,7 +150,7 @@ pub fn unplug() -> bool {
 /// # Errors
 /// [`BoardError`]
 pub fn serve(file: &Path, loaded: &Loaded) -> Result<(), BoardError> {
-    let mut board = Emulated::new(loaded)?;
+    let mut board = Emulated::new(loaded, &file.with_extension("flash"))?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     listener.set_nonblocking(true)?;
     let card = format!("{} {}", listener.local_addr()?.port(), build());
@@ -185,28 +208,16 @@ pub fn serve(file: &Path, loaded: &Loaded) -> Result<(), BoardError> {
 /// The board and its muscle.
 struct Emulated {
     board: EmulatedBoard,
-    plant: Box<dyn Plant>,
-    adc: VirtualAdc,
-    faults: InjectedFaults,
+    rig: Rig,
     /// Bytes for a client that has not taken them yet.
     to_client: Vec<u8>,
 }
 
 impl Emulated {
-    fn new(loaded: &Loaded) -> Result<Self, BoardError> {
-        let plant = plant::build(&loaded.plant, loaded.volume_profile.clone());
-        Ok(Self {
-            board: EmulatedBoard::new()?,
-            plant: plant.map_err(|error| BoardError::Emulator { message: error.to_string() })?,
-            adc: VirtualAdc::new(&loaded.plant),
-            faults: InjectedFaults::new(&loaded.plant),
-            to_client: Vec::new(),
-        })
-    }
-
-    fn sample(&mut self) -> Sample {
-        let truth = self.plant.truth();
-        self.faults.apply(truth.time_s, self.adc.convert(&self.faults.sensed(&truth)))
+    fn new(loaded: &Loaded, flash: &Path) -> Result<Self, BoardError> {
+        let rig = Rig::new(loaded)
+            .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
+        Ok(Self { board: EmulatedBoard::with_flash(flash)?, rig, to_client: Vec::new() })
     }
 
     /// One millisecond; whether the client is still there.
@@ -227,13 +238,11 @@ impl Emulated {
         if !connected {
             self.to_client.clear();
         }
-        let sample = self.sample();
+        let sample = self.rig.sample();
         let exchange = self.board.run(&sample, STEP_NS)?;
         self.to_client.extend(self.board.read());
         self.board.take_telemetry();
-        let time_s = self.plant.truth().time_s;
-        self.plant.disturb(self.faults.disturbance(time_s));
-        self.plant
+        self.rig
             .advance(exchange.set_duty())
             .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
         Ok(connected)

@@ -3,7 +3,7 @@
 use super::{Failure, interrupt, print};
 use crate::board::BoardError;
 use crate::board::live::LiveBoard;
-use crate::commands::calibrate::{Point, Sensor};
+use crate::commands::calibrate::{Guide, Point, Sensor};
 use clap::{Args, ValueEnum};
 use model_core::link::ConfigSource;
 use model_core::safety::supervisor::VENTING;
@@ -14,8 +14,6 @@ use std::thread;
 
 /// Steps that the muscle is given to come to rest at a pressure that is held for a point.
 const SETTLING_STEPS: u32 = 3000;
-/// Readings that are averaged: a second.
-const READINGS: usize = 100;
 
 #[derive(Debug, Args)]
 pub(super) struct CalibrateArgs {
@@ -60,59 +58,49 @@ pub(super) fn run(
     let config = board.config()?;
     interrupt::watch();
     let lines = typed();
-    let mut points = Vec::new();
-    for (number, how) in [("first", "vented"), ("second", "at another value")] {
-        if let (Some(pressure_pa), "second") = (args.hold, number) {
-            let first = board.set(SetPoint::Pressure { pressure_pa })?;
-            print(out, &format!("it holds {:.1} kPa\n", pressure_pa / 1e3))?;
-            wait(board, |step, _| step.saturating_sub(first) >= SETTLING_STEPS)?;
+    let mut held = false;
+    let mut guide = Guide::new(sensor, config);
+    let (calibrated, shifts) = loop {
+        if let Some(calibrated) = guide.calibrated().map_err(implausible)? {
+            break calibrated;
         }
-        let unit = sensor.unit();
-        print(
-            out,
-            &format!(
-                "{number} point, {how} and at rest: what does the reference read, in {unit}? "
-            ),
-        )?;
-        let mut text = None;
+        print(out, &format!("{} ", guide.question()))?;
+        let mut said = None;
         wait(board, |_, _| match lines.try_recv() {
             Ok(line) => {
-                text = Some(line);
+                said = Some(line);
                 true
             }
             Err(TryRecvError::Disconnected) => true,
             Err(TryRecvError::Empty) => false,
         })?;
-        let reference = text.as_deref().map(str::trim).and_then(|text| text.parse::<f64>().ok());
-        let Some(reference) = reference.filter(|value| value.is_finite()) else {
-            let said = text.unwrap_or_default();
-            let said = said.trim();
-            return Err(Failure::Usage(format!(
-                "{said:?}: must be what the reference reads, in {unit}"
-            )));
-        };
-        let mut samples = Vec::new();
+        let said = said.unwrap_or_default();
+        guide.answer(&said).map_err(|error| Failure::Usage(error.to_string()))?;
+        let mut seen = Ok(None);
         wait(board, |_, sample| {
-            samples.push(*sample);
-            samples.len() >= READINGS
+            seen = guide.see(sample);
+            !matches!(seen, Ok(None))
         })?;
-        let reading = sensor.reading(&config, &samples).map_err(implausible)?;
-        print(out, &format!("the sensor reads {reading:.4} {unit}\n"))?;
-        points.push(Point { reading, reference });
-    }
+        if let Some(Point { reading, .. }) = seen.map_err(implausible)? {
+            print(out, &format!("the sensor reads {reading:.4} {}\n", sensor.unit()))?;
+        }
+        if let Some(pressure_pa) = args.hold.filter(|_| !std::mem::replace(&mut held, true)) {
+            let first = board.set(SetPoint::Pressure { pressure_pa })?;
+            print(out, &format!("it holds {:.1} kPa\n", pressure_pa / 1e3))?;
+            wait(board, |step, _| step.saturating_sub(first) >= SETTLING_STEPS)?;
+        }
+    };
     board.stop()?;
-    let [a, b] = [points[0], points[1]];
-    let calibrated = sensor.calibrated(&config, [a, b]).map_err(implausible)?;
     let status = board.configure(&calibrated, before.config_name.as_str())?;
     print(
         out,
         &format!(
-            "put right by {:+.4} and {:+.4} {unit}; configuration {} {:08x}, not saved; it vents and is not armed\n",
-            a.reference - a.reading,
-            b.reference - b.reading,
+            "put right by {:+.4} and {:+.4} {}; configuration {} {:08x}, not saved; it vents and is not armed\n",
+            shifts[0],
+            shifts[1],
+            sensor.unit(),
             status.config_name.as_str(),
             status.config_checksum,
-            unit = sensor.unit(),
         ),
     )
 }

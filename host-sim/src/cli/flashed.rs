@@ -440,6 +440,9 @@ fn history(board: &mut LiveBoard, json: bool, out: &mut dyn Write) -> Result<(),
         let json = serde_json::to_string_pretty(&events).expect("plain data");
         return print(out, &(json + "\n"));
     }
+    if events.is_empty() {
+        return print(out, "nothing: it has never vented by itself, nor restarted unasked\n");
+    }
     for event in events {
         let line = match event {
             Event::Started(last_reset) => format!("started by {}", started_by(last_reset)),
@@ -535,7 +538,7 @@ fn brief(summary: &Driven, folder: &Path) -> String {
         summary.lost_steps,
     );
     if let Some(control) = &summary.control {
-        text += &format!("set point: RMS error {:.4}\n", control.rms_error);
+        text += &control.text();
     }
     text + &format!("report: {}\n", folder.join("report.html").display())
 }

@@ -543,12 +543,7 @@ fn brief(summary: &Summary, folder: &Path) -> String {
         }
     }
     if let Some(control) = &summary.control {
-        text += &format!(
-            "set point: RMS error {}, at the end {}, overshoot {:.1} %\n",
-            control.quantity.text(control.rms_error),
-            control.quantity.text(control.steady_error),
-            control.overshoot * 100.0
-        );
+        text += &control.text();
     }
     if let Some(warning) = summary.overconfidence() {
         text += &format!("warning: {warning}\n");

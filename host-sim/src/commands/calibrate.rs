@@ -1,4 +1,5 @@
-//! `thermyo board PORT calibrate`: gain and offset of a sensor from two points at which a reference was read.
+//! `thermyo board PORT calibrate`, and the page of `thermyo serve`: gain and offset of a sensor from two points
+//! at which a reference was read.
 
 use model_core::sensing::Sensing;
 use model_core::{Config, Sample};
@@ -14,6 +15,8 @@ pub enum Sensor {
     Gas,
 }
 
+/// Readings that are averaged for a point: a second.
+const READINGS: usize = 100;
 /// Least distance of the points, share of the sensor's range.
 const LEAST_SPAN: f64 = 0.05;
 /// Most that a gain may be off 1; what is further off is no sensor of the range that the board was told.
@@ -165,6 +168,85 @@ impl Sensor {
     }
 }
 
+/// Leads through the two points: asks for the reference, then averages what the sensor reads.
+#[derive(Debug, Clone)]
+pub struct Guide {
+    sensor: Sensor,
+    config: Config,
+    points: Vec<Point>,
+    /// What the reference reads at the point at hand.
+    reference: Option<f64>,
+    samples: Vec<Sample>,
+}
+
+impl Guide {
+    /// For a sensor of a board with this configuration.
+    pub fn new(sensor: Sensor, config: Config) -> Self {
+        Self { sensor, config, points: Vec::new(), reference: None, samples: Vec::new() }
+    }
+
+    /// What is asked now.
+    pub fn question(&self) -> String {
+        let (number, how) = if self.points.is_empty() {
+            ("first", "vented")
+        } else {
+            ("second", "at another value")
+        };
+        let unit = self.sensor.unit();
+        format!("{number} point, {how} and at rest: what does the reference read, in {unit}?")
+    }
+
+    /// What the reference reads; from now on the sensor is read.
+    ///
+    /// # Errors
+    /// Where it is no number.
+    pub fn answer(&mut self, said: &str) -> Result<(), NoNumber> {
+        let said = said.trim();
+        let value = said.parse().ok().filter(|value: &f64| value.is_finite());
+        let unit = self.sensor.unit();
+        self.reference = Some(value.ok_or_else(|| NoNumber { said: said.to_owned(), unit })?);
+        self.samples.clear();
+        Ok(())
+    }
+
+    /// One of 100 samples a second; gives the point as soon as it has seen enough. Nothing while no reference is
+    /// known.
+    ///
+    /// # Errors
+    /// [`Implausible::Restless`]; the point is then asked for again.
+    pub fn see(&mut self, sample: &Sample) -> Result<Option<Point>, Implausible> {
+        let Some(reference) = self.reference else { return Ok(None) };
+        self.samples.push(*sample);
+        if self.samples.len() < READINGS {
+            return Ok(None);
+        }
+        self.reference = None;
+        let reading = self.sensor.reading(&self.config, &self.samples)?;
+        let point = Point { reading, reference };
+        self.points.push(point);
+        Ok(Some(point))
+    }
+
+    /// The configuration with the sensor put right, and by how much at the two points; nothing before both are
+    /// known.
+    ///
+    /// # Errors
+    /// [`Implausible`]
+    pub fn calibrated(&self) -> Result<Option<(Config, [f64; 2])>, Implausible> {
+        let [a, b] = self.points[..] else { return Ok(None) };
+        let config = self.sensor.calibrated(&self.config, [a, b])?;
+        Ok(Some((config, [a, b].map(|point| point.reference - point.reading))))
+    }
+}
+
+/// What was said of the reference is no number.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{said:?}: must be what the reference reads, in {unit}")]
+pub struct NoNumber {
+    said: String,
+    unit: &'static str,
+}
+
 /// The configuration with every sensor as it comes.
 fn uncalibrated(config: &Config) -> Config {
     let mut config = *config;
@@ -208,6 +290,32 @@ mod tests {
         assert!(gain.to_string().contains("must be from 0.90 to 1.10"), "{gain}");
         let shift = pressure(point(1.0e5, 1.8e5), point(3.0e5, 3.8e5));
         assert!(matches!(shift, Implausible::Shift { .. }), "{shift}");
+    }
+
+    #[test]
+    fn a_guide_asks_for_two_points_and_averages() {
+        let mut guide = Guide::new(Sensor::Length, Config::default());
+        let sample = |code| Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(code));
+        assert_eq!(
+            guide.see(&sample(16_380)),
+            Ok(None),
+            "nobody has said what the reference reads"
+        );
+        assert!(guide.question().contains("first point") && guide.calibrated() == Ok(None));
+        assert!(guide.answer("0,2").unwrap_err().to_string().contains("in m"));
+        for (code, reference) in [(16_380, "0.201"), (20_475, " 0.257\n")] {
+            guide.answer(reference).unwrap();
+            let seen: Vec<_> = (0..READINGS).map(|_| guide.see(&sample(code)).unwrap()).collect();
+            assert_eq!(seen.iter().flatten().count(), 1);
+            assert!(seen[READINGS - 1].is_some());
+        }
+        let (config, shifts) = guide.calibrated().unwrap().unwrap();
+        let sensing = Sensing::new(&config);
+        for (code, reference, shift) in [(16_380, 0.201, shifts[0]), (20_475, 0.257, shifts[1])] {
+            let length_m = f64::from(sensing.length_m(AdcCode(code)));
+            assert!((length_m - reference).abs() < 1e-5, "{length_m} where {reference} is read");
+            assert!((1e-4..1e-2).contains(&shift), "{shift}");
+        }
     }
 
     #[test]

@@ -193,6 +193,9 @@ pub enum Problem {
         /// Parameters to fit.
         parameters: usize,
     },
+    /// A record over time, where a static map is needed.
+    #[error("is no static map: there is no other one to compare it with")]
+    NoMap,
     /// A static map that hardly pulls.
     #[error(
         "{found} readings with a force above 1 % of the largest: must be at least {fewest}; thermyo identify \
@@ -312,13 +315,13 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
 ///
 /// # Errors
 /// When it exists, or cannot be written.
-pub fn write_new(path: &Path, text: &str) -> Result<(), InputError> {
+pub fn write_new(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     let mut options = std::fs::OpenOptions::new();
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let written = folder
         .map_or(Ok(()), std::fs::create_dir_all)
         .and_then(|()| options.write(true).create_new(true).open(path))
-        .and_then(|mut file| file.write_all(text.as_bytes()));
+        .and_then(|mut file| file.write_all(content.as_ref()));
     written.map_err(|error| InputError::output(path, &error))
 }
 

@@ -121,6 +121,18 @@ pub struct Control {
     pub overshoot: f64,
 }
 
+impl Control {
+    /// A line for people.
+    pub fn text(&self) -> String {
+        format!(
+            "set point: RMS error {}, at the end {}, overshoot {:.1} %\n",
+            self.quantity.text(self.rms_error),
+            self.quantity.text(self.steady_error),
+            self.overshoot * 100.0
+        )
+    }
+}
+
 /// Difference to a measured column.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {

@@ -18,6 +18,12 @@ use super::scale::{Scale, Spacing, data_range, with_room};
 const MAP: colorous::Gradient = colorous::INFERNO;
 const ZERO_CELSIUS_K: f64 = 273.15;
 
+/// So many colours of the map, cold to hot, for a page that draws a muscle by itself.
+pub fn palette(count: usize) -> Vec<String> {
+    let last = count.saturating_sub(1).max(1) as f64;
+    (0..count).map(|i| hex(MAP, i as f64 / last)).collect()
+}
+
 // Layout [px]: a dark picture above, the axial profile below, both over the same muscle.
 const PICTURE_HEIGHT: f64 = 224.0;
 const LEFT: f64 = 142.0;

@@ -10,7 +10,7 @@ use super::plot::Store;
 use serde_json::{Map, Value, json};
 
 /// Colours, and how a drawing's parts look.
-pub(super) const DRAWING_STYLE: &str = include_str!("drawing.css");
+pub(crate) const DRAWING_STYLE: &str = include_str!("drawing.css");
 const STYLE: &str = include_str!("style.css");
 /// Draws the charts anew, to be looked into; without it the page stays what it is.
 const SCRIPT: &str = include_str!("plot.js");

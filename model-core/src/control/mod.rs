@@ -121,7 +121,7 @@ impl Controller {
     /// let config = Config::default();
     /// let muscle = AnyChamber::new(&config.chamber);
     /// let mut controller = Controller::new(&config);
-    /// controller.set(Target::new(&SetPoint::Pressure { pressure_pa: 3.0e5 }, &config)?);
+    /// controller.set(Target::new(&SetPoint::Pressure { pressure_pa: 3.0e5 }, &config, &muscle)?);
     /// let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
     /// let feedback = Feedback { pressure_pa: 1.5e5, length_m: 0.28, estimate };
     /// assert!(controller.step(&config, &muscle, &feedback, 0).inlet > Duty::ZERO);
@@ -396,7 +396,8 @@ mod tests {
     }
 
     fn set(controller: &mut Controller, set_point: SetPoint) {
-        controller.set(Target::new(&set_point, &Config::default()).unwrap());
+        let config = Config::default();
+        controller.set(Target::new(&set_point, &config, &chamber(&config)).unwrap());
     }
 
     fn mode_of(set_point: &SetPoint) -> Mode {

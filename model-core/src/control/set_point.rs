@@ -2,7 +2,7 @@
 
 use crate::config::{Config, Load};
 use crate::math::absolute;
-use crate::physics::chamber::{AnyChamber, Chamber};
+use crate::physics::chamber::Chamber;
 use crate::sample::Faults;
 
 /// PWM periods in a working cycle, at least: two a stroke, and a thousandth less for rounding. Fewer
@@ -135,21 +135,28 @@ impl Target {
     /// To vent.
     pub const VENT: Self = Self(SetPoint::Vent);
 
-    /// `set_point` for a core of this configuration.
+    /// `set_point` for a core of this configuration, and its chamber.
     ///
     /// ```
     /// use model_core::control::{SetPoint, Target};
     /// use model_core::Config;
+    /// use model_core::physics::chamber::AnyChamber;
     ///
     /// let config = Config::default();
-    /// assert!(Target::new(&SetPoint::Contraction { contraction: 0.1 }, &config).is_ok());
-    /// let error = Target::new(&SetPoint::Contraction { contraction: 0.6 }, &config).unwrap_err();
+    /// let muscle = AnyChamber::new(&config.chamber);
+    /// let contraction = |contraction| SetPoint::Contraction { contraction };
+    /// assert!(Target::new(&contraction(0.1), &config, &muscle).is_ok());
+    /// let error = Target::new(&contraction(0.6), &config, &muscle).unwrap_err();
     /// assert!(error.to_string().contains("must be from"));
     /// ```
     ///
     /// # Errors
     /// [`SetPointError::Range`] names the first value that is none.
-    pub fn new(set_point: &SetPoint, config: &Config) -> Result<Self, SetPointError> {
+    pub fn new(
+        set_point: &SetPoint,
+        config: &Config,
+        chamber: &impl Chamber,
+    ) -> Result<Self, SetPointError> {
         use SetPointField::{Contraction, Flow, Inlet, Outlet, Period, Pressure};
         Ok(Self(match *set_point {
             SetPoint::Vent => SetPoint::Vent,
@@ -171,7 +178,7 @@ impl Target {
                 pressure_pa: within(Pressure, pressure_pa, 0.0, config.pressure_limit_pa)?,
             },
             SetPoint::Contraction { contraction } => {
-                let [least, most] = contractions(config);
+                let [least, most] = contractions(config, chamber);
                 SetPoint::Contraction {
                     contraction: within(Contraction, contraction, least, most)?,
                 }
@@ -188,13 +195,14 @@ impl Target {
 /// Least and largest contraction that the chamber can have, 0 for what does not move \[-\].
 ///
 /// ```
+/// use model_core::physics::chamber::AnyChamber;
 /// use model_core::{Config, control};
 ///
-/// let [least, most] = control::contractions(&Config::default());
+/// let config = Config::default();
+/// let [least, most] = control::contractions(&config, &AnyChamber::new(&config.chamber));
 /// assert!(least <= 0.0 && 0.2 < most);
 /// ```
-pub fn contractions(config: &Config) -> [f32; 2] {
-    let chamber = AnyChamber::new(&config.chamber);
+pub fn contractions(config: &Config, chamber: &impl Chamber) -> [f32; 2] {
     match config.load {
         Load::Isotonic { .. } if chamber.moves() => {
             let rest_m = chamber.rest_length_m();
@@ -222,11 +230,15 @@ fn within(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::chamber::{ChamberConfig, Vessel};
+    use crate::physics::chamber::{AnyChamber, ChamberConfig, Vessel};
     use proptest::prelude::*;
 
+    fn target(set_point: &SetPoint, config: &Config) -> Result<Target, SetPointError> {
+        Target::new(set_point, config, &AnyChamber::new(&config.chamber))
+    }
+
     fn refused(set_point: SetPoint) -> (SetPointField, f32, f32) {
-        match Target::new(&set_point, &Config::default()) {
+        match target(&set_point, &Config::default()) {
             Err(SetPointError::Range { field, minimum, maximum, .. }) => (field, minimum, maximum),
             other => panic!("{other:?}"),
         }
@@ -258,11 +270,11 @@ mod tests {
     #[test]
     fn what_is_next_to_nothing_is_nothing() {
         let taken =
-            |flow_kg_s| Target::new(&SetPoint::MassFlow { flow_kg_s }, &Config::default()).unwrap();
+            |flow_kg_s| target(&SetPoint::MassFlow { flow_kg_s }, &Config::default()).unwrap();
         for flow_kg_s in [1.0e-40, -1.0e-40, f32::MIN_POSITIVE, -1.0e-21] {
             assert_eq!(taken(flow_kg_s), taken(0.0));
             let duty = SetPoint::Duty { inlet: flow_kg_s, outlet: 0.0 };
-            assert!(Target::new(&duty, &Config::default()).is_ok());
+            assert!(target(&duty, &Config::default()).is_ok());
         }
         assert_ne!(taken(1.0e-19), taken(0.0));
     }
@@ -276,7 +288,7 @@ mod tests {
             Config { load: held, ..Config::default() },
         ] {
             let contraction = SetPoint::Contraction { contraction: 0.1 };
-            assert!(Target::new(&contraction, &config).is_err());
+            assert!(target(&contraction, &config).is_err());
         }
     }
 
@@ -285,11 +297,11 @@ mod tests {
     fn what_lies_at_the_end_of_its_range_is_taken() {
         let config = Config::default();
         for pressure_pa in [0.0, config.pressure_limit_pa] {
-            let target = Target::new(&SetPoint::Pressure { pressure_pa }, &config).unwrap();
-            assert_eq!(target.set_point(), SetPoint::Pressure { pressure_pa });
+            let taken = target(&SetPoint::Pressure { pressure_pa }, &config).unwrap();
+            assert_eq!(taken.set_point(), SetPoint::Pressure { pressure_pa });
         }
         // From 300 mm at rest to b/sqrt(3) = 188.2 mm.
-        let [least, most] = contractions(&config);
+        let [least, most] = contractions(&config, &AnyChamber::new(&config.chamber));
         assert!(least == 0.0 && (most - 0.3728).abs() < 1e-4);
         let key = |field: SetPointField| field.key();
         let keys =
@@ -300,7 +312,7 @@ mod tests {
     #[test]
     fn a_refusal_says_what_is_allowed() {
         let set_point = SetPoint::Pressure { pressure_pa: 7.0e5 };
-        let error = Target::new(&set_point, &Config::default()).unwrap_err();
+        let error = target(&set_point, &Config::default()).unwrap_err();
         let text = std::string::ToString::to_string(&error);
         assert_eq!(text, "pressure_pa = 700000: must be from 0 to 689500");
         let faults = Faults::EMERGENCY_STOP.with(Faults::LINK_LOST);
@@ -320,8 +332,8 @@ mod tests {
                 3 => SetPoint::Pressure { pressure_pa: a },
                 _ => SetPoint::Contraction { contraction: a },
             };
-            if let Ok(target) = Target::new(&set_point, &Config::default()) {
-                let sound = match target.set_point() {
+            if let Ok(taken) = target(&set_point, &Config::default()) {
+                let sound = match taken.set_point() {
                     SetPoint::Duty { inlet, outlet } => {
                         (0.0..=1.0).contains(&inlet) && (0.0..=1.0).contains(&outlet)
                     }
@@ -333,7 +345,7 @@ mod tests {
                     SetPoint::Contraction { contraction } => (0.0..0.374).contains(&contraction),
                     SetPoint::Vent => true,
                 };
-                prop_assert!(sound, "{target:?}");
+                prop_assert!(sound, "{taken:?}");
             }
         }
     }

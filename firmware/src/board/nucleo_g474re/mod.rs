@@ -16,14 +16,15 @@ use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_stm32::adc::{self, AdcChannel, AdcConfig, AnyAdcChannel, SampleTime};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
-use embassy_stm32::pac::{DBGMCU, RCC};
-use embassy_stm32::peripherals::{ADC1, IWDG, USART2};
+use embassy_stm32::pac::{DBGMCU, IWDG, RCC, iwdg};
+use embassy_stm32::peripherals::{ADC1, USART2};
 use embassy_stm32::rcc;
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config as UartConfig,
 };
 use embassy_stm32::wdg::IndependentWatchdog;
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use model_core::link::{BAUD, Chip};
 use static_cell::StaticCell;
 use valves::Timer3;
@@ -54,7 +55,7 @@ impl Board for NucleoG474re {
 
     type Adc = Converter;
     type Valves = Timer3;
-    type Watchdog = IndependentWatchdog<'static, IWDG>;
+    type Flash = NoFlash;
     type Input = Input<'static>;
     type Output = Output<'static>;
     type Receiver = BufferedUartRx<'static>;
@@ -100,7 +101,7 @@ impl Board for NucleoG474re {
             },
             run_line: Input::new(p.PB5, Pull::Down),
             valves,
-            watchdog,
+            flash: None,
             led: Output::new(p.PA5, Level::Low, Speed::Low),
             fault_output: Output::new(p.PA8, Level::Low, Speed::Low),
             receiver,
@@ -113,6 +114,10 @@ impl Board for NucleoG474re {
         executor.start(interrupt::UART4)
     }
 
+    fn feed() {
+        IWDG.kr().write(|key| key.set_key(iwdg::vals::Key::RESET));
+    }
+
     fn vent() {
         valves::force_low(true);
     }
@@ -120,6 +125,9 @@ impl Board for NucleoG474re {
     fn restart() -> ! {
         cortex_m::peripheral::SCB::sys_reset()
     }
+
+    /// Its probe flashes it.
+    const BOOT_LOADER: Option<fn() -> !> = None;
 }
 
 /// 150 MHz from the crystal of 24 MHz, for the converter too.
@@ -175,8 +183,34 @@ impl Adc for Converter {
     }
 }
 
-impl super::Watchdog for IndependentWatchdog<'static, IWDG> {
-    fn feed(&mut self) {
-        self.pet();
+/// This board keeps nothing: its program runs from the flash that it would write.
+pub enum NoFlash {}
+
+impl ErrorType for NoFlash {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for NoFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, _: u32, _: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        match *self {}
+    }
+
+    fn capacity(&self) -> usize {
+        match *self {}
+    }
+}
+
+impl NorFlash for NoFlash {
+    const WRITE_SIZE: usize = 1;
+    const ERASE_SIZE: usize = super::STORE_BYTES / 4;
+
+    async fn erase(&mut self, _: u32, _: u32) -> Result<(), NorFlashErrorKind> {
+        match *self {}
+    }
+
+    async fn write(&mut self, _: u32, _: &[u8]) -> Result<(), NorFlashErrorKind> {
+        match *self {}
     }
 }

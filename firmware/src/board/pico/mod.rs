@@ -4,7 +4,11 @@ mod float;
 mod float_calls;
 
 use super::rp::{Member, Rp};
+use embassy_rp::flash::Flash;
+use embassy_rp::{Peri, peripherals::FLASH, rom_data};
 use model_core::link::Chip;
+
+const FLASH_BYTES: usize = 2 * 1024 * 1024;
 
 /// Raspberry Pi Pico.
 pub type Pico = Rp<Rp2040>;
@@ -14,4 +18,18 @@ pub enum Rp2040 {}
 
 impl Member for Rp2040 {
     const CHIP: Chip = Chip::Rp2040;
+
+    /// That of the flash: the chip has none.
+    fn unique_id(flash: Peri<'_, FLASH>) -> [u8; 8] {
+        let mut id = [0; 8];
+        match Flash::<_, _, FLASH_BYTES>::new_blocking(flash).blocking_unique_id(&mut id) {
+            Ok(()) => id,
+            Err(_) => [0; 8],
+        }
+    }
+
+    fn boot_loader() -> ! {
+        rom_data::reset_to_usb_boot(0, 0);
+        unreachable!("the boot ROM restarts the chip")
+    }
 }

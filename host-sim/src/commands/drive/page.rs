@@ -4,15 +4,19 @@ use super::Driven;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::chamber;
 use crate::report::page::Tile;
-use crate::report::run_report::{self, RunReport, SummaryRow};
+use crate::report::run_report::{self, Controlled, RunReport, SummaryRow};
 use crate::report::series::Recorder;
 use crate::scenario::{self, Loaded};
+use model_core::SetPoint;
 
 /// Records what the page draws, in bounded memory.
 pub struct Drawn {
     series: Recorder,
     /// Places of the columns that a board knows.
     known: Vec<usize>,
+    /// What set points stood for, and whether that was always the same.
+    controlled: Option<Controlled>,
+    mixed: bool,
 }
 
 impl Default for Drawn {
@@ -37,12 +41,22 @@ impl Drawn {
         let known: Vec<usize> =
             (0..COLUMNS.len()).filter(|&i| !unknown.contains(&COLUMNS[i])).collect();
         let names: Vec<&str> = known.iter().map(|&i| COLUMNS[i]).collect();
-        Self { series: Recorder::new(&names), known }
+        Self { series: Recorder::new(&names), known, controlled: None, mixed: false }
     }
 
     /// One step more.
     pub fn add(&mut self, row: &Row) {
-        let cells = row.cells();
+        let controlled = match row.telemetry.set_point {
+            SetPoint::Pressure { .. } => Some(Controlled::Pressure),
+            SetPoint::Contraction { .. } => Some(Controlled::Contraction),
+            _ => None,
+        };
+        self.mixed |=
+            controlled.is_some() && self.controlled.is_some_and(|of| Some(of) != controlled);
+        self.controlled = self.controlled.or(controlled);
+        // What is no set point of a loop is not drawn as one.
+        let set_point = if controlled.is_some() { row.set_point } else { f64::NAN };
+        let cells = Row { set_point, ..*row }.cells();
         let known: Vec<f64> = self.known.iter().map(|&i| cells[i]).collect();
         self.series.push(&known);
     }
@@ -84,7 +98,7 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         title,
         lead: &lead,
         warnings: &[],
-        controlled: summary.control.map(|control| control.quantity),
+        controlled: drawn.controlled.filter(|_| !drawn.mixed),
         scenario_toml: &scenario::render(driven),
         tiles,
         series: &drawn.series,

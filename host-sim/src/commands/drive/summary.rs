@@ -57,12 +57,14 @@ pub struct Gathered {
     rest_length_m: Option<f64>,
     estimate: Range,
     rows: u64,
-    last_step: u32,
+    /// The step that comes next, if none is lost; none at the beginning of a record that begins anywhere.
+    next_step: Option<u32>,
+    lost_steps: u64,
     last_s: f64,
 }
 
 impl Gathered {
-    /// Nothing yet.
+    /// Nothing yet of a run, which begins at step 0.
     pub fn new(driven: &Loaded, measured: Option<&Measured>) -> Self {
         Self {
             accumulator: Accumulator::new(driven.plant.run.duration_s, measured),
@@ -71,16 +73,25 @@ impl Gathered {
             rest_length_m: chamber::of(&driven.believed).map(|chamber| chamber.rest_length()),
             estimate: Range { min: f64::INFINITY, max: f64::NEG_INFINITY, mean: 0.0 },
             rows: 0,
-            last_step: 0,
+            next_step: Some(0),
+            lost_steps: 0,
             last_s: 0.0,
         }
+    }
+
+    /// Nothing yet of a record that begins at any step.
+    pub fn of_record(driven: &Loaded) -> Self {
+        Self { next_step: None, ..Self::new(driven, None) }
     }
 
     /// One step more.
     pub fn add(&mut self, row: &Row) {
         let estimate_k = f64::from(row.telemetry.estimate.gas_k);
         self.rows += 1;
-        self.last_step = row.telemetry.step;
+        // A board that starts anew counts from 0 again.
+        let lost = self.next_step.and_then(|next| row.telemetry.step.checked_sub(next));
+        self.lost_steps += u64::from(lost.unwrap_or_default());
+        self.next_step = Some(row.telemetry.step.wrapping_add(1));
         self.last_s = row.truth.time_s;
         let Range { min, max, mean } = self.estimate;
         self.estimate = Range {
@@ -123,7 +134,7 @@ impl Gathered {
             sensor_gas_k: summary.sensor_gas_k,
             estimate_k: self.estimate,
             core: summary.core,
-            lost_steps: (u64::from(self.last_step) + 1).saturating_sub(self.rows),
+            lost_steps: self.lost_steps,
             timing: TimingFigures::from(timing),
             control: summary.control,
             measured: summary.measured,

@@ -199,7 +199,7 @@ impl Plan {
         let limit_pa = f64::from(config.pressure_limit_pa);
         let highest_pa = highest_pa.min(SUPPLY_SHARE * supply_pa).min(LIMIT_SHARE * limit_pa);
         let rest_m = chamber.rest_length_m();
-        let [least, greatest] = contractions(config).map(f64::from);
+        let [least, greatest] = contractions(config, &chamber).map(f64::from);
         let (sign, stroke) = if greatest > -least { (1.0, greatest) } else { (-1.0, -least) };
         let pressure_pa = |contraction: f64| {
             let length_m = rest_m * (1.0 - (sign * contraction) as f32);

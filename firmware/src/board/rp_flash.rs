@@ -1,0 +1,120 @@
+//! The end of the flash of a Raspberry Pi Pico or Pico 2, erased and programmed by the functions of the boot ROM.
+//!
+//! Interrupts stay on: the program and its vector table are in RAM, so that control goes on while the flash
+//! is busy and cannot be read.
+
+use embassy_rp::Peri;
+use embassy_rp::flash::FLASH_BASE;
+use embassy_rp::peripherals::FLASH;
+use embassy_rp::rom_data;
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+
+unsafe extern "C" {
+    /// Where the image's flash ends (`memory.x`).
+    static __store: u8;
+}
+
+/// Erased and programmed in pieces of this many bytes (W25Q16JV).
+const SECTOR: usize = 4096;
+const PAGE: usize = 256;
+/// The command that erases more at once, of which the ROM makes no use for a sector.
+const BLOCK: u32 = 1 << 16;
+const ERASE_BLOCK: u8 = 0xd8;
+
+/// [`STORE_BYTES`](super::STORE_BYTES) behind the image.
+pub struct StoreFlash(());
+
+impl StoreFlash {
+    /// The chip's only one.
+    pub fn new(_flash: Peri<'static, FLASH>) -> Self {
+        Self(())
+    }
+
+    /// Offset in the flash of a piece of the store.
+    fn place(offset: u32, bytes: usize) -> Result<usize, NorFlashErrorKind> {
+        let store = (&raw const __store).addr() - FLASH_BASE.addr();
+        let offset = offset as usize;
+        if offset.saturating_add(bytes) > super::STORE_BYTES {
+            return Err(NorFlashErrorKind::OutOfBounds);
+        }
+        Ok(store + offset)
+    }
+
+    /// Runs one of the ROM's functions while the flash cannot be read.
+    ///
+    /// # Safety
+    /// It keeps to the store.
+    unsafe fn write_with(operation: impl FnOnce()) {
+        // SAFETY: nothing reads flash but this very module, which is at this.
+        unsafe {
+            rom_data::connect_internal_flash();
+            rom_data::flash_exit_xip();
+            operation();
+            rom_data::flash_flush_cache();
+            // Slower than what the boot loader had set up; only a start needs that, and sets it up again.
+            rom_data::flash_enter_cmd_xip();
+        }
+    }
+}
+
+impl ErrorType for StoreFlash {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for StoreFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        let from = FLASH_BASE.addr() + Self::place(offset, bytes.len())?;
+        // SAFETY: it is flash, which can be read and is not being written: that happens here.
+        bytes.copy_from_slice(unsafe {
+            core::slice::from_raw_parts(from as *const u8, bytes.len())
+        });
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        super::STORE_BYTES
+    }
+}
+
+impl NorFlash for StoreFlash {
+    const WRITE_SIZE: usize = 1;
+    const ERASE_SIZE: usize = SECTOR;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        for sector in (from..to).step_by(SECTOR) {
+            let place = Self::place(sector, SECTOR)? as u32;
+            // SAFETY: within the store.
+            unsafe {
+                Self::write_with(|| {
+                    rom_data::flash_range_erase(place, SECTOR, BLOCK, ERASE_BLOCK);
+                });
+            }
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        let mut place = Self::place(offset, bytes.len())?;
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            // A page at a time; ones leave what is there.
+            let mut page = [0xff; PAGE];
+            let room = page.split_at_mut(place % PAGE).1;
+            let count = room.len().min(rest.len());
+            let (now, later) = rest.split_at(count);
+            for (byte, value) in room.iter_mut().zip(now) {
+                *byte = *value;
+            }
+            let start = (place - place % PAGE) as u32;
+            // SAFETY: within the store.
+            unsafe {
+                Self::write_with(|| rom_data::flash_range_program(start, page.as_ptr(), PAGE));
+            }
+            place += count;
+            rest = later;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,201 @@
+//! Keeps what is to survive the loss of power: takes the configuration out of the [store](crate::store) after the
+//! start, saves it when the host asks, and writes down what happened. A board without a flash for it remembers what
+//! happened since it has power.
+
+use crate::link::{Identity, check};
+use crate::shared::{Answer, Asker, Keep, Order, Shared};
+use crate::store::{Announced, Key, Loaded, MAX_VALUE, Store, Unwritable};
+use core::future::pending;
+use core::sync::atomic::Ordering;
+use embassy_futures::select::{Either3, select3};
+use embassy_time::{Duration, Instant, Timer};
+use embedded_storage_async::nor_flash::NorFlash;
+use model_core::Config;
+use model_core::link::{ConfigSource, Event, LastReset, Name, Refusal};
+use serde::{Deserialize, Serialize};
+
+/// Events that are remembered.
+const EVENTS: usize = 8;
+
+/// Time between two times that events are written down: flash stands 100 000 erases of a sector.
+const PAUSE: Duration = Duration::from_secs(10);
+
+/// Time between two looks whether the muscle is vented.
+const UNTIL_VENTED: Duration = Duration::from_millis(10);
+
+/// What happened, the last event first.
+type History = [Option<Event>; EVENTS];
+
+/// A configuration and what it is called.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    config: Config,
+    name: Name,
+}
+
+/// Runs for ever.
+pub async fn run<F: NorFlash>(flash: Option<F>, identity: Identity, shared: &'static Shared) -> ! {
+    let mut keeper =
+        Keeper { store: None, buffer: [0; MAX_VALUE], history: [None; EVENTS], shared };
+    if let Some(flash) = flash {
+        keeper.store = Some(Store::open(Announced::new(flash, shared)).await);
+        keeper.take_config(&identity).await;
+        keeper.take_history().await;
+    }
+    shared.recalled.store(true, Ordering::Relaxed);
+    let mut next_write = Instant::MIN;
+    let mut unwritten = false;
+    if identity.last_reset != LastReset::Power {
+        keeper.happened(Event::Started(identity.last_reset));
+        // A board that restarts without end would wear its flash out.
+        (next_write, unwritten) = (Instant::now() + PAUSE, true);
+    }
+    loop {
+        let write = async {
+            if unwritten {
+                Timer::at(next_write).await;
+            } else {
+                pending().await
+            }
+        };
+        match select3(shared.keep.receive(), shared.failed.wait(), write).await {
+            Either3::First((asker, keep)) => keeper.answer(asker, keep).await,
+            Either3::Second(first) => {
+                keeper.happened(Event::Vented(first));
+                unwritten = true;
+            }
+            Either3::Third(()) => {
+                unwritten = !keeper.write_history().await;
+                next_write = Instant::now() + if unwritten { UNTIL_VENTED } else { PAUSE };
+            }
+        }
+    }
+}
+
+struct Keeper<F> {
+    store: Option<Store<F>>,
+    buffer: [u8; MAX_VALUE],
+    history: History,
+    shared: &'static Shared,
+}
+
+impl<F: NorFlash> Keeper<F> {
+    fn happened(&mut self, event: Event) {
+        self.history.rotate_right(1);
+        if let Some(last) = self.history.first_mut() {
+            *last = Some(event);
+        }
+    }
+
+    async fn answer(&mut self, asker: Asker, keep: Keep) {
+        let outcome = match keep {
+            Keep::Event(number) => {
+                let event = self.history.get(usize::from(number)).copied().flatten();
+                asker.line.answer_later(asker.sequence, Answer::Event(event)).await;
+                return;
+            }
+            Keep::Save => self.save().await,
+            Keep::Forget => self.forget().await,
+        };
+        let answer = match outcome {
+            Ok(()) => Answer::Done { step: self.shared.tally().steps as u32 },
+            Err(refusal) => Answer::Refused(refusal),
+        };
+        asker.line.answer_later(asker.sequence, answer).await;
+    }
+
+    async fn save(&mut self) -> Result<(), Refusal> {
+        let _written = self.shared.flash.lock().await;
+        self.may_write()?;
+        let config = self.shared.config().ok_or(Refusal::NotConfigured)?;
+        self.write(Key::Config, &Saved { config, name: self.shared.status().config_name }).await?;
+        self.shared.change_status(|status| status.config_source = ConfigSource::Flash);
+        Ok(())
+    }
+
+    async fn forget(&mut self) -> Result<(), Refusal> {
+        let _written = self.shared.flash.lock().await;
+        self.may_write()?;
+        let store = self.store.as_mut().ok_or(Refusal::NoStore)?;
+        store.forget(Key::Config).await.map_err(|Unwritable| Refusal::Flash)?;
+        self.shared.change_status(|status| {
+            if status.config_source == ConfigSource::Flash {
+                status.config_source = ConfigSource::Host;
+            }
+        });
+        Ok(())
+    }
+
+    /// While the flash is busy the lines to the host wait, and a hang is found late.
+    fn may_write(&self) -> Result<(), Refusal> {
+        if self.store.is_none() {
+            Err(Refusal::NoStore)
+        } else if !self.shared.vented() {
+            Err(Refusal::NotVented)
+        } else {
+            Ok(())
+        }
+    }
+
+    async fn write<T: Serialize>(&mut self, key: Key, value: &T) -> Result<(), Refusal> {
+        let store = self.store.as_mut().ok_or(Refusal::NoStore)?;
+        let value = postcard::to_slice(value, &mut self.buffer).map_err(|_| Refusal::Flash)?;
+        store.save(key, value).await.map_err(|Unwritable| Refusal::Flash)
+    }
+
+    /// Whether it was written down, or never will be.
+    async fn write_history(&mut self) -> bool {
+        let _written = self.shared.flash.lock().await;
+        match self.may_write() {
+            Ok(()) => (),
+            Err(refusal) => return refusal != Refusal::NotVented,
+        }
+        let history = self.history;
+        if self.write(Key::History, &history).await == Err(Refusal::Flash) {
+            defmt::warn!("what happened is not written down: the flash does not take it");
+        }
+        true
+    }
+
+    /// Control starts anew with the configuration that was saved, if there is one that this board can run.
+    async fn take_config(&mut self, identity: &Identity) {
+        let Some(store) = &mut self.store else { return };
+        match store.load(Key::Config, &mut self.buffer).await {
+            Loaded::Value(value) => {
+                let saved = postcard::from_bytes::<Saved>(value).ok();
+                let core = saved.as_ref().and_then(|saved| check(&saved.config, identity).ok());
+                match saved.zip(core) {
+                    Some((Saved { config, name }, core)) => {
+                        self.shared.prepare(core);
+                        let order = Order::configure(&config, ConfigSource::Flash, name);
+                        self.shared.restart(None, order).await;
+                    }
+                    None => defmt::warn!("the saved configuration is none that this board can run"),
+                }
+            }
+            Loaded::Absent => (),
+            Loaded::Damaged => defmt::warn!("the saved configuration is damaged"),
+            Loaded::OtherSchema(schema) => {
+                defmt::warn!(
+                    "the saved configuration has schema {=u16}, not this firmware's",
+                    schema
+                );
+            }
+        }
+    }
+
+    /// What vented before power was lost is the first failure until there is another one.
+    async fn take_history(&mut self) {
+        let Some(store) = &mut self.store else { return };
+        if let Loaded::Value(value) = store.load(Key::History, &mut self.buffer).await {
+            self.history = postcard::from_bytes(value).unwrap_or_default();
+        }
+        let vented = self.history.iter().flatten().find_map(|event| match event {
+            Event::Vented(first) => Some(*first),
+            Event::Started(_) => None,
+        });
+        if self.shared.first_failure().is_none() {
+            self.shared.set_first_failure(vented);
+        }
+    }
+}

@@ -1,0 +1,65 @@
+// An RP2040 whose reads of flash go through its cache, started as the boot ROM starts it (datasheet 2.8.1): the
+// second stage boot loader is copied into RAM, sets the serial interface up and enters the program.
+
+import { RP2040 } from 'rp2040js';
+import { FlashCache } from './flash_cache.mjs';
+
+const FLASH = 0x10000000;
+const FLASH_END = 0x11000000; // of what is cached
+const FLASH_MIRRORS_END = 0x14000000;
+const BOOT2_BYTES = 256;
+const BOOT2 = 0x20041f00; // where the boot ROM runs it
+const RAM = 0x20000000;
+
+const quiet = { debug() {}, info() {}, warn() {}, error() {} };
+
+export class Chip extends RP2040 {
+  /** `flash`: its bytes, 16 MiB of them as rp2040js has it. */
+  constructor(flash) {
+    super();
+    this.logger = quiet;
+    this.flash.set(flash);
+    this.cache = new FlashCache(this.peripherals[0x18000]);
+    this.xip = true; // flash can be read
+    this.violations = 0; // reads when it could not
+  }
+
+  readFlash(address) {
+    this.cache.read(address);
+    if (!this.xip) {
+      this.violations++;
+    }
+  }
+
+  /** What happens when the chip comes out of reset; `sram` is what memory holds. */
+  boot(sram) {
+    if (sram !== undefined) {
+      this.sram.set(sram);
+    }
+    this.sram.set(this.flash.subarray(0, BOOT2_BYTES), BOOT2 - RAM);
+    this.core.SP = BOOT2;
+    this.core.LR = 0; // to the program, rather than back to a caller
+    this.core.PC = BOOT2;
+  }
+
+  readUint8(address) {
+    if (address >= FLASH && address < FLASH_END) {
+      this.readFlash(address);
+    }
+    return super.readUint8(address);
+  }
+
+  readUint16(address) {
+    if (address >= FLASH && address < FLASH_END) {
+      this.readFlash(address);
+    }
+    return super.readUint16(address);
+  }
+
+  readUint32(address) {
+    if (address >= FLASH && address < FLASH_MIRRORS_END) {
+      this.readFlash(address);
+    }
+    return super.readUint32(address);
+  }
+}

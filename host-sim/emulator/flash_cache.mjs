@@ -1,0 +1,88 @@
+// The RP2040's execution in place: flash behind a cache of 16 KiB, two ways, lines of 8 bytes (datasheet
+// 2.6.3.1, 2.6.3.2: a flush takes 16 KiB / 8 / 2 = 1024 cycles). A line is filled by halves, 4 bytes at a time,
+// each when it is read first; bursts there are none (raspberrypi/pico-feedback, issue 307).
+//
+// A half takes what the serial interface was set to by the second stage boot loader: for that of the W25Q080,
+// BAUDR = 2, 8 clocks for the address and mode bits, 4 of waiting and 8 for 32 bits by four lines, 20 clocks of 2
+// cycles: 40 cycles, the 320 ns at the least that Klipper's PR 6464 states. Around it the chip is selected and
+// the bus waits: 400 ns were measured by a load that is not in the cache (oberon-rtk.org/description/flash-memory),
+// 50 cycles with the 2 of the load itself.
+
+const SETS = 1024;
+const WAYS = 2;
+const SELECT_CYCLES = 8;
+const CACHED = 0x10; // upper byte of the addresses that the cache serves; 0x11 to 0x13 go round it
+
+export class FlashCache {
+  /** `ssi`: the serial interface to the flash (datasheet 4.10.13). */
+  constructor(ssi) {
+    this.ssi = ssi;
+    this.tags = new Int32Array(SETS * WAYS);
+    this.halves = new Uint8Array(SETS * WAYS); // which of a line's are valid
+    this.oldest = new Uint8Array(SETS); // way that is replaced next
+    this.reads = 0;
+    this.misses = 0;
+    this.stalled = 0; // cycles that nobody has taken yet
+    this.flush();
+  }
+
+  flush() {
+    this.tags.fill(-1);
+    this.halves.fill(0);
+  }
+
+  /** Cycles for 32 bits from the flash. */
+  get missCycles() {
+    const { baudr, crtlr0, spictlr0 } = this.ssi;
+    const lines = 1 << ((crtlr0 >> 21) & 3);
+    const bits = ((crtlr0 >> 16) & 31) + 1;
+    const address = (((spictlr0 >> 2) & 15) * 4) / lines; // and mode bits
+    const wait = (spictlr0 >> 11) & 31;
+    return baudr * (address + wait + bits / lines) + SELECT_CYCLES;
+  }
+
+  /** A read of an address, within a word. */
+  read(address) {
+    this.reads++;
+    if (address >>> 24 === CACHED && this.hits(address & 0xffffff)) {
+      return;
+    }
+    this.misses++;
+    this.stalled += this.missCycles;
+  }
+
+  /** Whether the half is there; it is from now on. */
+  hits(offset) {
+    const set = (offset >> 3) % SETS;
+    const tag = Math.floor((offset >> 3) / SETS);
+    const half = 1 << ((offset >> 2) & 1);
+    let line = WAYS * set;
+    if (this.tags[line] !== tag) {
+      line++;
+      if (this.tags[line] !== tag) {
+        line = WAYS * set + this.oldest[set];
+        this.tags[line] = tag;
+        this.halves[line] = 0;
+      }
+    }
+    this.oldest[set] = 1 - (line & 1);
+    const valid = (this.halves[line] & half) !== 0;
+    this.halves[line] |= half;
+    return valid;
+  }
+
+  /** Cycles that the core has waited since the last call. */
+  takeStalled() {
+    const { stalled } = this;
+    this.stalled = 0;
+    return stalled;
+  }
+
+  /** Reads and misses since the last call. */
+  takeReads() {
+    const { reads, misses } = this;
+    this.reads = 0;
+    this.misses = 0;
+    return { reads, misses };
+  }
+}

@@ -1,0 +1,33 @@
+// What the flash keeps without power, in a file: of a Raspberry Pi Pico's flash the part that the firmware writes,
+// its last four sectors (`memory.x`).
+
+import { existsSync, readFileSync, renameSync, writeFileSync } from 'node:fs';
+
+const START = 2 * 1024 * 1024 - 16 * 1024;
+const END = 2 * 1024 * 1024;
+
+export class Kept {
+  /** `path`: the file; none, and nothing is kept. */
+  constructor(path) {
+    this.path = path;
+    this.operations = 0;
+  }
+
+  /** Fills `flash` with what was kept. */
+  load(flash) {
+    if (this.path !== undefined && existsSync(this.path)) {
+      flash.set(readFileSync(this.path).subarray(0, END - START), START);
+    }
+  }
+
+  /** Keeps what the flash has been written since the last call; in the file at once whole. */
+  save(store) {
+    if (this.path === undefined || store.operations === this.operations) {
+      return;
+    }
+    this.operations = store.operations;
+    const part = `${this.path}.part`;
+    writeFileSync(part, store.content.subarray(START, END));
+    renameSync(part, this.path);
+  }
+}

@@ -1,0 +1,71 @@
+//! The emulated board as a user has it, with a place of its own for each test.
+
+#![allow(dead_code)] // Every test uses some of it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+pub fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+pub fn skip_emulator() -> bool {
+    let skip = std::env::var_os("THERMYO_SKIP_EMULATOR").is_some_and(|value| value == "1");
+    if skip {
+        eprintln!("skipped: THERMYO_SKIP_EMULATOR=1");
+    }
+    skip
+}
+
+/// A place of its own for the emulated board, which is unplugged in the end.
+pub struct Bench(TempDir);
+
+impl Bench {
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs a line such as `thermyo board emulated info`, from the repository.
+    pub fn run(&self, line: &str) -> Output {
+        self.command(line).output().unwrap()
+    }
+
+    /// The same, to be started.
+    pub fn command(&self, line: &str) -> Command {
+        let mut words = line.split_whitespace();
+        assert_eq!(words.next(), Some("thermyo"), "{line}");
+        let out = self.path("out");
+        let words = words.map(|word| word.replace("out/", &format!("{}/", out.display())));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_thermyo"));
+        command.args(words).current_dir(repository()).env("TMPDIR", self.0.path());
+        command
+    }
+
+    /// What a line prints that has to end well.
+    pub fn ok(&self, line: &str) -> String {
+        let output = self.run(line);
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        assert!(output.status.success(), "{line}: {}", text(&output.stderr));
+        text(&output.stdout)
+    }
+
+    /// What a line says that must not be carried out.
+    pub fn refused(&self, line: &str) -> String {
+        let output = self.run(line);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{line}: {message}");
+        assert_eq!(message.trim().lines().count(), 1, "{line}: {message}");
+        message
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        self.run("thermyo board emulated unplug");
+    }
+}

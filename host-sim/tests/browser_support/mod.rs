@@ -1,0 +1,43 @@
+//! Headless Chromium for tests of pages. Without it nothing is tested, and that is said; `THERMYO_CHROMIUM` names
+//! one that lies elsewhere.
+
+use host_sim::board::image::prepare_node;
+use serde_json::Value;
+use std::env;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+const NAMES: [&str; 5] =
+    ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
+
+pub fn chromium() -> Option<PathBuf> {
+    if let Some(path) = env::var_os("THERMYO_CHROMIUM") {
+        return Some(PathBuf::from(path));
+    }
+    let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
+    let found = folders
+        .iter()
+        .flat_map(|folder| NAMES.map(|name| folder.join(name)))
+        .find(|path| path.is_file());
+    if found.is_none() {
+        eprintln!("no Chromium was found: pages are not tried in a browser");
+    }
+    found
+}
+
+/// What a script in `tests/browser` saw of a page, a file or an address. Its screenshots stay in the target folder's
+/// `tmp` under this name, to be looked at.
+pub fn look(script: &str, chromium: &Path, page: &OsStr, name: &str) -> Value {
+    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
+    prepare_node(&scripts).unwrap();
+    let output = Command::new("node")
+        .arg(scripts.join(script))
+        .args([chromium.as_os_str(), page])
+        .arg(Path::new(env!("CARGO_TARGET_TMPDIR")).join(name))
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}

@@ -1,0 +1,246 @@
+//! What the board remembers without power, on the emulated board: power fails in every operation of its flash.
+
+use host_sim::board::BoardError;
+use host_sim::board::emulated::{EmulatedBoard, Injection};
+use model_core::link::{Answer, ConfigSource, Event, HostCommand, Name, Refusal, Status, checksum};
+use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
+use system_tests::rig::{JUDGING_STEPS, Rig};
+use system_tests::skip_emulator;
+
+/// Saves that are cut in each of their operations: some 13 fill a sector.
+const ROUNDS: u32 = 15;
+/// Shares of an operation's time that it had when power failed.
+const DONE: [f32; 4] = [0.0, 0.3, 0.7, 0.98];
+/// Time in which a board starts and has its configuration \[ms\].
+const START_MS: u32 = 40;
+/// Time between two frames of telemetry, if nobody has asked for another one \[ms\].
+const TELEMETRY_MS: u32 = 10;
+/// Time in which the board takes two more large requests \[ms\].
+const REQUESTS_MS: u32 = 40;
+/// Time of a save that erases in both copies, told \[ms\].
+const SAVE_MS: u32 = 150;
+
+/// The start of a step is this close to its mean delay \[us\].
+const JITTER_US: u32 = 5;
+
+/// Power fails whatever the flash is at.
+const AT_ONCE: u32 = u32::MAX;
+
+const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+
+/// A configuration that is told from others by its link timeout.
+fn config(number: u32) -> Config {
+    let mut config = Config::default();
+    config.link.timeout_s = 1.0 + number as f32 / 100.0;
+    config
+}
+
+fn pass(board: &mut EmulatedBoard, milliseconds: u32) {
+    for _ in 0..milliseconds {
+        let exchange = board.exchange(&HEALTHY).unwrap();
+        assert_eq!(exchange.flash_violations, 0);
+    }
+}
+
+fn operations(board: &mut EmulatedBoard) -> u32 {
+    board.exchange(&HEALTHY).unwrap().flash_operations
+}
+
+fn read(board: &mut EmulatedBoard) -> Config {
+    match board.ask(HostCommand::ReadConfig).unwrap() {
+        Answer::Config(config) => config,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn status(board: &mut EmulatedBoard) -> Status {
+    match board.ask(HostCommand::Status).unwrap() {
+        Answer::Status(status) => status,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn save(board: &mut EmulatedBoard, config: &Config) {
+    // Within the ration of requests.
+    pass(board, REQUESTS_MS);
+    board.ask(HostCommand::Configure(*config)).unwrap();
+    board.ask(HostCommand::Save).unwrap();
+}
+
+/// Power fails and comes back, while nothing is written.
+fn cut_the_power(board: &mut EmulatedBoard) {
+    board.inject(Injection::PowerCut { operation: AT_ONCE, done: 0.0 });
+    pass(board, START_MS);
+}
+
+#[test]
+fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
+    if skip_emulator() {
+        return;
+    }
+    let mut board = EmulatedBoard::new().unwrap();
+    pass(&mut board, START_MS);
+    let refused = board.ask(HostCommand::Save);
+    assert!(matches!(refused, Err(BoardError::Refused(Refusal::NotConfigured))), "{refused:?}");
+    let name = Name::new("seven");
+    pass(&mut board, REQUESTS_MS);
+    board.ask(HostCommand::Configure(config(7))).unwrap();
+    board.ask(HostCommand::Name(name)).unwrap();
+    board.ask(HostCommand::Save).unwrap();
+    assert_eq!(status(&mut board).config_source, ConfigSource::Flash);
+    cut_the_power(&mut board);
+    assert_eq!(read(&mut board), config(7));
+    let found = status(&mut board);
+    assert_eq!((found.config_source, found.config_name), (ConfigSource::Flash, name));
+    assert_eq!((found.config_checksum, found.armed_pa), (checksum(&config(7)), None));
+    pass(&mut board, TELEMETRY_MS);
+    let telemetry = board.take_telemetry().last().copied().unwrap();
+    assert!(!telemetry.faults.intersects(Faults::NOT_CONFIGURED), "{telemetry:?}");
+    board.ask(HostCommand::Arm { most_pa: None }).unwrap();
+    board.ask(HostCommand::Start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 })).unwrap();
+    // It vents while it judges, and drives of its own accord when that is done.
+    let refused = board.ask(HostCommand::Forget);
+    assert!(matches!(refused, Err(BoardError::Refused(Refusal::NotVented))), "{refused:?}");
+    board.ask(HostCommand::Stop).unwrap();
+    pass(&mut board, 2);
+    board.ask(HostCommand::Forget).unwrap();
+    assert_eq!(status(&mut board).config_source, ConfigSource::Host);
+    cut_the_power(&mut board);
+    assert_eq!(read(&mut board), Config::default());
+    pass(&mut board, TELEMETRY_MS);
+    let telemetry = board.take_telemetry().last().copied().unwrap();
+    assert!(telemetry.faults.intersects(Faults::NOT_CONFIGURED), "{telemetry:?}");
+}
+
+/// What is driven is not saved to, and goes on.
+#[test]
+fn a_board_that_drives_does_not_save() {
+    if skip_emulator() {
+        return;
+    }
+    let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
+    rig.start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 });
+    for _ in 0..JUDGING_STEPS + 20 {
+        rig.exchange();
+    }
+    let before = rig.exchange().flash_operations;
+    for command in [HostCommand::Save, HostCommand::Forget] {
+        let refused = rig.board.ask(command);
+        assert!(matches!(refused, Err(BoardError::Refused(Refusal::NotVented))), "{refused:?}");
+        for _ in 0..100 {
+            rig.exchange();
+        }
+    }
+    let exchange = rig.exchange();
+    assert_eq!(exchange.flash_operations, before);
+    assert!(exchange.outlet_coil > 0.99, "{exchange:?}");
+}
+
+/// Control goes on while the flash is busy, to the millisecond, and the watchdog does not bite.
+#[test]
+fn control_goes_on_while_the_flash_is_busy() {
+    if skip_emulator() {
+        return;
+    }
+    let mut board = EmulatedBoard::new().unwrap();
+    pass(&mut board, START_MS);
+    let before = board.timing().unwrap();
+    let first = operations(&mut board);
+    for number in 0..30 {
+        save(&mut board, &config(number));
+    }
+    let after = board.timing().unwrap();
+    let made = operations(&mut board) - first;
+    println!("30 saves: {made} operations, {after:?}");
+    assert!((90..400).contains(&made), "{made}");
+    assert_eq!(after.missed_steps, before.missed_steps, "{after:?}");
+    let jitter_us = after.jitter_worst_us.saturating_sub(after.jitter_mean_ns / 1000);
+    assert!(jitter_us <= JITTER_US, "{after:?}");
+    assert_eq!(board.exchange(&HEALTHY).unwrap().restarts, 0);
+    assert_eq!(read(&mut board), config(29));
+}
+
+/// What vented is known when power comes back.
+#[test]
+fn the_last_failure_survives_the_power() {
+    if skip_emulator() {
+        return;
+    }
+    let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
+    rig.start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 });
+    for _ in 0..JUDGING_STEPS + 20 {
+        rig.exchange();
+    }
+    rig.exchange_with(|sample| Sample { emergency_stop: true, ..sample });
+    for _ in 0..SAVE_MS {
+        rig.exchange();
+    }
+    cut_the_power(&mut rig.board);
+    let failure = |answer| match answer {
+        Answer::FirstFailure(Some(first)) | Answer::Event(Some(Event::Vented(first))) => first,
+        other => panic!("{other:?}"),
+    };
+    for command in [HostCommand::FirstFailure, HostCommand::History(0)] {
+        let first = failure(rig.board.ask(command).unwrap());
+        assert_eq!(first.faults, Faults::EMERGENCY_STOP);
+        assert!(first.pressure_pa > 1.05e5, "{first:?}");
+    }
+    // What the board's start found, it has not seen happen.
+    let before = rig.board.ask(HostCommand::History(1)).unwrap();
+    assert!(matches!(before, Answer::Event(None)), "{before:?}");
+}
+
+/// Power fails in every operation of saves that fill the pages of both copies, erase them and begin anew: each
+/// time the board starts, and has the old configuration or the new one, whole; and the next save is kept.
+#[test]
+fn power_that_fails_while_it_saves_leaves_the_old_or_the_new_configuration() {
+    if skip_emulator() {
+        return;
+    }
+    let mut board = EmulatedBoard::new().unwrap();
+    pass(&mut board, START_MS);
+    save(&mut board, &config(0));
+    let (mut number, mut cuts, mut old, mut new) = (0, 0, 0, 0);
+    // Saves until the pages have come round, each cut in every one of its operations.
+    for round in 0..ROUNDS {
+        let mut operation = 1;
+        loop {
+            let done = DONE[(round as usize + operation as usize) % DONE.len()];
+            number += 1;
+            pass(&mut board, REQUESTS_MS);
+            let wanted = config(number);
+            board.ask(HostCommand::Configure(wanted)).unwrap();
+            let before = board.exchange(&HEALTHY).unwrap().power_cuts;
+            board.inject(Injection::PowerCut { operation, done });
+            board.send(HostCommand::Save);
+            let mut exchange = board.exchange(&HEALTHY).unwrap();
+            for _ in 0..SAVE_MS {
+                if exchange.power_cuts > before {
+                    break;
+                }
+                exchange = board.exchange(&HEALTHY).unwrap();
+            }
+            if exchange.power_cuts == before {
+                // The save had fewer operations: all of them have been cut.
+                board.inject(Injection::PowerCut { operation: AT_ONCE, done: 0.0 });
+                pass(&mut board, START_MS);
+                assert_eq!(read(&mut board), wanted);
+                break;
+            }
+            cuts += 1;
+            pass(&mut board, SAVE_MS + START_MS);
+            let found = read(&mut board);
+            if found == wanted {
+                new += 1;
+            } else {
+                assert_eq!(found, config(number - 1), "cut {cuts}: operation {operation}, {done}");
+                old += 1;
+                number -= 1;
+            }
+            operation += 1;
+        }
+        assert_eq!(board.exchange(&HEALTHY).unwrap().restarts, 0);
+    }
+    println!("{cuts} cuts: {old} times the old configuration, {new} times the new one");
+    assert!(cuts > 80 && old > 20 && new > 20, "{cuts}: {old} {new}");
+}
