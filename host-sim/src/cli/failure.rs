@@ -2,6 +2,7 @@
 
 use crate::board::BoardError;
 use crate::commands::evaluate::truth::TruthError;
+use crate::commands::flash::FlashError;
 use crate::commands::identify::IdentifyError;
 use crate::commands::monitor::MonitorError;
 use crate::commands::sweep::SweepError;
@@ -28,6 +29,8 @@ pub(super) enum Failure {
     Usage(String),
     /// Exit 2: the board cannot be used.
     Board(BoardError),
+    /// Exit 2: nothing was flashed.
+    Flash(FlashError),
     /// Exit 2.
     Monitor(MonitorError),
     /// Exit 1.
@@ -47,6 +50,7 @@ impl fmt::Display for Failure {
             Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
             Self::Usage(what) => f.write_str(what),
             Self::Board(error) => error.fmt(f),
+            Self::Flash(error) => error.fmt(f),
             Self::Monitor(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
             Self::Check(what) => f.write_str(what),
@@ -100,6 +104,7 @@ impl Failure {
             | Self::Sweep(_)
             | Self::Usage(_)
             | Self::Board(_)
+            | Self::Flash(_)
             | Self::Monitor(_)
             | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
             | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,

@@ -7,6 +7,7 @@ mod calibrate;
 mod compare;
 mod evaluate;
 mod failure;
+mod flash;
 mod flashed;
 mod interrupt;
 mod replay;
@@ -79,6 +80,10 @@ enum Task {
     /// The process behind the port "emulated"
     #[command(name = crate::board::service::TASK, hide = true)]
     EmulatedBoard(flashed::ServeArgs),
+    /// The boards that are plugged in
+    Ports(flash::PortsArgs),
+    /// Builds the firmware, makes the UF2 and puts it on a board
+    Flash(flash::FlashArgs),
     /// Measures the project's own targets and prints a table of target and figure
     Evaluate(evaluate::EvaluateArgs),
     /// Validates a scenario and prints it with every default filled in
@@ -190,6 +195,8 @@ pub fn run<A: Into<OsString> + Clone>(
         }
         Task::Board(command) => flashed::run(command, out, err),
         Task::EmulatedBoard(args) => flashed::serve(&args),
+        Task::Ports(args) => flash::list(&args, out),
+        Task::Flash(args) => flash::run(args, out),
         Task::Evaluate(args) => evaluate::run(&args, out, err),
         Task::Check { scenario, json, quiet } => check_command(&scenario, (json, quiet), out, err),
         Task::Completions { shell } => shell::completions(shell, out),

@@ -5,10 +5,14 @@ pub mod compare;
 #[cfg(feature = "command")]
 pub mod drive;
 pub mod evaluate;
+#[cfg(feature = "command")]
+pub mod flash;
 pub mod identify;
 #[cfg(feature = "command")]
 pub mod monitor;
 pub mod parallel;
+#[cfg(feature = "command")]
+pub mod ports;
 pub mod replay;
 pub mod reproduce;
 pub mod sweep;

@@ -1,0 +1,70 @@
+//! `thermyo flash` and `thermyo ports`.
+
+use super::{Failure, print};
+use crate::commands::flash::{self, FlashError, Model, Request, mounts};
+use crate::commands::ports;
+use clap::Args;
+use std::io::Write;
+
+#[derive(Debug, Args)]
+pub(super) struct PortsArgs {
+    /// Print the list as JSON
+    #[arg(long)]
+    json: bool,
+    /// Only the list, no advice
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct FlashArgs {
+    /// Serial port of a board, or the drive that it is with BOOTSEL held [default: the only board found]
+    #[arg(value_name = "PORT|DRIVE")]
+    target: Option<String>,
+    /// What the board must be
+    #[arg(long, value_enum)]
+    chip: Option<Model>,
+    /// Builds the firmware and finds the board, and writes nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Only say what went wrong
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub(super) fn list(args: &PortsArgs, out: &mut dyn Write) -> Result<(), Failure> {
+    let found = ports::list(&mounts());
+    if args.json {
+        let json = serde_json::to_string_pretty(&found).expect("a list is plain data");
+        return print(out, &format!("{json}\n"));
+    }
+    if found.is_empty() && !args.quiet {
+        let advice =
+            "no board was found: plug one in; a new one with BOOTSEL held, for `thermyo flash`\n";
+        return print(out, advice);
+    }
+    print(out, &found.iter().map(|found| format!("{found}\n")).collect::<String>())
+}
+
+pub(super) fn run(args: FlashArgs, out: &mut dyn Write) -> Result<(), Failure> {
+    let request = Request { target: args.target, model: args.chip, dry_run: args.dry_run };
+    let mut broken = None;
+    let mut say = |line: &str| {
+        if !args.quiet && broken.is_none() {
+            broken = print(out, &format!("{line}\n")).err();
+        }
+    };
+    flash::run(&request, &mounts, &mut say)?;
+    broken.map_or(Ok(()), Err)
+}
+
+impl From<FlashError> for Failure {
+    fn from(error: FlashError) -> Self {
+        match error {
+            FlashError::NotBack | FlashError::OtherFirmware { .. } => {
+                Self::Check(error.to_string())
+            }
+            other => Self::Flash(other),
+        }
+    }
+}

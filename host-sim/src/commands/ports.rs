@@ -1,0 +1,96 @@
+//! `thermyo ports`: what is plugged in that is a board, or may be one.
+
+use crate::board::line::Line;
+use crate::commands::flash::{Drive, find, version_text};
+use model_core::link::{USB_ID, Version};
+use serde::Serialize;
+use serialport::{SerialPortType, UsbPortInfo};
+use std::fmt;
+use std::path::PathBuf;
+use std::thread;
+
+/// What is at a port.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Found {
+    /// Name of the port, or of the drive.
+    pub port: String,
+    /// What the system says that it is.
+    pub device: String,
+    /// Whether it answers as Thermyo.
+    pub thermyo: bool,
+    /// What it says, or why it says nothing.
+    pub state: String,
+}
+
+impl fmt::Display for Found {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}  {}  [{}]", self.port, self.state, self.device)
+    }
+}
+
+/// Everything at the serial ports of USB, each asked who it is, and the drives of boards in their boot loader.
+pub fn list(mounts: &[PathBuf]) -> Vec<Found> {
+    let asked: Vec<_> =
+        usb().into_iter().map(|(port, info)| thread::spawn(move || ask(port, &info))).collect();
+    let answers = asked.into_iter().filter_map(|thread| thread.join().ok());
+    answers.chain(find(mounts).into_iter().map(waiting)).collect()
+}
+
+/// Names of the ports that are the boards' own USB, whatever firmware they run.
+pub fn boards() -> Vec<String> {
+    usb()
+        .into_iter()
+        .filter(|(_, info)| (info.vid, info.pid) == USB_ID)
+        .map(|(port, _)| port)
+        .collect()
+}
+
+fn usb() -> Vec<(String, UsbPortInfo)> {
+    let ports = serialport::available_ports().unwrap_or_default();
+    let mut usb: Vec<_> = ports
+        .into_iter()
+        .filter_map(|port| match port.port_type {
+            SerialPortType::UsbPort(info) => Some((port.port_name, info)),
+            _ => None,
+        })
+        .collect();
+    usb.sort_by(|(a, _), (b, _)| a.cmp(b));
+    usb
+}
+
+fn ask(port: String, info: &UsbPortInfo) -> Found {
+    let answer = Line::meet(&port).map(|(_, version)| version).map_err(|error| error.to_string());
+    Found::new(port, info, &answer)
+}
+
+impl Found {
+    fn new(port: String, info: &UsbPortInfo, answer: &Result<Version, String>) -> Self {
+        let UsbPortInfo { vid, pid, .. } = info;
+        let text = |text: &Option<String>| text.iter().map(|text| format!(" {text}")).collect();
+        let [manufacturer, product, number]: [String; 3] =
+            [text(&info.manufacturer), text(&info.product), text(&info.serial_number)];
+        let state = match answer {
+            Ok(version) => format!("Thermyo {}", version_text(version)),
+            Err(reason) if (*vid, *pid) == USB_ID => {
+                format!("has a board's USB identity and does not answer: {reason}")
+            }
+            Err(reason) => format!("does not answer as Thermyo: {reason}"),
+        };
+        Self {
+            port,
+            device: format!("{vid:04x}:{pid:04x}{manufacturer}{product}{number}"),
+            thermyo: answer.is_ok(),
+            state,
+        }
+    }
+}
+
+fn waiting(drive: Drive) -> Found {
+    let port = drive.path.display().to_string();
+    Found {
+        state: format!("waits for its firmware: thermyo flash {port}"),
+        port,
+        device: format!("{} in its boot loader", drive.model),
+        thermyo: false,
+    }
+}
