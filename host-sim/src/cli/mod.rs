@@ -18,8 +18,7 @@ mod tune;
 use self::board::BoardArgs;
 use self::failure::Failure;
 use crate::board::{Board, CoreBoard};
-use crate::commands::identify;
-use crate::commands::identify::static_map::{self, Readings};
+use crate::commands::identify::{identify_table, static_map};
 use crate::commands::monitor::{self, Recorder, Session};
 use crate::commands::reproduce;
 use crate::files::board_trace::every_column;
@@ -280,102 +279,36 @@ fn identify_command(
 ) -> Result<(), Failure> {
     let loaded = load(&args.config, stderr)?;
     let Some(data) = &args.data else {
-        return print(stdout, &identify::static_map::plan(&loaded.plant));
+        return print(stdout, &static_map::plan(&loaded.plant));
     };
     let table = read_record(data, stderr)?;
-    if Readings::are_in(&table) {
-        return static_map_command(args, &loaded, data, &table, stdout, stderr);
+    let against = args.against.as_deref().map(|other| read_record(other, stderr)).transpose()?;
+    // Made before the search: where it cannot be, nobody wants to wait for that.
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
+    let mut out = OutputDir::create(&folder)?;
+    let found = identify_table(&loaded, &args.config, &table, data, against.as_ref())
+        .map_err(Failure::Identify)?;
+    let title = title_of(data);
+    let json =
+        serde_json::to_string_pretty(&found.findings()).expect("findings are plain data") + "\n";
+    out.text("summary.json", &json)?;
+    out.text("identified.toml", &scenario::render(found.scenario()))?;
+    out.text("report.html", &found.page(&title))?;
+    if let Some(plot) = found.plot(&title) {
+        out.text("map.svg", &plot)?;
     }
-    if args.against.is_some() {
-        return Err(Failure::Usage("--against goes with a static map only".to_owned()));
+    publish(out, stderr)?;
+    if args.output.json {
+        print(stdout, &json)?;
+    } else {
+        print(stdout, &found.text())?;
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
-    let measured = Measured::new(&table, &every_column())?;
-    let out = identified_folder(&args.output)?;
-    let identified =
-        identify::identify(&loaded, &args.config, &measured, data).map_err(Failure::Identify)?;
-    let findings = &identified.findings;
-    let results = Results {
-        json: serde_json::to_string_pretty(findings).expect("findings are plain data") + "\n",
-        scenario: scenario::render(&identified.scenario),
-        page: identify::page(&identified, &title_of(data)),
-        plot: None,
-        text: findings.text(),
-        failed: findings.failed(),
-    };
-    results.finish(out, &args.output, stdout, stderr)
-}
-
-fn static_map_command(
-    args: &IdentifyArgs,
-    loaded: &Loaded,
-    data: &Path,
-    table: &Table,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
-    let readings = Readings::of(table)?;
-    let against = match &args.against {
-        Some(path) => Some(Readings::of(&read_record(path, stderr)?)?),
-        None => None,
-    };
-    let out = identified_folder(&args.output)?;
-    let identified = static_map::identify(loaded, readings, against.as_ref(), &args.config, data)?;
-    let findings = &identified.findings;
-    let results = Results {
-        json: serde_json::to_string_pretty(findings).expect("findings are plain data") + "\n",
-        scenario: scenario::render(&identified.scenario),
-        page: static_map::page(&identified, &title_of(data)),
-        plot: Some(static_map::plot(&identified, &title_of(data))),
-        text: findings.text(),
-        failed: findings.failed(),
-    };
-    results.finish(out, &args.output, stdout, stderr)
-}
-
-/// Made before the search: where it cannot be, nobody wants to wait for that.
-fn identified_folder(output: &OutputArgs) -> Result<OutputDir, InputError> {
-    OutputDir::create(&output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify")))
+    found.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
 }
 
 fn title_of(file: &Path) -> String {
     file.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into())
-}
-
-/// What an identification writes and says.
-struct Results {
-    json: String,
-    scenario: String,
-    page: String,
-    /// A drawing for documents.
-    plot: Option<String>,
-    text: String,
-    failed: Option<String>,
-}
-
-impl Results {
-    fn finish(
-        self,
-        mut out: OutputDir,
-        output: &OutputArgs,
-        stdout: &mut dyn Write,
-        stderr: &mut dyn Write,
-    ) -> Result<(), Failure> {
-        let report = out.path().join("report.html");
-        out.text("summary.json", &self.json)?;
-        out.text("identified.toml", &self.scenario)?;
-        out.text("report.html", &self.page)?;
-        if let Some(plot) = &self.plot {
-            out.text("map.svg", plot)?;
-        }
-        publish(out, stderr)?;
-        if output.json {
-            print(stdout, &self.json)?;
-        } else {
-            print(stdout, &self.text)?;
-            print(stdout, &format!("report: {}\n", report.display()))?;
-        }
-        self.failed.map_or(Ok(()), |what| Err(Failure::Check(what)))
-    }
 }
 
 fn monitor_command(

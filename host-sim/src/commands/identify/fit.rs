@@ -2,12 +2,12 @@
 
 use super::data::Data;
 use super::parameter::Parameter;
+use super::search::{self, LeastSquares};
 use super::simulate::{Experiment, Failed};
 use crate::commands::parallel;
 use crate::scenario::{Scenario, with_numbers};
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
-use nalgebra::storage::Owned;
-use nalgebra::{DMatrix, DVector, Dyn};
+use levenberg_marquardt::{LevenbergMarquardt, TerminationReason};
+use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, Uniform};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -65,19 +65,6 @@ impl Problem<'_> {
         Ok(residuals)
     }
 
-    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
-        let len = self.data.values();
-        let Ok(mut residuals) = self.residuals(place) else {
-            return DVector::from_element(len, HOPELESS);
-        };
-        let columns = self.data.observed.iter();
-        let deviations = columns.flat_map(|o| std::iter::repeat_n(o.deviation, o.points.len()));
-        for (residual, deviation) in residuals.iter_mut().zip(deviations) {
-            *residual /= deviation;
-        }
-        DVector::from_vec(residuals)
-    }
-
     /// d(weighted residual)/d(ln x) by central differences.
     pub fn sensitivities(&self, place: &DVector<f64>) -> DMatrix<f64> {
         let columns: Vec<DVector<f64>> = (0..self.parameters.len())
@@ -122,53 +109,39 @@ impl Problem<'_> {
     }
 
     fn minimize(&self, start: &DVector<f64>) -> End {
-        let search =
-            Search { problem: self, place: start.clone(), residuals: self.weighted(start) };
         let solver = LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE);
-        let (search, report) = solver.minimize(search);
-        let converged = report.termination.was_successful()
-            || matches!(report.termination, TerminationReason::NoImprovementPossible(_));
-        let cost = search.residuals.norm_squared();
+        let found = search::minimize(self, start.clone(), &solver);
+        let converged = found.termination.was_successful()
+            || matches!(found.termination, TerminationReason::NoImprovementPossible(_));
         let hopeless = HOPELESS * HOPELESS;
-        End { place: search.place, cost, converged: converged && cost < hopeless }
+        End { place: found.place, cost: found.cost, converged: converged && found.cost < hopeless }
     }
 }
 
-/// One search under way.
-struct Search<'a> {
-    problem: &'a Problem<'a>,
-    place: DVector<f64>,
-    residuals: DVector<f64>,
-}
-
-impl LeastSquaresProblem<f64, Dyn, Dyn> for Search<'_> {
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, Dyn>;
-    type ParameterStorage = Owned<f64, Dyn>;
-
-    fn set_params(&mut self, place: &DVector<f64>) {
-        self.place.copy_from(place);
-        self.residuals = self.problem.weighted(place);
-    }
-
-    fn params(&self) -> DVector<f64> {
-        self.place.clone()
-    }
-
-    fn residuals(&self) -> Option<DVector<f64>> {
-        Some(self.residuals.clone())
+impl LeastSquares for Problem<'_> {
+    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+        let len = self.data.values();
+        let Ok(mut residuals) = self.residuals(place) else {
+            return DVector::from_element(len, HOPELESS);
+        };
+        let columns = self.data.observed.iter();
+        let deviations = columns.flat_map(|o| std::iter::repeat_n(o.deviation, o.points.len()));
+        for (residual, deviation) in residuals.iter_mut().zip(deviations) {
+            *residual /= deviation;
+        }
+        DVector::from_vec(residuals)
     }
 
     /// One-sided differences: enough to find the way, at half the price.
-    fn jacobian(&self) -> Option<DMatrix<f64>> {
-        let columns: Vec<DVector<f64>> = (0..self.place.len())
+    fn slopes(&self, place: &DVector<f64>, residuals: &DVector<f64>) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = (0..place.len())
             .map(|i| {
-                let step = DIFFERENCE / self.problem.parameters[i].slope(self.place[i]);
-                let mut shifted = self.place.clone();
+                let step = DIFFERENCE / self.parameters[i].slope(place[i]);
+                let mut shifted = place.clone();
                 shifted[i] += step;
-                (self.problem.weighted(&shifted) - &self.residuals) / step
+                (self.weighted(&shifted) - residuals) / step
             })
             .collect();
-        Some(DMatrix::from_columns(&columns))
+        DMatrix::from_columns(&columns)
     }
 }

@@ -19,6 +19,8 @@ mod findings;
 mod fit;
 mod page;
 mod parameter;
+mod record;
+mod search;
 mod simulate;
 pub mod static_map;
 mod uncertainty;
@@ -26,6 +28,7 @@ mod uncertainty;
 pub use data::Data;
 pub use findings::{Findings, Fitted};
 pub use page::page;
+pub use record::{Found, identify_table};
 
 use crate::files::input::{InputError, Problem as InputProblem};
 use crate::files::measured::Measured;

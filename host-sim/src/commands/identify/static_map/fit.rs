@@ -11,12 +11,12 @@
 //! and friction over the largest force; K1 is expected to grow with the diameter, as the bladder does.
 
 use super::readings::{Reading, Readings};
+use crate::commands::identify::search::{self, Found, LeastSquares};
 use crate::plant::chamber::Chamber;
 use crate::plant::chamber::braid;
 use crate::scenario::{Muscle, at_rest};
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::storage::Owned;
-use nalgebra::{DMatrix, DVector, Dyn};
+use levenberg_marquardt::LevenbergMarquardt;
+use nalgebra::{DMatrix, DVector};
 
 /// What the law leaves of a muscle's largest force \[-\].
 const LEFT: f64 = 0.01;
@@ -37,14 +37,6 @@ pub struct Problem<'a> {
     readings: &'a Readings,
     given: &'a Muscle,
     usual: Vec<f64>,
-}
-
-/// Where a search ended.
-#[derive(Debug, Clone, PartialEq)]
-pub struct End {
-    /// What was searched.
-    pub place: DVector<f64>,
-    cost: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -93,22 +85,8 @@ impl<'a> Problem<'a> {
         readings.iter().map(force).collect()
     }
 
-    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
-        let deviation_n = LEFT * self.readings.largest_n();
-        let forces = self.force_n(place, &self.readings.loaded);
-        let of_readings = forces
-            .iter()
-            .zip(&self.readings.loaded)
-            .map(|(force_n, reading)| (force_n - reading.force_n) / deviation_n);
-        let of_usual = (0..place.len()).map(|i| {
-            let diameter = if i == 2 { place[0] - self.usual[0] } else { 0.0 };
-            (place[i] - self.usual[i] - diameter) / SPREADS[i]
-        });
-        DVector::from_vec(of_readings.chain(of_usual).collect())
-    }
-
     /// d(`of`)/d(place), by central differences.
-    pub fn slopes(
+    pub fn sensitivities(
         &self,
         place: &DVector<f64>,
         of: impl Fn(&DVector<f64>) -> DVector<f64>,
@@ -127,14 +105,11 @@ impl<'a> Problem<'a> {
     }
 
     /// The best of a few searches.
-    pub fn search(&self) -> End {
+    pub fn search(&self) -> Found {
         let ends = STARTS.map(|turned_rad| {
             let mut start = DVector::from_vec(self.usual.clone());
             start[1] += turned_rad;
-            let residuals = self.weighted(&start);
-            let search = Search { problem: self, place: start, residuals };
-            let (search, _) = LevenbergMarquardt::new().minimize(search);
-            End { cost: search.residuals.norm_squared(), place: search.place }
+            search::minimize(self, start, &LevenbergMarquardt::new())
         });
         let best = ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         best.expect("there are three starts")
@@ -142,7 +117,7 @@ impl<'a> Problem<'a> {
 
     /// Covariance of what was searched: of the readings' scatter, where that is more than expected, and of what is usual.
     pub fn covariance(&self, place: &DVector<f64>) -> DMatrix<f64> {
-        let slopes = self.slopes(place, |place| self.weighted(place));
+        let slopes = self.sensitivities(place, |place| self.weighted(place));
         let information = slopes.tr_mul(&slopes);
         let count = self.readings.loaded.len();
         let freedom = count.saturating_sub(place.len()).max(1) as f64;
@@ -157,32 +132,22 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// One search under way.
-struct Search<'a> {
-    problem: &'a Problem<'a>,
-    place: DVector<f64>,
-    residuals: DVector<f64>,
-}
-
-impl LeastSquaresProblem<f64, Dyn, Dyn> for Search<'_> {
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, Dyn>;
-    type ParameterStorage = Owned<f64, Dyn>;
-
-    fn set_params(&mut self, place: &DVector<f64>) {
-        self.place.copy_from(place);
-        self.residuals = self.problem.weighted(place);
+impl LeastSquares for Problem<'_> {
+    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+        let deviation_n = LEFT * self.readings.largest_n();
+        let forces = self.force_n(place, &self.readings.loaded);
+        let of_readings = forces
+            .iter()
+            .zip(&self.readings.loaded)
+            .map(|(force_n, reading)| (force_n - reading.force_n) / deviation_n);
+        let of_usual = (0..place.len()).map(|i| {
+            let diameter = if i == 2 { place[0] - self.usual[0] } else { 0.0 };
+            (place[i] - self.usual[i] - diameter) / SPREADS[i]
+        });
+        DVector::from_vec(of_readings.chain(of_usual).collect())
     }
 
-    fn params(&self) -> DVector<f64> {
-        self.place.clone()
-    }
-
-    fn residuals(&self) -> Option<DVector<f64>> {
-        Some(self.residuals.clone())
-    }
-
-    fn jacobian(&self) -> Option<DMatrix<f64>> {
-        Some(self.problem.slopes(&self.place, |place| self.problem.weighted(place)))
+    fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
+        self.sensitivities(place, |place| self.weighted(place))
     }
 }

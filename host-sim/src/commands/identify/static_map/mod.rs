@@ -220,7 +220,7 @@ fn law_sd_n(
         })
         .collect();
     let forces = |place: &DVector<f64>| DVector::from_vec(problem.force_n(place, &grid));
-    let slopes = problem.slopes(place, forces);
+    let slopes = problem.sensitivities(place, forces);
     let pulls = forces(place);
     let deviations: Vec<f64> = (0..grid.len())
         .filter(|i| pulls[*i] > LOADED * readings.largest_n())

@@ -1,0 +1,101 @@
+//! Whatever the table of data is: a record over time, or a static map.
+
+use super::static_map::{self, Readings};
+use super::{Identified, IdentifyError, identify, page};
+use crate::files::board_trace::every_column;
+use crate::files::input::{InputError, Problem};
+use crate::files::measured::Measured;
+use crate::files::table::Table;
+use crate::scenario::Loaded;
+use serde::Serialize;
+use std::path::Path;
+
+/// What either kind gives.
+#[derive(Debug)]
+pub enum Found {
+    /// From a record.
+    Record(Identified),
+    /// From a static map.
+    Map(static_map::Identified),
+}
+
+/// Identifies from a table, `against` a static map that the fit has not seen; `config` and `data` are what
+/// messages call the files.
+///
+/// # Errors
+/// As [`identify`] and [`static_map::identify`], and where a record is to be compared with a map.
+pub fn identify_table(
+    loaded: &Loaded,
+    config: &Path,
+    table: &Table,
+    data: &Path,
+    against: Option<&Table>,
+) -> Result<Found, IdentifyError> {
+    if Readings::are_in(table) {
+        let against = against.map(Readings::of).transpose()?;
+        let readings = Readings::of(table)?;
+        let found = static_map::identify(loaded, readings, against.as_ref(), config, data)?;
+        return Ok(Found::Map(found));
+    }
+    if against.is_some() {
+        return Err(InputError::file(data, Problem::NoMap).into());
+    }
+    let measured = Measured::new(table, &every_column())?;
+    identify(loaded, config, &measured, data).map(Found::Record)
+}
+
+impl Found {
+    /// `summary.json`.
+    pub fn findings(&self) -> impl Serialize {
+        #[derive(Serialize)]
+        #[serde(untagged)]
+        enum Either<'a> {
+            Record(&'a super::Findings),
+            Map(&'a static_map::Findings),
+        }
+        match self {
+            Self::Record(found) => Either::Record(&found.findings),
+            Self::Map(found) => Either::Map(&found.findings),
+        }
+    }
+
+    /// The scenario with what was found.
+    pub fn scenario(&self) -> &Loaded {
+        match self {
+            Self::Record(found) => &found.scenario,
+            Self::Map(found) => &found.scenario,
+        }
+    }
+
+    /// `report.html`.
+    pub fn page(&self, title: &str) -> String {
+        match self {
+            Self::Record(found) => page(found, title),
+            Self::Map(found) => static_map::page(found, title),
+        }
+    }
+
+    /// A drawing for documents, of a static map.
+    pub fn plot(&self, title: &str) -> Option<String> {
+        match self {
+            Self::Record(_) => None,
+            Self::Map(found) => Some(static_map::plot(found, title)),
+        }
+    }
+
+    /// The figures, as lines for a terminal.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Record(found) => found.findings.text(),
+            Self::Map(found) => found.findings.text(),
+        }
+    }
+
+    /// Why the values are not to be relied on, if they are not.
+    pub fn failed(&self) -> Option<String> {
+        match self {
+            Self::Record(found) => found.findings.failed(),
+            Self::Map(found) => found.findings.failed(),
+        }
+    }
+}
