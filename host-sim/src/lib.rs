@@ -12,4 +12,6 @@ pub mod files;
 pub mod plant;
 pub mod report;
 pub mod scenario;
+#[cfg(feature = "command")]
+pub mod serve;
 pub mod simulation;

@@ -8,6 +8,7 @@ use crate::commands::monitor::MonitorError;
 use crate::commands::sweep::SweepError;
 use crate::commands::tune::{Refusal, TuneError};
 use crate::files::input::InputError;
+use crate::serve::OpenError;
 use crate::simulation::run::RunError;
 use std::fmt;
 
@@ -71,6 +72,15 @@ impl From<TruthError> for Failure {
             TruthError::Input(error) => Self::Input(error),
             TruthError::Identify(error) => Self::Identify(error),
             TruthError::Run(error) => Self::Run(error),
+        }
+    }
+}
+
+impl From<OpenError> for Failure {
+    fn from(error: OpenError) -> Self {
+        match error {
+            OpenError::Scenario(error) => Self::Input(error),
+            OpenError::Board(error) => Self::Board(error),
         }
     }
 }

@@ -11,6 +11,7 @@ mod flash;
 mod flashed;
 mod interrupt;
 mod replay;
+mod serve;
 mod shell;
 mod sweep;
 mod tune;
@@ -74,6 +75,8 @@ enum Task {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+    /// A board on a local page: live, steered, recorded, calibrated, tuned
+    Serve(serve::ServeArgs),
     /// A flashed board: asked, armed, driven, configured
     Board(flashed::BoardCommand),
     /// The process behind the port "emulated"
@@ -192,6 +195,7 @@ pub fn run<A: Into<OsString> + Clone>(
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
             monitor_command(&port, &folder, out, err)
         }
+        Task::Serve(args) => serve::run(&args, out),
         Task::Board(command) => flashed::run(command, out, err),
         Task::EmulatedBoard(args) => flashed::serve(&args),
         Task::Ports(args) => flash::list(&args, out),

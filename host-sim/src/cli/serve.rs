@@ -1,0 +1,63 @@
+//! `thermyo serve`: its arguments, and what it prints.
+
+use super::{Failure, OutputArgs, interrupt, print};
+use crate::serve::{Operator, Target, listen, serve};
+use clap::Args;
+use std::io::{ErrorKind, Write};
+use std::path::PathBuf;
+
+/// Arguments of `thermyo serve`.
+#[derive(Debug, Args)]
+pub(super) struct ServeArgs {
+    /// Serial port, such as /dev/ttyACM0; "emulated": the firmware on an emulated Pico, with a simulated muscle at
+    /// its pins; or a scenario file (.toml): the same, with its muscle
+    #[arg(default_value = "emulated")]
+    board: String,
+    /// Port of the page on this machine [default: one that is free]
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..))]
+    port: Option<u16>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> {
+    let (listener, address) = listen(args.port).map_err(|error| {
+        let port = args.port.unwrap_or_default();
+        Failure::Usage(match error.kind() {
+            ErrorKind::AddrInUse => {
+                format!(
+                    "--port {port}: another program has it: choose another one, or leave it out"
+                )
+            }
+            _ => format!("--port {port}: {error}"),
+        })
+    })?;
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/serve"));
+    let target = Target::new(&args.board);
+    let board = target.open()?;
+    interrupt::watch();
+    let operator = Operator::new(target.clone(), board, &folder)?;
+    if args.output.json {
+        let json = serde_json::json!({ "url": address.to_string(), "board": target.name() });
+        print(out, &format!("{json}\n"))?;
+    } else {
+        print(out, &format!("{address}\n"))?;
+        if !args.output.quiet {
+            let name = target.name();
+            print(
+                out,
+                &format!("{name}: open this address in a browser; Ctrl-C vents and ends\n"),
+            )?;
+        }
+    }
+    let results = serve(operator, listener, address, interrupt::wanted)
+        .map_err(|error| Failure::Usage(format!("the page cannot be served: {error}")))?;
+    if args.output.quiet || args.output.json {
+        return Ok(());
+    }
+    print(out, "it vents\n")?;
+    for folder in results {
+        print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,378 @@
+// The page: what the server says is shown, what the user wants is sent.
+import { Plot } from "./plot.js";
+import { Muscle, scaleAround } from "./muscle.js";
+
+const $ = (id) => document.getElementById(id);
+const COLUMNS = ["time", "pressure", "length", "sensor", "gas", "sd", "wall", "inlet", "outlet", "pressureSet", "contractionSet"];
+/** Seconds that are kept, and that a link may be quiet [ms]. */
+const KEPT_S = 125, QUIET_MS = 700;
+
+const columns = Object.fromEntries(COLUMNS.map((name) => [name, []]));
+columns.contraction = [];
+const shared = { time: columns.time, columns, span: 20, end: 0, back: null, paused: false, point };
+let socket = null, received = 0, heard = 0, open = false;
+let state = null, own = { steers: false, pages: 1, lost_frames: 0 };
+let due = false;
+
+// The link
+
+function connect() {
+  const address = new URL("live", location.href);
+  address.protocol = "ws:";
+  socket = new WebSocket(address);
+  received = 0;
+  socket.onopen = () => { open = true; showLink(); };
+  socket.onclose = () => { open = false; showLink(); setTimeout(connect, 500); };
+  socket.onmessage = ({ data }) => {
+    received += 1;
+    const message = JSON.parse(data);
+    if (message.kind === "frame") take(message);
+    else if (message.kind === "state") { state = message; showState(); }
+    else { own = message; showOwn(); }
+    say({ seen: received });
+  };
+}
+
+function say(word) {
+  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(word));
+}
+
+function order(what) {
+  say({ order: what });
+}
+
+function take(frame) {
+  heard = performance.now();
+  const rest = state?.configuration?.rest_length_m;
+  for (const row of frame.rows) {
+    COLUMNS.forEach((name, i) => columns[name].push(row[i]));
+    columns.contraction.push(rest ? 1 - row[2] / rest : null);
+  }
+  const surplus = columns.time.findIndex((time) => time > columns.time.at(-1) - KEPT_S);
+  // In large pieces: to take from the front moves everything.
+  if (surplus > 500) for (const values of Object.values(columns)) values.splice(0, surplus);
+  if (!shared.paused) shared.end = columns.time.at(-1);
+  showMode(frame);
+  showLink();
+  draw();
+}
+
+function draw() {
+  if (due) return;
+  due = true;
+  requestAnimationFrame(() => {
+    due = false;
+    for (const plot of plots) plot.draw();
+    showReadings();
+  });
+}
+
+function point(back) {
+  shared.back = back;
+  draw();
+}
+
+// Plots and muscle
+
+const trace = (name, column, colour, factor, more = {}) => ({ name, column, colour, factor, ...more });
+const plots = [
+  new Plot($("plot-pressure"), "Pressure, absolute", "kPa", 1, [
+    trace("measured", "pressure", "blue", 1e-3), trace("set point", "pressureSet", "vermillion", 1e-3, { dashed: true })], 10, shared),
+  new Plot($("plot-temperature"), "Gas temperature", "K", 2, [
+    trace("estimate", "gas", "vermillion", 1, { band: "sd" }), trace("sensor", "sensor", "blue", 1)], 2, shared),
+  new Plot($("plot-length"), "Contraction", "%", 2, [
+    trace("measured", "contraction", "green", 100), trace("set point", "contractionSet", "vermillion", 100, { dashed: true })], 2, shared),
+  new Plot($("plot-duty"), "Valve openings", "%", 0, [
+    trace("inlet", "inlet", "blue", 100), trace("outlet", "outlet", "orange", 100)], 100, shared),
+];
+plots[3].fixed = [-3, 103];
+const muscle = new Muscle($("muscle"));
+let scale = [288, 308], scaleAt = 0;
+
+function showReadings() {
+  const last = columns.time.length - 1;
+  if (last < 0) return;
+  const now = Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values[last]]));
+  if (performance.now() - scaleAt > 1000) {
+    scaleAt = performance.now();
+    const from = Math.max(0, last - 6000);
+    let low = Infinity, high = -Infinity;
+    for (const name of ["gas", "sensor", "wall"]) {
+      for (let i = from; i <= last; i += 5) {
+        low = Math.min(low, columns[name][i]);
+        high = Math.max(high, columns[name][i]);
+      }
+    }
+    scale = scaleAround(low, high);
+  }
+  muscle.draw(now, state?.configuration, scale);
+  put("r-pressure", (now.pressure / 1e3).toFixed(1), "kPa");
+  put("r-gas", now.gas.toFixed(2), `± ${(2 * now.sd).toFixed(2)} K`);
+  put("r-sensor", now.sensor.toFixed(2), "K");
+  const contracted = now.contraction !== null;
+  $("r-length-name").textContent = contracted ? "Length, contraction" : "Length";
+  put("r-length", (now.length * 1e3).toFixed(1), contracted ? `mm, ${(now.contraction * 100).toFixed(1)} %` : "mm");
+  put("r-duty", `${(now.inlet * 100).toFixed(0)}, ${(now.outlet * 100).toFixed(0)}`, "%");
+}
+
+function put(id, value, unit) {
+  const small = document.createElement("span");
+  small.textContent = ` ${unit}`;
+  $(id).replaceChildren(value, small);
+}
+
+// What the server says
+
+function showMode({ mode, limited, valid }) {
+  $("mode").textContent = limited ? `${mode}, limited` : mode;
+  $("r-gas").className = valid ? "" : "doubtful";
+  $("r-gas").title = valid ? "" : "Not to be relied on: its deviation is large";
+}
+
+function showLink() {
+  const quiet = performance.now() - heard > QUIET_MS;
+  const [text, why] = !open ? ["no server", "The server does not answer. A muscle that was driven vents."]
+    : state?.link === "ended" ? ["ended", "The server has ended, and the muscle vents."]
+    : state?.link === "lost" ? ["link lost", "The link to the board is lost. A muscle that was driven vents by itself. It is tried again and again."]
+    : state?.link === "silent" || (state && quiet) ? ["link lost", "The board says nothing. A muscle that was driven vents by itself when it hears nothing either."]
+    : [state ? "connected" : "connecting", ""];
+  const link = $("link");
+  link.textContent = text;
+  link.className = `chip ${why ? "bad" : "good"}`;
+  $("lost").textContent = why;
+  $("lost").hidden = !why;
+  document.body.classList.toggle("stale", Boolean(why));
+}
+
+function showOwn() {
+  $("watching").hidden = own.steers;
+  $("slow").textContent = own.lost_frames ? `This browser was too slow for ${own.lost_frames} frames; the recording was not.` : "";
+  if (state) showState();
+}
+
+function showState() {
+  const { configuration, armed_pa, faults, vents, recording, guide, board } = state;
+  const told = configuration.told, steers = own.steers, busy = Boolean(guide && !guide.over);
+  $("target").textContent = state.target;
+  document.title = `${state.link === "connected" ? "" : "⚠ "}Thermyo: ${state.target}`;
+  $("armed").textContent = armed_pa === null ? "not armed" : `armed up to ${(armed_pa / 1e3).toFixed(0)} kPa`;
+  $("armed").className = armed_pa === null ? "chip" : "chip good";
+  const wrong = faults.filter((fault) => fault !== "not configured");
+  $("faults").hidden = !wrong.length;
+  $("faults-text").textContent = wrong.length ? `${wrong.join(", ")}${vents ? ": the muscle vents. Remove the cause, clear, then arm." : ""}` : "";
+
+  $("configure").hidden = told;
+  $("own").hidden = !configuration.own;
+  $("own").textContent = `Use ${configuration.own}`;
+  for (const field of document.querySelectorAll(".controls button, .controls input")) field.disabled = !steers;
+  document.body.classList.toggle("watch", !steers);
+  const able = steers && told && !busy;
+  for (const id of ["arm", "steer", "tune"]) for (const field of $(id).elements) field.disabled = !able;
+  for (const button of document.querySelectorAll("[data-calibrate]")) button.disabled = !able || recording;
+  $("tune").elements[0].disabled ||= Boolean(recording);
+  // A calibration's second point is at another pressure: it may be steered to.
+  if (busy && guide.asks) for (const id of ["arm", "steer"]) for (const field of $(id).elements) field.disabled = !steers;
+  for (const field of $("steer").elements) field.disabled ||= armed_pa === null && field.type !== "radio";
+  $("clear").disabled = !steers;
+  if ($("most").value === "" && told) $("most").value = (configuration.working_limit_pa / 1e3).toFixed(0);
+  showRange();
+
+  $("recording").hidden = !recording;
+  const button = $("record-button");
+  button.textContent = recording ? "Stop recording" : "Record";
+  button.disabled ||= !told || (busy && !recording);
+  if (recording) {
+    $("recording").textContent = `${recording.time_s.toFixed(0)} s`;
+    $("record-text").textContent = `${recording.time_s.toFixed(1)} s, ${recording.rows} steps`;
+  } else $("record-text").textContent = "Every step, whatever this page can show.";
+  showResults();
+  showGuide(guide);
+  showEvents();
+
+  const timing = state.timing;
+  const facts = [
+    ["Chip", board ? `${board.chip}, firmware ${board.firmware.join(".")}` : "–"],
+    ["Configuration", `${configuration.name || "without a name"}, ${configuration.checksum.toString(16).padStart(8, "0")}, ${{ Defaults: "the core's defaults", Host: "told, not saved", Flash: "saved" }[configuration.source]}`],
+    ["Limit", `${(configuration.working_limit_pa / 1e3).toFixed(0)} kPa; supply ${(configuration.supply_pa / 1e3).toFixed(0)} kPa`],
+    ["Core step", timing ? `${(timing.step_mean_ns / 1e3).toFixed(0)} µs mean, ${timing.step_worst_us} µs worst, ${timing.missed_steps} missed` : "–"],
+    ["Link", `telemetry of ${state.lost_steps} steps lost`],
+    ["Pages", `${own.pages} open`],
+  ];
+  $("board-facts").replaceChildren(...facts.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+}
+
+function element(name, text, attributes = {}) {
+  const node = document.createElement(name);
+  node.textContent = text;
+  Object.assign(node, attributes);
+  return node;
+}
+
+let resultsShown = "";
+function showResults() {
+  const key = JSON.stringify(state.results);
+  if (key === resultsShown) return;
+  resultsShown = key;
+  $("results").replaceChildren(...state.results.map(({ name, text }) => {
+    const item = document.createElement("li");
+    const link = element("a", name, { href: `results/${name}/report.html`, target: "_blank", rel: "noopener" });
+    item.append(link, element("span", text));
+    return item;
+  }));
+}
+
+function showGuide(guide) {
+  $("guide-choice").hidden = Boolean(guide);
+  $("guided").hidden = !guide;
+  $("guide-title").textContent = guide ? guide.title : "Calibrate, tune";
+  if (!guide) return;
+  $("guide").open = true;
+  const text = $("guide-text");
+  if (text.textContent !== guide.text) text.textContent = guide.text;
+  text.classList.toggle("table", Boolean(guide.result));
+  $("guide-progress").hidden = guide.progress === null;
+  if (guide.progress !== null) $("guide-progress").value = guide.progress;
+  $("reference").hidden = !guide.asks;
+  $("reference-unit").textContent = guide.asks || "";
+  $("guide-result").hidden = !guide.result;
+  $("guide-result").href = guide.result ? `results/${guide.result}/report.html` : "";
+  $("leave").textContent = guide.over ? "Done" : "Cancel";
+  $("leave").hidden = guide.progress !== null;
+}
+
+let eventsShown = "";
+function showEvents() {
+  const key = state.events.length && `${state.events[0].at_ms} ${state.events[0].text} ${state.events.length}`;
+  if (key === eventsShown) return;
+  eventsShown = key;
+  $("events").replaceChildren(...state.events.map(({ at_ms, weight, text }) => {
+    const item = document.createElement("li");
+    item.className = weight;
+    const time = new Date(at_ms);
+    item.append(element("time", time.toLocaleTimeString([], { hour12: false }), { dateTime: time.toISOString() }), element("span", text));
+    return item;
+  }));
+}
+
+// What the user wants
+
+/** Of each mode: its values, their units and factors to SI, and what is sent. */
+const MODES = {
+  pressure: { first: ["Pressure", "kPa", 1e3], set: ([pressure_pa]) => ({ Pressure: { pressure_pa } }), digits: 1 },
+  contraction: { first: ["Contraction", "%", .01], set: ([contraction]) => ({ Contraction: { contraction } }), digits: 2 },
+  flow: { first: ["In and out", "g/s", 1e-3], second: ["period", "s", 1], set: ([flow_kg_s, period_s]) => ({ MassFlowCycle: { flow_kg_s, period_s } }) },
+  duty: { first: ["Inlet", "%", .01], second: ["outlet", "%", .01], set: ([inlet, outlet]) => ({ Duty: { inlet, outlet } }) },
+};
+const kept = { pressure: ["130", ""], contraction: ["5", ""], flow: ["0.36", "5"], duty: ["0", "100"] };
+let mode = "pressure";
+
+/** Least and most of the first value, in what is shown. */
+function limits() {
+  const { ambient_pa, working_limit_pa, contractions } = state.configuration;
+  if (mode === "pressure") return [ambient_pa / 1e3, Math.min(state.armed_pa ?? working_limit_pa, working_limit_pa) / 1e3];
+  if (mode === "contraction") return contractions.map((share) => share * 100);
+  return mode === "duty" ? [0, 100] : [0, 2];
+}
+
+function showRange() {
+  const [low, high] = limits(), { first, second } = MODES[mode];
+  const slide = $("slide");
+  // To set what is set already would move it under the pointer.
+  if (+slide.min !== low || +slide.max !== high) { slide.min = low; slide.max = high; slide.value = read($("first")) ?? low; }
+  $("first-name").textContent = first[0];
+  $("first-unit").textContent = first[1];
+  $("second-label").hidden = !second;
+  $("second-name").textContent = second ? second[0] : "";
+  $("second-unit").textContent = second ? second[1] : "";
+  const range = `${low.toFixed(1)} to ${high.toFixed(1)} ${first[1]}`;
+  $("range").textContent = state.armed_pa === null && state.configuration.told ? "Arm first: until then no set point is taken."
+    : mode === "flow" ? "The working cycle: half of the period in, half out." : mode === "duty" ? "Fixed openings." : `From ${range}${mode === "pressure" ? ", absolute" : ""}.`;
+}
+
+/** The number that was typed; a comma is a point. */
+function read(input) {
+  const text = input.value.trim().replace(",", ".");
+  const value = text === "" ? NaN : Number(text);
+  const good = Number.isFinite(value);
+  input.setAttribute("aria-invalid", String(!good));
+  return good ? value : null;
+}
+
+function chooseMode(next) {
+  kept[mode] = [$("first").value, $("second").value];
+  mode = next;
+  [$("first").value, $("second").value] = kept[mode];
+  if (state) showRange();
+  $("slide").value = read($("first")) ?? 0;
+}
+
+function set() {
+  const { first, second, set: setPoint } = MODES[mode];
+  const values = [[first, "first"], [second, "second"]].filter(([unit]) => unit).map(([unit, id]) => [read($(id)), unit[2]]);
+  if (values.every(([value]) => value !== null)) order({ set: setPoint(values.map(([value, factor]) => value * factor)) });
+}
+
+function vent() {
+  say("vent");
+}
+
+function on(id, event, action) {
+  $(id).addEventListener(event, (happened) => {
+    if (event === "submit") happened.preventDefault();
+    action(happened);
+  });
+}
+
+on("vent", "click", vent);
+// Before anything that has the focus: no button is pressed by space here, but by Enter.
+addEventListener("keydown", (event) => {
+  if (event.key !== "Escape" && event.key !== " ") return;
+  event.preventDefault();
+  event.stopPropagation();
+  if (!event.repeat) vent();
+}, true);
+addEventListener("keyup", (event) => { if (event.key === " ") event.preventDefault(); }, true);
+
+on("arm", "submit", () => {
+  const most = read($("most"));
+  if (most !== null) order({ arm: { most_pa: most * 1e3 } });
+});
+on("clear", "click", () => order("clear"));
+on("steer", "submit", set);
+for (const radio of document.querySelectorAll("[name=mode]")) radio.addEventListener("change", () => chooseMode(radio.value));
+on("slide", "input", () => ($("first").value = (+$("slide").value).toFixed(MODES[mode].digits ?? 2)));
+on("slide", "change", set);
+on("first", "input", () => { const value = read($("first")); if (value !== null) $("slide").value = value; });
+on("record-button", "click", () => order(state.recording ? "finish" : "record"));
+for (const button of document.querySelectorAll("[data-calibrate]")) button.addEventListener("click", () => order({ calibrate: button.dataset.calibrate }));
+on("tune", "submit", () => {
+  const most = read($("tune-most"));
+  if (most !== null) order({ tune: { most_pa: most * 1e3 } });
+});
+on("reference", "submit", () => {
+  if (read($("reference-value")) === null) return;
+  order({ reference: $("reference-value").value.replace(",", ".") });
+  $("reference-value").value = "";
+});
+on("leave", "click", () => order("leave"));
+on("save", "click", () => order("save"));
+on("configure", "submit", () => order({ configure: null }));
+for (const id of ["file", "other-file"]) on(id, "change", async ({ target }) => {
+  const [file] = target.files;
+  if (file) order({ configure: { name: file.name, text: await file.text() } });
+  target.value = "";
+});
+for (const radio of document.querySelectorAll("[name=span]")) radio.addEventListener("change", () => { shared.span = +radio.value; draw(); });
+on("pause", "click", () => {
+  shared.paused = !shared.paused;
+  $("pause").setAttribute("aria-pressed", String(shared.paused));
+  $("pause").textContent = shared.paused ? "Go on" : "Pause";
+  if (!shared.paused && columns.time.length) shared.end = columns.time.at(-1);
+  draw();
+});
+addEventListener("resize", draw);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+setInterval(showLink, 100);
+[$("first").value, $("second").value] = kept.pressure;
+$("slide").value = kept.pressure[0];
+connect();

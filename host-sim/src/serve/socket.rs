@@ -1,0 +1,143 @@
+//! One page: what it is sent, and what it says.
+
+use super::shared::Shared;
+use super::state::Weight;
+use super::word::{Order, Word};
+use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
+use serde::Serialize;
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::time::{Duration, Instant};
+use tokio::sync::broadcast::error::RecvError;
+use tokio::time::{self, MissedTickBehavior};
+
+/// Messages that a page may be behind. It then loses frames, and what it is shown is never older than a second.
+const WINDOW: u64 = 32;
+/// A page that steers and has seen nothing for so long is gone.
+const LONGEST_BEHIND: Duration = Duration::from_secs(2);
+/// Time between two looks at the clock.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// What concerns this page alone.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+struct Own {
+    kind: &'static str,
+    /// It steers; others only watch.
+    steers: bool,
+    /// Pages that are open.
+    pages: usize,
+    /// Frames that it was too slow for.
+    lost_frames: u64,
+}
+
+/// What is sent and seen of it.
+#[derive(Debug)]
+struct Sent {
+    messages: u64,
+    seen: u64,
+    /// When it last was not behind.
+    up_to_date: Instant,
+}
+
+impl Sent {
+    fn behind(&self) -> bool {
+        self.messages.saturating_sub(self.seen) >= WINDOW
+    }
+}
+
+/// Serves a page until it goes. One that steered leaves a muscle that vents.
+pub async fn run(mut socket: WebSocket, shared: Arc<Shared>, orders: SyncSender<Order>) {
+    let seat = shared.seats.take();
+    let why = attend(&mut socket, &shared, &orders, seat).await;
+    if shared.seats.leave(seat) && !shared.ended() {
+        shared.log(Weight::Plain, format!("{why}: it vents"));
+        shared.vent();
+    }
+}
+
+async fn attend(
+    socket: &mut WebSocket,
+    shared: &Shared,
+    orders: &SyncSender<Order>,
+    seat: u64,
+) -> &'static str {
+    const CLOSED: &str = "the page that steered was closed";
+    let mut frames = shared.frames.subscribe();
+    let mut state = shared.state.subscribe();
+    let mut seats = shared.seats.changes();
+    state.mark_changed();
+    seats.mark_changed();
+    let mut ticks = time::interval(LOOK);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut sent = Sent { messages: 0, seen: 0, up_to_date: Instant::now() };
+    let mut lost_frames = 0;
+    loop {
+        let free = !sent.behind();
+        if free {
+            sent.up_to_date = Instant::now();
+        }
+        let message: Utf8Bytes = tokio::select! {
+            biased;
+            word = socket.recv() => {
+                match word {
+                    Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
+                        // What was never sent cannot have been seen.
+                        Ok(Word::Seen(seen)) => sent.seen = seen.min(sent.messages).max(sent.seen),
+                        Ok(word) => hear(word, shared, orders, seat),
+                        Err(error) => shared.log(Weight::Refused, format!("not understood: {error}")),
+                    },
+                    Some(Ok(Message::Close(_)) | Err(_)) | None => return CLOSED,
+                    Some(Ok(_)) => (),
+                }
+                continue;
+            }
+            _ = ticks.tick() => {
+                if shared.seats.steers(seat) && sent.up_to_date.elapsed() > LONGEST_BEHIND {
+                    return "the page that steered does not answer";
+                }
+                continue;
+            }
+            Ok(()) = seats.changed(), if free => {
+                seats.mark_unchanged();
+                own(shared, seat, lost_frames)
+            }
+            Ok(()) = state.changed(), if free => state.borrow_and_update().clone(),
+            frame = frames.recv(), if free => match frame {
+                Ok(frame) => frame,
+                Err(RecvError::Lagged(missed)) => {
+                    lost_frames += missed;
+                    own(shared, seat, lost_frames)
+                }
+                Err(RecvError::Closed) => return CLOSED,
+            },
+        };
+        // It never waits: what a page may be behind fits the system's buffers.
+        if socket.send(Message::Text(message)).await.is_err() {
+            return CLOSED;
+        }
+        sent.messages += 1;
+    }
+}
+
+fn own(shared: &Shared, seat: u64, lost_frames: u64) -> Utf8Bytes {
+    let pages = shared.seats.changes().borrow().len();
+    let own = Own { kind: "own", steers: shared.seats.steers(seat), pages, lost_frames };
+    serde_json::to_string(&own).expect("plain data").into()
+}
+
+fn hear(word: Word, shared: &Shared, orders: &SyncSender<Order>, seat: u64) {
+    let order = match word {
+        Word::Vent => {
+            shared.log(Weight::Plain, "vent, from a page");
+            return shared.vent();
+        }
+        Word::Order(order) => order,
+        Word::Seen(_) => return,
+    };
+    if !shared.seats.steers(seat) {
+        return shared.log(Weight::Refused, "another page steers; this one watches, and may vent");
+    }
+    if let Err(TrySendError::Full(_)) = orders.try_send(order) {
+        shared.log(Weight::Refused, "more was asked for than the board carries out");
+    }
+}

@@ -1,0 +1,77 @@
+//! A tuning that is watched: the bench of `thermyo tune`, its telemetry shown.
+
+use crate::board::BoardError;
+use crate::commands::drive::LiveBench;
+use crate::commands::tune::{self, Bench, TuneError, Tuned};
+use crate::files::input::InputError;
+use crate::files::output::OutputDir;
+use crate::scenario::{self, Loaded};
+use crate::simulation::run::RunError;
+use model_core::{Config, Telemetry};
+use std::path::Path;
+
+/// A run of the tuning, as it goes on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    /// Its number, from 1 on.
+    pub number: u32,
+    /// How long it is \[s\].
+    pub duration_s: f64,
+    /// Since its beginning \[s\].
+    pub time_s: f64,
+}
+
+struct Watched<'a, 'b> {
+    bench: LiveBench<'a>,
+    show: &'b mut dyn FnMut(&Telemetry, Part),
+    parts: u32,
+}
+
+impl Bench for Watched<'_, '_> {
+    fn drive(
+        &mut self,
+        driven: &Loaded,
+        each: &mut dyn FnMut(&Telemetry, f64),
+    ) -> Result<(), RunError> {
+        self.parts += 1;
+        let run = &driven.plant.run;
+        let (number, duration_s, step_s) = (self.parts, run.duration_s, run.step_s);
+        let show = &mut *self.show;
+        self.bench.drive(driven, &mut |telemetry, set_point| {
+            let time_s = f64::from(telemetry.step) * step_s;
+            show(telemetry, Part { number, duration_s, time_s });
+            each(telemetry, set_point);
+        })
+    }
+
+    fn vent(&mut self, config: &Config) -> Result<(), BoardError> {
+        self.bench.vent(config)
+    }
+}
+
+/// Tunes what a board has been told; every telemetry is shown to `show`.
+///
+/// # Errors
+/// [`TuneError`]
+pub fn tune(
+    told: &Loaded,
+    highest_pa: f64,
+    bench: LiveBench<'_>,
+    show: &mut dyn FnMut(&Telemetry, Part),
+) -> Result<Tuned, TuneError> {
+    let mut watched = Watched { bench, show, parts: 0 };
+    tune::tune_on(told, Path::new("the board's configuration"), highest_pa, &mut watched)
+}
+
+/// Writes what came out into a folder.
+///
+/// # Errors
+/// Those of the files.
+pub fn write(tuned: &Tuned, folder: &Path, name: &str) -> Result<(), InputError> {
+    let mut files = OutputDir::create(folder)?;
+    let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
+    files.text("summary.json", &json)?;
+    files.text("tuned.toml", &scenario::render(&tuned.scenario))?;
+    files.text("report.html", &tune::page(tuned, name))?;
+    files.publish().map(drop)
+}

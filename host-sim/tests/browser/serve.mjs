@@ -1,0 +1,110 @@
+// Uses the page of `thermyo serve` in headless Chromium as a person at a bench would, and prints what it saw as JSON.
+//
+//     node serve.mjs CHROMIUM ADDRESS SCREENSHOTS
+import puppeteer from "puppeteer-core";
+
+const [executablePath, address, screenshots] = process.argv.slice(2);
+const browser = await puppeteer.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
+const problems = [];
+const wide = { width: 1280, height: 900 };
+
+async function open(viewport, scheme = "light") {
+  const page = await browser.newPage();
+  page.on("console", (message) => {
+    if (["error", "warn"].includes(message.type())) problems.push(message.text());
+  });
+  page.on("pageerror", (error) => problems.push(String(error)));
+  page.on("request", (request) => {
+    if (!/^(http|ws|data):/.test(request.url()) || (request.url().startsWith("http") && !request.url().startsWith(address))) {
+      problems.push(`fetches ${request.url()}`);
+    }
+  });
+  await page.setViewport(viewport);
+  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+  await page.goto(address);
+  return page;
+}
+
+const text = (page, id) => page.$eval(`#${id}`, (node) => node.textContent);
+const until = (page, what, ...values) => page.waitForFunction(what, { timeout: 15000, polling: 50 }, ...values);
+const pause = (ms) => new Promise((done) => setTimeout(done, ms));
+async function type(page, id, value) {
+  await page.click(`#${id}`, { count: 3 });
+  await page.type(`#${id}`, value);
+}
+
+const page = await open(wide);
+await until(page, () => !document.getElementById("own").hidden && !document.getElementById("own").disabled);
+await page.screenshot({ path: `${screenshots}-fresh.png`, fullPage: true });
+await page.click("#own");
+await until(page, () => document.getElementById("configure").hidden && !document.querySelector("#arm .main").disabled);
+await page.click("#arm .main");
+await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
+const first = { armed: (await text(page, "armed")).startsWith("armed up to"), readings: /\d/.test(await text(page, "r-gas")) };
+await page.click("#record-button");
+await type(page, "first", "150");
+await page.click("#steer .main");
+await until(page, () => Math.abs(parseFloat(document.getElementById("r-pressure").textContent) - 150) < 1);
+await pause(1500);
+const reached_kpa = parseFloat(await text(page, "r-pressure"));
+for (const kpa of ["260", "180", "330"]) {
+  await type(page, "first", kpa);
+  await page.keyboard.press("Enter");
+  await pause(1600);
+}
+const box = await (await page.$("#plot-pressure canvas")).boundingBox();
+const legend = () => page.$eval("#plot-pressure ul", (list) => list.textContent);
+const not_hovered = await legend();
+await page.mouse.move(box.x + box.width * .65, box.y + 60);
+await pause(150);
+const hovered = await legend();
+
+const watcher = await open(wide, "dark");
+await until(watcher, () => document.getElementById("watching").hidden === false);
+const watching = await watcher.$eval("#steer .main", (button) => button.disabled);
+await watcher.close();
+await page.bringToFront();
+await page.screenshot({ path: `${screenshots}-1280-light.png`, fullPage: true });
+await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "dark" }]);
+await pause(400);
+await page.screenshot({ path: `${screenshots}-1280-dark.png`, fullPage: true });
+await page.mouse.move(5, 5);
+await page.setViewport({ width: 390, height: 844, deviceScaleFactor: 2 });
+await pause(600);
+// As it lies in the hand, and whole.
+await page.screenshot({ path: `${screenshots}-390-hand.png` });
+const narrow_px = await page.evaluate(() => document.documentElement.scrollWidth);
+await page.screenshot({ path: `${screenshots}-390-dark.png`, fullPage: true });
+await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
+await pause(400);
+await page.screenshot({ path: `${screenshots}-390-light.png`, fullPage: true });
+await page.setViewport(wide);
+await pause(300);
+
+// By the space key, with the focus anywhere; timed on the page's own clock.
+await page.focus("#first");
+await page.evaluate(() => {
+  addEventListener("keydown", () => {
+    const pressed = performance.now();
+    const look = () => (document.getElementById("mode").textContent === "vent" ? (window.vented_ms = performance.now() - pressed) : setTimeout(look, 2));
+    look();
+  }, { once: true, capture: true });
+});
+const driven = await text(page, "mode");
+await page.keyboard.press(" ");
+await until(page, () => window.vented_ms);
+const vented_ms = await page.evaluate(() => window.vented_ms);
+await page.click("#record-button");
+await until(page, () => document.querySelector("#results a"));
+const report = await page.$eval("#results a", (link) => link.href);
+const opened = await open(wide);
+await opened.goto(report);
+if (!(await opened.$("figure .plot.live"))) problems.push("the report's charts are not live");
+await opened.close();
+await page.bringToFront();
+await page.click("#guide-title");
+await page.click("[data-calibrate=pressure]");
+await until(page, () => !document.getElementById("reference").hidden);
+await page.screenshot({ path: `${screenshots}-guide.png`, fullPage: true });
+await browser.close();
+console.log(JSON.stringify({ problems, first, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, report, narrow_px }));

@@ -1,0 +1,433 @@
+//! `thermyo serve` as pages use it, over its websocket, on the emulated board; and in headless Chromium.
+
+use serde_json::{Value, json};
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+mod board_support;
+mod browser_support;
+use board_support::{Bench, skip_emulator};
+
+/// An emulated board wants a core for itself.
+static ONE_BY_ONE: Mutex<()> = Mutex::new(());
+
+/// A server, ended with its board.
+struct Served {
+    bench: Bench,
+    child: Child,
+    url: String,
+    _turn: MutexGuard<'static, ()>,
+}
+
+impl Served {
+    /// Serves this, recordings in `out/serve` of its place.
+    fn new(what: &str) -> Self {
+        let turn = ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let bench = Bench::new();
+        let mut child = bench
+            .command(&format!("thermyo serve {what} --out out/serve"))
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut url = String::new();
+        let mut lines = BufReader::new(child.stdout.take().unwrap());
+        lines.read_line(&mut url).unwrap();
+        let mut hint = String::new();
+        lines.read_line(&mut hint).unwrap();
+        child.stdout = Some(lines.into_inner());
+        Self { bench, child, url: url.trim().to_owned(), _turn: turn }
+    }
+
+    fn host(&self) -> &str {
+        self.url.trim_start_matches("http://").split('/').next().unwrap()
+    }
+
+    /// Status line and text of what an address gives.
+    fn get(&self, path: &str, host: &str) -> (u16, String) {
+        let mut stream = TcpStream::connect(self.host()).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        (text.split(' ').nth(1).unwrap().parse().unwrap(), text)
+    }
+
+    fn path(&self, file: &str) -> String {
+        format!("/{}/{file}", self.url.split('/').nth(3).unwrap())
+    }
+
+    fn page(&self) -> Page {
+        self.page_from(None).unwrap()
+    }
+
+    fn page_from(&self, origin: Option<&str>) -> Option<Page> {
+        let address = format!("{}live", self.url.replace("http:", "ws:"));
+        let mut request = address.into_client_request().unwrap();
+        if let Some(origin) = origin {
+            request.headers_mut().insert("origin", origin.parse().unwrap());
+        }
+        let stream = TcpStream::connect(self.host()).unwrap();
+        let (socket, _) = tungstenite::client(request, stream).ok()?;
+        socket.get_ref().set_read_timeout(Some(Duration::from_millis(20))).unwrap();
+        Some(Page { socket, received: 0, state: Value::Null, own: Value::Null, frame: Value::Null })
+    }
+
+    /// Ctrl-C; what it prints then.
+    fn end(mut self) -> (bool, String) {
+        let pid = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+        let mut text = String::new();
+        self.child.stdout.take().unwrap().read_to_string(&mut text).unwrap();
+        (self.child.wait().unwrap().success(), text)
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A page, and what it was told last.
+struct Page {
+    socket: WebSocket<TcpStream>,
+    received: u64,
+    state: Value,
+    own: Value,
+    frame: Value,
+}
+
+impl Page {
+    fn say(&mut self, word: Value) {
+        self.socket.send(Message::text(word.to_string())).unwrap();
+    }
+
+    fn order(&mut self, order: Value) {
+        self.say(json!({ "order": order }));
+    }
+
+    /// Takes one message, if one comes; says that it has seen it, if it is not slow.
+    fn hear(&mut self, quick: bool) {
+        let Ok(Message::Text(text)) = self.socket.read() else { return };
+        self.received += 1;
+        let message: Value = serde_json::from_str(&text).unwrap();
+        match message["kind"].as_str() {
+            Some("state") => self.state = message,
+            Some("own") => self.own = message,
+            _ => self.frame = message,
+        }
+        if quick {
+            self.say(json!({ "seen": self.received }));
+        }
+    }
+
+    /// Waits for something; how long it took.
+    fn until(&mut self, what: &str, limit_s: f64, done: impl Fn(&Self) -> bool) -> Duration {
+        let start = Instant::now();
+        // It may have been behind.
+        self.say(json!({ "seen": self.received }));
+        while !done(self) {
+            let events: Vec<&Value> =
+                self.state["events"].as_array().into_iter().flatten().map(|e| &e["text"]).collect();
+            assert!(start.elapsed().as_secs_f64() < limit_s, "{what}: {} {events:?}", self.frame);
+            self.hear(true);
+        }
+        start.elapsed()
+    }
+
+    fn pressure_pa(&self) -> f64 {
+        self.frame["rows"].as_array().and_then(|rows| rows.last()?[1].as_f64()).unwrap_or(f64::NAN)
+    }
+
+    fn happened(&self, what: &str) -> bool {
+        let mut events = self.state["events"].as_array().into_iter().flatten();
+        events.any(|event| event["text"].as_str().unwrap().contains(what))
+    }
+
+    /// Tells the muscle, arms and holds a pressure.
+    fn drive(&mut self, pressure_pa: f64) {
+        self.until("a state", 5.0, |page| page.state.is_object() && page.own["steers"] == true);
+        if self.state["configuration"]["told"] == false {
+            self.order(json!({ "configure": null }));
+        }
+        self.until("configuration", 5.0, |page| page.state["configuration"]["told"] == true);
+        self.order(json!({ "arm": { "most_pa": null } }));
+        self.until("armed", 5.0, |page| page.state["armed_pa"].is_number());
+        self.order(json!({ "set": { "Pressure": { "pressure_pa": pressure_pa } } }));
+        self.until("the pressure follows", 15.0, |page| {
+            let driven = page.frame["set_point"]["Pressure"]["pressure_pa"] == pressure_pa;
+            driven && (page.pressure_pa() - pressure_pa).abs() < 2e3
+        });
+    }
+}
+
+#[test]
+fn only_its_own_page_comes_in() {
+    if skip_emulator() {
+        return;
+    }
+    let served = Served::new("emulated");
+    let host = served.host().to_owned();
+    let (status, text) = served.get(&served.path(""), &host);
+    assert_eq!(status, 200, "{text}");
+    assert!(text.contains("content-security-policy: default-src 'none'"), "{text}");
+    for file in ["page.js", "plot.js", "muscle.js", "palette.js", "page.css", "drawing.css"] {
+        assert_eq!(served.get(&served.path(file), &host).0, 200, "{file}");
+    }
+    for (path, host) in [
+        ("/", host.as_str()),
+        ("/00000000000000000000000000000000/", &host),
+        (&served.path(""), "evil.example"),
+    ] {
+        assert_eq!(served.get(path, host).0, 403, "{path} {host}");
+    }
+    assert_eq!(served.get(&served.path("results/../page.js"), &host).0, 404);
+    assert_eq!(served.get(&served.path("results/record-1/report.html"), &host).0, 404);
+    assert!(served.page_from(Some("http://evil.example")).is_none());
+    assert!(served.page_from(Some(&format!("http://{host}"))).is_some());
+}
+
+#[test]
+fn a_page_steers_and_another_watches() {
+    if skip_emulator() {
+        return;
+    }
+    let served = Served::new("emulated");
+    let mut first = served.page();
+    first.until("a state", 5.0, |page| page.state.is_object());
+    first.order(json!({ "arm": { "most_pa": null } }));
+    first.until("refused", 3.0, |page| page.happened("cleared: not configured"));
+    first.say(json!({ "fire": 1 }));
+    first.until("garbage", 3.0, |page| page.happened("not understood"));
+    first.drive(1.3e5);
+    first.order(json!({ "set": { "Pressure": { "pressure_pa": 9e6 } } }));
+    first.until("out of range", 3.0, |page| page.happened("must be from 0 to"));
+
+    let mut second = served.page();
+    second.until("a seat", 3.0, |page| page.own.is_object());
+    assert_eq!(second.own["steers"], false);
+    second.order(json!({ "set": { "Pressure": { "pressure_pa": 2e5 } } }));
+    second.until("watches", 3.0, |page| page.happened("another page steers"));
+    assert!((second.pressure_pa() - 1.3e5).abs() < 2e3, "{}", second.frame);
+
+    // From the page to the board and back.
+    let mut slowest = Duration::ZERO;
+    for _ in 0..5 {
+        first.drive(1.3e5);
+        first.say(json!("vent"));
+        let vented = first.until("vent", 1.0, |page| page.frame["mode"] == "vent");
+        slowest = slowest.max(vented);
+    }
+    println!("vented {slowest:?} after the page said so, at worst of five");
+    assert!(slowest < Duration::from_millis(100), "{slowest:?}");
+
+    first.drive(1.3e5);
+    // It is up to date before the other one goes.
+    let began = Instant::now();
+    second.until("driven", 3.0, |page| {
+        began.elapsed() > Duration::from_millis(500) && page.frame["mode"] != "vent"
+    });
+    drop(first);
+    let until_vented = second.until("vents", 1.0, |page| page.frame["mode"] == "vent");
+    println!("vented {until_vented:?} after the page was gone");
+    second.until("takes over", 1.0, |page| page.own["steers"] == true);
+    second.until("told", 1.0, |page| page.happened("the page that steered was closed"));
+    second.drive(1.2e5);
+
+    let (success, text) = served.end();
+    assert!(success && text.contains("it vents"), "{text}");
+}
+
+#[test]
+fn a_lost_link_is_shown_and_comes_back() {
+    if skip_emulator() {
+        return;
+    }
+    let served = Served::new("scenarios/contraction.toml");
+    let mut page = served.page();
+    page.drive(1.3e5);
+    assert_eq!(page.state["configuration"]["name"], "contraction");
+    served.bench.ok("thermyo board emulated unplug");
+    let lost = page.until("lost", 1.0, |page| page.state["link"] == "lost");
+    served.bench.ok("thermyo board emulated plug");
+    let back = page.until("back", 5.0, |page| {
+        page.state["link"] == "connected" && page.frame["mode"] == "vent"
+    });
+    println!("shown as lost after {lost:?}, back {back:?} after it was plugged in");
+    page.until("it has forgotten its muscle", 2.0, |page| {
+        page.state["faults"].as_array().unwrap().contains(&json!("not configured"))
+    });
+    page.drive(1.2e5);
+}
+
+#[test]
+fn a_slow_page_loses_frames_and_the_record_none() {
+    if skip_emulator() {
+        return;
+    }
+    let served = Served::new("scenarios/contraction.toml");
+    let mut page = served.page();
+    page.drive(1.3e5);
+    let mut slow = served.page();
+    page.order(json!("record"));
+    page.until("it records", 3.0, |page| page.state["recording"].is_object());
+    let began = Instant::now();
+    while page.state["recording"]["rows"].as_u64() < Some(3000) {
+        assert!(began.elapsed() < Duration::from_secs(30), "{}", page.state["recording"]);
+        page.hear(true);
+        slow.hear(false);
+    }
+    assert!(slow.received < 40, "{} messages to a page that sees none", slow.received);
+    slow.until("told", 2.0, |page| page.own["lost_frames"].as_u64() > Some(20));
+    assert_eq!(page.own["lost_frames"], 0, "the others are as quick as before");
+    page.say(json!("vent"));
+    page.order(json!("finish"));
+    page.until("a result", 20.0, |page| page.state["results"][0]["name"] == "record-1");
+    let host = served.host().to_owned();
+    let (status, summary) = served.get(&served.path("results/record-1/summary.json"), &host);
+    let summary: Value = serde_json::from_str(summary.split("\r\n\r\n").nth(1).unwrap()).unwrap();
+    assert_eq!((status, &summary["lost_steps"]), (200, &json!(0)), "{summary}");
+    let (status, report) = served.get(&served.path("results/record-1/report.html"), &host);
+    assert!(status == 200 && report.contains("sandbox allow-scripts"), "{status}");
+    let trace = fs::read_to_string(served.bench.path("out/serve/record-1/trace.csv")).unwrap();
+    let times: Vec<f64> =
+        trace.lines().skip(1).map(|row| row.split(',').next().unwrap().parse().unwrap()).collect();
+    assert!(times.len() >= 3000, "{} rows", times.len());
+    assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 1e-3).abs() < 1e-9));
+
+    // A page that steers and sees nothing is gone: nobody looks after the muscle.
+    page.order(json!({ "set": { "Pressure": { "pressure_pa": 1.3e5 } } }));
+    slow.until("driven", 5.0, |page| page.frame["mode"].as_str().unwrap().starts_with("pressure"));
+    slow.until("gone", 5.0, |page| page.frame["mode"] == "vent" && page.own["steers"] == true);
+    assert!(slow.happened("does not answer"));
+}
+
+#[test]
+fn a_sensor_is_calibrated_step_by_step() {
+    if skip_emulator() {
+        return;
+    }
+    let served = Served::new("scenarios/contraction.toml");
+    let mut page = served.page();
+    page.until("a state", 5.0, |page| page.state.is_object());
+    page.order(json!({ "calibrate": "pressure" }));
+    page.until("asked", 3.0, |page| page.state["guide"]["asks"] == "Pa");
+    page.order(json!({ "reference": "one bar" }));
+    page.until("no number", 3.0, |page| {
+        page.state["guide"]["text"].as_str().unwrap().contains("must be what the reference reads")
+    });
+    page.order(json!({ "reference": "101325" }));
+    page.until("asked again", 5.0, |page| {
+        page.state["guide"]["text"].as_str().unwrap().contains("second point")
+    });
+    page.drive(3.0e5);
+    // A sensor that is 1 % off.
+    page.order(json!({ "reference": "303000" }));
+    page.until("put right", 5.0, |page| page.state["guide"]["over"] == true);
+    let text = page.state["guide"]["text"].as_str().unwrap().to_owned();
+    assert!(text.contains("Put right by"), "{text}");
+    page.until("vents", 2.0, |page| page.frame["mode"] == "vent");
+}
+
+#[test]
+fn bad_input_is_told_in_a_line() {
+    let bench = Bench::new();
+    let message = bench.refused("thermyo serve scenarios/nowhere.toml");
+    assert!(message.contains("nowhere.toml"), "{message}");
+    let message = bench.refused("thermyo serve /dev/nothing");
+    assert!(message.contains("/dev/nothing"), "{message}");
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let message = bench.refused(&format!("thermyo serve emulated --port {port}"));
+    assert!(message.contains("another program has it"), "{message}");
+    assert!(!bench.path("out").exists(), "nothing is left behind");
+}
+
+#[test]
+fn the_page_in_a_browser() {
+    if skip_emulator() {
+        return;
+    }
+    let Some(chromium) = browser_support::chromium() else { return };
+    let served = Served::new("emulated");
+    let seen = browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve");
+    assert_eq!(seen["problems"], json!([]), "{seen}");
+    assert_eq!(seen["first"], json!({ "armed": true, "readings": true }), "{seen}");
+    // The set point that was typed is driven, and the pressure follows.
+    let reached_kpa = seen["reached_kpa"].as_f64().unwrap();
+    assert!((148.0..152.0).contains(&reached_kpa), "{seen}");
+    assert!(seen["hovered"].as_str().unwrap().contains("kPa"), "{seen}");
+    assert_ne!(seen["hovered"], seen["not_hovered"], "{seen}");
+    assert!(seen["driven"].as_str().unwrap().starts_with("pressure"), "{seen}");
+    let vented_ms = seen["vented_ms"].as_f64().unwrap();
+    assert!((1.0..250.0).contains(&vented_ms), "{seen}");
+    assert_eq!(seen["watching"], true, "{seen}");
+    assert!(seen["report"].as_str().unwrap().contains("record-1"), "{seen}");
+    assert_eq!(seen["narrow_px"], 390, "{seen}");
+}
+
+/// A record at 1 kHz over ten minutes, or `THERMYO_SERVE_S` seconds.
+#[test]
+#[ignore = "ten minutes in real time"]
+fn ten_minutes_lose_nothing() {
+    let duration_s: f64 =
+        std::env::var("THERMYO_SERVE_S").ok().and_then(|s| s.parse().ok()).unwrap_or(600.0);
+    let served = Served::new("scenarios/contraction.toml");
+    let pid = served.child.id();
+    let used = || {
+        let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap();
+        let fields: Vec<u64> = stat
+            .rsplit(')')
+            .next()
+            .unwrap()
+            .split_whitespace()
+            .map(|f| f.parse().unwrap_or(0))
+            .collect();
+        (fields[11] + fields[12]) as f64 / 100.0
+    };
+    let resident_mb = || {
+        let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap();
+        let line = status.lines().find(|line| line.starts_with("VmRSS")).unwrap().to_owned();
+        line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap() / 1024.0
+    };
+    let mut page = served.page();
+    page.drive(1.3e5);
+    page.order(json!("record"));
+    page.until("it records", 3.0, |page| page.state["recording"].is_object());
+    let (start, start_s) = (Instant::now(), used());
+    let (mut early_mb, mut largest_mb, mut next_s) = (f64::NAN, 0.0_f64, 0.0);
+    while start.elapsed().as_secs_f64() < duration_s {
+        page.hear(true);
+        let time_s = start.elapsed().as_secs_f64();
+        if early_mb.is_nan() && time_s > 0.25 * duration_s {
+            early_mb = resident_mb();
+        }
+        if time_s > next_s {
+            next_s += 2.0;
+            largest_mb = largest_mb.max(resident_mb());
+            let pressure_pa = if ((time_s / 2.0) as u64).is_multiple_of(2) { 1.3e5 } else { 2.2e5 };
+            page.order(json!({ "set": { "Pressure": { "pressure_pa": pressure_pa } } }));
+        }
+    }
+    let share = (used() - start_s) / start.elapsed().as_secs_f64();
+    let late_mb = resident_mb();
+    page.order(json!("finish"));
+    page.until("a result", 60.0, |page| page.state["results"][0].is_object());
+    println!(
+        "{duration_s} s: {}; {:.1} % of a core; resident {early_mb:.1} MB after a quarter, {late_mb:.1} MB in the \
+         end, {largest_mb:.1} MB at most; telemetry of {} steps lost; frames lost by the page: {}",
+        page.state["results"][0]["text"],
+        share * 100.0,
+        page.state["lost_steps"],
+        page.own["lost_frames"]
+    );
+    assert!(page.state["results"][0]["text"].as_str().unwrap().contains(", 0 lost"));
+    assert!((0.001..0.3).contains(&share), "{share}");
+    assert!(late_mb - early_mb < 8.0, "{early_mb} MB, then {late_mb} MB");
+}
