@@ -9,6 +9,7 @@ pub mod board;
 pub mod cli;
 pub mod commands;
 pub mod files;
+pub mod fmu;
 pub mod plant;
 pub mod report;
 pub mod scenario;

@@ -9,6 +9,7 @@ mod evaluate;
 mod failure;
 mod flash;
 mod flashed;
+mod fmu;
 mod interrupt;
 mod replay;
 mod serve;
@@ -65,6 +66,8 @@ enum Task {
     Tune(tune::TuneArgs),
     /// Recorded samples through the core again, compared to the bit
     Replay(replay::ReplayArgs),
+    /// A scenario as a unit for other simulators: FMI 3.0 co-simulation
+    Fmu(fmu::FmuArgs),
     /// Runs over each other: what differs, in pictures and figures
     Compare(compare::CompareArgs),
     /// Live view and recording of a board, which it arms and drives too
@@ -190,6 +193,7 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Sweep(args) => sweep::run(args, out, err),
         Task::Tune(args) => tune::run(&args, out, err),
         Task::Replay(args) => replay::run(&args, out, err),
+        Task::Fmu(args) => fmu::run(&args, out, err),
         Task::Compare(args) => compare::run(&args, out, err),
         Task::Monitor { port, out: folder } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));

@@ -1,0 +1,285 @@
+//! The C interface of FMI 3.0 co-simulation around [`host_sim::fmu::model::Model`].
+//!
+//! The names and signatures are those of `fmi3FunctionTypes.h`. Whatever is wrong is logged once, in one line, by the
+//! importer's callback; a panic does not leave the library.
+
+#![allow(non_snake_case)]
+
+mod instance;
+mod unsupported;
+
+use host_sim::fmu::model::ModelError;
+use instance::{Instance, LogMessage, Status, guarded};
+use std::ffi::{c_char, c_void};
+
+/// The version of the standard.
+#[unsafe(no_mangle)]
+pub extern "C" fn fmi3GetVersion() -> *const c_char {
+    c"3.0".as_ptr()
+}
+
+/// Errors are logged in any case, and there is nothing else to log.
+#[unsafe(no_mangle)]
+pub extern "C" fn fmi3SetDebugLogging(
+    _instance: *mut Instance,
+    _logging_on: bool,
+    _count: usize,
+    _categories: *const *const c_char,
+) -> Status {
+    Status::Ok
+}
+
+/// Makes an instance from the unit's resources; null, and a message, where that cannot be.
+///
+/// # Safety
+/// As the standard says: texts end with a zero byte, or are null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
+    _instance_name: *const c_char,
+    token: *const c_char,
+    resources: *const c_char,
+    _visible: bool,
+    _logging_on: bool,
+    _event_mode_used: bool,
+    _early_return_allowed: bool,
+    _required: *const u32,
+    _required_count: usize,
+    environment: *mut c_void,
+    log: Option<LogMessage>,
+    _intermediate_update: *const c_void,
+) -> *mut Instance {
+    // Safety: the caller's.
+    unsafe { Instance::make(token, resources, environment, log) }
+}
+
+/// Takes an instance away.
+///
+/// # Safety
+/// The instance is one of this library, or null, and nobody uses it any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3FreeInstance(instance: *mut Instance) {
+    if !instance.is_null() {
+        // Safety: it was made by a box, and is the caller's to give back.
+        drop(unsafe { Box::from_raw(instance) });
+    }
+}
+
+/// Sets when the scenario begins. There is no tolerance to keep and no end to prepare for.
+///
+/// # Safety
+/// The instance is one of this library.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3EnterInitializationMode(
+    instance: *mut Instance,
+    _tolerance_defined: bool,
+    _tolerance: f64,
+    start_s: f64,
+    _stop_time_defined: bool,
+    _stop_s: f64,
+) -> Status {
+    // Safety: the caller's.
+    unsafe {
+        guarded(instance, |model| {
+            model.begin_at(start_s);
+            Ok(())
+        })
+    }
+}
+
+/// From now on it steps.
+///
+/// # Safety
+/// The instance is one of this library.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3ExitInitializationMode(instance: *mut Instance) -> Status {
+    // Safety: the caller's.
+    unsafe { guarded(instance, host_sim::fmu::model::Model::start) }
+}
+
+/// Ends it; the last values can still be had.
+#[unsafe(no_mangle)]
+pub extern "C" fn fmi3Terminate(_instance: *mut Instance) -> Status {
+    Status::Ok
+}
+
+/// As it was when it was made.
+///
+/// # Safety
+/// The instance is one of this library.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3Reset(instance: *mut Instance) -> Status {
+    // Safety: the caller's.
+    unsafe { guarded(instance, host_sim::fmu::model::Model::reset) }
+}
+
+/// Numbers of the unit.
+///
+/// # Safety
+/// The instance is one of this library, and both arrays are as long as it is said.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3GetFloat64(
+    instance: *mut Instance,
+    references: *const u32,
+    count: usize,
+    values: *mut f64,
+    value_count: usize,
+) -> Status {
+    // Safety: the caller's.
+    unsafe {
+        guarded(instance, |model| {
+            get((references, count), (values, value_count), |reference| model.number(reference))
+        })
+    }
+}
+
+/// Numbers for the unit.
+///
+/// # Safety
+/// As [`fmi3GetFloat64`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SetFloat64(
+    instance: *mut Instance,
+    references: *const u32,
+    count: usize,
+    values: *const f64,
+    value_count: usize,
+) -> Status {
+    // Safety: the caller's.
+    unsafe {
+        guarded(instance, |model| {
+            let give = |reference, value| model.set_number(reference, value);
+            set((references, count), (values, value_count), give)
+        })
+    }
+}
+
+/// Truth values of the unit.
+///
+/// # Safety
+/// As [`fmi3GetFloat64`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3GetBoolean(
+    instance: *mut Instance,
+    references: *const u32,
+    count: usize,
+    values: *mut bool,
+    value_count: usize,
+) -> Status {
+    // Safety: the caller's.
+    unsafe {
+        guarded(instance, |model| {
+            get((references, count), (values, value_count), |reference| model.switch(reference))
+        })
+    }
+}
+
+/// Truth values for the unit.
+///
+/// # Safety
+/// As [`fmi3GetFloat64`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3SetBoolean(
+    instance: *mut Instance,
+    references: *const u32,
+    count: usize,
+    values: *const bool,
+    value_count: usize,
+) -> Status {
+    // Safety: the caller's.
+    unsafe {
+        guarded(instance, |model| {
+            let give = |reference, value| model.set_switch(reference, value);
+            set((references, count), (values, value_count), give)
+        })
+    }
+}
+
+/// Goes on by a whole number of the scenario's steps. Another length is discarded, and everything is as it was.
+///
+/// # Safety
+/// The instance is one of this library; what is told can be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn fmi3DoStep(
+    instance: *mut Instance,
+    from_s: f64,
+    length_s: f64,
+    _no_state_before: bool,
+    event_handling_needed: *mut bool,
+    terminate: *mut bool,
+    early_return: *mut bool,
+    last_successful_s: *mut f64,
+) -> Status {
+    // Safety: the caller's.
+    unsafe {
+        guarded(instance, |model| {
+            let done = model.step(from_s, length_s);
+            for told in [event_handling_needed, terminate, early_return] {
+                tell(told, false);
+            }
+            tell(last_successful_s, model.time_s());
+            done
+        })
+    }
+}
+
+/// Writes what somebody wants to know.
+///
+/// # Safety
+/// It is null, or can be written.
+unsafe fn tell<T>(place: *mut T, value: T) {
+    if !place.is_null() {
+        // Safety: the caller's.
+        unsafe { place.write(value) };
+    }
+}
+
+/// References, and as many values: every variable is a scalar.
+///
+/// # Safety
+/// The arrays are as long as it is said.
+unsafe fn pairs<'a, V>(
+    (references, count): (*const u32, usize),
+    (values, value_count): (V, usize),
+) -> Result<(&'a [u32], V), ModelError> {
+    if count != value_count {
+        let reference = u32::MAX;
+        return Err(ModelError::Reference {
+            reference,
+            what: "array: as many values as references",
+        });
+    }
+    if count == 0 {
+        return Ok((&[], values));
+    }
+    // Safety: the caller's; nobody keeps it.
+    Ok((unsafe { std::slice::from_raw_parts(references, count) }, values))
+}
+
+unsafe fn get<T>(
+    references: (*const u32, usize),
+    values: (*mut T, usize),
+    of: impl Fn(u32) -> Result<T, ModelError>,
+) -> Result<(), ModelError> {
+    // Safety: the caller's.
+    let (references, values) = unsafe { pairs(references, values)? };
+    for (i, reference) in references.iter().enumerate() {
+        let value = of(*reference)?;
+        // Safety: as many as references.
+        unsafe { values.add(i).write(value) };
+    }
+    Ok(())
+}
+
+unsafe fn set<T: Copy>(
+    references: (*const u32, usize),
+    values: (*const T, usize),
+    mut give: impl FnMut(u32, T) -> Result<(), ModelError>,
+) -> Result<(), ModelError> {
+    // Safety: the caller's.
+    let (references, values) = unsafe { pairs(references, values)? };
+    for (i, reference) in references.iter().enumerate() {
+        // Safety: as many as references.
+        give(*reference, unsafe { values.add(i).read() })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,61 @@
+//! The `.fmu` file: a zip archive.
+
+use super::description::{LIBRARY, describe};
+use super::model::{Model, ModelError};
+use super::{Kind, library};
+use crate::files::input::{InputError, read_bytes};
+use crate::scenario::{Loaded, render};
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// The archive of a scenario, around the shared library of this platform.
+///
+/// # Errors
+/// [`ModelError`]
+pub fn archive(
+    loaded: &Loaded,
+    kind: Kind,
+    name: &str,
+    library: &[u8],
+) -> Result<Vec<u8>, ModelError> {
+    let description = describe(&Model::new(loaded.clone(), kind)?, name)?;
+    let mut files = vec![("modelDescription.xml".to_owned(), description.into_bytes())];
+    files.extend(resources(loaded, kind)?);
+    let binary = format!("binaries/{}/{LIBRARY}{}", library::platform(), library::suffix());
+    files.push((binary, library.to_vec()));
+
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    // The time of the last change would make every archive another one.
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(zip::DateTime::default())
+        .unix_permissions(0o644);
+    for (name, bytes) in files {
+        zip.start_file(name, options).expect("an archive in memory takes every file");
+        zip.write_all(&bytes).expect("memory takes every byte");
+    }
+    Ok(zip.finish().expect("an archive in memory is finished").into_inner())
+}
+
+/// The scenario and the tables that it names, beside it.
+fn resources(loaded: &Loaded, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, InputError> {
+    let mut loaded = loaded.clone();
+    let mut files = Vec::new();
+    let mut moved = |path: &mut Option<PathBuf>, told: &mut Option<PathBuf>, name: &str| {
+        if let Some(path) = path {
+            files.push((format!("resources/{name}"), read_bytes(path)?));
+            *path = PathBuf::from(name);
+            *told = Some(path.clone());
+        }
+        Ok::<(), InputError>(())
+    };
+    let (plant, told) = (&mut loaded.plant, &mut loaded.believed);
+    moved(&mut plant.vessel.volume_csv, &mut told.vessel.volume_csv, "volume.csv")?;
+    moved(&mut plant.drive.profile_csv, &mut told.drive.profile_csv, "profile.csv")?;
+    moved(&mut plant.table.csv, &mut told.table.csv, "table.csv")?;
+    let scenario = Path::new("resources").join(kind.scenario_file());
+    files.push((scenario.to_string_lossy().replace('\\', "/"), render(&loaded).into_bytes()));
+    Ok(files)
+}
