@@ -1,0 +1,204 @@
+//! A flashed board, or the emulated one.
+
+use crate::core::telemetry_dict;
+use crate::error::{self, BoardError};
+use crate::run::plain;
+use crate::scenario;
+use crate::set_point::set_point;
+use host_sim::board::live::{LiveBoard, VIEW_DIVIDER};
+use host_sim::board::port::EMULATED;
+use host_sim::board::service;
+use host_sim::scenario::core_config::core_config;
+use host_sim::scenario::parse;
+use model_core::Telemetry;
+use model_core::safety::supervisor::VENTING;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A board that says nothing for this time has gone.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// A board, until it is closed; then it vents.
+#[pyclass(frozen, module = "thermyo")]
+pub struct Board {
+    live: Mutex<Option<LiveBoard>>,
+}
+
+impl Board {
+    fn lock(&self) -> MutexGuard<'_, Option<LiveBoard>> {
+        self.live.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Asks the board; the interpreter goes on meanwhile.
+    fn ask<T: Send>(
+        &self,
+        py: Python<'_>,
+        ask: impl FnOnce(&mut LiveBoard) -> Result<T, host_sim::board::BoardError> + Send,
+    ) -> PyResult<T> {
+        py.detach(|| match self.lock().as_mut() {
+            Some(board) => ask(board).map_err(error::board),
+            None => Err(BoardError::new_err("the board is closed")),
+        })
+    }
+}
+
+#[pymethods]
+impl Board {
+    #[new]
+    #[pyo3(signature = (port, scenario = None))]
+    fn new(py: Python<'_>, port: &str, scenario: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let muscle = match scenario {
+            Some(_) if port != EMULATED => {
+                let text =
+                    "scenario is the muscle of the board \"emulated\": another board has its own";
+                return Err(PyValueError::new_err(text));
+            }
+            Some(scenario) => Some(scenario::load(scenario, None)?),
+            None => None,
+        };
+        let live = py.detach(|| {
+            if port == EMULATED && (muscle.is_some() || !service::is_plugged_in()) {
+                let nominal = || parse("", Path::new("the nominal muscle"));
+                let muscle = muscle.map_or_else(nominal, Ok).map_err(error::input)?;
+                service::plug_into_this_process(muscle).map_err(error::board)?;
+            }
+            LiveBoard::open(port).map_err(error::board)
+        })?;
+        Ok(Self { live: Mutex::new(Some(live)) })
+    }
+
+    /// Who it is and what it knows of its muscle.
+    fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let (version, status) = self.ask(py, |board| Ok((board.version(), board.status()?)))?;
+        let info = plain(py, &status)?;
+        info.set_item("config_name", status.config_name.as_str())?;
+        info.set_item("version", plain(py, &version)?)?;
+        Ok(info)
+    }
+
+    /// Tells it its muscle: the core's part of a scenario, as a whole. It vents and is not armed.
+    #[pyo3(signature = (scenario))]
+    fn configure(&self, py: Python<'_>, scenario: &Bound<'_, PyAny>) -> PyResult<()> {
+        let config = core_config(&scenario::load(scenario, None)?.believed);
+        let file = scenario::name(scenario);
+        let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        self.ask(py, |board| board.configure(&config, &name).map(drop))
+    }
+
+    /// It takes set points from now on, up to this absolute pressure.
+    #[pyo3(signature = (most_pa = None))]
+    fn arm(&self, py: Python<'_>, most_pa: Option<f32>) -> PyResult<()> {
+        self.ask(py, |board| board.arm(most_pa))
+    }
+
+    /// Another set point: one of the keywords, flow and period together.
+    #[pyo3(signature = (*, pressure_pa = None, contraction = None, flow_kg_s = None, period_s = None, duty = None))]
+    fn set(
+        &self,
+        py: Python<'_>,
+        pressure_pa: Option<f32>,
+        contraction: Option<f32>,
+        flow_kg_s: Option<f32>,
+        period_s: Option<f32>,
+        duty: Option<(f32, f32)>,
+    ) -> PyResult<()> {
+        let set_point = set_point(pressure_pa, contraction, flow_kg_s, period_s, duty)?;
+        self.ask(py, |board| board.set(set_point).map(drop))
+    }
+
+    /// Vents; returns when the board says that it does.
+    fn stop(&self, py: Python<'_>) -> PyResult<()> {
+        self.ask(py, LiveBoard::stop)
+    }
+
+    /// Forgets latched faults whose cause is gone; raises where one that vents is left.
+    fn clear(&self, py: Python<'_>) -> PyResult<()> {
+        let left = self.ask(py, LiveBoard::clear)?;
+        if left.intersects(VENTING) {
+            return Err(BoardError::new_err(format!("still there: {left}")));
+        }
+        Ok(())
+    }
+
+    /// The telemetry of now.
+    fn read<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let telemetry = self.ask(py, LiveBoard::fresh_telemetry)?;
+        telemetry_dict(py, &telemetry)
+    }
+
+    /// Telemetry as it comes, one dict per this many steps. It tells the board that its host is there.
+    #[pyo3(signature = (duration_s = None, every = VIEW_DIVIDER))]
+    fn stream(this: Bound<'_, Self>, duration_s: Option<f64>, every: u16) -> PyResult<Stream> {
+        let (py, board) = (this.py(), this.get());
+        let step_s = board.ask(py, |board| {
+            board.telemetry_every(every)?;
+            board.fresh_telemetry()?;
+            board.config().map(|config| f64::from(config.step_s))
+        })?;
+        let first = Mutex::new(None);
+        Ok(Stream { board: this.unbind(), step_s, duration_s, first })
+    }
+
+    /// Vents it where it is driven, and lets go of it.
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| drop(self.lock().take()));
+    }
+
+    fn __enter__(this: Bound<'_, Self>) -> Bound<'_, Self> {
+        this
+    }
+
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyAny>) {
+        self.close(py);
+    }
+}
+
+/// Telemetry as it comes.
+#[pyclass(frozen, module = "thermyo")]
+pub struct Stream {
+    board: Py<Board>,
+    step_s: f64,
+    duration_s: Option<f64>,
+    /// Step that its time begins with.
+    first: Mutex<Option<u32>>,
+}
+
+#[pymethods]
+impl Stream {
+    fn __iter__(this: Bound<'_, Self>) -> Bound<'_, Self> {
+        this
+    }
+
+    fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let telemetry = self.wait(py)?;
+        let mut first = self.first.lock().unwrap_or_else(PoisonError::into_inner);
+        let steps = telemetry.step.wrapping_sub(*first.get_or_insert(telemetry.step));
+        let time_s = f64::from(steps) * self.step_s;
+        if self.duration_s.is_some_and(|duration_s| time_s > duration_s) {
+            return Ok(None);
+        }
+        let dict = telemetry_dict(py, &telemetry)?;
+        dict.set_item("time_s", time_s)?;
+        Ok(Some(dict))
+    }
+}
+
+impl Stream {
+    fn wait(&self, py: Python<'_>) -> PyResult<Telemetry> {
+        let start = Instant::now();
+        loop {
+            if let Some(telemetry) = self.board.get().ask(py, LiveBoard::poll)? {
+                return Ok(telemetry);
+            }
+            py.check_signals()?;
+            if start.elapsed() > PATIENCE {
+                return Err(error::silent("telemetry"));
+            }
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! The model core, a step at a time: the same as on the board.
+
+use crate::error::{self, ScenarioError};
+use crate::muscle::Readings;
+use crate::scenario;
+use crate::set_point::set_point;
+use host_sim::board::{Board, CoreBoard};
+use host_sim::files::board_trace::kind_and_values;
+use host_sim::scenario::core_config::core_config;
+use host_sim::simulation::run::SetPoints;
+use model_core::control::Mode;
+use model_core::{Duty, Faults, Telemetry};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Model, estimator, controller and supervisor, told what the scenario believes.
+#[pyclass(module = "thermyo")]
+pub struct Core {
+    board: CoreBoard,
+}
+
+#[pymethods]
+impl Core {
+    #[new]
+    #[pyo3(signature = (scenario))]
+    fn new(scenario: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let loaded = scenario::load(scenario, None)?;
+        let mut board = CoreBoard::default();
+        board
+            .start(&core_config(&loaded.believed), SetPoints::new(&loaded).at(0.0))
+            .map_err(|error| ScenarioError::new_err(error.to_string()))?;
+        Ok(Self { board })
+    }
+
+    /// One step: what it makes of these readings, and how it drives the valves. Before the first one it judges
+    /// its sensors by them.
+    fn step(&mut self, readings: &Readings) -> PyResult<Output> {
+        let step = self.board.step(&readings.sample).map_err(error::board)?;
+        Ok(Output { telemetry: step.telemetry.ok_or_else(|| error::silent("step"))? })
+    }
+
+    /// Changes what it is to do, from the next PWM period on: one of the keywords, flow and period together.
+    #[pyo3(signature = (*, pressure_pa = None, contraction = None, flow_kg_s = None, period_s = None, duty = None))]
+    fn set(
+        &mut self,
+        pressure_pa: Option<f32>,
+        contraction: Option<f32>,
+        flow_kg_s: Option<f32>,
+        period_s: Option<f32>,
+        duty: Option<(f32, f32)>,
+    ) -> PyResult<()> {
+        let set_point = set_point(pressure_pa, contraction, flow_kg_s, period_s, duty)?;
+        self.core()?.set(set_point).map_err(error::set_point)
+    }
+
+    /// Takes set points again, up to this absolute pressure; after a fault has vented it, it has to be.
+    #[pyo3(signature = (most_pa = None))]
+    fn arm(&mut self, most_pa: Option<f32>) -> PyResult<()> {
+        self.core()?.arm(most_pa).map_err(error::set_point)
+    }
+
+    /// Vents, and takes no set point until it is armed.
+    fn stop(&mut self) -> PyResult<()> {
+        self.core()?.disarm();
+        Ok(())
+    }
+
+    /// Forgets latched faults whose cause is gone.
+    fn clear(&mut self) -> PyResult<()> {
+        self.core()?.clear_faults();
+        Ok(())
+    }
+
+    /// Highest absolute pressure that set points may ask for [Pa]; None: it is not armed.
+    #[getter]
+    fn armed_pa(&mut self) -> PyResult<Option<f32>> {
+        Ok(self.core()?.armed_pa())
+    }
+}
+
+impl Core {
+    fn core(&mut self) -> PyResult<&mut model_core::Core> {
+        self.board.core().map_err(error::board)
+    }
+}
+
+/// What a step of the core gives, by the names of trace.csv.
+#[pyclass(frozen, module = "thermyo")]
+pub struct Output {
+    telemetry: Telemetry,
+}
+
+#[pymethods]
+impl Output {
+    /// Shares of time for which inlet and outlet are open: `muscle.step(*output.duties)`.
+    #[getter]
+    fn duties(&self) -> (f64, f64) {
+        (self.duty_in(), self.duty_out())
+    }
+
+    #[getter]
+    fn duty_in(&self) -> f64 {
+        share(self.telemetry.command.inlet)
+    }
+
+    #[getter]
+    fn duty_out(&self) -> f64 {
+        share(self.telemetry.command.outlet)
+    }
+
+    #[getter]
+    fn step(&self) -> u32 {
+        self.telemetry.step
+    }
+
+    #[getter]
+    fn measured_pressure_pa(&self) -> f32 {
+        self.telemetry.pressure_pa
+    }
+
+    #[getter]
+    fn measured_length_m(&self) -> f32 {
+        self.telemetry.length_m
+    }
+
+    #[getter]
+    fn estimate_k(&self) -> f32 {
+        self.telemetry.estimate.gas_k
+    }
+
+    #[getter]
+    fn estimate_sd_k(&self) -> f32 {
+        self.telemetry.estimate.gas_sd_k
+    }
+
+    #[getter]
+    fn estimate_valid(&self) -> bool {
+        self.telemetry.estimate.valid
+    }
+
+    #[getter]
+    fn wall_estimate_k(&self) -> f32 {
+        self.telemetry.estimate.wall_k
+    }
+
+    #[getter]
+    fn sensor_estimate_k(&self) -> f32 {
+        self.telemetry.estimate.sensor_k
+    }
+
+    #[getter]
+    fn mass_estimate_kg(&self) -> f32 {
+        self.telemetry.estimate.mass_kg
+    }
+
+    #[getter]
+    fn heat_scale(&self) -> f32 {
+        self.telemetry.estimate.heat_scale
+    }
+
+    #[getter]
+    fn sensor_lag_s(&self) -> f32 {
+        self.telemetry.estimate.sensor_lag_s
+    }
+
+    #[getter]
+    fn mode(&self) -> &'static str {
+        mode_name(self.telemetry.mode)
+    }
+
+    #[getter]
+    fn limited(&self) -> bool {
+        self.telemetry.limited
+    }
+
+    #[getter]
+    fn faults(&self) -> Vec<&'static str> {
+        fault_names(self.telemetry.faults)
+    }
+
+    fn __repr__(&self) -> String {
+        let Telemetry { step, mode, .. } = self.telemetry;
+        let (inlet, outlet) = self.duties();
+        format!("<Output of step {step}: {}, in {inlet:.3}, out {outlet:.3}>", mode_name(mode))
+    }
+}
+
+fn share(duty: Duty) -> f64 {
+    f64::from(duty.share())
+}
+
+fn mode_name(mode: Mode) -> &'static str {
+    Mode::NAMES.iter().find(|(known, _)| *known == mode).map_or("", |(_, name)| name)
+}
+
+fn fault_names(faults: Faults) -> Vec<&'static str> {
+    let held = Faults::NAMES.iter().filter(|(fault, _)| faults.intersects(*fault));
+    held.map(|(_, name)| *name).collect()
+}
+
+/// Telemetry of a board as a dict, by the names of trace.csv.
+pub fn telemetry_dict<'py>(py: Python<'py>, telemetry: &Telemetry) -> PyResult<Bound<'py, PyDict>> {
+    let Telemetry { step, sample, estimate, command, .. } = telemetry;
+    let dict = PyDict::new(py);
+    dict.set_item("step", step)?;
+    dict.set_item("measured_pressure_pa", telemetry.pressure_pa)?;
+    dict.set_item("measured_length_m", telemetry.length_m)?;
+    dict.set_item("estimate_k", estimate.gas_k)?;
+    dict.set_item("estimate_sd_k", estimate.gas_sd_k)?;
+    dict.set_item("estimate_valid", estimate.valid)?;
+    dict.set_item("wall_estimate_k", estimate.wall_k)?;
+    dict.set_item("sensor_estimate_k", estimate.sensor_k)?;
+    dict.set_item("mass_estimate_kg", estimate.mass_kg)?;
+    dict.set_item("heat_scale", estimate.heat_scale)?;
+    dict.set_item("sensor_lag_s", estimate.sensor_lag_s)?;
+    dict.set_item("duty_in", share(command.inlet))?;
+    dict.set_item("duty_out", share(command.outlet))?;
+    dict.set_item("set_point", kind_and_values(telemetry.set_point).1)?;
+    dict.set_item("mode", mode_name(telemetry.mode))?;
+    dict.set_item("limited", telemetry.limited)?;
+    dict.set_item("faults", fault_names(telemetry.faults))?;
+    dict.set_item("code_pressure", sample.pressure.0)?;
+    dict.set_item("code_gas", sample.gas.0)?;
+    dict.set_item("code_length", sample.length.0)?;
+    dict.set_item("emergency_stop", sample.emergency_stop)?;
+    Ok(dict)
+}

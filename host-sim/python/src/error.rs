@@ -1,0 +1,66 @@
+//! Exceptions, with the command's own texts.
+
+use host_sim::board;
+use host_sim::commands::identify::IdentifyError;
+use host_sim::files::input::InputError;
+use host_sim::simulation::run;
+use model_core::SetPointError;
+use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
+use pyo3::{PyErr, create_exception};
+
+create_exception!(
+    thermyo,
+    ScenarioError,
+    PyValueError,
+    "A scenario or a table of data cannot be used: file, line, key, what is there and what is allowed."
+);
+create_exception!(
+    thermyo,
+    ScenarioWarning,
+    PyUserWarning,
+    "A scenario is valid and makes no sense."
+);
+create_exception!(thermyo, RunError, PyRuntimeError, "A run that had begun could not go on.");
+create_exception!(
+    thermyo,
+    BoardError,
+    PyRuntimeError,
+    "A board cannot be used, or refuses what it is asked."
+);
+
+pub fn input(error: InputError) -> PyErr {
+    ScenarioError::new_err(error.to_string())
+}
+
+pub fn run(error: run::RunError) -> PyErr {
+    match error {
+        // Said before the first step: it is the scenario's.
+        run::RunError::Build(_) | run::RunError::Config(_) => {
+            ScenarioError::new_err(error.to_string())
+        }
+        _ => RunError::new_err(error.to_string()),
+    }
+}
+
+pub fn identify(error: IdentifyError) -> PyErr {
+    match error {
+        IdentifyError::Diverged(_) => RunError::new_err(error.to_string()),
+        _ => ScenarioError::new_err(error.to_string()),
+    }
+}
+
+pub fn board(error: board::BoardError) -> PyErr {
+    BoardError::new_err(error.to_string())
+}
+
+/// The board has not answered.
+pub fn silent(asked: &'static str) -> PyErr {
+    board(board::BoardError::Silent { asked })
+}
+
+pub fn set_point(error: SetPointError) -> PyErr {
+    match error {
+        SetPointError::Range { .. } => PyValueError::new_err(error.to_string()),
+        _ => BoardError::new_err(error.to_string()),
+    }
+}

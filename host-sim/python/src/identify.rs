@@ -1,0 +1,51 @@
+//! `identify`, from a file or from columns.
+
+use crate::error;
+use crate::run::{plain, to_csv};
+use crate::scenario;
+use host_sim::commands::identify::identify_table;
+use host_sim::files::table::{Table, read_record};
+use pyo3::exceptions::PyUserWarning;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::ffi::CString;
+use std::path::{Path, PathBuf};
+
+/// Finds the parameters that make the plant follow recorded data, or the muscle behind a static map: what
+/// `summary.json` says, and under "scenario" the scenario with them, as TOML.
+#[pyfunction]
+#[pyo3(signature = (data, scenario, against = None))]
+pub fn identify<'py>(
+    py: Python<'py>,
+    data: &Bound<'py, PyAny>,
+    scenario: &Bound<'py, PyAny>,
+    against: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let loaded = scenario::load(scenario, None)?;
+    let config = scenario::name(scenario);
+    let (table, file) = table(data, "data")?;
+    let against = against.map(|other| self::table(other, "against")).transpose()?;
+    let against = against.as_ref().map(|(table, _)| table);
+    let found = py
+        .detach(|| identify_table(&loaded, &config, &table, &file, against))
+        .map_err(error::identify)?;
+    let findings = plain(py, &found.findings())?;
+    findings.set_item("scenario", host_sim::scenario::render(found.scenario()))?;
+    Ok(findings)
+}
+
+/// A table, and what messages call it.
+fn table(given: &Bound<'_, PyAny>, name: &str) -> PyResult<(Table, PathBuf)> {
+    if let Ok(columns) = given.cast::<PyDict>() {
+        let name = Path::new(name);
+        let table = Table::parse(&to_csv(columns)?, name).map_err(error::input)?;
+        return Ok((table, name.to_path_buf()));
+    }
+    let path: PathBuf = given.extract()?;
+    let table = read_record(&path).map_err(error::input)?;
+    if let Some(damage) = table.damage() {
+        let text = CString::new(damage.to_string())?;
+        PyErr::warn(given.py(), &given.py().get_type::<PyUserWarning>(), &text, 1)?;
+    }
+    Ok((table, path))
+}

@@ -1,0 +1,41 @@
+//! The Python package `thermyo`: runs, the plant and the core step by step, identification, boards.
+//!
+//! What Python sees is said in `thermyo.pyi`; here is how it gets there. Whatever takes long lets go of the
+//! interpreter's lock.
+
+mod board;
+mod core;
+mod error;
+mod identify;
+mod muscle;
+mod run;
+mod scenario;
+mod set_point;
+
+use pyo3::prelude::*;
+
+/// Thermodynamics of a pneumatic muscle: simulate it, estimate its gas temperature, drive it.
+#[pymodule]
+mod thermyo {
+    #[pymodule_export]
+    use super::board::{Board, Stream};
+    #[pymodule_export]
+    use super::core::{Core, Output};
+    #[pymodule_export]
+    use super::error::{BoardError, RunError, ScenarioError, ScenarioWarning};
+    #[pymodule_export]
+    use super::identify::identify;
+    #[pymodule_export]
+    use super::muscle::{Muscle, Readings};
+    #[pymodule_export]
+    use super::run::{run, to_csv};
+    #[pymodule_export]
+    use super::scenario::check;
+
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,204 @@
+//! The plant, a step at a time.
+
+use crate::error::{self, RunError};
+use crate::run::plain;
+use crate::scenario;
+use host_sim::plant::{Actuation, Truth, chamber};
+use host_sim::scenario::core_config::core_config;
+use host_sim::simulation::rig::{MeanFlows, Reader, Rig};
+use host_sim::simulation::run;
+use model_core::Sample;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// A muscle, or vessel, whose valves somebody else drives.
+#[pyclass(frozen, module = "thermyo")]
+pub struct Muscle {
+    moving: Mutex<Moving>,
+    step_s: f64,
+    rest_length_m: Option<f64>,
+}
+
+struct Moving {
+    rig: Rig,
+    flows: MeanFlows,
+    reader: Reader,
+    readings: Readings,
+}
+
+impl Moving {
+    /// What there is to be read now. It draws the sensors' noise: once per step.
+    fn read(&mut self) -> Readings {
+        let sample = self.rig.sample();
+        let mut truth = self.rig.truth();
+        let elapsed_s = self.flows.elapsed_s(&self.rig);
+        (truth.flow_in_kg_s, truth.flow_out_kg_s) = self.flows.since(&self.rig, elapsed_s);
+        let (measured_pressure_pa, measured_length_m) = self.reader.read(&sample);
+        self.readings = Readings {
+            sample,
+            truth,
+            sensor_gas_k: self.rig.gas_reading_k(),
+            sensor_wall_k: self.rig.wall_reading_k(),
+            measured_pressure_pa,
+            measured_length_m,
+        };
+        self.readings
+    }
+}
+
+impl Muscle {
+    fn moving(&self) -> MutexGuard<'_, Moving> {
+        self.moving.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[pymethods]
+impl Muscle {
+    #[new]
+    #[pyo3(signature = (scenario, seed = None))]
+    fn new(scenario: &Bound<'_, PyAny>, seed: Option<u64>) -> PyResult<Self> {
+        let loaded = scenario::load(scenario, seed)?;
+        let rig = Rig::new(&loaded).map_err(|build| error::run(run::RunError::Build(build)))?;
+        let mut moving = Moving {
+            flows: MeanFlows::new(&rig),
+            rig,
+            reader: Reader::new(&core_config(&loaded.believed)),
+            readings: Readings::default(),
+        };
+        moving.read();
+        let rest_length_m = chamber::of(&loaded.plant).map(|chamber| chamber.rest_length());
+        let step_s = loaded.plant.run.step_s;
+        Ok(Self { moving: Mutex::new(moving), step_s, rest_length_m })
+    }
+
+    /// Drives the valves for one step, each with the share of time for which it is open.
+    fn step(&self, inlet: f64, outlet: f64) -> PyResult<Readings> {
+        for (name, share) in [("inlet", inlet), ("outlet", outlet)] {
+            if !(0.0..=1.0).contains(&share) {
+                let text = format!("{name} = {share}: must be from 0 to 1");
+                return Err(PyValueError::new_err(text));
+            }
+        }
+        let mut moving = self.moving();
+        moving
+            .rig
+            .advance(Actuation { inlet, outlet })
+            .map_err(|diverged| RunError::new_err(diverged.to_string()))?;
+        Ok(moving.read())
+    }
+
+    /// What was read last.
+    #[getter]
+    fn readings(&self) -> Readings {
+        self.moving().readings
+    }
+
+    /// Length of a step [s].
+    #[getter]
+    fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
+    /// Length at rest [m]; None of a vessel.
+    #[getter]
+    fn rest_length_m(&self) -> Option<f64> {
+        self.rest_length_m
+    }
+
+    /// The books of mass and energy since the start.
+    fn ledger<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        plain(py, &self.moving().rig.ledger())
+    }
+}
+
+/// What the sensors give, and beside it the truth, by the names of trace.csv.
+#[pyclass(frozen, from_py_object, module = "thermyo")]
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Readings {
+    pub sample: Sample,
+    truth: Truth,
+    #[pyo3(get)]
+    sensor_gas_k: f64,
+    #[pyo3(get)]
+    sensor_wall_k: f64,
+    #[pyo3(get)]
+    measured_pressure_pa: f32,
+    #[pyo3(get)]
+    measured_length_m: f32,
+}
+
+#[pymethods]
+impl Readings {
+    #[getter]
+    fn time_s(&self) -> f64 {
+        self.truth.time_s
+    }
+
+    #[getter]
+    fn pressure_pa(&self) -> f64 {
+        self.truth.pressure_pa
+    }
+
+    #[getter]
+    fn volume_m3(&self) -> f64 {
+        self.truth.volume_m3
+    }
+
+    #[getter]
+    fn length_m(&self) -> f64 {
+        self.truth.length_m
+    }
+
+    #[getter]
+    fn mass_kg(&self) -> f64 {
+        self.truth.mass_kg
+    }
+
+    #[getter]
+    fn flow_in_kg_s(&self) -> f64 {
+        self.truth.flow_in_kg_s
+    }
+
+    #[getter]
+    fn flow_out_kg_s(&self) -> f64 {
+        self.truth.flow_out_kg_s
+    }
+
+    #[getter]
+    fn gas_temperature_k(&self) -> f64 {
+        self.truth.gas_temperature_k
+    }
+
+    #[getter]
+    fn wall_temperature_k(&self) -> f64 {
+        self.truth.wall_temperature_k
+    }
+
+    #[getter]
+    fn code_pressure(&self) -> u16 {
+        self.sample.pressure.0
+    }
+
+    #[getter]
+    fn code_gas(&self) -> u16 {
+        self.sample.gas.0
+    }
+
+    #[getter]
+    fn code_length(&self) -> u16 {
+        self.sample.length.0
+    }
+
+    #[getter]
+    fn emergency_stop(&self) -> bool {
+        self.sample.emergency_stop
+    }
+
+    fn __repr__(&self) -> String {
+        let Truth { time_s, pressure_pa, length_m, gas_temperature_k, .. } = self.truth;
+        format!(
+            "<Readings at {time_s:.3} s: {pressure_pa:.0} Pa, {length_m:.4} m, gas {gas_temperature_k:.2} K>"
+        )
+    }
+}

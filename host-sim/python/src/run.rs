@@ -1,0 +1,95 @@
+//! Whole runs, and tables of their columns.
+
+use crate::error;
+use crate::scenario;
+use host_sim::board::CoreBoard;
+use host_sim::files::trace::{COLUMNS, Row, cells_text};
+use host_sim::simulation::run as simulation;
+use numpy::{AllowTypeChange, IntoPyArray, PyArrayLike1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde::Serialize;
+use std::io;
+use std::time::{Duration, Instant};
+
+/// Key of the summary beside the columns.
+pub const SUMMARY: &str = "summary";
+/// Time between two looks whether Ctrl-C was pressed.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Runs a scenario: the columns of trace.csv as numpy arrays, and the summary under "summary".
+#[pyfunction]
+#[pyo3(signature = (scenario, seed = None))]
+pub fn run<'py>(
+    py: Python<'py>,
+    scenario: &Bound<'py, PyAny>,
+    seed: Option<u64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let loaded = scenario::load(scenario, seed)?;
+    let run = &loaded.plant.run;
+    let rows = (run.duration_s / run.step_s / run.log_every as f64) as usize + 2;
+    let mut columns: [Vec<f64>; COLUMNS.len()] = std::array::from_fn(|_| Vec::with_capacity(rows));
+    let mut interrupted = None;
+    let mut looked = Instant::now();
+    let mut observer = |row: &Row| {
+        for (column, cell) in columns.iter_mut().zip(row.cells()) {
+            column.push(cell);
+        }
+        if looked.elapsed() > LOOK {
+            looked = Instant::now();
+            interrupted = Python::attach(|py| py.check_signals()).err();
+        }
+        if interrupted.is_some() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
+    };
+    let result =
+        py.detach(|| simulation::run(&loaded, &mut CoreBoard::default(), None, &mut observer));
+    if let Some(interrupted) = interrupted {
+        return Err(interrupted);
+    }
+    let summary = result.map_err(error::run)?;
+    let table = PyDict::new(py);
+    for (name, column) in COLUMNS.iter().zip(columns) {
+        table.set_item(name, column.into_pyarray(py))?;
+    }
+    table.set_item(SUMMARY, plain(py, &summary)?)?;
+    Ok(table)
+}
+
+/// Columns as the text of a CSV file: of a run, the bytes of its trace.csv. A summary is left out.
+#[pyfunction]
+#[pyo3(signature = (columns))]
+pub fn to_csv(columns: &Bound<'_, PyDict>) -> PyResult<String> {
+    let mut names = Vec::new();
+    let mut table = Vec::new();
+    for (name, column) in columns.iter() {
+        let name: String = name.extract()?;
+        if name == SUMMARY {
+            continue;
+        }
+        let column: PyArrayLike1<'_, f64, AllowTypeChange> = column.extract()?;
+        table.push(column.as_array().to_vec());
+        names.push(name);
+    }
+    let rows = table.first().map_or(0, Vec::len);
+    if let Some(other) = table.iter().position(|column| column.len() != rows) {
+        return Err(PyValueError::new_err(format!(
+            "column {} has {} rows and column {} has {rows}: must be as many",
+            names[other],
+            table[other].len(),
+            names[0]
+        )));
+    }
+    let mut text = names.join(",") + "\n";
+    for row in 0..rows {
+        text += &cells_text(table.iter().map(|column| column[row]));
+        text.push('\n');
+    }
+    Ok(text)
+}
+
+/// Figures as Python's own dicts, lists and numbers.
+pub fn plain<'py>(py: Python<'py>, figures: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(figures).expect("figures are plain data");
+    py.import("json")?.call_method1("loads", (text,))
+}

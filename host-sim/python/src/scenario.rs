@@ -1,0 +1,124 @@
+//! A scenario as Python has it: a file, its text, or a dict.
+
+use crate::error::{self, ScenarioError, ScenarioWarning};
+use host_sim::files::input::{InputError, read_text};
+use host_sim::scenario::{self, Document, Loaded};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyString, PyTuple};
+use std::ffi::CString;
+use std::path::{Path, PathBuf};
+use toml::{Table, Value};
+
+/// What messages call a scenario that is no file.
+const NAME: &str = "scenario";
+/// A text that ends like this names a file.
+const SUFFIX: &str = ".toml";
+
+/// The scenario with every default filled in and its meaning, as TOML: what `thermyo check` prints.
+#[pyfunction]
+#[pyo3(signature = (scenario))]
+pub fn check(scenario: &Bound<'_, PyAny>) -> PyResult<String> {
+    Ok(scenario::render(&load(scenario, None)?))
+}
+
+/// Loads and checks it, and warns of what makes no sense.
+pub fn load(given: &Bound<'_, PyAny>, seed: Option<u64>) -> PyResult<Loaded> {
+    let py = given.py();
+    let (mut document, from_dict) = match given.cast::<PyDict>() {
+        Ok(dict) => {
+            let text = table("", dict)?.to_string();
+            (parse(&text, Path::new(NAME), true)?, true)
+        }
+        Err(_) => (of_text_or_file(given)?, false),
+    };
+    if let Some(seed) = seed {
+        document
+            .set("run.seed", seed as f64)
+            .map_err(|problem| error::input(InputError::file(&document.origin, problem)))?;
+    }
+    let without_line = |error| placed(error, &document.origin, from_dict);
+    let loaded = scenario::assemble(&document).map_err(|e| error::input(without_line(e)))?;
+    for warning in scenario::warnings(&document, &loaded) {
+        let text = CString::new(without_line(warning).to_string())?;
+        PyErr::warn(py, &py.get_type::<ScenarioWarning>(), &text, 2)?;
+    }
+    Ok(loaded)
+}
+
+/// The path that a scenario was read from, or what messages call it.
+pub fn name(given: &Bound<'_, PyAny>) -> PathBuf {
+    file(given).unwrap_or_else(|| PathBuf::from(NAME))
+}
+
+fn file(given: &Bound<'_, PyAny>) -> Option<PathBuf> {
+    let path: PathBuf = given.extract().ok()?;
+    let is_text = given.is_instance_of::<PyString>();
+    (!is_text || path.to_string_lossy().ends_with(SUFFIX)).then_some(path)
+}
+
+fn of_text_or_file(given: &Bound<'_, PyAny>) -> PyResult<Document> {
+    if let Some(path) = file(given) {
+        return parse(&read_text(&path).map_err(error::input)?, &path, false);
+    }
+    match given.cast::<PyString>() {
+        Ok(text) => parse(&text.to_cow()?, Path::new(NAME), false),
+        Err(_) => {
+            let kind = given.get_type().name()?;
+            let allowed = "a path, a text that ends with .toml, the TOML itself or a dict";
+            Err(ScenarioError::new_err(format!("a {kind} is no scenario: must be {allowed}")))
+        }
+    }
+}
+
+fn parse(text: &str, origin: &Path, from_dict: bool) -> PyResult<Document> {
+    Document::parse(text, origin).map_err(|e| error::input(placed(e, origin, from_dict)))
+}
+
+/// Lines of a text that was made from a dict tell nobody anything.
+fn placed(mut error: InputError, origin: &Path, from_dict: bool) -> InputError {
+    if from_dict && error.file == origin {
+        error.line = None;
+    }
+    error
+}
+
+fn table(path: &str, dict: &Bound<'_, PyDict>) -> PyResult<Table> {
+    dict.iter()
+        .map(|(key, item)| {
+            let key: String = key.extract().map_err(|_| refused(path, &key))?;
+            let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+            Ok((key, value(&path, &item)?))
+        })
+        .collect()
+}
+
+fn value(path: &str, item: &Bound<'_, PyAny>) -> PyResult<Value> {
+    if let Ok(dict) = item.cast::<PyDict>() {
+        return table(path, dict).map(Value::Table);
+    }
+    if item.is_instance_of::<PyList>() || item.is_instance_of::<PyTuple>() {
+        let items = item.try_iter()?.map(|item| value(path, &item?));
+        return items.collect::<PyResult<_>>().map(Value::Array);
+    }
+    if let Ok(flag) = item.extract() {
+        return Ok(Value::Boolean(flag));
+    }
+    if let Ok(whole) = item.extract() {
+        return Ok(Value::Integer(whole));
+    }
+    if let Ok(number) = item.extract() {
+        return Ok(Value::Float(number));
+    }
+    // A text, or a path.
+    item.extract::<PathBuf>()
+        .ok()
+        .and_then(|text| text.into_os_string().into_string().ok())
+        .map(Value::String)
+        .ok_or_else(|| refused(path, item))
+}
+
+fn refused(path: &str, item: &Bound<'_, PyAny>) -> PyErr {
+    let written = item.repr().map_or_else(|_| String::new(), |text| text.to_string());
+    let allowed = "a number, a text, a bool, a list of texts, a path or a dict with texts as keys";
+    ScenarioError::new_err(format!("{NAME}: {path} = {written}: must be {allowed}"))
+}

@@ -1,0 +1,38 @@
+"""The emulated board: the real firmware, with a simulated muscle at its pins."""
+
+import os
+
+import pytest
+import thermyo
+
+SCENARIO = {"plant": {"model": "lumped"}, "load": {"force_n": 60.0}}
+
+
+@pytest.mark.skipif("THERMYO_SKIP_EMULATOR" in os.environ, reason="THERMYO_SKIP_EMULATOR is set")
+def test_a_board_is_armed_set_streamed_and_vents_at_the_end():
+    with thermyo.Board("emulated", SCENARIO) as board:
+        board.configure(SCENARIO)
+        assert board.info()["version"]["chip"] == "Rp2040"
+        with pytest.raises(thermyo.BoardError, match="not armed"):
+            board.set(pressure_pa=1.5e5)
+        board.arm()
+        with pytest.raises(thermyo.BoardError, match="pressure_pa = "):
+            board.set(pressure_pa=9e9)
+        board.set(pressure_pa=1.5e5)
+        stream = list(board.stream(duration_s=3.0))
+        times = [telemetry["time_s"] for telemetry in stream]
+        assert times == sorted(times) and 2.9 < times[-1] <= 3.0 and len(times) > 250
+        assert abs(stream[-1]["measured_pressure_pa"] - 1.5e5) < 2e3
+        assert stream[-1]["mode"].startswith("pressure") and stream[-1]["faults"] == []
+    with pytest.raises(thermyo.BoardError, match="^the board is closed$"):
+        board.read()
+    with thermyo.Board("emulated") as board:
+        after = board.read()
+    assert after["mode"] == "vent" and after["measured_pressure_pa"] < 1.48e5
+
+
+def test_a_port_that_is_none_is_said():
+    with pytest.raises(thermyo.BoardError, match="^/dev/none: "):
+        thermyo.Board("/dev/none")
+    with pytest.raises(ValueError, match="another board has its own"):
+        thermyo.Board("/dev/none", SCENARIO)

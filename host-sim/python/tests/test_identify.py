@@ -1,0 +1,39 @@
+"""Identification: what the command finds, from a file or from columns."""
+
+import json
+
+import pytest
+import thermyo
+
+TRUE = {"run": {"duration_s": 10.0}, "plant": {"model": "lumped"}}
+GUESS = {**TRUE, "heat": {"inner_w_m2_k": 60.0}, "identify": {"parameters": ["heat.inner_w_m2_k"]}}
+
+
+@pytest.fixture(scope="module")
+def measured():
+    run = thermyo.run(TRUE)
+    wanted = ("time_s", "sensor_gas_k", "pressure_pa", "length_m", "duty_in", "duty_out")
+    return {name: run[name] for name in wanted}
+
+
+def test_it_finds_what_the_command_finds(measured, command, tmp_path):
+    (tmp_path / "data.csv").write_text(thermyo.to_csv(measured))
+    (tmp_path / "guess.toml").write_text(thermyo.check(GUESS))
+    arguments = (tmp_path / "data.csv", "--config", tmp_path / "guess.toml", "--json", "--quiet")
+    said = json.loads(command("identify", *arguments, "--out", tmp_path / "out").stdout)
+    found = thermyo.identify(measured, GUESS)
+    scenario = found.pop("scenario")
+    assert found == said
+    assert scenario == (tmp_path / "out" / "identified.toml").read_text()
+    found = thermyo.identify(tmp_path / "data.csv", tmp_path / "guess.toml")
+    assert found["parameters"] == said["parameters"]
+    thermyo.Core(scenario)
+
+
+def test_data_with_a_mistake_are_refused(measured):
+    with pytest.raises(thermyo.ScenarioError, match="^data: unknown column colour"):
+        thermyo.identify({**measured, "colour": measured["time_s"]}, GUESS)
+    with pytest.raises(thermyo.ScenarioError, match="identify.parameters is missing"):
+        thermyo.identify(measured, TRUE)
+    with pytest.raises(thermyo.ScenarioError, match="^data: is no static map"):
+        thermyo.identify(measured, GUESS, against=measured)

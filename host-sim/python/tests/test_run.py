@@ -1,0 +1,83 @@
+"""Whole runs: the same bytes as the command's."""
+
+import ast
+import json
+import pathlib
+import threading
+import time
+
+import numpy
+import pytest
+import thermyo
+
+
+@pytest.mark.parametrize("name", ["nominal", "contraction", "reproduce", "bellows"])
+def test_a_run_gives_the_bytes_of_the_command(name, scenarios, command, tmp_path):
+    scenario = scenarios / f"{name}.toml"
+    assert command("run", scenario, "--quiet", "--out", tmp_path).returncode == 0
+    run = thermyo.run(scenario)
+    assert thermyo.to_csv(run) == (tmp_path / "trace.csv").read_text()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert run["summary"].keys() == summary.keys()
+    assert run["summary"]["ledger"] == summary["ledger"]
+
+
+def test_columns_are_arrays_of_float(scenarios):
+    run = thermyo.run(scenarios / "nominal.toml")
+    columns = {name: column for name, column in run.items() if name != "summary"}
+    assert len(columns) == 37
+    for name, column in columns.items():
+        assert column.dtype == numpy.float64 and column.shape == run["time_s"].shape, name
+    assert run["time_s"][0] == 0.0 and run["time_s"][-1] == 100.0
+
+
+def test_a_seed_takes_the_place_of_the_scenarios():
+    scenario = {"run": {"duration_s": 0.1}}
+    default, other, again = (thermyo.run(scenario, seed=seed) for seed in (None, 7, 7))
+    in_scenario = thermyo.run({"run": {"duration_s": 0.1, "seed": 7}})
+    assert thermyo.to_csv(other) == thermyo.to_csv(again) == thermyo.to_csv(in_scenario)
+    assert thermyo.to_csv(other) != thermyo.to_csv(default)
+
+
+def test_it_replays_from_what_python_writes(command, tmp_path):
+    scenario = {"run": {"duration_s": 2.0, "log_every": 1}}
+    (tmp_path / "trace.csv").write_text(thermyo.to_csv(thermyo.run(scenario)))
+    (tmp_path / "scenario.toml").write_text(thermyo.check(scenario))
+    replay = command("replay", tmp_path / "trace.csv", "--quiet", "--json", "--out", tmp_path / "replay")
+    assert replay.returncode == 0, replay.stderr
+    said = json.loads(replay.stdout)
+    assert (said["steps"], said["mismatches"]) == (2001, 0)
+
+
+def test_the_lock_is_let_go_of():
+    """Another thread counts while a run goes on."""
+    counted, stop = [0], threading.Event()
+
+    def count():
+        while not stop.is_set():
+            counted[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    thermyo.run({"run": {"duration_s": 20.0}})
+    stop.set()
+    thread.join()
+    assert counted[0] > 20
+
+
+def test_unequal_columns_are_no_table():
+    with pytest.raises(ValueError, match="column b has 3 rows and column a has 2: must be as many"):
+        thermyo.to_csv({"a": [1.0, 2.0], "b": [1.0, 2.0, 3.0]})
+    assert thermyo.to_csv({"a": [1, 2], "b": [0.5, float("nan")]}) == "a,b\n1,0.5\n2,\n"
+
+
+def test_every_public_name_has_its_stub():
+    text = pathlib.Path(thermyo.__file__).with_name("__init__.pyi").read_text()
+    body = ast.parse(text).body
+    stubs = {node.name: node for node in body if isinstance(node, (ast.ClassDef, ast.FunctionDef))}
+    assert stubs.keys() == {name for name in dir(thermyo) if not name.startswith("_")} - {"thermyo"}
+    for name in ("Board", "Core", "Muscle", "Output", "Readings", "Stream"):
+        stated = {item.name for item in stubs[name].body if isinstance(item, ast.FunctionDef)}
+        there = {member for member in dir(getattr(thermyo, name)) if not member.startswith("_")}
+        assert there == {member for member in stated if not member.startswith("_")}, name

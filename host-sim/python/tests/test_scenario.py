@@ -1,0 +1,108 @@
+"""What is wrong with a scenario is said in the command's own words."""
+
+import pathlib
+import warnings
+
+import numpy
+import pytest
+import thermyo
+
+WRONG = [
+    {"run": {"durations": 3}},
+    {"run": {"colour": 3}},
+    {"runs": {"duration_s": 1}},
+    {"run": 3},
+    {"muscle": {"zones": -3}},
+    {"muscle": {"zones": 2.5}},
+    {"heat": {"model": "warm"}},
+    {"drive": {"kind": "pressure", "pressure_pa": -1.0}},
+    {"plant": {"kind": "table"}},
+    {"believed": {"run": {"seed": 3}}},
+    {"faults": {"leak": {"from_s": 5.0, "to_s": 2.0}}},
+]
+
+
+def toml(table, path=""):
+    """Just enough of TOML for the scenarios above."""
+    lines, tables = [], []
+    for key, value in table.items():
+        if isinstance(value, dict):
+            tables.append((f"{path}{key}", value))
+        else:
+            written = f'"{value}"' if isinstance(value, str) else repr(value)
+            lines.append(f"{key} = {written}")
+    head = [f"[{path[:-1]}]"] if path else []
+    return "\n".join(head + lines + [toml(value, f"{name}.") for name, value in tables])
+
+
+@pytest.mark.parametrize("scenario", WRONG, ids=str)
+def test_a_wrong_dict_raises_what_the_command_says(scenario, command, tmp_path):
+    (tmp_path / "scenario").write_text(toml(scenario) + "\n")
+    said = command("check", "scenario", cwd=tmp_path)
+    assert said.returncode == 2, said
+    with pytest.raises(thermyo.ScenarioError) as raised:
+        thermyo.check(scenario)
+    # The command says the line too, and a dict has none.
+    place, message = said.stderr.strip().removeprefix("thermyo: ").split(": ", 1)
+    assert place.split(":")[0] == "scenario"
+    assert str(raised.value) == f"scenario: {message}"
+    assert isinstance(raised.value, ValueError)
+
+
+@pytest.mark.parametrize("scenario", WRONG, ids=str)
+def test_everything_that_takes_a_scenario_refuses_it(scenario):
+    for use in (thermyo.run, thermyo.Muscle, thermyo.Core):
+        with pytest.raises(thermyo.ScenarioError):
+            use(scenario)
+
+
+def test_a_file_a_text_and_a_dict_are_the_same_scenario(tmp_path):
+    text = "[run]\nduration_s = 0.2\n[muscle]\nzones = 4\n"
+    (tmp_path / "a.toml").write_text(text)
+    as_dict = {"run": {"duration_s": numpy.float64(0.2)}, "muscle": {"zones": numpy.int32(4)}}
+    forms = (text, tmp_path / "a.toml", str(tmp_path / "a.toml"), as_dict)
+    assert len({thermyo.check(scenario) for scenario in forms}) == 1
+    assert thermyo.check("") == thermyo.check({})
+
+
+def test_a_text_with_a_mistake_has_its_line():
+    with pytest.raises(thermyo.ScenarioError, match="^scenario:2: unknown key run.durations; did you"):
+        thermyo.check("[run]\ndurations = 1\n")
+
+
+def test_a_file_that_is_not_there_is_said():
+    with pytest.raises(thermyo.ScenarioError, match="^nowhere.toml: no such file$"):
+        thermyo.run("nowhere.toml")
+
+
+@pytest.mark.parametrize("value", [None, object(), {1: 2}, b"a\xff"], ids=repr)
+def test_what_no_scenario_holds_is_refused(value):
+    with pytest.raises(thermyo.ScenarioError, match="^scenario: run.duration_s|^scenario: run = "):
+        thermyo.check({"run": {"duration_s": value}})
+
+
+@pytest.mark.parametrize("seed", [-1, 2**70, 1.5])
+def test_a_seed_is_a_whole_number(seed):
+    with pytest.raises((OverflowError, TypeError)):
+        thermyo.run({}, seed=seed)
+
+
+def test_what_makes_no_sense_warns_and_runs(command, tmp_path):
+    scenario = {"run": {"duration_s": 0.01}, "supply": {"pressure_pa": 90e3}}
+    (tmp_path / "scenario").write_text(toml(scenario) + "\n")
+    said = command("check", "--quiet", "scenario", cwd=tmp_path).stderr.strip()
+    with pytest.warns(thermyo.ScenarioWarning) as warned:
+        thermyo.run(scenario)
+    assert str(warned[0].message).split(": ", 1)[1] in said
+
+
+def test_columns_beside_a_file_and_paths_in_a_dict(tmp_path):
+    (tmp_path / "profile.csv").write_text("time_s,value\n0,150e3\n1,200e3\n")
+    drive = {"kind": "pressure", "profile_csv": tmp_path / "profile.csv"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = thermyo.run({"run": {"duration_s": 1.0}, "drive": drive})
+    assert run["set_point"][-1] == 200e3
+    missing = pathlib.Path("missing.csv")
+    with pytest.raises(thermyo.ScenarioError, match="^scenario: drive.profile_csv: missing.csv: no such file"):
+        thermyo.check({"drive": {"kind": "pressure", "profile_csv": missing}})

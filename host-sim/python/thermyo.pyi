@@ -1,0 +1,238 @@
+"""Thermodynamics of a pneumatic muscle: simulate it, estimate its gas temperature, drive it.
+
+A scenario is a path, a text that ends with ".toml" (a path too), the TOML itself, or a dict of tables. What is
+wrong with it raises `ScenarioError` with the text that the command `thermyo` prints. Everything is SI; names end
+with their unit.
+"""
+
+from os import PathLike
+from types import TracebackType
+from typing import Any, Iterator, Mapping, Optional, Union
+
+import numpy
+import numpy.typing
+
+Scenario = Union[str, "PathLike[str]", Mapping[str, Any]]
+"""What is taken as a scenario; exists for type checkers only."""
+
+Columns = Mapping[str, numpy.typing.ArrayLike]
+"""Columns of a table by their names; exists for type checkers only."""
+
+__version__: str
+
+class ScenarioError(ValueError):
+    """A scenario or a table of data cannot be used: file, line, key, what is there and what is allowed."""
+
+class ScenarioWarning(UserWarning):
+    """A scenario is valid and makes no sense."""
+
+class RunError(RuntimeError):
+    """A run that had begun could not go on."""
+
+class BoardError(RuntimeError):
+    """A board cannot be used, or refuses what it is asked."""
+
+def run(scenario: Scenario, seed: Optional[int] = None) -> dict[str, Any]:
+    """Runs a scenario with the core in the loop.
+
+    Gives the columns of trace.csv as arrays of float64, one element per logged step (`[run] log_every`), and under
+    "summary" what summary.json says. `seed` takes the place of `[run] seed`.
+    """
+
+def check(scenario: Scenario) -> str:
+    """The scenario as TOML with every default filled in and its meaning: what `thermyo check` prints."""
+
+def to_csv(columns: Columns) -> str:
+    """Columns as the text of a CSV file: those of a run give the bytes of its trace.csv. NaN is an empty cell, and
+    "summary" is left out."""
+
+def identify(
+    data: Union[str, "PathLike[str]", Columns],
+    scenario: Scenario,
+    against: Union[str, "PathLike[str]", Columns, None] = None,
+) -> dict[str, Any]:
+    """Finds the parameters that `[identify]` names from recorded data, or a muscle from a static map.
+
+    Gives what summary.json of `thermyo identify` says, and under "scenario" the scenario with what was found, as
+    TOML. `against` is a static map that the fit has not seen.
+    """
+
+class Readings:
+    """What the sensors give after a step, and beside it the truth, by the names of trace.csv."""
+
+    @property
+    def time_s(self) -> float: ...
+    @property
+    def measured_pressure_pa(self) -> float:
+        """Absolute pressure as the core reads it [Pa]."""
+    @property
+    def measured_length_m(self) -> float:
+        """Length as the core reads it [m]."""
+    @property
+    def sensor_gas_k(self) -> float:
+        """Reading of the sensor in the gas, with its lag and noise [K]."""
+    @property
+    def sensor_wall_k(self) -> float:
+        """Reading of the sensor in the wall [K]."""
+    @property
+    def code_pressure(self) -> int: ...
+    @property
+    def code_gas(self) -> int: ...
+    @property
+    def code_length(self) -> int: ...
+    @property
+    def emergency_stop(self) -> bool: ...
+    @property
+    def pressure_pa(self) -> float:
+        """True absolute pressure [Pa]."""
+    @property
+    def volume_m3(self) -> float: ...
+    @property
+    def length_m(self) -> float: ...
+    @property
+    def mass_kg(self) -> float: ...
+    @property
+    def flow_in_kg_s(self) -> float:
+        """Mean over the last step [kg/s]."""
+    @property
+    def flow_out_kg_s(self) -> float:
+        """Mean over the last step [kg/s]."""
+    @property
+    def gas_temperature_k(self) -> float: ...
+    @property
+    def wall_temperature_k(self) -> float: ...
+
+class Muscle:
+    """The plant of a scenario with its sensors, a step at a time: a muscle or a vessel, at rest at time zero."""
+
+    def __init__(self, scenario: Scenario, seed: Optional[int] = None) -> None: ...
+    def step(self, inlet: float, outlet: float) -> Readings:
+        """Drives the valves for one step of `step_s`, each with the share of time for which it is open, 0 to 1."""
+    @property
+    def readings(self) -> Readings:
+        """What was read last; before the first step, at rest."""
+    @property
+    def step_s(self) -> float: ...
+    @property
+    def rest_length_m(self) -> Optional[float]:
+        """None of a vessel."""
+    def ledger(self) -> dict[str, float]:
+        """The books of mass and energy since the start, in kg and J."""
+
+class Output:
+    """What a step of the core gives, by the names of trace.csv."""
+
+    @property
+    def duties(self) -> tuple[float, float]:
+        """Shares of time for which inlet and outlet are open: `muscle.step(*output.duties)`."""
+    @property
+    def duty_in(self) -> float: ...
+    @property
+    def duty_out(self) -> float: ...
+    @property
+    def step(self) -> int: ...
+    @property
+    def measured_pressure_pa(self) -> float: ...
+    @property
+    def measured_length_m(self) -> float: ...
+    @property
+    def estimate_k(self) -> float:
+        """Estimated gas temperature [K]."""
+    @property
+    def estimate_sd_k(self) -> float:
+        """Its standard deviation [K]."""
+    @property
+    def estimate_valid(self) -> bool: ...
+    @property
+    def wall_estimate_k(self) -> float: ...
+    @property
+    def sensor_estimate_k(self) -> float: ...
+    @property
+    def mass_estimate_kg(self) -> float: ...
+    @property
+    def heat_scale(self) -> float: ...
+    @property
+    def sensor_lag_s(self) -> float: ...
+    @property
+    def mode(self) -> str: ...
+    @property
+    def limited(self) -> bool: ...
+    @property
+    def faults(self) -> list[str]: ...
+
+class Core:
+    """Model, estimator, controller and supervisor as on the board, told what the scenario believes. It is armed, and
+    begins with the set point that the scenario's drive begins with."""
+
+    def __init__(self, scenario: Scenario) -> None: ...
+    def step(self, readings: Readings) -> Output:
+        """One step. Before the first one it judges its sensors by the readings."""
+    def set(
+        self,
+        *,
+        pressure_pa: Optional[float] = None,
+        contraction: Optional[float] = None,
+        flow_kg_s: Optional[float] = None,
+        period_s: Optional[float] = None,
+        duty: Optional[tuple[float, float]] = None,
+    ) -> None:
+        """Changes what it is to do, from the next PWM period on: one of the keywords, a period only with a flow.
+
+        Raises `ValueError` for a value that is out of its range, `BoardError` while it vents or is not armed.
+        """
+    def arm(self, most_pa: Optional[float] = None) -> None:
+        """Takes set points again, up to this absolute pressure [Pa]."""
+    def stop(self) -> None:
+        """Vents, and takes no set point until it is armed."""
+    def clear(self) -> None:
+        """Forgets latched faults whose cause is gone; it vents until it is armed and given a set point."""
+    @property
+    def armed_pa(self) -> Optional[float]: ...
+
+class Stream(Iterator[dict[str, Any]]):
+    """Telemetry as it comes."""
+
+    def __iter__(self) -> Stream: ...
+    def __next__(self) -> dict[str, Any]: ...
+
+class Board:
+    """A flashed board at a serial port, or "emulated": the firmware on an emulated Pico with a muscle at its pins.
+
+    A context manager: at its end the board vents. Between two calls nobody tells the board that its host is there: it
+    vents after `[link] timeout_s` (0.5 s), unless its telemetry is streamed.
+    """
+
+    def __init__(self, port: str, scenario: Optional[Scenario] = None) -> None:
+        """`scenario` is the muscle of the emulated board, which is plugged in anew where one is given; without, the
+        one that is there already, or the nominal one."""
+    def info(self) -> dict[str, Any]: ...
+    def configure(self, scenario: Scenario) -> None:
+        """Tells it its muscle: the core's part of a scenario, as a whole. It vents and is not armed."""
+    def arm(self, most_pa: Optional[float] = None) -> None: ...
+    def set(
+        self,
+        *,
+        pressure_pa: Optional[float] = None,
+        contraction: Optional[float] = None,
+        flow_kg_s: Optional[float] = None,
+        period_s: Optional[float] = None,
+        duty: Optional[tuple[float, float]] = None,
+    ) -> None: ...
+    def stop(self) -> None:
+        """Vents; returns when the board says that it does."""
+    def clear(self) -> None:
+        """Forgets latched faults whose cause is gone; raises `BoardError` where one that vents is left."""
+    def read(self) -> dict[str, Any]:
+        """The telemetry of now, by the names of trace.csv."""
+    def stream(self, duration_s: Optional[float] = None, every: int = 10) -> Stream:
+        """Telemetry as it comes, one dict per `every` steps, with time_s since the first; for ever without a
+        duration."""
+    def close(self) -> None:
+        """Vents it where it is driven, and lets go of it."""
+    def __enter__(self) -> Board: ...
+    def __exit__(
+        self,
+        exception: Optional[type[BaseException]],
+        value: Optional[BaseException],
+        traceback: Optional[TracebackType],
+    ) -> None: ...
