@@ -15,14 +15,15 @@ fn documents() -> Vec<PathBuf> {
     let docs = fs::read_dir(repository().join("docs")).unwrap();
     let docs = docs.map(|entry| entry.unwrap().path());
     let pages = docs.filter(|path| path.extension().is_some_and(|extension| extension == "md"));
-    ["README.md", "firmware/README.md"]
-        .map(|name| repository().join(name))
+    ["", "firmware/", "model-core/", "host-sim/python/"]
+        .map(|folder| repository().join(folder).join("README.md"))
         .into_iter()
+        .chain([repository().join("CONTRIBUTING.md")])
         .chain(pages)
         .collect()
 }
 
-/// Names of all source files.
+/// Paths of all source files, each with a slash before it.
 fn sources() -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     let mut folders: Vec<PathBuf> = FOLDERS.iter().map(|name| repository().join(name)).collect();
@@ -35,7 +36,7 @@ fn sources() -> BTreeSet<String> {
             if entry.file_type().unwrap().is_dir() {
                 folders.push(entry.path());
             } else if name.ends_with(".rs") {
-                names.insert(name);
+                names.insert(format!("/{}", entry.path().display()));
             }
         }
     }
@@ -56,8 +57,10 @@ fn paths(text: &str) -> impl Iterator<Item = &str> {
         .map(|word| word.trim_end_matches('.'))
         .filter(|word| match word.split_once('/') {
             // "src" is a package's own; what a build makes is not in the repository.
-            Some((first, _)) => FOLDERS.contains(&first) || first == "src",
-            None => word.ends_with(".rs"),
+            Some((first, _)) if !word.ends_with(".rs") => {
+                FOLDERS.contains(&first) || first == "src"
+            }
+            _ => word.ends_with(".rs"),
         })
 }
 
@@ -66,7 +69,8 @@ fn missing(text: &str, folder: &Path, sources: &BTreeSet<String>) -> Vec<String>
     let linked = links(text).filter(|target| !folder.join(target).exists());
     let named = paths(text).filter(|path| {
         let below = |place: &Path| path.contains('/') && place.join(path).exists();
-        !(below(folder) || below(&repository()) || sources.contains(*path))
+        let source = || sources.iter().any(|source| source.ends_with(&format!("/{path}")));
+        !(below(folder) || below(&repository()) || (path.ends_with(".rs") && source()))
     });
     linked.chain(named).map(str::to_owned).collect()
 }
@@ -86,10 +90,11 @@ fn what_the_documents_name_is_there() {
 
 #[test]
 fn what_is_not_there_is_found() {
-    let text = "See `docs/gone.md`, scenarios/nominal.toml, `step.rs`, `gone.rs`, [a plot](gone.svg), \
+    let text = "See `docs/gone.md`, scenarios/nominal.toml, `step.rs`, `physics/gas.rs`, `gone.rs`, `physics/step.rs`, [a plot](gone.svg), \
                 [another](docs/control.md#tuning), [far](https://example.org/gone), out/run/gone.csv, \
                 `cargo run -- run scenarios/gone.toml`. It is in `model-core/src/`.";
-    let expected = ["gone.svg", "docs/gone.md", "gone.rs", "scenarios/gone.toml"];
+    let expected =
+        ["gone.svg", "docs/gone.md", "gone.rs", "physics/step.rs", "scenarios/gone.toml"];
     assert_eq!(missing(text, &repository(), &sources()), expected);
 }
 

@@ -236,6 +236,21 @@ fn keys_have_to_fit_each_other() {
              one step to 1e9 steps of run.step_s",
         ),
         (
+            "supply.pressure_pa = 3.1e6",
+            "scenario.toml:1: supply.pressure_pa = 3.1e6: must be a number from 1 to 3e6 Pa, above which no gas here \
+             is ideal any more",
+        ),
+        (
+            "[plant]\ninitial_pressure_pa = 1e7",
+            "scenario.toml:2: plant.initial_pressure_pa = 1e7: must be a number from 1 to 3e6 Pa, above which no gas \
+             here is ideal any more",
+        ),
+        (
+            "[faults]\nsupply_pressure_pa = 2e7",
+            "scenario.toml:2: faults.supply_pressure_pa = 2e7: must be a number from 1 to 3e6 Pa, above which no gas \
+             here is ideal any more",
+        ),
+        (
             "[drive]\nkind = \"pressure\"\npressure_pa = 800_000",
             "scenario.toml:3: drive.pressure_pa = 800_000: must be a number from 101325 to \
              689500 Pa, ambient.pressure_pa to supply.pressure_pa, and within sensor.pressure.range_pa",
