@@ -110,6 +110,8 @@ impl From<TuneError> for Failure {
 impl Failure {
     pub(super) fn exit_code(&self) -> u8 {
         match self {
+            Self::Board(BoardError::Interrupted)
+            | Self::Run(RunError::Board(BoardError::Interrupted)) => STOPPED,
             Self::Input(_)
             | Self::Sweep(_)
             | Self::Usage(_)

@@ -116,6 +116,14 @@ pub enum SetPointError {
 impl core::fmt::Display for SetPointError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
+            Self::Range { field: SetPointField::Contraction, value, minimum, maximum }
+                if minimum >= maximum =>
+            {
+                write!(
+                    f,
+                    "contraction = {value}: this chamber does not move, it takes pressures and flows"
+                )
+            }
             Self::Range { field, value, minimum, maximum } => {
                 write!(f, "{} = {value}: must be from {minimum} to {maximum}", field.key())
             }
@@ -288,7 +296,8 @@ mod tests {
             Config { load: held, ..Config::default() },
         ] {
             let contraction = SetPoint::Contraction { contraction: 0.1 };
-            assert!(target(&contraction, &config).is_err());
+            let error = target(&contraction, &config).unwrap_err();
+            assert!(error.to_string().contains("does not move"), "{error}");
         }
     }
 

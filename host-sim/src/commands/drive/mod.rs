@@ -76,8 +76,8 @@ pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
         if discriminant(&kinds[0]) != discriminant(&kinds[1]) {
             let problem = Problem::NotAllowed {
                 key: "plant.kind".to_owned(),
-                value: format!("{:?}", loaded.plant.plant.kind),
-                allowed: format!("what the board was told, {:?}", driven.plant.plant.kind),
+                value: format!("{:?}", loaded.plant.plant.kind.word()),
+                allowed: format!("what the board was told, {:?}", driven.plant.plant.kind.word()),
             };
             return Err(InputError::file(file, problem));
         }

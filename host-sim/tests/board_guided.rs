@@ -1,0 +1,280 @@
+//! What takes a user at a terminal, and what goes wrong there: calibration, tuning, the monitor's keys, a port that is
+//! taken, a disk that is full.
+#![cfg(unix)]
+
+use serialport::{SerialPort, TTYPort};
+use std::fs;
+use std::io::{Read, Write};
+use std::process::{Child, Output, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+mod board_support;
+use board_support::{Bench, skip_emulator};
+
+/// Until something holds, or it has not held for too long.
+fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !holds() {
+        assert!(began.elapsed() < Duration::from_secs(60), "{what}: not within a minute");
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn interrupt(child: &Child) {
+    let pid = child.id().to_string();
+    let sent = std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap();
+    assert!(sent.success());
+}
+
+fn message(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn told() -> Bench {
+    let bench = Bench::new();
+    bench.ok("thermyo board emulated config write scenarios/contraction.toml");
+    bench
+}
+
+/// What a calibration says, where these lines are typed.
+fn typed(bench: &Bench, line: &str, text: &str) -> Output {
+    let mut command = bench.command(line);
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
+    child.wait_with_output().unwrap()
+}
+
+#[test]
+fn a_sensor_is_calibrated_by_what_is_typed() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = told();
+    let calibrate = "thermyo board emulated calibrate pressure --hold 250000";
+    // Nothing is armed by the way.
+    let refused = typed(&bench, calibrate, "101325\n252500\n");
+    assert_eq!(refused.status.code(), Some(2), "{}", message(&refused));
+    assert!(message(&refused).contains("not armed"), "{}", message(&refused));
+    bench.ok("thermyo board emulated arm");
+    let word = typed(&bench, calibrate, "one bar\n");
+    assert_eq!(word.status.code(), Some(2), "{}", message(&word));
+    assert!(message(&word).contains("must be what the reference reads, in Pa"));
+    // A reference that has nothing to do with what the sensor reads.
+    bench.ok("thermyo board emulated arm");
+    let wrong = typed(&bench, calibrate, "101325\n400000\n");
+    assert_eq!((wrong.status.code(), message(&wrong).lines().count()), (Some(2), 1));
+    let before = bench.ok("thermyo board emulated info");
+    assert!(before.contains("vent"), "{before}");
+
+    // Its second point was held: it vents by now.
+    until("it has vented", || {
+        let info = bench.ok("thermyo board emulated info --json");
+        let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+        info["pressure_pa"].as_f64().unwrap() < 103_000.0
+    });
+    bench.ok("thermyo board emulated arm");
+    let done = typed(&bench, calibrate, "101325\n252500\n");
+    let text = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(done.status.success(), "{text}{}", message(&done));
+    assert!(text.contains("it holds 250.0 kPa") && text.contains("put right by"), "{text}");
+    // 1 % more than it reads, from now on: until the power goes, as it said.
+    assert!(text.contains("not saved"), "{text}");
+    let after = bench.ok("thermyo board emulated info");
+    assert!(after.contains("armed:         no") && after.contains("contraction, "), "{after}");
+    let checksum = |info: &str| {
+        let line = info.lines().find(|line| line.starts_with("configuration:")).unwrap().to_owned();
+        line.split(", ").nth(1).unwrap().to_owned()
+    };
+    assert_ne!(checksum(&before), checksum(&after));
+    let file = bench.path("calibrated.toml").display().to_string();
+    bench.ok(&format!("thermyo board emulated config read {file}"));
+    let scenario = fs::read_to_string(&file).unwrap();
+    assert!(scenario.contains("gain"), "{scenario}");
+}
+
+#[test]
+fn a_calibration_that_is_interrupted_vents() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = told();
+    let mut command = bench.command("thermyo board emulated calibrate gas");
+    let child = command
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    thread::sleep(Duration::from_secs(2));
+    interrupt(&child);
+    // Its input stays open: a user who presses Ctrl-C has not closed the terminal.
+    let mut child = child;
+    until("it ends", || child.try_wait().unwrap().is_some());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    assert!(bench.ok("thermyo board emulated info").contains("vent"));
+}
+
+#[test]
+fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = told();
+    let mut command = bench.command(
+        "thermyo tune scenarios/contraction.toml --board port:emulated --out out/tune --quiet",
+    );
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    thread::sleep(Duration::from_secs(4));
+    // It has the board: who else asks is told so.
+    let taken = bench.refused("thermyo board emulated info");
+    assert!(taken.contains("another program"), "{taken}");
+    interrupt(&child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    assert!(!bench.path("out/tune").exists(), "half a result is left");
+    let info = bench.ok("thermyo board emulated info");
+    assert!(info.contains("vent") && info.contains("configuration: tune, "), "{info}");
+}
+
+/// The whole experiment, in real time.
+#[test]
+#[ignore = "minutes in real time: cargo test -p host-sim --test board_guided -- --ignored --nocapture"]
+fn a_board_is_tuned_in_real_time() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = told();
+    let text = bench
+        .ok("thermyo tune scenarios/contraction.toml --board port:emulated --out out/tune --quiet");
+    println!("{text}");
+    bench.ok("thermyo check out/tune/tuned.toml");
+    bench.ok("thermyo board emulated config write out/tune/tuned.toml");
+}
+
+/// A command at a terminal of its own, which hears keys.
+struct AtTerminal {
+    child: Child,
+    keys: TTYPort,
+    /// Open for as long as its keys are pressed: without it the reads fail.
+    _held: TTYPort,
+}
+
+impl AtTerminal {
+    fn new(mut command: std::process::Command) -> Self {
+        let (mut keys, held) = TTYPort::pair().unwrap();
+        keys.set_timeout(Duration::from_millis(1)).unwrap();
+        let name = held.name().unwrap();
+        let terminal = fs::File::options().read(true).write(true).open(name).unwrap();
+        command.stdin(terminal.try_clone().unwrap()).stdout(terminal).stderr(Stdio::piped());
+        Self { child: command.spawn().unwrap(), keys, _held: held }
+    }
+
+    fn press(&mut self, keys: &str) {
+        self.keys.write_all(keys.as_bytes()).unwrap();
+    }
+
+    /// Takes what it draws, so that it can go on.
+    fn look(&mut self) {
+        let mut picture = [0; 65_536];
+        while self.keys.read(&mut picture).is_ok_and(|count| count > 0) {}
+    }
+}
+
+#[test]
+fn the_monitors_keys_arm_drive_and_vent() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = told();
+    let mut monitor = AtTerminal::new(bench.command("thermyo monitor emulated --out out/monitor"));
+    let unfinished = bench.path("out/monitor/unfinished-1/trace.csv");
+    let rows = |monitor: &mut AtTerminal, holds: &dyn Fn(&[Vec<String>]) -> bool, what: &str| {
+        until(what, || {
+            monitor.look();
+            holds(&recorded(&fs::read_to_string(&unfinished).unwrap_or_default()))
+        });
+    };
+    let set_point = |value: &'static str| {
+        move |rows: &[Vec<String>]| {
+            rows.last().is_some_and(|row| row.iter().any(|cell| cell == value))
+        }
+    };
+    rows(&mut monitor, &|rows| rows.len() > 20, "it records");
+    monitor.press("a");
+    thread::sleep(Duration::from_millis(300));
+    // 25 kPa up from ambient, in steps of 5 kPa, then 5 more.
+    monitor.press("\x1b[C");
+    rows(&mut monitor, &set_point("125000"), "right");
+    monitor.press("\x1b[A");
+    rows(&mut monitor, &set_point("130000"), "up");
+    monitor.press(" ");
+    rows(&mut monitor, &|rows| !set_point("130000")(rows), "space vents");
+    monitor.press("q");
+    until("it leaves", || {
+        monitor.look();
+        monitor.child.try_wait().unwrap().is_some()
+    });
+    assert!(monitor.child.wait().unwrap().success());
+    assert!(bench.path("out/monitor/trace.csv").is_file());
+    assert!(bench.path("out/monitor/scenario.toml").is_file());
+}
+
+fn recorded(trace: &str) -> Vec<Vec<String>> {
+    let rows = trace.lines().skip(1).filter(|_| trace.ends_with('\n'));
+    rows.map(|row| row.split(',').map(str::to_owned).collect()).collect()
+}
+
+/// A limit on the size of files stands for a disk that is full.
+#[test]
+fn a_disk_that_fills_up_while_it_drives_vents_and_is_told() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = told();
+    let mut command = std::process::Command::new("bash");
+    command
+        .arg("-c")
+        .arg(
+            "trap '' XFSZ; ulimit -f 100; exec \"$0\" board emulated drive scenarios/contraction.toml --arm --quiet \
+             --out \"$1\"",
+        )
+        .arg(env!("CARGO_BIN_EXE_thermyo"))
+        .arg(bench.path("out/drive"))
+        .env("TMPDIR", bench.path(""))
+        .current_dir(board_support::repository());
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", message(&output));
+    assert!(message(&output).contains("trace.csv"), "{}", message(&output));
+    assert_eq!(message(&output).trim().lines().count(), 1, "{}", message(&output));
+    let info = bench.ok("thermyo board emulated info");
+    assert!(info.contains("vent"), "{info}");
+}
+
+#[test]
+fn a_profile_for_another_chamber_is_refused() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = Bench::new();
+    fs::write(bench.path("vessel.toml"), "[plant]\nkind = \"vessel\"\n").unwrap();
+    let vessel = bench.path("vessel.toml").display().to_string();
+    bench.ok(&format!("thermyo board emulated config write {vessel}"));
+    let refused =
+        bench.refused("thermyo board emulated drive scenarios/contraction.toml --arm --quiet");
+    let told = "plant.kind = \"muscle\": must be what the board was told, \"vessel\"";
+    assert!(refused.contains(told), "{refused}");
+    let refused = bench.refused("thermyo board emulated set contraction 0.1 --arm");
+    assert!(refused.contains("this chamber does not move"), "{refused}");
+    assert!(bench.ok("thermyo board emulated info").contains("vent"));
+}
+
+#[test]
+fn ports_are_listed_as_json_too() {
+    let bench = Bench::new();
+    let list: serde_json::Value = serde_json::from_str(&bench.ok("thermyo ports --json")).unwrap();
+    assert!(list.is_array(), "{list}");
+    assert!(!bench.ok("thermyo ports").is_empty());
+}
