@@ -21,9 +21,9 @@ fn until(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-fn interrupt(child: &Child) {
+fn signal(child: &Child, signal: &str) {
     let pid = child.id().to_string();
-    let sent = std::process::Command::new("kill").args(["-INT", &pid]).status().unwrap();
+    let sent = std::process::Command::new("kill").args([signal, &pid]).status().unwrap();
     assert!(sent.success());
 }
 
@@ -94,6 +94,39 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     assert!(scenario.contains("gain"), "{scenario}");
 }
 
+/// A computer that does something else for a while, within the link's timeout.
+#[test]
+fn a_host_that_is_held_up_does_not_flood_its_board() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = told();
+    let rows = (0..=40).map(|i| {
+        let time_s = f64::from(i) * 0.1;
+        format!("{time_s},{}\n", 1.3e5 + 1.0e4 * (3.0 * time_s).sin())
+    });
+    let profile = bench.path("sine.csv");
+    fs::write(&profile, format!("time_s,pressure_pa\n{}", rows.collect::<String>())).unwrap();
+    let mut command = bench.command(&format!(
+        "thermyo board emulated drive {} --arm --quiet --json --out out/drive",
+        profile.display()
+    ));
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let trace = bench.path("out/drive/unfinished-1/trace.csv");
+    until("it drives", || recorded(&fs::read_to_string(&trace).unwrap_or_default()).len() > 500);
+    for _ in 0..3 {
+        signal(&child, "-STOP");
+        thread::sleep(Duration::from_millis(350));
+        signal(&child, "-CONT");
+        thread::sleep(Duration::from_millis(300));
+    }
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", message(&output));
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["core"]["faults"], 0, "{summary}");
+    assert!(summary["control"]["rms_error"].as_f64().unwrap() < 2.5e3, "{summary}");
+}
+
 #[test]
 fn a_calibration_that_is_interrupted_vents() {
     if skip_emulator() {
@@ -108,7 +141,7 @@ fn a_calibration_that_is_interrupted_vents() {
         .spawn()
         .unwrap();
     thread::sleep(Duration::from_secs(2));
-    interrupt(&child);
+    signal(&child, "-INT");
     // Its input stays open: a user who presses Ctrl-C has not closed the terminal.
     let mut child = child;
     until("it ends", || child.try_wait().unwrap().is_some());
@@ -131,7 +164,7 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     // It has the board: who else asks is told so.
     let taken = bench.refused("thermyo board emulated info");
     assert!(taken.contains("another program"), "{taken}");
-    interrupt(&child);
+    signal(&child, "-INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", message(&output));
     assert!(!bench.path("out/tune").exists(), "half a result is left");

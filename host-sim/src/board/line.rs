@@ -108,6 +108,11 @@ impl Line {
         Ok(())
     }
 
+    /// Whether telemetry has come that nobody has taken.
+    pub fn is_behind(&self) -> bool {
+        self.link.is_behind()
+    }
+
     /// The next telemetry that has come.
     pub fn take_telemetry(&mut self) -> Option<Telemetry> {
         self.link.take_telemetry()

@@ -55,6 +55,11 @@ impl Link {
         self.status
     }
 
+    /// Whether telemetry has come that nobody has taken.
+    pub fn is_behind(&self) -> bool {
+        !self.telemetry.is_empty()
+    }
+
     /// The next telemetry.
     pub fn take_telemetry(&mut self) -> Option<Telemetry> {
         self.telemetry.pop_front()

@@ -197,6 +197,11 @@ impl LiveBoard {
         self.line.send(HostCommand::Set(set_point))
     }
 
+    /// Whether telemetry has come that nobody has taken: what it says of now is later than what was taken.
+    pub fn is_behind(&self) -> bool {
+        self.line.is_behind()
+    }
+
     /// Whether the answer to a request that was only sent is a refusal.
     ///
     /// # Errors

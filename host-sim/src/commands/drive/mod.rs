@@ -145,11 +145,15 @@ fn along(
         if let Some(sequence) = asked {
             board.check(sequence)?;
         }
-        for ahead in told + 1..=(step + LEAD_STEPS).min(steps) {
-            told = ahead;
-            if let Some(set_point) = set_points.acting_from(ahead, driven) {
-                asked = Some(board.send(set_point)?);
-            }
+        // A host that was held up sends what acts now, not all that it has missed: the board takes no flood.
+        if board.is_behind() {
+            continue;
         }
+        let last = (step + LEAD_STEPS).min(steps);
+        let missed = (told + 1..=last).rev();
+        if let Some(set_point) = missed.filter_map(|at| set_points.acting_from(at, driven)).next() {
+            asked = Some(board.send(set_point)?);
+        }
+        told = told.max(last);
     }
 }
