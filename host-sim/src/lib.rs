@@ -10,6 +10,7 @@ pub mod cli;
 pub mod commands;
 pub mod files;
 pub mod fmu;
+mod math;
 pub mod plant;
 pub mod report;
 pub mod scenario;

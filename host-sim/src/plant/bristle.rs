@@ -1,5 +1,6 @@
 //! Friction with presliding: the LuGre model.
 
+use crate::math;
 use crate::scenario::Friction;
 
 /// Damping ratio of the bristles with the moving mass: presliding motion rings out.
@@ -50,7 +51,7 @@ impl Bristle {
     /// Friction at a speed \[m/s\] and deflection \[m\], all its parts scaled by `softening`.
     pub fn drag(&self, speed: f64, deflection: f64, softening: f64) -> Drag {
         let ratio = speed / self.stribeck_m_s;
-        let still = (-ratio * ratio).exp();
+        let still = math::exp(-ratio * ratio);
         let sliding = softening * (self.coulomb_n + self.stribeck_n * still);
         let spring = self.stiffness_n_m * deflection;
         // No friction at all: the bristles follow without force.
@@ -81,7 +82,7 @@ mod tests {
             let drag = bristle.drag(speed, deflection, 0.8);
             let r: f64 = speed / friction.stribeck_speed_m_s;
             let expected = 0.8
-                * ((friction.force_n + friction.stribeck_force_n * (-r * r).exp())
+                * ((friction.force_n + friction.stribeck_force_n * math::exp(-r * r))
                     * speed.signum()
                     + friction.viscous_n_s_m * speed);
             assert!((drag.force / expected - 1.0).abs() < 1e-6, "at {speed} m/s: {drag:?}");

@@ -1,6 +1,7 @@
 //! Mass flow through valves (ISO 6358) and nozzles (isentropic), and what it carries.
 
 use super::gas::IdealGas;
+use crate::math;
 use std::f64::consts::PI;
 
 /// Standard reference atmosphere of ISO 8778 (ANR), pressure \[Pa\].
@@ -91,7 +92,7 @@ impl Nozzle {
         Self {
             conductance: discharge_coefficient * PI / 4.0 * diameter_m * diameter_m / gas.r.sqrt(),
             k: gas.k,
-            critical_ratio: (2.0 / (gas.k + 1.0)).powf(gas.k / (gas.k - 1.0)),
+            critical_ratio: math::pow(2.0 / (gas.k + 1.0), gas.k / (gas.k - 1.0)),
             choked: choked_flow_function(gas.k),
         }
     }
@@ -110,14 +111,14 @@ impl Nozzle {
     }
 
     fn subsonic(&self, ratio: f64) -> f64 {
-        let root = ratio.powf(1.0 / self.k);
+        let root = math::pow(ratio, 1.0 / self.k);
         (2.0 * self.k / (self.k - 1.0) * root * (root - ratio)).sqrt()
     }
 }
 
 /// Choked flow function: m sqrt(R T1) / (A p1).
 fn choked_flow_function(k: f64) -> f64 {
-    k.sqrt() * (2.0 / (k + 1.0)).powf((k + 1.0) / (2.0 * (k - 1.0)))
+    k.sqrt() * math::pow(2.0 / (k + 1.0), (k + 1.0) / (2.0 * (k - 1.0)))
 }
 
 /// Everything that flows into and out of a volume at one instant.

@@ -21,6 +21,7 @@ use super::{
     Actuation, BuildError, Diverged, LEAK_TOO_LARGE, Ledger, Plant, Substeps, Truth, check_gas,
     check_length, work_through,
 };
+use crate::math;
 use crate::scenario::{LoadKind, Scenario};
 
 /// Longest integration step \[s\].
@@ -385,7 +386,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let mass = pressure * volume / (gas.r * gas_k);
         let mut state = vec![temperature; ZONES + 3 * zones];
         state[..ZONES].fill(0.0);
-        state[W] = pressure * volume.powf(exponent);
+        state[W] = pressure * math::pow(volume, exponent);
         state[LENGTH] = length;
         if !isometric && scenario.friction.presliding_stiffness_n_m > 0.0 {
             // What a stop carries, friction need not.

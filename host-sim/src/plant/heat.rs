@@ -2,6 +2,7 @@
 
 use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
+use crate::math;
 use crate::scenario::{DriveKind, Heat, HeatModel, PlantKind, PlantModel, Scenario};
 use std::f64::consts::PI;
 
@@ -87,14 +88,15 @@ impl InnerHeat {
             Law::Correlation { diameter_m, jet_diameter_m, gas } => {
                 let film = 0.5 * (gas_k + wall_k);
                 let (viscosity, conductivity) = (air_viscosity(film), air_conductivity(film));
-                let density = pressure / (gas.r * film);
+                let density_per_viscosity = pressure / (gas.r * film) / viscosity;
                 let prandtl = gas.cp * viscosity / conductivity;
                 let grashof = GRAVITY / film
                     * (gas_k - wall_k).abs()
-                    * diameter_m.powi(3)
-                    * (density / viscosity).powi(2);
+                    * (diameter_m * diameter_m * diameter_m)
+                    * (density_per_viscosity * density_per_viscosity);
                 let reynolds = 4.0 * inflow / (PI * jet_diameter_m * viscosity);
-                let nusselt = 0.56 * reynolds.powf(0.67) + 0.104 * (grashof * prandtl).powf(0.352);
+                let nusselt =
+                    0.56 * math::pow(reynolds, 0.67) + 0.104 * math::pow(grashof * prandtl, 0.352);
                 nusselt * conductivity / diameter_m
             }
         };

@@ -1,5 +1,7 @@
 //! First-order lag of a sensor.
 
+use crate::math;
+
 /// A first-order lag, integrated exactly for an input that is linear over the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lag {
@@ -16,7 +18,7 @@ impl Lag {
     pub fn new(time_constant_s: f64, step_s: f64, initial: f64) -> Self {
         let (decay, ramp) = if time_constant_s > 0.0 {
             let ratio = step_s / time_constant_s;
-            ((-ratio).exp(), -(-ratio).exp_m1() / ratio)
+            (math::exp(-ratio), -math::expm1(-ratio) / ratio)
         } else {
             (0.0, 0.0)
         };
@@ -55,7 +57,7 @@ mod tests {
         for i in 1..=20 {
             let t = step * f64::from(i);
             let output = lag.advance(10.0 + slope * t);
-            let exact = 10.0 + slope * (t - tau * (1.0 - (-t / tau).exp()));
+            let exact = 10.0 + slope * (t - tau * (1.0 - math::exp(-t / tau)));
             assert!((output - exact).abs() < 1e-12, "at {t} s: {output} for {exact}");
         }
     }

@@ -18,6 +18,7 @@ use super::{
     Actuation, BuildError, Diverged, LEAK_TOO_LARGE, Ledger, Plant, Substeps, Truth, check_gas,
     check_length, work_through,
 };
+use crate::math;
 use crate::scenario::{LoadKind, Scenario};
 
 /// Longest integration step \[s\].
@@ -247,7 +248,7 @@ impl<C: Chamber + Copy> Lumped<C> {
             super::substeps(step, LONGEST_STEP_S.min(STEP_TIMES_RATE / rate), because)
         })?;
         let exponent = closure.exponent();
-        let power = volume.powf(-exponent);
+        let power = math::pow(volume, -exponent);
         let held =
             Place { may_contract: false, may_extend: false, length, volume, power, pressure };
         let config = Config {

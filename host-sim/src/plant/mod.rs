@@ -3,6 +3,8 @@
 //! It shares no equation's code with `model-core`; a test that compares the two compares two
 //! derivations.
 
+#![warn(clippy::disallowed_methods)]
+
 mod bristle;
 pub mod chamber;
 mod closure;

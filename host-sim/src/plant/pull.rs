@@ -1,6 +1,7 @@
 //! The pull of a chamber, and its length where it balances a quasi-static load.
 
 use super::chamber::Chamber;
+use crate::math;
 use crate::scenario::{Friction, Load, LoadKind, Scenario};
 
 /// Standard gravity \[m/s2\].
@@ -116,7 +117,7 @@ impl Softening {
 
     /// Factor on every friction force \[-\] at that wall temperature \[K\].
     pub fn factor(&self, wall_k: f64) -> f64 {
-        (-self.per_k * (wall_k - self.reference_k)).exp()
+        math::exp(-self.per_k * (wall_k - self.reference_k))
     }
 
     /// The factor around that wall temperature \[K\].

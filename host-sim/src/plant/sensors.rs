@@ -2,6 +2,7 @@
 
 use super::Truth;
 use super::lag::Lag;
+use crate::math;
 use crate::scenario::Scenario;
 
 /// What the sensing elements are exposed to.
@@ -41,7 +42,7 @@ struct Film {
 impl Film {
     fn time_constant_s(&self, exposure: &Exposure) -> f64 {
         let thinning = self.reference / (exposure.pressure_pa / exposure.gas_k);
-        self.time_constant_s * thinning.powf(self.exponent)
+        self.time_constant_s * math::pow(thinning, self.exponent)
     }
 }
 

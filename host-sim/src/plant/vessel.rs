@@ -7,6 +7,7 @@ use super::ode::DormandPrince;
 use super::piping::{Disturbance, Piping};
 use super::sensors::{Exposure, Sensors};
 use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas};
+use crate::math;
 use crate::scenario::profile::Profile;
 use crate::scenario::{DriveKind, Scenario};
 
@@ -69,7 +70,7 @@ struct Instant {
 impl Config {
     fn instant(&self, time: f64, y: &[f64; STATES], actuation: Actuation) -> Instant {
         let volume = self.volume.value(time);
-        let pressure = y[W] * volume.powf(-self.closure.exponent());
+        let pressure = y[W] * math::pow(volume, -self.closure.exponent());
         let temperature = self.closure.temperature(pressure, volume, y[MASS]);
         let mut streams = Streams::default();
         let gas = (pressure, temperature);
@@ -108,7 +109,7 @@ impl Config {
         let heat = closure.heat_of_streams(&streams, temperature, convective)
             + closure.heat_per_work() * work;
         let to_ambient = self.outer_w_k * (y[WALL] - self.piping.ambient().1);
-        let volume_power = volume.powf(closure.exponent() - 1.0);
+        let volume_power = math::pow(volume, closure.exponent() - 1.0);
         let mut rates = [0.0; STATES];
         rates[MASS] = streams.net();
         rates[W] = closure.rate(volume_power, &streams, temperature, convective);
@@ -182,7 +183,7 @@ impl Vessel {
         let mass = pressure * volume / (gas.r * gas_k);
         let mut state = [0.0; STATES];
         state[MASS] = mass;
-        state[W] = pressure * volume.powf(closure.exponent());
+        state[W] = pressure * math::pow(volume, closure.exponent());
         state[WALL] = config.initial_k;
         let initial = Ledger {
             mass_initial_kg: mass,

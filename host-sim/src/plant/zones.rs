@@ -6,6 +6,8 @@
 //! from its neighbours. Mixing exchanges equal volumes, which at equal pressure carry the same
 //! enthalpy, so that it moves mass only.
 
+use crate::math;
+
 /// Volume that the jet recirculates, per volume that it brings: 0.47 D/d - 0.5 for a jet of diameter d
 /// in a tube of diameter D (Thring and Newby, 4th Symp. Combustion, 1953), with 20 over 4.4 mm.
 const RECIRCULATION: f64 = 1.6;
@@ -28,7 +30,7 @@ impl Stirring {
     /// For gas of that length and diameter \[m\].
     pub fn new(zones: usize, length_m: f64, diameter_m: f64) -> Self {
         let decay = length_m / (JET_REACH_DIAMETERS * diameter_m);
-        let at = |position: f64| (-decay * position / zones as f64).exp();
+        let at = |position: f64| math::exp(-decay * position / zones as f64);
         let strengths: Vec<f64> = (0..zones).map(|i| at(i as f64 + 0.5)).collect();
         let mean = strengths.iter().sum::<f64>() / zones as f64;
         Self {

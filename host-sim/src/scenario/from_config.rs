@@ -6,6 +6,7 @@ use super::{
     HeatModel, LoadKind, Loaded, PlantKind, PlantModel, Scenario, parse, render, with_numbers,
 };
 use crate::files::input::{InputError, Problem};
+use crate::math;
 use model_core::Config;
 use model_core::config::Load;
 use model_core::physics::chamber::{ChamberConfig, Vessel};
@@ -67,7 +68,7 @@ fn scenario(config: &Config) -> Option<Scenario> {
             s.muscle.turns = turns;
             s.muscle.rest_length_m = rest_m;
             s.muscle.diameter_m = (thread_m * thread_m - rest_m * rest_m).sqrt() / (turns * PI);
-            s.muscle.braid_angle_deg = (rest_m / thread_m).acos().to_degrees();
+            s.muscle.braid_angle_deg = math::acos(rest_m / thread_m).to_degrees();
             s.muscle.bladder_stiffness_n_m = short(muscle.bladder_stiffness_n_m);
             s.muscle.dead_volume_m3 = (short(muscle.dead_volume_m3) - s.tube.volume_m3).max(0.0);
         }

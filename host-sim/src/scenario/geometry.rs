@@ -5,6 +5,7 @@ use super::document::Entries;
 use super::schema::limits;
 use super::tables::Muscle;
 use super::violation::Violation;
+use crate::math;
 use std::f64::consts::PI;
 
 /// The keys of `[muscle]` that say its dimensions: two pairs, each with the rest length. They follow from
@@ -44,9 +45,9 @@ impl Dimensions {
     /// Thread length and turns from what is seen of a muscle at rest.
     fn at_rest(rest_length_m: f64, diameter_m: f64, braid_angle_deg: f64) -> Self {
         let angle = braid_angle_deg.to_radians();
-        let thread_length_m = rest_length_m / angle.cos();
+        let thread_length_m = rest_length_m / math::cos(angle);
         // n = b sin(theta)/(pi D)
-        let turns = thread_length_m * angle.sin() / PI / diameter_m;
+        let turns = thread_length_m * math::sin(angle) / PI / diameter_m;
         Self { thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg }
     }
 
@@ -121,7 +122,7 @@ impl Given {
         let Dimensions { thread_length_m, turns, rest_length_m, diameter_m, .. } = found;
         let threads = limits("muscle.thread_length_m");
         if !threads.contains(thread_length_m) {
-            let cos = found.braid_angle_deg.to_radians().cos();
+            let cos = math::cos(found.braid_angle_deg.to_radians());
             let rest = limits("muscle.rest_length_m").between(threads.min * cos, threads.max * cos);
             let why = "by its braid angle";
             return Err(Violation::number("muscle.rest_length_m", rest_length_m, &rest, why));
@@ -140,17 +141,17 @@ impl Given {
     fn rest_from_thread(self, thread_m: f64, turns: f64) -> Result<Dimensions, Violation> {
         let angles = limits("muscle.braid_angle_deg");
         let usual = || self.braid_angle_deg.unwrap_or(BRAID_ANGLE_DEG).to_radians();
-        let rest_m = self.rest_length_m.unwrap_or_else(|| thread_m * usual().cos());
+        let rest_m = self.rest_length_m.unwrap_or_else(|| thread_m * math::cos(usual()));
         let lengths = limits("muscle.rest_length_m").between(
-            thread_m * angles.max.to_radians().cos(),
-            thread_m * angles.min.to_radians().cos(),
+            thread_m * math::cos(angles.max.to_radians()),
+            thread_m * math::cos(angles.min.to_radians()),
         );
         if !lengths.contains(rest_m) {
             let why = "thread_length_m times the cosine of a braid angle from 54 to 3 deg";
             return Err(Violation::number("muscle.rest_length_m", rest_m, &lengths, why));
         }
         // The clamp only takes away what rounding has added at the ends.
-        let angle_deg = (rest_m / thread_m).acos().to_degrees().clamp(angles.min, angles.max);
+        let angle_deg = math::acos(rest_m / thread_m).to_degrees().clamp(angles.min, angles.max);
         let diameter_m = (thread_m * thread_m - rest_m * rest_m).sqrt() / (turns * PI);
         let braid_angle_deg = agreeing("muscle.braid_angle_deg", self.braid_angle_deg, angle_deg)?;
         let diameter_m = agreeing("muscle.diameter_m", self.diameter_m, diameter_m)?;

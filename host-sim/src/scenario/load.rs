@@ -10,6 +10,7 @@ use super::tables::{DriveKind, PlantKind, PlantModel, Scenario};
 use super::violation::{Fault, Violation};
 use crate::files::input::{InputError, Problem, read_text};
 use crate::files::table::read_table;
+use crate::math;
 use crate::plant::chamber::{self, table};
 use crate::scenario::profile::Profile;
 use std::path::{Path, PathBuf};
@@ -183,7 +184,7 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
             let sized = volume.is_some() || given.get("vessel.volume_m3").is_some();
             if sized && given.get("vessel.characteristic_length_m").is_none() {
                 // A cube's.
-                plant.vessel.characteristic_length_m = largest_m3.cbrt();
+                plant.vessel.characteristic_length_m = math::cbrt(largest_m3);
             }
             largest_m3 / plant.vessel.section_m2()
         }

@@ -4,6 +4,8 @@
 //! text --document: types, ranges--> entries --load: defaults, geometry, rules, CSV--> Loaded
 //! ```
 
+#![warn(clippy::disallowed_methods)]
+
 mod check;
 pub mod core_config;
 pub(crate) mod declare;

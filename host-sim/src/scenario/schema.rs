@@ -169,6 +169,8 @@ impl Rounded {
         Self(-Self::down(-value).0)
     }
 
+    // Of a message.
+    #[allow(clippy::disallowed_methods)]
     fn down(value: f64) -> Self {
         if value == 0.0 || !value.is_finite() {
             return Self(value);

@@ -12,7 +12,7 @@
 use crate::plant::Truth;
 use crate::scenario::{Scenario, Sensors};
 use crate::simulation::elements;
-use rand_distr::{Distribution, StandardNormal};
+use crate::simulation::noise::standard_normal;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 
@@ -59,8 +59,7 @@ struct Noise(Xoshiro256PlusPlus);
 
 impl Noise {
     fn sample(&mut self, deviation: f64) -> f64 {
-        let normal: f64 = StandardNormal.sample(&mut self.0);
-        deviation * normal
+        deviation * standard_normal(&mut self.0)
     }
 }
 
@@ -185,6 +184,7 @@ impl VirtualAdc {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math;
 
     const RP2040_LSB: f64 = 8.9;
 
@@ -267,14 +267,15 @@ mod tests {
             let code = f64::from(codes.pressure);
             sum += code;
             square += code * code;
-            wall += (adc.wall_reading_k() - 305.0f64).powi(2);
+            let off = adc.wall_reading_k() - 305.0;
+            wall += off * off;
         }
         let mean = sum / f64::from(n);
         let deviation = (square / f64::from(n) - mean * mean).sqrt();
         let averaging = 8.0f64.sqrt();
         let sensor = 150.0 * 0.8 / 700_000.0 * 32768.0 / averaging;
         let converter = 0.5 * 8.0 / averaging;
-        let expected = 1.0091 * sensor.hypot(converter);
+        let expected = 1.0091 * math::hypot(sensor, converter);
         assert!((deviation / expected - 1.0).abs() < 0.03, "{deviation} for {expected}");
         assert!(((wall / f64::from(n)).sqrt() / 0.05 - 1.0).abs() < 0.03);
     }

@@ -1,6 +1,7 @@
 //! Geometry of the braid, eq. (10), (11), and the force that follows from it.
 
 use super::{Chamber, Tunable};
+use crate::math;
 use crate::scenario;
 use model_core::physics::chamber::{self as told, ChamberConfig};
 use std::f64::consts::PI;
@@ -35,8 +36,8 @@ impl Geometry {
     /// From length \[m\], diameter \[m\] and braid angle to the axis \[deg\] at rest (paper, Fig. 1).
     pub fn from_braid(length_m: f64, diameter_m: f64, angle_deg: f64, dead_volume_m3: f64) -> Self {
         let angle = angle_deg.to_radians();
-        let thread = length_m / angle.cos();
-        Self::new(thread, thread * angle.sin() / (PI * diameter_m), dead_volume_m3)
+        let thread = length_m / math::cos(angle);
+        Self::new(thread, thread * math::sin(angle) / (PI * diameter_m), dead_volume_m3)
     }
 
     /// Gas volume \[m3\], eq. (10) plus the dead volume.
@@ -133,13 +134,13 @@ impl Chamber for Muscle {
     /// A spring, and a rubber that gives way: the slope of its force falls with the force that is there already, dF/dx = (K1 - F)/filling.
     fn elastic(&self, length: f64) -> f64 {
         let filled = self.filled(length);
-        let saturating = if filled > 0.0 { -(-filled).exp_m1() } else { filled };
+        let saturating = if filled > 0.0 { -math::expm1(-filled) } else { filled };
         self.bladder_n_m * (length - self.slack_m - self.rest_length_m)
             - self.saturation_n * saturating
     }
 
     fn elastic_slope(&self, length: f64) -> f64 {
-        let left = (-self.filled(length).max(0.0)).exp();
+        let left = math::exp(-self.filled(length).max(0.0));
         self.bladder_n_m + self.saturation_n / self.filling_m * left
     }
 

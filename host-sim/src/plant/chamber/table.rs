@@ -5,6 +5,7 @@
 //! straight, so that a solver finds its way back; a run that stays there ends.
 
 use super::{Chamber, LARGEST_LOAD_N};
+use crate::math;
 use crate::scenario::WrongCell;
 use crate::scenario::declare::table;
 use model_core::physics::chamber::ChamberConfig;
@@ -108,7 +109,7 @@ fn knots(lengths: &[f64], values: impl Fn(usize) -> f64) -> [Knot; MOST_ROWS] {
         }
         if secant != 0.0 {
             let [alpha, beta] = [knots[i].slope / secant, knots[i + 1].slope / secant];
-            let radius = alpha.hypot(beta);
+            let radius = math::hypot(alpha, beta);
             if radius > 3.0 {
                 knots[i].slope *= 3.0 / radius;
                 knots[i + 1].slope *= 3.0 / radius;
@@ -170,8 +171,8 @@ impl Measured {
         let t = (length - known[i]) / width;
         // Hermite's basis.
         let (one, two) = (from.value, to.value);
-        let value = (1.0 + 2.0 * t) * (1.0 - t).powi(2) * one
-            + t * (1.0 - t).powi(2) * width * from.slope
+        let value = (1.0 + 2.0 * t) * (1.0 - t) * (1.0 - t) * one
+            + t * (1.0 - t) * (1.0 - t) * width * from.slope
             + t * t * (3.0 - 2.0 * t) * two
             + t * t * (t - 1.0) * width * to.slope;
         let slope = 6.0 * t * (1.0 - t) * (two - one) / width

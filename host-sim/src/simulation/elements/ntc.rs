@@ -1,5 +1,6 @@
 //! NTC thermistor as the lower leg of a divider: R/(R + series).
 
+use crate::math;
 use model_core::sensing::gas::Ntc;
 
 /// Share of the reference at a temperature \[K\].
@@ -18,7 +19,7 @@ pub fn share(ntc: &Ntc, temperature_k: f64) -> f64 {
             high = middle;
         }
     }
-    let resistance_ohm = f64::from(ntc.resistance_ohm) * low.exp();
+    let resistance_ohm = f64::from(ntc.resistance_ohm) * math::exp(low);
     resistance_ohm / (resistance_ohm + f64::from(ntc.series_ohm))
 }
 
@@ -30,7 +31,7 @@ mod tests {
     fn it_is_the_beta_equation() {
         let ntc = Ntc::default();
         for kelvin in [250.0_f64, 298.15, 350.0] {
-            let ohm = 1e4 * (f64::from(ntc.beta_k) * (1.0 / kelvin - 1.0 / 298.15)).exp();
+            let ohm = 1e4 * math::exp(f64::from(ntc.beta_k) * (1.0 / kelvin - 1.0 / 298.15));
             assert!((share(&ntc, kelvin) - ohm / (ohm + 1e4)).abs() < 1e-9, "{kelvin}");
         }
     }
