@@ -65,23 +65,29 @@ pub fn emulator_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("emulator")
 }
 
-/// The image of this checkout's firmware, up to date. Cargo decides what is stale; it has a target
-/// folder of its own, since a test's cargo holds the lock of the usual one.
+/// Why cargo has built nothing.
+pub enum NotBuilt {
+    /// The compiler's target is not installed.
+    NoTarget,
+    /// What cargo said.
+    Failed(String),
+}
+
+/// Builds what a folder of this checkout has for another machine, where it is stale, which cargo decides; gives cargo's
+/// target folder. That is one of its own, since a test's cargo holds the lock of the usual one.
 ///
 /// # Errors
-/// [`BoardError::NoTarget`], [`BoardError::Build`]
-pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
-    let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let root = workspace();
+/// [`NotBuilt`]
+pub fn build(folder: &Path, arguments: &[&str]) -> Result<PathBuf, NotBuilt> {
     let target_folder = env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| root.join("target"), PathBuf::from)
+        .map_or_else(|| workspace().join("target"), PathBuf::from)
         .join("firmware");
     let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo
-        .args(["build", "--release", "--target", variant.target(), "--target-dir"])
+        .args(["build", "--target-dir"])
         .arg(&target_folder)
-        .args(variant.arguments())
-        .current_dir(root.join("firmware"))
+        .args(arguments)
+        .current_dir(folder)
         .stdin(Stdio::null());
     // What cargo tells a test about the test itself would make the firmware stale.
     for (name, _) in env::vars_os() {
@@ -91,26 +97,39 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
         }
     }
     cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
-    let output =
-        cargo.output().map_err(|error| BoardError::Build { message: error.to_string() })?;
+    let output = cargo.output().map_err(|error| NotBuilt::Failed(error.to_string()))?;
     if output.status.success() {
-        // The variants share the folder, and with it what they are built of; each image gets a place
-        // of its own, at once whole.
-        let build_error = |error: io::Error| BoardError::Build { message: error.to_string() };
-        let image = target_folder.join(variant.file());
-        let copy = image.with_extension(format!("{}.part", std::process::id()));
-        fs::copy(target_folder.join(variant.target()).join("release").join("firmware"), &copy)
-            .and_then(|_| fs::rename(&copy, &image))
-            .map_err(build_error)?;
-        return Ok(image);
+        return Ok(target_folder);
     }
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    if message.contains("can't find crate for `core`")
-        || message.contains("target may not be installed")
-    {
-        return Err(BoardError::NoTarget { target: variant.target() });
+    let no_target = ["can't find crate for `core`", "target may not be installed"];
+    if no_target.iter().any(|text| message.contains(text)) {
+        return Err(NotBuilt::NoTarget);
     }
-    Err(BoardError::Build { message })
+    Err(NotBuilt::Failed(message))
+}
+
+/// The image of this checkout's firmware, up to date.
+///
+/// # Errors
+/// [`BoardError::NoTarget`], [`BoardError::Build`]
+pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
+    let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let mut arguments = vec!["--release", "--target", variant.target()];
+    arguments.extend(variant.arguments());
+    let target_folder =
+        build(&workspace().join("firmware"), &arguments).map_err(|error| match error {
+            NotBuilt::NoTarget => BoardError::NoTarget { target: variant.target() },
+            NotBuilt::Failed(message) => BoardError::Build { message },
+        })?;
+    // The variants share the folder, and with it what they are built of; each image gets a place of its own, at once
+    // whole.
+    let image = target_folder.join(variant.file());
+    let copy = image.with_extension(format!("{}.part", std::process::id()));
+    fs::copy(target_folder.join(variant.target()).join("release").join("firmware"), &copy)
+        .and_then(|_| fs::rename(&copy, &image))
+        .map_err(|error: io::Error| BoardError::Build { message: error.to_string() })?;
+    Ok(image)
 }
 
 /// Sees to it that the emulator can start.

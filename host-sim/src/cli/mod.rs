@@ -11,6 +11,7 @@ mod flash;
 mod flashed;
 mod fmu;
 mod interrupt;
+mod playground;
 mod replay;
 mod serve;
 mod shell;
@@ -80,6 +81,8 @@ enum Task {
     },
     /// A board on a local page: live, steered, recorded, calibrated, tuned
     Serve(serve::ServeArgs),
+    /// The browser playground: core and plant in a page, a folder for any web host
+    Playground(playground::PlaygroundArgs),
     /// A flashed board: asked, armed, driven, configured
     Board(flashed::BoardCommand),
     /// The process behind the port "emulated"
@@ -200,6 +203,7 @@ pub fn run<A: Into<OsString> + Clone>(
             monitor_command(&port, &folder, out, err)
         }
         Task::Serve(args) => serve::run(&args, out),
+        Task::Playground(args) => playground::run(&args, out, err),
         Task::Board(command) => flashed::run(command, out, err),
         Task::EmulatedBoard(args) => flashed::serve(&args),
         Task::Ports(args) => flash::list(&args, out),

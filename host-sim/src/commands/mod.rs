@@ -12,6 +12,8 @@ pub mod identify;
 pub mod monitor;
 pub mod parallel;
 #[cfg(feature = "command")]
+pub mod playground;
+#[cfg(feature = "command")]
 pub mod ports;
 pub mod replay;
 pub mod reproduce;

@@ -533,6 +533,13 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
         Ok(())
     }
 
+    fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
+        let Self { config, sensors, .. } = Self::new(scenario, self.config.pull.chamber)?;
+        self.config = config;
+        self.sensors.retune(&sensors);
+        Ok(())
+    }
+
     fn disturb(&mut self, disturbance: Disturbance) {
         self.config.piping.disturb(disturbance);
     }

@@ -27,8 +27,13 @@ impl Lag {
 
     /// Another time constant, for steps of `step_s` from now on.
     pub fn set_time_constant(&mut self, time_constant_s: f64, step_s: f64) {
+        self.retune(&Self::new(time_constant_s, step_s, self.output));
+    }
+
+    /// The time constant of another lag from now on.
+    pub fn retune(&mut self, other: &Self) {
         let Self { output, input, .. } = *self;
-        *self = Self { input, ..Self::new(time_constant_s, step_s, output) };
+        *self = Self { output, input, ..*other };
     }
 
     /// Advances by one step, at the end of which the input is `input`; returns the output.

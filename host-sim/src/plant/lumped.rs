@@ -375,6 +375,13 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
         Ok(())
     }
 
+    fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
+        let Self { config, sensors, .. } = Self::new(scenario, self.config.pull.chamber)?;
+        self.config = Config { given_flows: self.config.given_flows, ..config };
+        self.sensors.retune(&sensors);
+        Ok(())
+    }
+
     fn disturb(&mut self, disturbance: Disturbance) {
         self.config.piping.disturb(disturbance);
     }

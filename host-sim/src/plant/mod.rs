@@ -179,6 +179,12 @@ pub trait Plant: Send {
     /// # Errors
     /// [`Diverged`] when a state is not finite or leaves the range of the equations.
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged>;
+    /// Takes over the numbers of `[supply]`, `[load]`, `[heat]` and the sensors' lags from the next step on; gas,
+    /// walls and what moves stay as they are. The rest of the scenario is the one that the plant was built from.
+    ///
+    /// # Errors
+    /// As [`build`], and nothing has changed.
+    fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError>;
     /// Breaks, or mends, parts of the plant from the next step on.
     fn disturb(&mut self, disturbance: Disturbance);
     /// The state now.

@@ -271,6 +271,14 @@ impl Plant for Vessel {
         Ok(())
     }
 
+    fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
+        let Self { config, sensors, .. } = Self::new(scenario, None)?;
+        let kept = &self.config;
+        self.config = Config { ports: kept.ports, volume: kept.volume.clone(), ..config };
+        self.sensors.retune(&sensors);
+        Ok(())
+    }
+
     fn disturb(&mut self, disturbance: Disturbance) {
         self.config.piping.disturb(disturbance);
     }

@@ -15,6 +15,7 @@
 mod frames;
 mod guide;
 mod operator;
+pub(crate) mod page;
 mod recording;
 mod results;
 mod seats;

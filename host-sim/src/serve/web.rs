@@ -4,6 +4,7 @@
 //! request must name this very server (`Host`), and come from its own page (`Origin`), so that no other page that the
 //! browser shows can reach the muscle.
 
+use super::page;
 use super::results::Outcome;
 use super::shared::Shared;
 use super::socket;
@@ -42,15 +43,13 @@ const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'sel
 const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
                              img-src data:; sandbox allow-scripts; frame-ancestors 'none'";
 
-/// Colours of the muscle's picture.
-const PALETTE: usize = 64;
 /// Text files of the page.
 const FILES: [(&str, &str, &str); 5] = [
     ("drawing.css", "text/css; charset=utf-8", DRAWING_STYLE),
-    ("page.css", "text/css; charset=utf-8", include_str!("page/page.css")),
+    ("page.css", "text/css; charset=utf-8", page::STYLE),
     ("page.js", "text/javascript; charset=utf-8", include_str!("page/page.js")),
-    ("plot.js", "text/javascript; charset=utf-8", include_str!("page/plot.js")),
-    ("muscle.js", "text/javascript; charset=utf-8", include_str!("page/muscle.js")),
+    ("plot.js", "text/javascript; charset=utf-8", page::PLOT),
+    ("muscle.js", "text/javascript; charset=utf-8", page::MUSCLE),
 ];
 
 /// Where the page is.
@@ -178,7 +177,7 @@ async fn page() -> Response {
 
 async fn file(Path((_, name)): Path<(String, String)>) -> Response {
     if name == "palette.js" {
-        let colours = serde_json::to_string(&palette(PALETTE)).expect("plain data");
+        let colours = serde_json::to_string(&palette(page::PALETTE)).expect("plain data");
         let module = format!("export default {colours};\n");
         return ([(CONTENT_TYPE, "text/javascript; charset=utf-8")], module).into_response();
     }

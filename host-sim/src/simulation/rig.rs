@@ -2,7 +2,7 @@
 //! faults in between.
 
 use crate::plant::{self, Actuation, BuildError, Diverged, Ledger, Plant, Truth};
-use crate::scenario::Loaded;
+use crate::scenario::{Loaded, Scenario};
 use crate::simulation::adc::VirtualAdc;
 use crate::simulation::faults::InjectedFaults;
 use model_core::physics::chamber::{AnyChamber, Chamber};
@@ -42,6 +42,14 @@ impl Rig {
     pub fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         self.plant.disturb(self.faults.disturbance(self.plant.truth().time_s));
         self.plant.advance(actuation)
+    }
+
+    /// Takes over a scenario's supply, load, heat transfer and sensors' lags: see [`Plant::retune`].
+    ///
+    /// # Errors
+    /// As [`Plant::retune`].
+    pub fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
+        self.plant.retune(scenario)
     }
 
     /// Whether the board restarts before the step that begins now.

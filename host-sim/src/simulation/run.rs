@@ -13,7 +13,7 @@ use crate::plant::{BuildError, Diverged, Truth};
 use crate::report::run_report::Controlled;
 use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
-use crate::scenario::{Drive, DriveKind, LoadKind, Loaded};
+use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, Scenario};
 use crate::simulation::rig::{MeanFlows, Rig};
 use model_core::control::Mode;
 use model_core::physics::model::Model;
@@ -95,105 +95,199 @@ pub fn run(
     measured: Option<&Measured>,
     observer: &mut dyn Observer,
 ) -> Result<Summary, RunError> {
-    let scenario = &loaded.plant;
-    let step_s = scenario.run.step_s;
-    let steps = (scenario.run.duration_s / step_s).round() as u64;
-    let config = core_config(&loaded.believed);
-    let mut rig = Rig::new(loaded).map_err(RunError::Build)?;
-    let drive = SetPoints::new(loaded);
-    let truth = rig.truth();
-    let mut model = Model::new(
-        &config,
-        truth.pressure_pa as f32,
-        truth.gas_temperature_k as f32,
-        truth.length_m as f32,
-    )
-    .map_err(RunError::Config)?;
-    let rest_length_m = chamber::of(scenario).map(|chamber| chamber.rest_length());
-    let length_held = rest_length_m.is_none() || scenario.load.kind == LoadKind::Isometric;
-    let mut sample = Sample::default();
-    let mut accumulator = Accumulator::new(scenario.run.duration_s, measured);
-    let mut flows = MeanFlows::new(&rig);
-    let mut step_flows = flows;
     // WebAssembly has no clock of its own.
     let started = (!cfg!(target_family = "wasm")).then(Instant::now);
-    board.start(&config, drive.at(0.0))?;
-    // Steps whose telemetry has not come back: none in this process, one behind a line.
-    let mut waiting: VecDeque<Waiting> = VecDeque::new();
-    let mut count = Count::STARTED;
-    for step in 0..=steps + MOST_LATE_STEPS {
+    let mut run = Run::start(loaded, board, measured)?;
+    while run.step(board, observer)? {}
+    let wall_clock_s = started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64());
+    run.finish(board, wall_clock_s)
+}
+
+/// A run on its way, a step at a time.
+pub struct Run {
+    loaded: Loaded,
+    rig: Rig,
+    drive: SetPoints,
+    model: Model,
+    accumulator: Accumulator,
+    rest_length_m: Option<f64>,
+    length_held: bool,
+    sample: Sample,
+    flows: MeanFlows,
+    step_flows: MeanFlows,
+    /// Steps whose telemetry has not come back: none in this process, one behind a line.
+    waiting: VecDeque<Waiting>,
+    count: Count,
+    step: u64,
+    steps: u64,
+}
+
+impl Run {
+    /// Plant and board at time zero.
+    ///
+    /// # Errors
+    /// [`RunError`], for a scenario that makes no run.
+    pub fn start(
+        loaded: &Loaded,
+        board: &mut dyn Board,
+        measured: Option<&Measured>,
+    ) -> Result<Self, RunError> {
+        let scenario = &loaded.plant;
+        let config = core_config(&loaded.believed);
+        let rig = Rig::new(loaded).map_err(RunError::Build)?;
+        let drive = SetPoints::new(loaded);
+        let truth = rig.truth();
+        let model = Model::new(
+            &config,
+            truth.pressure_pa as f32,
+            truth.gas_temperature_k as f32,
+            truth.length_m as f32,
+        )
+        .map_err(RunError::Config)?;
+        let rest_length_m = chamber::of(scenario).map(|chamber| chamber.rest_length());
+        let flows = MeanFlows::new(&rig);
+        board.start(&config, drive.at(0.0))?;
+        Ok(Self {
+            drive,
+            model,
+            accumulator: Accumulator::new(scenario.run.duration_s, measured),
+            rest_length_m,
+            length_held: rest_length_m.is_none() || scenario.load.kind == LoadKind::Isometric,
+            sample: Sample::default(),
+            flows,
+            step_flows: flows,
+            waiting: VecDeque::new(),
+            count: Count::STARTED,
+            step: 0,
+            steps: (scenario.run.duration_s / scenario.run.step_s).round() as u64,
+            rig,
+            loaded: loaded.clone(),
+        })
+    }
+
+    /// One step; whether there is another one.
+    ///
+    /// # Errors
+    /// [`RunError`], with the run stopped where it was.
+    pub fn step(
+        &mut self,
+        board: &mut dyn Board,
+        observer: &mut dyn Observer,
+    ) -> Result<bool, RunError> {
+        let (step, steps) = (self.step, self.steps);
         let ended = step > steps;
-        if ended && waiting.is_empty() {
-            break;
+        if ended && (self.waiting.is_empty() || step > steps + MOST_LATE_STEPS) {
+            return Ok(false);
         }
         if !ended {
-            let mut truth = rig.truth();
-            let (inflow, outflow) = step_flows.since(&rig, step_s);
-            if step > 0 {
-                let held = length_held.then_some(truth.length_m as f32);
-                model.step(inflow as f32, outflow as f32, held);
-            }
-            // It acts from the step after this one on.
-            if let Some(set_point) = drive.acting_from(step + 1, loaded) {
-                board.set(set_point)?;
-            }
-            if rig.board_restarts() {
-                board.restart()?;
-            }
-            sample = rig.sample();
-            let logged = step % scenario.run.log_every == 0 || step == steps;
-            if logged {
-                let elapsed_s = flows.elapsed_s(&rig);
-                (truth.flow_in_kg_s, truth.flow_out_kg_s) = flows.since(&rig, elapsed_s);
-            }
-            waiting.push_back(Waiting {
-                step,
-                logged,
-                truth,
-                sensor_gas_k: rig.gas_reading_k(),
-                sensor_wall_k: rig.wall_reading_k(),
-                model_k: f64::from(model.gas_k()),
-                model_sensor_k: f64::from(model.sensor_k()),
-            });
+            self.prepare(board)?;
         }
-        let BoardStep { telemetry, actuation } = board.step(&sample)?;
+        let BoardStep { telemetry, actuation } = board.step(&self.sample)?;
         if let Some(telemetry) = telemetry {
-            let told = count.step_of(&telemetry, step);
-            while waiting.front().is_some_and(|front| front.step < told) {
-                waiting.pop_front();
-            }
-            if let Some(done) = waiting.pop_front() {
-                let row = Row {
-                    sensor_gas_k: done.sensor_gas_k,
-                    sensor_wall_k: done.sensor_wall_k,
-                    model_k: done.model_k,
-                    model_sensor_k: done.model_sensor_k,
-                    set_point: drive.value(done.truth.time_s),
-                    truth: done.truth,
-                    telemetry,
-                };
-                accumulator.add(&row, drive.controlled(rest_length_m, &row));
-                if done.logged {
-                    observer.row(&row).map_err(RunError::Output)?;
-                }
-            }
+            self.take(telemetry, observer)?;
         }
         if step < steps {
-            rig.advance(actuation)?;
+            self.rig.advance(actuation)?;
         }
+        self.step += 1;
+        Ok(true)
     }
-    Ok(accumulator.finish(Ending {
-        wall_clock_s: started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64()),
-        board: board.name(),
-        period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
-            .then_some(scenario.drive.period_s),
-        controlled: drive.quantity(),
-        rest_length_m,
-        ledger: rig.ledger(),
-        axial_wall_k: rig.axial_wall_k(),
-        axial_gas_k: rig.axial_gas_k(),
-        timing: board.timing()?,
-    }))
+
+    /// What the board gets at this step, and what the plant is then.
+    fn prepare(&mut self, board: &mut dyn Board) -> Result<(), RunError> {
+        let Self { rig, step, .. } = self;
+        let step = *step;
+        let mut truth = rig.truth();
+        let run = &self.loaded.plant.run;
+        let (inflow, outflow) = self.step_flows.since(rig, run.step_s);
+        if step > 0 {
+            let held = self.length_held.then_some(truth.length_m as f32);
+            self.model.step(inflow as f32, outflow as f32, held);
+        }
+        // It acts from the step after this one on.
+        if let Some(set_point) = self.drive.acting_from(step + 1, &self.loaded) {
+            board.set(set_point)?;
+        }
+        if rig.board_restarts() {
+            board.restart()?;
+        }
+        self.sample = rig.sample();
+        let logged = step.is_multiple_of(run.log_every) || step == self.steps;
+        if logged {
+            let elapsed_s = self.flows.elapsed_s(rig);
+            (truth.flow_in_kg_s, truth.flow_out_kg_s) = self.flows.since(rig, elapsed_s);
+        }
+        self.waiting.push_back(Waiting {
+            step,
+            logged,
+            truth,
+            sensor_gas_k: rig.gas_reading_k(),
+            sensor_wall_k: rig.wall_reading_k(),
+            model_k: f64::from(self.model.gas_k()),
+            model_sensor_k: f64::from(self.model.sensor_k()),
+        });
+        Ok(())
+    }
+
+    /// What the board has made of a step.
+    fn take(&mut self, telemetry: Telemetry, observer: &mut dyn Observer) -> Result<(), RunError> {
+        let told = self.count.step_of(&telemetry, self.step);
+        while self.waiting.front().is_some_and(|front| front.step < told) {
+            self.waiting.pop_front();
+        }
+        let Some(done) = self.waiting.pop_front() else { return Ok(()) };
+        let row = Row {
+            sensor_gas_k: done.sensor_gas_k,
+            sensor_wall_k: done.sensor_wall_k,
+            model_k: done.model_k,
+            model_sensor_k: done.model_sensor_k,
+            set_point: self.drive.value(done.truth.time_s),
+            truth: done.truth,
+            telemetry,
+        };
+        self.accumulator.add(&row, self.drive.controlled(self.rest_length_m, &row));
+        if done.logged {
+            observer.row(&row).map_err(RunError::Output)?;
+        }
+        Ok(())
+    }
+
+    /// Another supply, load, heat transfer, sensor lag or set point from the next step on: see [`Rig::retune`]. The
+    /// core hears of the set point and of nothing else.
+    ///
+    /// # Errors
+    /// [`RunError`] for a plant that cannot be; nothing has changed.
+    pub fn retune(&mut self, plant: &Scenario, board: &mut dyn Board) -> Result<(), RunError> {
+        self.rig.retune(plant).map_err(RunError::Build)?;
+        let driven = plant.drive != self.loaded.plant.drive;
+        self.loaded.plant = plant.clone();
+        if driven {
+            self.drive = SetPoints::new(&self.loaded);
+            board.set(self.drive.at(self.rig.truth().time_s))?;
+        }
+        Ok(())
+    }
+
+    /// Closes the books, after so much time on the wall's clock \[s\].
+    ///
+    /// # Errors
+    /// [`RunError::Board`]
+    pub fn finish(self, board: &mut dyn Board, wall_clock_s: f64) -> Result<Summary, RunError> {
+        let Self { loaded, rig, drive, .. } = self;
+        let scenario = &loaded.plant;
+        Ok(self.accumulator.finish(Ending {
+            wall_clock_s,
+            board: board.name(),
+            period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
+                .then_some(scenario.drive.period_s),
+            controlled: drive.quantity(),
+            rest_length_m: self.rest_length_m,
+            ledger: rig.ledger(),
+            axial_wall_k: rig.axial_wall_k(),
+            axial_gas_k: rig.axial_gas_k(),
+            timing: board.timing()?,
+        }))
+    }
 }
 
 /// A step that the plant has made and the board has not yet told of.

@@ -1,0 +1,156 @@
+//! Core and plant for a web page: what `thermyo run` runs, a stretch at a time, with knobs.
+//!
+//! The functions have the C interface of WebAssembly. A text goes in and comes out through one buffer: [`text`] makes
+//! room for it and says where, [`text_length`] says how long the one is that came back. Where a function says
+//! `false`, that text is what is wrong, in one line.
+
+mod live;
+
+use live::Live;
+use std::cell::RefCell;
+
+/// What the page has.
+#[derive(Default)]
+struct Playground {
+    text: Vec<u8>,
+    rows: Vec<f64>,
+    live: Option<Live>,
+}
+
+thread_local! {
+    static PLAYGROUND: RefCell<Playground> = RefCell::default();
+}
+
+fn with<T>(what: impl FnOnce(&mut Playground) -> T) -> T {
+    PLAYGROUND.with_borrow_mut(what)
+}
+
+impl Playground {
+    /// The text that came in, used up.
+    fn taken(&mut self) -> Result<String, String> {
+        String::from_utf8(std::mem::take(&mut self.text))
+            .map_err(|_| "the text is not UTF-8".into())
+    }
+
+    fn live(&mut self) -> Result<&mut Live, String> {
+        self.live.as_mut().ok_or_else(|| "nothing has been started".into())
+    }
+
+    /// The text of a success or of a failure goes out.
+    fn say(&mut self, outcome: Result<Vec<u8>, String>) -> bool {
+        let good = outcome.is_ok();
+        self.text = outcome.unwrap_or_else(String::into_bytes);
+        good
+    }
+}
+
+/// Room for a text of that many bytes.
+#[unsafe(no_mangle)]
+pub extern "C" fn text(length: usize) -> *mut u8 {
+    with(|playground| {
+        playground.text = vec![0; length];
+        playground.text.as_mut_ptr()
+    })
+}
+
+/// Where the text is that came back.
+#[unsafe(no_mangle)]
+pub extern "C" fn text_place() -> *const u8 {
+    with(|playground| playground.text.as_ptr())
+}
+
+/// How long it is.
+#[unsafe(no_mangle)]
+pub extern "C" fn text_length() -> usize {
+    with(|playground| playground.text.len())
+}
+
+/// Starts the scenario of the text, which has no end.
+#[unsafe(no_mangle)]
+pub extern "C" fn start() -> bool {
+    with(|playground| {
+        let started = playground.taken().and_then(|scenario| Live::start(&scenario));
+        let outcome = started.map(|live| {
+            playground.live = Some(live);
+            Vec::new()
+        });
+        playground.say(outcome)
+    })
+}
+
+/// Sets the number of the text's key, such as `supply.pressure_pa`: of the plant, while it runs; or, `told`, of the
+/// plant and of what the core is told, and everything starts again.
+#[unsafe(no_mangle)]
+pub extern "C" fn turn(value: f64, told: bool) -> bool {
+    with(|playground| {
+        let key = playground.taken();
+        let outcome = key.and_then(|key| playground.live()?.turn(&key, value, told));
+        playground.say(outcome.map(|()| Vec::new()))
+    })
+}
+
+/// What the plant is now, as JSON.
+#[unsafe(no_mangle)]
+pub extern "C" fn settings() -> bool {
+    with(|playground| {
+        let outcome = playground.live().map(|live| live.settings());
+        playground.say(outcome)
+    })
+}
+
+/// Goes on by so many steps; the rows of every so many are in [`rows`].
+#[unsafe(no_mangle)]
+pub extern "C" fn advance(steps: u32, every: u32) -> bool {
+    with(|playground| {
+        let mut rows = std::mem::take(&mut playground.rows);
+        rows.clear();
+        let outcome = playground.live().and_then(|live| live.advance(steps, every, &mut rows));
+        playground.rows = rows;
+        playground.say(outcome.map(|()| Vec::new()))
+    })
+}
+
+/// Where the rows are, a number for each of [`columns`].
+#[unsafe(no_mangle)]
+pub extern "C" fn rows() -> *const f64 {
+    with(|playground| playground.rows.as_ptr())
+}
+
+/// How many numbers they are together.
+#[unsafe(no_mangle)]
+pub extern "C" fn rows_length() -> usize {
+    with(|playground| playground.rows.len())
+}
+
+/// The names of the columns of `trace.csv`, as its first line.
+#[unsafe(no_mangle)]
+pub extern "C" fn columns() {
+    with(|playground| playground.text = live::header().into_bytes());
+}
+
+/// What the core says of itself: a line of its mode, a line of its faults.
+#[unsafe(no_mangle)]
+pub extern "C" fn state() -> bool {
+    with(|playground| {
+        let outcome = playground.live().map(|live| live.state().into_bytes());
+        playground.say(outcome)
+    })
+}
+
+/// The scenario as it is now, for `thermyo run`.
+#[unsafe(no_mangle)]
+pub extern "C" fn scenario() -> bool {
+    with(|playground| {
+        let outcome = playground.live().map(|live| live.scenario().into_bytes());
+        playground.say(outcome)
+    })
+}
+
+/// The `trace.csv` that `thermyo run` writes of the text's scenario.
+#[unsafe(no_mangle)]
+pub extern "C" fn trace() -> bool {
+    with(|playground| {
+        let outcome = playground.taken().and_then(|scenario| live::trace(&scenario));
+        playground.say(outcome)
+    })
+}

@@ -1,0 +1,131 @@
+//! A scenario that runs on and on, and is turned while it does.
+
+use host_sim::board::CoreBoard;
+use host_sim::files::trace::{COLUMNS, Row, cells_text};
+use host_sim::scenario::{self, Loaded};
+use host_sim::simulation::run::{Run, run};
+use model_core::Faults;
+use model_core::Telemetry;
+use model_core::control::Mode;
+
+/// What messages call the scenario.
+const ORIGIN: &str = "scenario.toml";
+/// Steps of it that last longer than anybody looks \[s\].
+const ENDLESS_S: f64 = 1.0e9;
+
+/// A run on its way.
+pub struct Live {
+    /// As it is now, with the duration that was given.
+    loaded: Loaded,
+    run: Run,
+    board: CoreBoard,
+    /// What the core said last: its mode, its faults.
+    said: Option<(Mode, Faults)>,
+}
+
+/// First line of a trace.
+pub fn header() -> String {
+    COLUMNS.join(",")
+}
+
+fn parsed(text: &str) -> Result<Loaded, String> {
+    scenario::parse(text, ORIGIN.as_ref()).map_err(|error| error.to_string())
+}
+
+/// The same without an end, every step shown.
+fn endless(loaded: &Loaded) -> Loaded {
+    let mut endless = loaded.clone();
+    endless.plant.run.duration_s = ENDLESS_S;
+    endless.plant.run.log_every = 1;
+    endless
+}
+
+/// The trace of a scenario, to its end.
+pub fn trace(text: &str) -> Result<Vec<u8>, String> {
+    let loaded = parsed(text)?;
+    let mut trace = header().into_bytes();
+    trace.push(b'\n');
+    let mut observer = |row: &Row| {
+        trace.extend_from_slice(cells_text(row.cells()).as_bytes());
+        trace.push(b'\n');
+        Ok(())
+    };
+    run(&loaded, &mut CoreBoard::default(), None, &mut observer)
+        .map_err(|error| error.to_string())?;
+    Ok(trace)
+}
+
+impl Live {
+    /// At rest at time zero.
+    pub fn start(text: &str) -> Result<Self, String> {
+        Self::of(parsed(text)?)
+    }
+
+    fn of(loaded: Loaded) -> Result<Self, String> {
+        let mut board = CoreBoard::default();
+        let run =
+            Run::start(&endless(&loaded), &mut board, None).map_err(|error| error.to_string())?;
+        Ok(Self { loaded, run, board, said: None })
+    }
+
+    /// What the plant is now, as JSON.
+    pub fn settings(&self) -> Vec<u8> {
+        serde_json::to_vec(&self.loaded.plant).expect("a scenario is plain data")
+    }
+
+    /// Sets a key's number.
+    pub fn turn(&mut self, key: &str, value: f64, told: bool) -> Result<(), String> {
+        let mut turned = self.loaded.clone();
+        let known = scenario::number(&turned.believed, key) == scenario::number(&turned.plant, key);
+        turned.plant = scenario::with_numbers(&turned.plant, [(key, value)]);
+        if told && known {
+            turned.believed = scenario::with_numbers(&turned.believed, [(key, value)]);
+        }
+        // There is nothing that the core could be told of these apart from the plant's.
+        turned.believed.drive = turned.plant.drive.clone();
+        // By every rule of a file, and with its messages.
+        let turned = parsed(&scenario::render(&turned))?;
+        if told {
+            *self = Self::of(turned)?;
+            return Ok(());
+        }
+        self.run
+            .retune(&endless(&turned).plant, &mut self.board)
+            .map_err(|error| error.to_string())?;
+        self.loaded = turned;
+        Ok(())
+    }
+
+    /// Goes on by so many steps, and adds the cells of every so many to `rows`.
+    pub fn advance(&mut self, steps: u32, every: u32, rows: &mut Vec<f64>) -> Result<(), String> {
+        let Self { run, board, said, .. } = self;
+        let mut observer = |row: &Row| {
+            let Telemetry { step, mode, faults, .. } = row.telemetry;
+            *said = Some((mode, faults));
+            if step.is_multiple_of(every.max(1)) {
+                rows.extend_from_slice(&row.cells());
+            }
+            Ok(())
+        };
+        for _ in 0..steps {
+            run.step(board, &mut observer).map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }
+
+    /// What the core says of itself.
+    pub fn state(&self) -> String {
+        match self.said {
+            None => String::new(),
+            Some((now, faults)) => {
+                let named = Mode::NAMES.iter().find(|(mode, _)| *mode == now);
+                format!("{}\n{faults}", named.map_or("", |(_, name)| name))
+            }
+        }
+    }
+
+    /// The scenario as it is now.
+    pub fn scenario(&self) -> String {
+        scenario::render(&self.loaded)
+    }
+}

@@ -1,0 +1,60 @@
+//! `thermyo playground`: its arguments, and what it says.
+
+use super::{Failure, print};
+use crate::commands::playground::{self, PlaygroundError, Written};
+use crate::files::output::OutputDir;
+use clap::Args;
+use std::io::Write;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+pub(super) struct PlaygroundArgs {
+    /// Folder for the page, to be served by any web host
+    #[arg(long, value_name = "DIR", default_value = "out/playground")]
+    out: PathBuf,
+    /// Print what has been written as JSON
+    #[arg(long)]
+    json: bool,
+    /// Print nothing
+    #[arg(long, conflicts_with = "json")]
+    quiet: bool,
+}
+
+pub(super) fn run(
+    args: &PlaygroundArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    let folder = args.out.display();
+    let Written { bytes, earlier } = playground::write(OutputDir::create(&args.out)?)?;
+    if let Some(earlier) = earlier {
+        let earlier = earlier.display();
+        let _ = writeln!(stderr, "thermyo: the earlier result in {folder} is now in {earlier}");
+    }
+    if args.quiet {
+        return Ok(());
+    }
+    let page = args.out.join("index.html");
+    if args.json {
+        let json = serde_json::json!({ "page": page.display().to_string(), "bytes": bytes });
+        return print(stdout, &format!("{json:#}\n"));
+    }
+    print(
+        stdout,
+        &format!(
+            "page: {}, {:.2} MB with what it needs\nA browser wants it from a web server, such as \
+             `python3 -m http.server --directory {folder}`\n",
+            page.display(),
+            bytes as f64 / 1e6,
+        ),
+    )
+}
+
+impl From<PlaygroundError> for Failure {
+    fn from(error: PlaygroundError) -> Self {
+        match error {
+            PlaygroundError::Output(error) => Self::Input(error),
+            other => Self::Usage(other.to_string()),
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! `thermyo playground`: core and plant in a page, as a folder for any web host.
+
+use crate::board::image::{NotBuilt, build, workspace};
+use crate::files::input::InputError;
+use crate::files::output::OutputDir;
+use crate::report::muscle::palette;
+use crate::report::page::DRAWING_STYLE;
+use crate::serve::page;
+use serde_json::json;
+use std::io::Write;
+use std::path::PathBuf;
+use std::{fs, io};
+
+/// What the module is compiled for, and how: small and fast, `Cargo.toml`.
+const TARGET: &str = "wasm32-unknown-unknown";
+const PROFILE: &str = "playground";
+/// Its file in the folder.
+const MODULE: &str = "thermyo.wasm";
+
+/// What the page can run without a file.
+const SCENARIOS: [(&str, &str); 4] = [
+    ("a working cycle", include_str!("../../../scenarios/nominal.toml")),
+    (
+        "pressure control",
+        "[plant]\nmodel = \"lumped\"\n\n[drive]\nkind = \"pressure\"\npressure_pa = 250_000.0\n",
+    ),
+    ("contraction control, the full muscle", include_str!("../../../scenarios/contraction.toml")),
+    (
+        "a working cycle, the full muscle, heat transfer told wrong",
+        include_str!("../../../scenarios/sensor.toml"),
+    ),
+];
+
+/// Why there is no playground.
+#[derive(Debug, thiserror::Error)]
+pub enum PlaygroundError {
+    /// The folder of the sources is gone.
+    #[error(
+        "{}: the playground is built from the checkout that this program was built from, and that is not there \
+         any more: run `cargo run --release -- playground` in a checkout",
+        .0.display()
+    )]
+    NoCheckout(PathBuf),
+    /// The compiler's target for browsers is not installed.
+    #[error("the compiler's target for browsers is missing: run `rustup target add {TARGET}`")]
+    NoTarget,
+    /// It did not build.
+    #[error("the playground did not build:\n{0}")]
+    Build(String),
+    /// A file cannot be written.
+    #[error(transparent)]
+    Output(#[from] InputError),
+}
+
+/// What has been written.
+pub struct Written {
+    /// Bytes of all files together.
+    pub bytes: u64,
+    /// Where an earlier one is now.
+    pub earlier: Option<PathBuf>,
+}
+
+/// Writes the page into a folder, with a module that is up to date.
+///
+/// # Errors
+/// [`PlaygroundError`], with the folder as it was.
+pub fn write(mut out: OutputDir) -> Result<Written, PlaygroundError> {
+    let module = module()?;
+    let colours = json!(palette(page::PALETTE));
+    let scenarios: Vec<_> =
+        SCENARIOS.iter().map(|(name, text)| json!({ "name": name, "text": text })).collect();
+    let texts = [
+        ("index.html", include_str!("../../playground/page/index.html").to_owned()),
+        ("playground.js", include_str!("../../playground/page/playground.js").to_owned()),
+        ("simulation.js", include_str!("../../playground/page/simulation.js").to_owned()),
+        ("playground.css", include_str!("../../playground/page/playground.css").to_owned()),
+        ("scenarios.js", format!("export default {};\n", json!(scenarios))),
+        ("palette.js", format!("export default {colours};\n")),
+        ("drawing.css", DRAWING_STYLE.to_owned()),
+        ("page.css", page::STYLE.to_owned()),
+        ("plot.js", page::PLOT.to_owned()),
+        ("muscle.js", page::MUSCLE.to_owned()),
+    ];
+    let mut bytes = module.len();
+    for (name, text) in &texts {
+        bytes += text.len();
+        out.text(name, text)?;
+    }
+    let mut file = out.file(MODULE)?;
+    file.write_all(&module).map_err(|error| out.unwritable(MODULE, &error))?;
+    drop(file);
+    Ok(Written { bytes: bytes as u64, earlier: out.publish()? })
+}
+
+/// The module of this checkout; cargo decides whether it is stale.
+fn module() -> Result<Vec<u8>, PlaygroundError> {
+    let root = workspace();
+    if !root.join("Cargo.toml").is_file() {
+        return Err(PlaygroundError::NoCheckout(root));
+    }
+    let arguments = ["--package", "thermyo-playground", "--profile", PROFILE, "--target", TARGET];
+    let target = build(&root, &arguments).map_err(|error| match error {
+        NotBuilt::NoTarget => PlaygroundError::NoTarget,
+        NotBuilt::Failed(message) => PlaygroundError::Build(message),
+    })?;
+    let file = target.join(TARGET).join(PROFILE).join("thermyo_playground.wasm");
+    fs::read(&file)
+        .map_err(|error: io::Error| PlaygroundError::Build(format!("{}: {error}", file.display())))
+}

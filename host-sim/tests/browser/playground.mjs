@@ -1,0 +1,142 @@
+// Uses the page of `thermyo playground` in headless Chromium, from a plain web server, and prints what it saw as JSON.
+//
+//     node playground.mjs CHROMIUM FOLDER SCREENSHOTS
+import { createServer } from "node:http";
+import { mkdtemp, readFile, writeFile } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import puppeteer from "puppeteer-core";
+
+const [executablePath, folder, screenshots] = process.argv.slice(2);
+const TYPES = { html: "text/html", js: "text/javascript", css: "text/css" };
+const server = createServer(async ({ url }, response) => {
+  const name = new URL(url, "http://localhost").pathname.slice(1) || "index.html";
+  try {
+    const content = await readFile(join(folder, name));
+    // The module as a host sends it that does not know what that is.
+    response.writeHead(200, { "content-type": TYPES[name.split(".").at(-1)] ?? "application/octet-stream" });
+    response.end(content);
+  } catch {
+    response.writeHead(404);
+    response.end();
+  }
+});
+await new Promise((done) => server.listen(0, "127.0.0.1", done));
+const address = `http://127.0.0.1:${server.address().port}/`;
+
+const browser = await puppeteer.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
+const page = await browser.newPage();
+const problems = [];
+page.on("console", (message) => {
+  if (["error", "warn"].includes(message.type())) problems.push(message.text());
+});
+page.on("pageerror", (error) => problems.push(String(error)));
+page.on("request", (request) => {
+  if (!request.url().startsWith(address) && !/^(data|blob):/.test(request.url())) problems.push(`fetches ${request.url()}`);
+});
+page.on("response", (response) => {
+  if (response.status() >= 400) problems.push(`${response.status()} ${response.url()}`);
+});
+
+const pause = (ms) => new Promise((done) => setTimeout(done, ms));
+const until = (what, ...values) => page.waitForFunction(what, { timeout: 30000, polling: 50 }, ...values);
+const number = (id) => page.$eval(`#${id}`, (node) => parseFloat(node.textContent));
+const text = (id) => page.$eval(`#${id}`, (node) => node.textContent);
+const choose = (name, value) => page.$eval(`[name=${name}][value="${value}"]`, (radio) => radio.click());
+async function slide(key, value) {
+  await page.$eval(`[id="${key}"]`, (input, to) => {
+    input.value = to;
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+  }, value);
+}
+const legend = (plot) => page.$eval(`#${plot} ul`, (list) => list.textContent);
+
+await page.setViewport({ width: 1280, height: 900 });
+await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
+await page.goto(address);
+const downloads = await mkdtemp(join(tmpdir(), "thermyo-playground-"));
+const session = await page.createCDPSession();
+await session.send("Page.setDownloadBehavior", { behavior: "allow", downloadPath: downloads });
+async function download(button, name) {
+  await page.click(`#${button}`);
+  for (let i = 0; i < 200; i++) {
+    const content = await readFile(join(downloads, name), "utf8").catch(() => "");
+    if (content) return join(downloads, name);
+    await pause(50);
+  }
+  throw new Error(`no ${name} was saved`);
+}
+
+await until(() => parseFloat(document.getElementById("time").textContent) > 0);
+// The shipped cycle, before anything is turned: what is saved is what `thermyo run` has.
+const shipped = { scenario: await download("export", "scenario.toml") };
+shipped.trace = await download("trace", "trace.csv");
+
+// A set point, and the pressure that follows.
+await page.select("#choice", await page.$eval("#choice", (list) => list.options[1].value));
+await choose("rate", 10);
+await until(() => parseFloat(document.getElementById("time").textContent) > 5);
+const held_kpa = await number("r-pressure");
+await slide("drive.pressure_pa", 400);
+const turned_s = await number("time");
+await until((from) => parseFloat(document.getElementById("time").textContent) > from + 6, turned_s);
+const followed_kpa = await number("r-pressure");
+// A lag, of which the core is not told.
+const before = await legend("plot-temperature");
+await slide("sensor.gas.time_constant_s", 10);
+await slide("load.force_n", 250);
+await slide("heat.scale", 2);
+await slide("supply.pressure_pa", 600);
+await pause(700);
+const knobs = await text("knobs");
+const changed = (await legend("plot-temperature")) !== before;
+const untold = await page.$eval("#exported", (node) => node.textContent.includes("starts so"));
+
+// What a file of nonsense is answered, and that what runs goes on.
+const wrong = join(downloads, "wrong.toml");
+await writeFile(wrong, "[supply]\npressure_pa = -1\n");
+await (await page.$("#file")).uploadFile(wrong);
+await until(() => !document.getElementById("wrong").hidden);
+const refused = await text("wrong");
+const refused_s = await number("time");
+await until((from) => parseFloat(document.getElementById("time").textContent) > from + 2, refused_s);
+await choose("rate", 1);
+await page.click("#again");
+await until(() => document.getElementById("wrong").hidden && parseFloat(document.getElementById("time").textContent) < 4);
+
+// How fast it can.
+await page.select("#choice", await page.$eval("#choice", (list) => list.options[0].value));
+await choose("rate", 100);
+await choose("span", 20);
+await pause(3000);
+const at_100 = await number("speed");
+await choose("rate", 1000);
+await pause(2500);
+const at_1000 = await number("speed");
+await choose("rate", 1);
+await choose("span", 20);
+
+await page.click("#pause");
+const box = await (await page.$("#plot-pressure canvas")).boundingBox();
+const not_hovered = await legend("plot-pressure");
+await page.mouse.move(box.x + box.width * .6, box.y + 60);
+await pause(300);
+const hovered = await legend("plot-pressure");
+await page.screenshot({ path: `${screenshots}-1280-light.png`, fullPage: true });
+await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "dark" }]);
+await pause(300);
+await page.screenshot({ path: `${screenshots}-1280-dark.png`, fullPage: true });
+await page.mouse.move(5, 5);
+await page.setViewport({ width: 390, height: 844, deviceScaleFactor: 2 });
+await pause(600);
+const narrow_px = await page.evaluate(() => document.documentElement.scrollWidth);
+await page.screenshot({ path: `${screenshots}-390-dark.png`, fullPage: true });
+await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
+await pause(300);
+await page.screenshot({ path: `${screenshots}-390-light.png`, fullPage: true });
+const mode = await text("mode");
+await browser.close();
+server.close();
+console.log(JSON.stringify({
+  problems, shipped, held_kpa, followed_kpa, knobs, changed, untold, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode,
+}));

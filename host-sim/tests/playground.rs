@@ -1,0 +1,141 @@
+//! `thermyo playground`: its module under Node, to the bit; its page in headless Chromium.
+
+use host_sim::board::image::prepare_node;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+mod browser_support;
+use browser_support::{chromium, look};
+
+fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn thermyo() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_thermyo"))
+}
+
+/// The page, written once.
+fn playground() -> &'static Path {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    FOLDER.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("playground");
+        let _ = fs::remove_dir_all(&folder);
+        let output =
+            thermyo().args(["playground", "--json", "--out"]).arg(&folder).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let sizes = fs::read_dir(&folder).unwrap().map(|file| file.unwrap().metadata().unwrap());
+        let bytes: u64 = sizes.map(|file| file.len()).sum();
+        assert_eq!(said["bytes"], bytes);
+        assert!((100_000..2_000_000).contains(&bytes), "{bytes} bytes");
+        folder
+    })
+}
+
+/// The trace of `thermyo run`.
+fn command(scenario: &Path) -> Vec<u8> {
+    let out = tempfile::tempdir().unwrap();
+    let output =
+        thermyo().args(["run", "--quiet"]).arg(scenario).arg("--out").arg(out.path()).output();
+    let output = output.unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    fs::read(out.path().join("trace.csv")).unwrap()
+}
+
+/// The trace of the module, and what it says besides.
+fn module(scenario: &Path) -> Result<Vec<u8>, String> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/playground_trace.mjs");
+    let output = Command::new("node").arg(script).arg(playground()).arg(scenario).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    if output.status.success() { Ok(output.stdout) } else { Err(said) }
+}
+
+fn assert_same(what: &str, a: &[u8], b: &[u8]) {
+    let lines = |bytes: &[u8]| String::from_utf8_lossy(bytes).lines().count();
+    assert!(lines(a) > 100, "{what}: {} rows", lines(a));
+    let differs = a.split(|byte| *byte == b'\n').zip(b.split(|byte| *byte == b'\n'));
+    let first = differs.enumerate().find(|(_, (a, b))| a != b).map(|(i, _)| i + 1);
+    assert!(a == b, "{what}: line {first:?} of {} and {}", lines(a), lines(b));
+}
+
+#[test]
+fn its_trace_is_that_of_the_command_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cases: Vec<PathBuf> = ["nominal", "contraction", "reproduce"]
+        .map(|name| repository().join("scenarios").join(name).with_extension("toml"))
+        .into();
+    // Every function of f64 that the platform would round as it likes.
+    for (name, text) in [
+        (
+            "correlation",
+            "[run]\nduration_s = 20\n[heat]\nmodel = \"correlation\"\n[sensor.gas]\ndensity_exponent = 0.5\n",
+        ),
+        ("paper", "[run]\nduration_s = 20\n[plant]\nmodel = \"paper\"\n"),
+        (
+            "vessel",
+            "[run]\nduration_s = 20\n[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 600000\n[drive]\nkind = \"discharge\"\n",
+        ),
+        (
+            "faults",
+            "[run]\nduration_s = 10\nlog_every = 1\n[drive]\nkind = \"pressure\"\npressure_pa = 250000\n[muscle]\nbladder_saturation_n = 20\nbladder_strain = 0.05\n[faults]\nfrom_s = 5\nleak_conductance_m3_s_pa = 1e-11\n",
+        ),
+    ] {
+        let file = folder.path().join(name).with_extension("toml");
+        fs::write(&file, text).unwrap();
+        cases.push(file);
+    }
+    for scenario in cases {
+        let name = scenario.display().to_string();
+        assert_same(&name, &module(&scenario).unwrap(), &command(&scenario));
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_scenario_is_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("wrong.toml");
+    fs::write(&file, "[supply]\npressure_pa = 7\npressure = 7e5\n").unwrap();
+    let said = module(&file).unwrap_err();
+    let expected =
+        "Error: scenario.toml:3: unknown key supply.pressure; did you mean supply.pressure_pa?\n";
+    assert!(said.contains(expected), "{said}");
+}
+
+#[test]
+fn an_earlier_page_is_kept() {
+    let out = tempfile::tempdir().unwrap();
+    fs::write(out.path().join("index.html"), "mine").unwrap();
+    let output = thermyo().args(["playground", "--quiet", "--out"]).arg(out.path()).output();
+    let output = output.unwrap();
+    assert!(output.status.success() && output.stdout.is_empty());
+    assert_eq!(fs::read(out.path().join("earlier-1/index.html")).unwrap(), b"mine");
+    assert_ne!(fs::read(out.path().join("index.html")).unwrap(), b"mine");
+}
+
+#[test]
+fn the_page_runs_and_is_turned() {
+    let Some(chromium) = chromium() else { return };
+    prepare_node(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser")).unwrap();
+    let seen = look("playground.mjs", &chromium, playground().as_os_str(), "playground");
+    println!("{seen:#}");
+    assert_eq!(seen["problems"], serde_json::json!([]), "{seen:#}");
+    let number = |name: &str| seen[name].as_f64().unwrap_or_else(|| panic!("{name}: {seen:#}"));
+    assert!((number("held_kpa") - 250.0).abs() < 2.0, "{seen:#}");
+    assert!((number("followed_kpa") - 400.0).abs() < 3.0, "{seen:#}");
+    assert_eq!(seen["changed"], true);
+    assert_eq!(seen["untold"], true);
+    assert_eq!(seen["mode"].as_str(), Some("mass flow"));
+    assert_ne!(seen["hovered"], seen["not_hovered"]);
+    assert_eq!(seen["narrow_px"], 390, "{seen:#}");
+    let refused = seen["refused"].as_str().unwrap();
+    assert!(refused.starts_with("scenario.toml:2: supply.pressure_pa = -1"), "{refused}");
+    // What was saved is what `thermyo run` takes, and makes.
+    let saved = |name: &str| PathBuf::from(seen["shipped"][name].as_str().unwrap());
+    let expected = command(&repository().join("scenarios/nominal.toml"));
+    assert_same("the saved scenario", &command(&saved("scenario")), &expected);
+    assert_same("the saved trace", &fs::read(saved("trace")).unwrap(), &expected);
+    fs::remove_dir_all(saved("trace").parent().unwrap()).unwrap();
+}
