@@ -275,6 +275,9 @@ $("pause").addEventListener("click", () => {
   shared.paused = !shared.paused;
   $("pause").setAttribute("aria-pressed", String(shared.paused));
   $("pause").textContent = shared.paused ? "Go on" : "Pause";
+  // What it was until then says nothing about a page that stands still.
+  $("speed").textContent = "";
+  measured = { from: performance.now(), simulated_s: 0 };
 });
 
 try {

@@ -414,3 +414,86 @@ impl SetPoints {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::CoreBoard;
+    use crate::files::trace::COLUMNS;
+    use crate::scenario;
+
+    type Change = fn(&mut Scenario);
+
+    /// The cells of 2 s of a scenario, which is changed after the first.
+    fn rows(text: &str, change: Option<Change>) -> Vec<[f64; COLUMNS.len()]> {
+        let text = format!("[run]\nduration_s = 2.0\nlog_every = 1\n{text}");
+        let loaded = scenario::parse(&text, "test".as_ref()).unwrap();
+        let mut board = CoreBoard::default();
+        let mut run = Run::start(&loaded, &mut board, None).unwrap();
+        let mut rows = Vec::new();
+        let mut observer = |row: &Row| {
+            rows.push(row.cells());
+            Ok(())
+        };
+        for step in 0_u32.. {
+            if let Some(change) = change.filter(|_| step == 1000) {
+                let mut plant = loaded.plant.clone();
+                change(&mut plant);
+                run.retune(&plant, &mut board).unwrap();
+            }
+            if !run.step(&mut board, &mut observer).unwrap() {
+                break;
+            }
+        }
+        rows
+    }
+
+    const PLANTS: [&str; 3] = [
+        "[plant]\nmodel = \"lumped\"\n",
+        "[plant]\nmodel = \"full\"\n",
+        "[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 5e5\n[drive]\nkind = \"discharge\"\n",
+    ];
+
+    #[test]
+    fn what_is_turned_to_what_it_is_changes_no_bit() {
+        for plant in PLANTS {
+            let (plain, turned) = (rows(plant, None), rows(plant, Some(|_| ())));
+            assert_eq!(plain.len(), 2001);
+            for (a, b) in plain.iter().zip(&turned) {
+                assert_eq!(a.map(f64::to_bits), b.map(f64::to_bits), "{plant} at {} s", a[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_turned_acts_from_then_on_and_nothing_jumps() {
+        let column = |name: &str| COLUMNS.iter().position(|column| *column == name).unwrap();
+        let changes: [(&str, Change); 4] = [
+            ("length_m", |plant| plant.load.force_n = 160.0),
+            ("flow_in_kg_s", |plant| plant.supply.pressure_pa = 5.0e5),
+            ("gas_temperature_k", |plant| plant.heat.scale = 4.0),
+            ("sensor_gas_k", |plant| plant.sensor.gas.time_constant_s = 0.2),
+        ];
+        for plant in &PLANTS[..2] {
+            let plain = rows(plant, None);
+            for (name, change) in changes {
+                let turned = rows(plant, Some(change));
+                assert_eq!(plain[..1000], turned[..1000], "{name}");
+                let place = column(name);
+                let differs = plain
+                    .iter()
+                    .zip(&turned)
+                    .any(|(a, b)| (a[place] - b[place]).abs() > 1e-3 * a[place].abs());
+                assert!(differs, "{plant}: {name}");
+                // The gas itself may: a lumped muscle follows another load at once.
+                for (jump, most) in
+                    [("mass_kg", 1e-6), ("wall_temperature_k", 0.1), ("sensor_gas_k", 1.0)]
+                {
+                    let jump = column(jump);
+                    let by = (turned[1001][jump] - turned[999][jump]).abs();
+                    assert!(by < most, "{plant}: {name} turned, {jump} jumps by {by}");
+                }
+            }
+        }
+    }
+}
