@@ -336,6 +336,49 @@ fn a_sensor_is_calibrated_step_by_step() {
 }
 
 #[test]
+fn a_muscle_is_tuned_from_the_page() {
+    if skip_emulator() {
+        return;
+    }
+    let served = Served::new("scenarios/contraction.toml");
+    let mut page = served.page();
+    page.until("a state", 5.0, |page| page.state.is_object() && page.own["steers"] == true);
+    page.until("told", 5.0, |page| page.state["configuration"]["told"] == true);
+    let checksum = page.state["configuration"]["checksum"].clone();
+    let progress = |page: &Page| page.state["guide"]["progress"].as_f64().unwrap_or(0.0);
+    let text = |page: &Page| page.state["guide"]["text"].as_str().unwrap_or("").to_owned();
+
+    // To vent ends it, and nothing has been tuned.
+    page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
+    page.until("it moves", 20.0, |page| progress(page) > 0.01 && page.pressure_pa() > 1.1e5);
+    assert_eq!(page.state["guide"]["title"], "Tuning");
+    page.order(json!("record"));
+    page.until("nothing beside it", 3.0, |page| page.happened("to vent ends that"));
+    page.say(json!("vent"));
+    page.until("vents", 2.0, |page| page.frame["mode"] == "vent");
+    page.until("ended", 5.0, |page| page.state["guide"]["over"] == true);
+    assert!(text(&page).contains("Nothing was tuned: "), "{}", text(&page));
+    assert_eq!(page.state["results"], json!([]));
+    assert!(!served.bench.path("out/serve/tune-1").exists());
+
+    // To its end: the board has other values, the page their report.
+    page.order(json!("leave"));
+    page.until("left", 3.0, |page| page.state["guide"].is_null());
+    page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
+    page.until("it runs", 20.0, |page| progress(page) > 0.0);
+    page.until("tuned", 300.0, |page| page.state["guide"]["over"] == true);
+    assert!(text(&page).contains("friction.force_n"), "{}", text(&page));
+    assert_eq!(page.state["guide"]["result"], "tune-1");
+    page.until("vents", 5.0, |page| page.frame["mode"] == "vent");
+    page.until("other values", 5.0, |page| page.state["configuration"]["checksum"] != checksum);
+    let (status, report) = served.get(&served.path("results/tune-1/report.html"), served.host());
+    assert_eq!(status, 200);
+    assert!(report.contains("<svg"));
+    let tuned = fs::read_to_string(served.bench.path("out/serve/tune-1/tuned.toml")).unwrap();
+    assert!(tuned.contains("[believed."), "{tuned}");
+}
+
+#[test]
 fn bad_input_is_told_in_a_line() {
     let bench = Bench::new();
     let message = bench.refused("thermyo serve scenarios/nowhere.toml");
