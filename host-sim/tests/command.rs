@@ -40,6 +40,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
             vec!["tune", &unknown, "--max-pressure", "4"],
             "must be an absolute pressure in Pa: 4 bar are 400000",
         ),
+        (
+            vec!["board", "emulated", "arm", "--max-pressure", "4"],
+            "must be an absolute pressure in Pa: 4 bar are 400000",
+        ),
         (vec!["evaluate", "tune"], "--out goes with `evaluate control` and `evaluate faults` only"),
     ] {
         let mut all = arguments.clone();
@@ -215,6 +219,10 @@ fn shells_and_readers_are_told_of_every_command() {
         let page = fs::read_to_string(Path::new(&out).join(format!("{name}.1"))).unwrap();
         assert!(page.contains(".SH NAME"), "{name}");
     }
+    let output = thermyo(&["man", "--out", &out, "--json"]);
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(told["page"].as_str().unwrap().ends_with("thermyo.1"), "{told}");
+    assert!(thermyo(&["man", "--out", &out, "--quiet"]).stdout.is_empty());
     for shell in ["bash", "zsh", "fish"] {
         let output = thermyo(&["completions", shell]);
         let script = String::from_utf8(output.stdout).unwrap();

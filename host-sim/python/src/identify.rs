@@ -27,7 +27,7 @@ pub fn identify<'py>(
     let against = against.map(|other| self::table(other, "against")).transpose()?;
     let against = against.as_ref().map(|(table, _)| table);
     let found = py
-        .detach(|| identify_table(&loaded, &config, &table, &file, against))
+        .detach(|| identify_table(&loaded, &config, &table, &file, against, &()))
         .map_err(error::identify)?;
     let findings = plain(py, &found.findings())?;
     findings.set_item("scenario", host_sim::scenario::render(found.scenario()))?;

@@ -1,6 +1,6 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
-use super::{Failure, load, print, progress_bar, publish};
+use super::{Bar, Failure, load, print, progress_bar, publish};
 use crate::commands::evaluate::{self, control_page, faults};
 use crate::files::output::OutputDir;
 use clap::{Args, ValueEnum};
@@ -72,14 +72,17 @@ pub(super) fn run(
         Some(path) => load(path, err)?,
         None => evaluate::nominal()?,
     };
+    let bar = Bar::new(*quiet);
     let lines = match what {
-        Subject::Estimator => evaluate::estimator::evaluate(&nominal).map_err(Failure::Run)?,
-        Subject::Control => evaluate::control::evaluate(&nominal).map_err(Failure::Run)?,
+        Subject::Estimator => {
+            evaluate::estimator::evaluate(&nominal, &bar).map_err(Failure::Run)?
+        }
+        Subject::Control => evaluate::control::evaluate(&nominal, &bar).map_err(Failure::Run)?,
         Subject::Truth => {
             let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());
-            evaluate::truth::evaluate(data.as_deref().ok_or_else(missing)?)?
+            evaluate::truth::evaluate(data.as_deref().ok_or_else(missing)?, &bar)?
         }
-        Subject::Tune => evaluate::tune::evaluate(&nominal)?,
+        Subject::Tune => evaluate::tune::evaluate(&nominal, &bar)?,
         Subject::Faults => {
             let evaluation = faults::Evaluation::new(&nominal, hours.unwrap_or(faults::HOURS));
             let bar = progress_bar(evaluation.runs(), *quiet);
@@ -88,6 +91,7 @@ pub(super) fn run(
             lines
         }
     };
+    drop(bar);
     if *json {
         let json = serde_json::to_string_pretty(&lines).expect("a table is plain data") + "\n";
         print(out, &json)?;

@@ -1,7 +1,7 @@
 //! `thermyo board`: a flashed board, or the emulated one, asked and commanded.
 
 use super::{
-    Failure, OutputArgs, calibrate, interrupt, print, progress_bar, publish, read_to_compare,
+    Failure, OutputArgs, calibrate, interrupt, print, progress_bar, publish, read_to_compare, tune,
 };
 use crate::board::live::LiveBoard;
 use crate::board::{BoardError, port, service};
@@ -70,8 +70,8 @@ enum BoardTask {
 #[derive(Debug, Args)]
 struct ArmArgs {
     /// Highest absolute pressure that set points may ask for, in Pa [default: what the configuration allows]
-    #[arg(long, value_name = "PA")]
-    max_pressure: Option<f32>,
+    #[arg(long, value_name = "PA", value_parser = tune::pressure)]
+    max_pressure: Option<f64>,
 }
 
 #[derive(Debug, Args)]
@@ -336,8 +336,8 @@ fn muscle(telemetry: &Telemetry) -> String {
     )
 }
 
-fn arm(board: &mut LiveBoard, most_pa: Option<f32>, out: &mut dyn Write) -> Result<(), Failure> {
-    board.arm(most_pa)?;
+fn arm(board: &mut LiveBoard, most_pa: Option<f64>, out: &mut dyn Write) -> Result<(), Failure> {
+    board.arm(most_pa.map(|pa| pa as f32))?;
     let armed_pa = board.status()?.armed_pa.unwrap_or_default();
     print(out, &format!("armed up to {:.1} kPa, absolute\n", armed_pa / 1e3))
 }

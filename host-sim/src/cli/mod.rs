@@ -23,6 +23,7 @@ use self::failure::Failure;
 use crate::board::{Board, CoreBoard};
 use crate::commands::identify::{identify_table, static_map};
 use crate::commands::monitor::{self, Recorder, Session};
+use crate::commands::parallel::Watch;
 use crate::commands::reproduce;
 use crate::files::board_trace::every_column;
 use crate::files::input::InputError;
@@ -42,6 +43,10 @@ use std::ffi::OsString;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
+
+/// Time between two looks of a bar whose parts are long.
+const TICK: Duration = Duration::from_millis(200);
 
 /// Thermodynamics of a pneumatic muscle: simulate it, estimate its gas temperature, drive it.
 #[derive(Debug, Parser)]
@@ -78,6 +83,12 @@ enum Task {
         /// Folder for trace.csv and config.json [default: out/monitor]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// Print what has been recorded as JSON in the end
+        #[arg(long)]
+        json: bool,
+        /// Print nothing in the end
+        #[arg(long, conflicts_with = "json")]
+        quiet: bool,
     },
     /// A board on a local page: live, steered, recorded, calibrated, tuned
     Serve(serve::ServeArgs),
@@ -115,6 +126,12 @@ enum Task {
         /// Folder for them
         #[arg(long, value_name = "DIR", default_value = "out/man")]
         out: PathBuf,
+        /// Print where they are as JSON
+        #[arg(long)]
+        json: bool,
+        /// Print nothing
+        #[arg(long, conflicts_with = "json")]
+        quiet: bool,
     },
 }
 
@@ -198,9 +215,9 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Replay(args) => replay::run(&args, out, err),
         Task::Fmu(args) => fmu::run(&args, out, err),
         Task::Compare(args) => compare::run(&args, out, err),
-        Task::Monitor { port, out: folder } => {
+        Task::Monitor { port, out: folder, json, quiet } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
-            monitor_command(&port, &folder, out, err)
+            monitor_command(&port, &folder, (json, quiet), out, err)
         }
         Task::Serve(args) => serve::run(&args, out),
         Task::Playground(args) => playground::run(&args, out, err),
@@ -211,7 +228,7 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Evaluate(args) => evaluate::run(&args, out, err),
         Task::Check { scenario, json, quiet } => check_command(&scenario, (json, quiet), out, err),
         Task::Completions { shell } => shell::completions(shell, out),
-        Task::Man { out: folder } => shell::man(&folder, out),
+        Task::Man { out: folder, json, quiet } => shell::man(&folder, (json, quiet), out),
     };
     match result {
         Ok(()) => 0,
@@ -298,8 +315,10 @@ fn identify_command(
     // Made before the search: where it cannot be, nobody wants to wait for that.
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
     let mut out = OutputDir::create(&folder)?;
-    let found = identify_table(&loaded, &args.config, &table, data, against.as_ref())
-        .map_err(Failure::Identify)?;
+    let bar = Bar::new(args.output.quiet);
+    let found = identify_table(&loaded, &args.config, &table, data, against.as_ref(), &bar);
+    drop(bar);
+    let found = found.map_err(Failure::Identify)?;
     let title = title_of(data);
     let json =
         serde_json::to_string_pretty(&found.findings()).expect("findings are plain data") + "\n";
@@ -326,6 +345,7 @@ fn title_of(file: &Path) -> String {
 fn monitor_command(
     port: &str,
     folder: &Path,
+    (json, quiet): (bool, bool),
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
@@ -339,8 +359,13 @@ fn monitor_command(
     drop(session);
     if rows > 0 {
         publish(out, stderr)?;
-        let trace = folder.join("trace.csv");
-        print(stdout, &format!("{rows} rows recorded: {}\n", trace.display()))?;
+        let trace = folder.join("trace.csv").display().to_string();
+        if json {
+            let json = serde_json::json!({ "rows": rows, "trace": trace });
+            print(stdout, &format!("{json:#}\n"))?;
+        } else if !quiet {
+            print(stdout, &format!("{rows} rows recorded: {trace}\n"))?;
+        }
     }
     Ok(outcome?)
 }
@@ -511,6 +536,33 @@ fn progress_bar(length: u64, quiet: bool) -> ProgressBar {
         .expect("the template is a constant");
     // Drawn on standard error, and only where that is a terminal.
     ProgressBar::new(length).with_style(style)
+}
+
+/// Work whose parts are counted as they come up.
+struct Bar(ProgressBar);
+
+impl Bar {
+    fn new(quiet: bool) -> Self {
+        Self(progress_bar(0, quiet))
+    }
+}
+
+impl Watch for Bar {
+    fn parts(&self, count: usize) {
+        self.0.inc_length(count as u64);
+        // Drawn from now on, and not when the first part is done, which may take minutes.
+        self.0.enable_steady_tick(TICK);
+    }
+
+    fn done(&self) {
+        self.0.inc(1);
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
 }
 
 fn print(out: &mut dyn Write, text: &str) -> Result<(), Failure> {

@@ -13,9 +13,18 @@ pub(super) fn completions(shell: Shell, out: &mut dyn Write) -> Result<(), Failu
     print(out, &String::from_utf8_lossy(&script))
 }
 
-pub(super) fn man(folder: &Path, out: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn man(
+    folder: &Path,
+    (json, quiet): (bool, bool),
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|error| InputError::output(folder, &error))?;
     clap_mangen::generate_to(Cli::command().disable_help_subcommand(true), folder)
         .map_err(|error| InputError::output(folder, &error))?;
-    print(out, &format!("man pages: {}\n", folder.join("thermyo.1").display()))
+    let first = folder.join("thermyo.1").display().to_string();
+    match (json, quiet) {
+        (true, _) => print(out, &format!("{:#}\n", serde_json::json!({ "page": first }))),
+        (_, true) => Ok(()),
+        _ => print(out, &format!("man pages: {first}\n")),
+    }
 }

@@ -1,12 +1,16 @@
 //! `thermyo tune`: its arguments, and what it prints and writes.
 
-use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish};
+use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, progress_bar, publish};
+use crate::board::BoardError;
 use crate::board::live::LiveBoard;
 use crate::commands::drive::LiveBench;
-use crate::commands::tune;
+use crate::commands::tune::{self, Bench, Simulated};
 use crate::files::output::OutputDir;
-use crate::scenario;
+use crate::scenario::{self, Loaded};
+use crate::simulation::run::RunError;
 use clap::Args;
+use indicatif::ProgressBar;
+use model_core::{Config, Telemetry};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -27,13 +31,49 @@ pub(super) struct TuneArgs {
 /// Nobody means less than that: it is no pressure of a muscle, but one in another unit \[Pa\].
 const LEAST_PA: f64 = 1.0e5;
 
-fn pressure(text: &str) -> Result<f64, String> {
+/// An absolute pressure that was typed \[Pa\].
+pub(super) fn pressure(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= LEAST_PA => Ok(value),
         Ok(value) if (1.0..100.0).contains(&value) => {
             Err(format!("must be an absolute pressure in Pa: {value} bar are {:.0}", value * 1e5))
         }
         _ => Err("must be an absolute pressure in Pa, at least 100000 (1 bar)".to_owned()),
+    }
+}
+
+/// A bench, with the time that is driven on a bar.
+struct Watched<'a> {
+    bench: &'a mut dyn Bench,
+    bar: &'a ProgressBar,
+    /// Driven before this one.
+    before_ms: u64,
+}
+
+impl Bench for Watched<'_> {
+    fn drive(
+        &mut self,
+        driven: &Loaded,
+        each: &mut dyn FnMut(&Telemetry, f64),
+    ) -> Result<(), RunError> {
+        let Self { bench, bar, before_ms } = self;
+        let run = &driven.plant.run;
+        let whole_ms = (run.duration_s * 1e3) as u64;
+        if *before_ms == 0 {
+            // The first one is the experiment.
+            bar.set_length(whole_ms + (tune::checks_s() * 1e3) as u64);
+        }
+        bench.drive(driven, &mut |telemetry, set_point| {
+            let time_ms = f64::from(telemetry.step) * run.step_s * 1e3;
+            bar.set_position(*before_ms + time_ms as u64);
+            each(telemetry, set_point);
+        })?;
+        *before_ms += whole_ms;
+        Ok(())
+    }
+
+    fn vent(&mut self, config: &Config) -> Result<(), BoardError> {
+        self.bench.vent(config)
     }
 }
 
@@ -44,16 +84,22 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     let loaded = load(&args.scenario, stderr)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
+    let highest_pa = args.max_pressure;
     let tuned = |args: &TuneArgs| -> Result<tune::Tuned, Failure> {
+        let bar = progress_bar(0, args.output.quiet);
+        let tune_on = |bench: &mut dyn Bench| {
+            let mut watched = Watched { bench, bar: &bar, before_ms: 0 };
+            let tuned = tune::tune_on(&loaded, &args.scenario, highest_pa, &mut watched);
+            bar.finish_and_clear();
+            Ok(tuned?)
+        };
         let Some(port) = args.board.port() else {
             let mut board = args.board.open()?;
-            return Ok(tune::tune(&loaded, &args.scenario, args.max_pressure, board.as_mut())?);
+            return tune_on(&mut Simulated(board.as_mut()));
         };
         let mut board = LiveBoard::open(port)?;
         interrupt::watch();
-        let highest_pa = args.max_pressure;
-        let mut bench = LiveBench::new(&mut board, "tune", highest_pa, &interrupt::wanted);
-        Ok(tune::tune_on(&loaded, &args.scenario, highest_pa, &mut bench)?)
+        tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::wanted))
     };
     let mut out = OutputDir::create(&folder)?;
     let tuned = tuned(args)?;

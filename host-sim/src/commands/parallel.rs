@@ -4,6 +4,31 @@ use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
+/// Who is told how much there is to do, and how much of it is done.
+pub trait Watch: Sync {
+    /// So many parts more.
+    fn parts(&self, _count: usize) {}
+    /// One of them is done.
+    fn done(&self) {}
+}
+
+/// Nobody.
+impl Watch for () {}
+
+/// [`map`], watched: each job is a part.
+pub fn map_watched<J: Sync, R: Send>(
+    jobs: &[J],
+    watch: &dyn Watch,
+    work: impl Fn(&J) -> R + Sync,
+) -> Vec<R> {
+    watch.parts(jobs.len());
+    map(jobs, |job| {
+        let result = work(job);
+        watch.done();
+        result
+    })
+}
+
 /// What `work` makes of each job, in the order of the jobs.
 pub fn map<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
@@ -29,6 +54,27 @@ pub fn map<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync) -> Vec<R
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::AtomicU64;
+
+    #[derive(Default)]
+    struct Counts([AtomicU64; 2]);
+
+    impl Watch for Counts {
+        fn parts(&self, count: usize) {
+            self.0[0].fetch_add(count as u64, Ordering::Relaxed);
+        }
+
+        fn done(&self) {
+            self.0[1].fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    #[test]
+    fn every_part_is_told_of() {
+        let counts = Counts::default();
+        map_watched(&[1, 2, 3], &counts, |job| job + 1);
+        assert_eq!(counts.0.map(AtomicU64::into_inner), [3, 3]);
+    }
 
     #[test]
     fn every_job_is_done_once_and_in_order() {

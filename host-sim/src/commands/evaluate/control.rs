@@ -4,7 +4,7 @@
 use super::pid::{Gains, PidBoard};
 use super::{Figure, Line};
 use crate::board::{Board, CoreBoard};
-use crate::commands::parallel;
+use crate::commands::parallel::{self, Watch};
 use crate::files::trace::Row;
 use crate::scenario::{DriveKind, Load, LoadKind, Loaded, PlantModel, Scenario};
 use crate::simulation::run::{self, RunError};
@@ -516,11 +516,11 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
 ///
 /// # Errors
 /// The first run that could not be finished.
-pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, RunError> {
     let full = &full(nominal);
     let jobs: Vec<Job> = [holding(full), other_loads(full), moving(full), compared(full)]
         .into_iter()
         .flatten()
         .collect();
-    parallel::map(&jobs, |job| job()).into_iter().collect()
+    parallel::map_watched(&jobs, watch, |job| job()).into_iter().collect()
 }

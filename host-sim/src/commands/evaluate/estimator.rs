@@ -5,7 +5,7 @@
 use super::{Figure, Line};
 use crate::analysis::smoother;
 use crate::board::CoreBoard;
-use crate::commands::parallel;
+use crate::commands::parallel::{self, Watch};
 use crate::files::trace::Row;
 use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
@@ -206,13 +206,13 @@ fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
 ///
 /// # Errors
 /// The first run that could not be finished.
-pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, RunError> {
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, RunError> {
     let [lumped, full] =
         [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
     let cases = cases();
     let jobs: Vec<(usize, usize)> =
         (0..cases.len()).flat_map(|case| [(case, 0), (case, 1)]).collect();
-    let results = parallel::map(&jobs, |&(case, plant)| {
+    let results = parallel::map_watched(&jobs, watch, |&(case, plant)| {
         let mut loaded = [&lumped, &full][plant].clone();
         loaded.plant.run.log_every = 1;
         (cases[case].change)(&mut loaded);

@@ -4,6 +4,7 @@ use super::{Figure, Line};
 use crate::board::CoreBoard;
 use crate::commands::identify::static_map::{self, Readings};
 use crate::commands::identify::{self, IdentifyError};
+use crate::commands::parallel::Watch;
 use crate::files::input::{InputError, Problem};
 use crate::files::measured::Measured;
 use crate::files::table::{read_record, read_table};
@@ -38,18 +39,21 @@ pub enum TruthError {
 ///
 /// # Errors
 /// When none does, or one cannot be used.
-pub fn evaluate(folder: &Path) -> Result<Vec<Line>, TruthError> {
-    let mut lines = Vec::new();
-    for file in maps(&folder.join("muscle_static")) {
-        lines.push(static_map(&file)?);
-    }
+pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<Line>, TruthError> {
+    let maps = maps(&folder.join("muscle_static"));
     let spring = folder.join("gas_spring/upper_2022-01-28.csv");
-    if spring.exists() {
-        lines.push(gas_spring(&spring)?);
-    }
     let discharge = folder.join("hyddown/air_discharge.csv");
+    watch.parts(maps.len());
+    let mut lines = Vec::new();
+    for file in maps {
+        lines.push(static_map(&file)?);
+        watch.done();
+    }
+    if spring.exists() {
+        lines.push(gas_spring(&spring, watch)?);
+    }
     if discharge.exists() {
-        lines.extend(air_discharge(&discharge)?);
+        lines.extend(air_discharge(&discharge, watch)?);
     }
     if lines.is_empty() {
         let why = "none of muscle_static, gas_spring, hyddown is there; docs/validation.md says where they are from";
@@ -101,10 +105,10 @@ fn measured(file: &Path) -> Result<Measured, InputError> {
     Measured::new(&read_record(file)?, &COLUMNS)
 }
 
-fn gas_spring(file: &Path) -> Result<Line, TruthError> {
+fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<Line, TruthError> {
     let text = include_str!("../../../../scenarios/gas_spring.toml");
     let (loaded, config) = shipped(text, "gas_spring.toml")?;
-    let identified = identify::identify(&loaded, &config, &measured(file)?, file)?;
+    let identified = identify::identify(&loaded, &config, &measured(file)?, file, watch)?;
     let pressure_pa = identified.findings.rmse.pressure_pa.unwrap_or(f64::NAN);
     Ok(Line {
         case: "gas spring, nitrogen".to_owned(),
@@ -116,7 +120,7 @@ fn gas_spring(file: &Path) -> Result<Line, TruthError> {
     })
 }
 
-fn air_discharge(file: &Path) -> Result<Vec<Line>, TruthError> {
+fn air_discharge(file: &Path, watch: &dyn Watch) -> Result<Vec<Line>, TruthError> {
     let text = include_str!("../../../../scenarios/air_discharge.toml");
     let (loaded, config) = shipped(text, "air_discharge.toml")?;
     let measured = measured(file)?;
@@ -126,7 +130,7 @@ fn air_discharge(file: &Path) -> Result<Vec<Line>, TruthError> {
         let compared = summary.measured.as_ref().and_then(|columns| columns.get(name));
         compared.map_or(f64::NAN, |difference| difference.rmse)
     };
-    let identified = identify::identify(&loaded, &config, &measured, file)?.findings.rmse;
+    let identified = identify::identify(&loaded, &config, &measured, file, watch)?.findings.rmse;
     let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
     Ok(vec![
         Line {

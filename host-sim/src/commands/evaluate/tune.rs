@@ -4,6 +4,7 @@
 use super::control::{Change, full, rest, sine, volume};
 use super::{Figure, Line};
 use crate::board::CoreBoard;
+use crate::commands::parallel::{self, Watch};
 use crate::commands::tune::{self, HIGHEST_PA, TuneError, Tuned};
 use crate::scenario::Loaded;
 use std::path::Path;
@@ -83,10 +84,11 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<Line, TuneError>
     })
 }
 
-/// Runs every case on `full`; `nominal` is the nominal scenario.
+/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario.
 ///
 /// # Errors
 /// The first case that was refused or could not be finished.
-pub fn evaluate(nominal: &Loaded) -> Result<Vec<Line>, TuneError> {
-    CASES.iter().map(|(name, change)| line(nominal, name, *change)).collect()
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, TuneError> {
+    let lines = parallel::map_watched(&CASES, watch, |(name, change)| line(nominal, name, *change));
+    lines.into_iter().collect()
 }

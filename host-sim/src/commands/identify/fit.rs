@@ -4,7 +4,7 @@ use super::data::Data;
 use super::parameter::Parameter;
 use super::search::{self, LeastSquares};
 use super::simulate::{Experiment, Failed};
-use crate::commands::parallel;
+use crate::commands::parallel::{self, Watch};
 use crate::scenario::{Scenario, with_numbers};
 use levenberg_marquardt::{LevenbergMarquardt, TerminationReason};
 use nalgebra::{DMatrix, DVector};
@@ -81,8 +81,8 @@ impl Problem<'_> {
     }
 
     /// Searches from the scenario's own values, and from others around them.
-    pub fn search(&self) -> Vec<End> {
-        parallel::map(&self.starts(), |start| self.minimize(start))
+    pub fn search(&self, watch: &dyn Watch) -> Vec<End> {
+        parallel::map_watched(&self.starts(), watch, |start| self.minimize(start))
     }
 
     /// A Latin hypercube in the logarithms, the scenario's own values first: every parameter takes

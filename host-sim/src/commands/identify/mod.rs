@@ -30,6 +30,7 @@ pub use findings::{Findings, Fitted};
 pub use page::page;
 pub use record::{Found, identify_table};
 
+use crate::commands::parallel::Watch;
 use crate::files::input::{InputError, Problem as InputProblem};
 use crate::files::measured::Measured;
 use crate::plant::{BuildError, Diverged};
@@ -66,7 +67,8 @@ pub enum IdentifyError {
     Diverged(Diverged),
 }
 
-/// Fits the parameters that the scenario of `config` names to what was `measured`, in `data_file`.
+/// Fits the parameters that the scenario of `config` names to what was `measured`, in `data_file`. To `watch`, each
+/// start of the search is a part.
 ///
 /// # Errors
 /// [`IdentifyError`]. A search that does not converge is no error: see [`Findings::failed`].
@@ -75,6 +77,7 @@ pub fn identify(
     config: &Path,
     measured: &Measured,
     data_file: &Path,
+    watch: &dyn Watch,
 ) -> Result<Identified, IdentifyError> {
     let parameters = Parameter::all(&loaded.plant);
     if parameters.is_empty() {
@@ -105,7 +108,7 @@ pub fn identify(
         Failed::Diverged(error) => IdentifyError::Diverged(error),
     })?;
 
-    let ends = problem.search();
+    let ends = problem.search(watch);
     let best = best(&ends);
     let residuals = problem.residuals(&best.place).map_err(|failed| match failed {
         Failed::Build(error) => IdentifyError::Build(error),

@@ -2,6 +2,7 @@
 
 use super::static_map::{self, Readings};
 use super::{Identified, IdentifyError, identify, page};
+use crate::commands::parallel::Watch;
 use crate::files::board_trace::every_column;
 use crate::files::input::{InputError, Problem};
 use crate::files::measured::Measured;
@@ -30,6 +31,7 @@ pub fn identify_table(
     table: &Table,
     data: &Path,
     against: Option<&Table>,
+    watch: &dyn Watch,
 ) -> Result<Found, IdentifyError> {
     if Readings::are_in(table) {
         let against = against.map(Readings::of).transpose()?;
@@ -41,7 +43,7 @@ pub fn identify_table(
         return Err(InputError::file(data, Problem::NoMap).into());
     }
     let measured = Measured::new(table, &every_column())?;
-    identify(loaded, config, &measured, data).map(Found::Record)
+    identify(loaded, config, &measured, data, watch).map(Found::Record)
 }
 
 impl Found {

@@ -43,6 +43,11 @@ pub struct Checked {
     pub points: Vec<(f64, f64, f64)>,
 }
 
+/// How long that takes \[s\].
+pub fn duration_s() -> f64 {
+    BEFORE_S + PERIODS / SINE_HZ + 2.0 * HOLD_S
+}
+
 /// Moves the muscle within contractions that were tried.
 ///
 /// # Errors

@@ -196,6 +196,11 @@ pub struct Tuned {
     after: Checked,
 }
 
+/// How long the checks take that follow the experiment \[s\].
+pub fn checks_s() -> f64 {
+    2.0 * check::duration_s()
+}
+
 /// [`tune_on`] a board with a simulated muscle.
 ///
 /// # Errors
