@@ -1,5 +1,6 @@
 //! `thermyo board`: a flashed board, or the emulated one, asked and commanded.
 
+use super::log::LogArgs;
 use super::{
     Failure, OutputArgs, calibrate, interrupt, print, progress_bar, publish, read_to_compare, tune,
 };
@@ -102,6 +103,8 @@ struct DriveArgs {
     measured: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
+    #[command(flatten)]
+    log: LogArgs,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -478,7 +481,8 @@ fn drive_profile(
         files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;
     }
     let mut recorder = Recorder::new(files.file("trace.csv")?)
-        .map_err(|error| files.unwritable("trace.csv", &error))?;
+        .map_err(|error| files.unwritable("trace.csv", &error))?
+        .beside(args.log.wanted().open(&mut files)?);
     let (mut gathered, mut drawn) = (Gathered::new(&driven, measured.as_ref()), Drawn::new());
     interrupt::watch();
     if args.arm {

@@ -11,6 +11,7 @@ mod flash;
 mod flashed;
 mod fmu;
 mod interrupt;
+mod log;
 mod playground;
 mod replay;
 mod serve;
@@ -20,6 +21,7 @@ mod tune;
 
 use self::board::BoardArgs;
 use self::failure::Failure;
+use self::log::LogArgs;
 use crate::board::{Board, CoreBoard};
 use crate::commands::identify::{identify_table, static_map};
 use crate::commands::monitor::{self, Recorder, Session};
@@ -27,6 +29,7 @@ use crate::commands::parallel::Watch;
 use crate::commands::reproduce;
 use crate::files::board_trace::every_column;
 use crate::files::input::InputError;
+use crate::files::logs::Logs;
 use crate::files::measured::Measured;
 use crate::files::output::OutputDir;
 use crate::files::summary::Summary;
@@ -89,6 +92,8 @@ enum Task {
         /// Print nothing in the end
         #[arg(long, conflicts_with = "json")]
         quiet: bool,
+        #[command(flatten)]
+        log: LogArgs,
     },
     /// A board on a local page: live, steered, recorded, calibrated, tuned
     Serve(serve::ServeArgs),
@@ -162,6 +167,8 @@ struct RunArgs {
     output: OutputArgs,
     #[command(flatten)]
     board: BoardArgs,
+    #[command(flatten)]
+    log: LogArgs,
     /// Measurements to compare with: time_s and any columns of trace.csv
     #[arg(long, value_name = "FILE.csv")]
     measured: Option<PathBuf>,
@@ -215,9 +222,9 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Replay(args) => replay::run(&args, out, err),
         Task::Fmu(args) => fmu::run(&args, out, err),
         Task::Compare(args) => compare::run(&args, out, err),
-        Task::Monitor { port, out: folder, json, quiet } => {
+        Task::Monitor { port, out: folder, json, quiet, log } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
-            monitor_command(&port, &folder, (json, quiet), out, err)
+            monitor_command(&port, &folder, (json, quiet), &log.wanted(), out, err)
         }
         Task::Serve(args) => serve::run(&args, out),
         Task::Playground(args) => playground::run(&args, out, err),
@@ -277,15 +284,23 @@ fn run_command(
         None => None,
     };
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
+    let logs = args.log.wanted();
+    logs.check()?;
     let mut board = args.board.open()?;
     let mut recorder = RunRecorder::new(&loaded);
     let mut out = OutputDir::create(&folder)?;
     let mut rows: u64 = 0;
-    let summary =
-        record(&loaded, board.as_mut(), measured.as_ref(), &args.output, &mut out, |row| {
+    let summary = record(
+        &loaded,
+        board.as_mut(),
+        measured.as_ref(),
+        (&args.output, &logs),
+        &mut out,
+        |row| {
             rows += 1;
             recorder.add(row);
-        });
+        },
+    );
     let summary = match summary {
         Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
         // A line that broke, a board that restarted: what it said so far is not said again.
@@ -346,12 +361,14 @@ fn monitor_command(
     port: &str,
     folder: &Path,
     (json, quiet): (bool, bool),
+    logs: &Logs,
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
     let mut out = OutputDir::create(folder)?;
     let recorder = Recorder::new(out.file("trace.csv")?)
-        .map_err(|error| out.unwritable("trace.csv", &error))?;
+        .map_err(|error| out.unwritable("trace.csv", &error))?
+        .beside(logs.open(&mut out)?);
     let mut session = Session::open(port, recorder).map_err(Failure::Board)?;
     let outcome = monitor::run(&mut session, &mut out);
     let rows = session.rows();
@@ -380,7 +397,9 @@ fn reproduce_command(
     let mut out = OutputDir::create(&folder)?;
     let mut study = reproduce::Study::new(&loaded);
     let mut board = CoreBoard::default();
-    let summary = record(&loaded, &mut board, None, &args.output, &mut out, |row| study.add(row));
+    let only_csv = Logs::default();
+    let wanted = (&args.output, &only_csv);
+    let summary = record(&loaded, &mut board, None, wanted, &mut out, |row| study.add(row));
     let summary = match summary {
         Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
         other => other?,
@@ -399,15 +418,16 @@ fn record(
     loaded: &Loaded,
     board: &mut dyn Board,
     measured: Option<&Measured>,
-    args: &OutputArgs,
+    (args, logs): (&OutputArgs, &Logs),
     out: &mut OutputDir,
     mut each: impl FnMut(&Row),
 ) -> Result<Summary, Failure> {
     // First of all: a trace whose program was killed is replayed with it.
     out.text("scenario.toml", &scenario::render(loaded))?;
     let file = out.file("trace.csv")?;
+    let beside = logs.open(out)?;
     let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
-    let mut writer = TraceWriter::new(file).map_err(unwritable)?;
+    let mut writer = TraceWriter::new(file).map_err(unwritable)?.beside(beside);
     let bar = progress_bar((loaded.plant.run.duration_s * 1000.0) as u64, args.quiet);
     let mut observer = |row: &Row| {
         writer.write(&row.cells())?;

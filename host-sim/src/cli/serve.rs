@@ -1,5 +1,6 @@
 //! `thermyo serve`: its arguments, and what it prints.
 
+use super::log::LogArgs;
 use super::{Failure, OutputArgs, interrupt, print};
 use crate::serve::{Operator, Target, listen, serve};
 use clap::Args;
@@ -18,9 +19,13 @@ pub(super) struct ServeArgs {
     port: Option<u16>,
     #[command(flatten)]
     output: OutputArgs,
+    #[command(flatten)]
+    log: LogArgs,
 }
 
 pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> {
+    let logs = args.log.wanted();
+    logs.check()?;
     let (listener, address) = listen(args.port).map_err(|error| {
         let port = args.port.unwrap_or_default();
         Failure::Usage(match error.kind() {
@@ -36,7 +41,7 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
     let target = Target::new(&args.board);
     let board = target.open()?;
     interrupt::watch();
-    let operator = Operator::new(target.clone(), board, &folder)?;
+    let operator = Operator::new(target.clone(), board, &folder, logs)?;
     if args.output.json {
         let json = serde_json::json!({ "url": address.to_string(), "board": target.name() });
         print(out, &format!("{json}\n"))?;

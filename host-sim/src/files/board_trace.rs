@@ -2,6 +2,7 @@
 //! what was told to the core.
 
 use crate::files::rows::Rows;
+use crate::files::sinks::Sinks;
 use crate::files::trace::{COLUMNS, Row, cells_text};
 use crate::plant::Truth;
 use crate::scenario::from_config::short;
@@ -115,6 +116,7 @@ fn steps_between(last: u32, step: u32) -> u64 {
 /// Writes telemetry as rows.
 pub struct Recorder<W: Write = File> {
     out: Rows<W>,
+    beside: Sinks,
     clock: Clock,
     rows: u64,
 }
@@ -126,7 +128,14 @@ impl<W: Write> Recorder<W> {
     /// Those of `out`.
     pub fn new(out: W) -> io::Result<Self> {
         let header = every_column().join(",");
-        Ok(Self { out: Rows::new(out, &header)?, clock: Clock::default(), rows: 0 })
+        let out = Rows::new(out, &header)?;
+        Ok(Self { out, beside: Sinks::default(), clock: Clock::default(), rows: 0 })
+    }
+
+    /// Its rows go there too.
+    #[must_use]
+    pub fn beside(self, beside: Sinks) -> Self {
+        Self { beside, ..self }
     }
 
     /// One row, as it was written; an empty `status` leaves its columns empty.
@@ -153,7 +162,9 @@ impl<W: Write> Recorder<W> {
             told(|status| f64::from(status.starts)),
             told(|status| f64::from(status.config_checksum)),
         ];
-        self.out.push(&cells_text(row.cells().into_iter().chain(more)))?;
+        let cells: Vec<f64> = row.cells().into_iter().chain(more).collect();
+        self.out.push(&cells_text(cells.iter().copied()))?;
+        self.beside.row(&cells)?;
         Ok(row)
     }
 
@@ -167,7 +178,8 @@ impl<W: Write> Recorder<W> {
     /// # Errors
     /// Those of `out`.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
-        self.out.hand_over_in_time()
+        self.out.hand_over_in_time()?;
+        self.beside.hand_over_in_time()
     }
 
     /// Everything is in the file.
@@ -175,7 +187,8 @@ impl<W: Write> Recorder<W> {
     /// # Errors
     /// Those of `out`.
     pub fn hand_over(&mut self) -> io::Result<()> {
-        self.out.hand_over()
+        self.out.hand_over()?;
+        self.beside.hand_over()
     }
 
     /// Everything is in `out`, and that is given back.
@@ -183,7 +196,9 @@ impl<W: Write> Recorder<W> {
     /// # Errors
     /// Those of `out`.
     pub fn finish(self) -> io::Result<W> {
-        self.out.finish()
+        let out = self.out.finish()?;
+        self.beside.finish()?;
+        Ok(out)
     }
 }
 

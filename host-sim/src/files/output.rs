@@ -12,10 +12,11 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// What any command leaves in its folder: the files of one result stay together.
-const RESULTS: [&str; 9] = [
+const RESULTS: [&str; 10] = [
     "summary.json",
     "report.html",
     "trace.csv",
+    "trace.mcap",
     "scenario.toml",
     "config.json",
     "profile.csv",

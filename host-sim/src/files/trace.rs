@@ -1,6 +1,7 @@
 //! `trace.csv`: one row per logged step, streamed while the run goes on.
 
 use crate::files::rows::Rows;
+use crate::files::sinks::Sinks;
 use crate::plant::Truth;
 use model_core::{Sample, Telemetry};
 use std::io::{self, Write};
@@ -141,9 +142,9 @@ impl Row {
 }
 
 /// Writes rows as CSV; every number is the shortest text that reads back to the same value.
-#[derive(Debug)]
 pub struct TraceWriter<W: Write> {
     rows: Rows<W>,
+    beside: Sinks,
 }
 
 /// Cells as a line of the file; what nobody knows, NaN, is empty.
@@ -169,7 +170,13 @@ impl<W: Write> TraceWriter<W> {
     /// What the writer answers.
     pub fn new(out: W) -> io::Result<Self> {
         let rows = Rows::new(out, &COLUMNS.join(","))?;
-        Ok(Self { rows })
+        Ok(Self { rows, beside: Sinks::default() })
+    }
+
+    /// Its rows go there too.
+    #[must_use]
+    pub fn beside(self, beside: Sinks) -> Self {
+        Self { beside, ..self }
     }
 
     /// Writes one row.
@@ -177,7 +184,8 @@ impl<W: Write> TraceWriter<W> {
     /// # Errors
     /// What the writer answers.
     pub fn write(&mut self, cells: &[f64; COLUMNS.len()]) -> io::Result<()> {
-        self.rows.push(&cells_text(*cells))
+        self.rows.push(&cells_text(*cells))?;
+        self.beside.row(cells)
     }
 
     /// Every row is where it belongs.
@@ -185,6 +193,6 @@ impl<W: Write> TraceWriter<W> {
     /// # Errors
     /// What the writer answers.
     pub fn finish(self) -> io::Result<()> {
-        self.rows.finish().map(drop)
+        self.rows.finish().map(drop).and(self.beside.finish())
     }
 }

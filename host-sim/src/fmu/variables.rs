@@ -117,8 +117,13 @@ impl Variable {
 
     /// Its unit, which its name ends with; none of a ratio, a count or a flag.
     pub fn unit(&self) -> Option<&'static Unit> {
-        UNITS.iter().find(|unit| self.name.ends_with(unit.suffix))
+        unit_of(self.name)
     }
+}
+
+/// The unit that a name ends with; none of a ratio, a count or a flag.
+pub fn unit_of(name: &str) -> Option<&'static Unit> {
+    UNITS.iter().find(|unit| name.ends_with(unit.suffix))
 }
 
 /// A unit and its exponents.

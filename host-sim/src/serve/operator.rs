@@ -13,6 +13,7 @@ use crate::board::BoardError;
 use crate::board::live::LiveBoard;
 use crate::commands::drive::LiveBench;
 use crate::files::input::InputError;
+use crate::files::logs::Logs;
 use crate::scenario::core_config::core_config;
 use crate::scenario::{self, from_config};
 use model_core::control::Mode;
@@ -38,6 +39,7 @@ const CALIBRATION_STEPS: u32 = 10;
 pub struct Operator {
     target: Target,
     out: PathBuf,
+    logs: Logs,
     shared: Arc<Shared>,
     board: Option<LiveBoard>,
     told: Told,
@@ -98,11 +100,16 @@ const RECORDS: NotDone =
     NotDone::NotNow("a recording runs, and a record has one configuration: end it first");
 
 impl Operator {
-    /// For a board that has been opened; recordings go to folders in `out`.
+    /// For a board that has been opened; recordings go to folders in `out`, and where `logs` says.
     ///
     /// # Errors
     /// [`BoardError`]
-    pub fn new(target: Target, mut board: LiveBoard, out: &Path) -> Result<Self, BoardError> {
+    pub fn new(
+        target: Target,
+        mut board: LiveBoard,
+        out: &Path,
+        logs: Logs,
+    ) -> Result<Self, BoardError> {
         let told = learn(&mut board)?;
         let now = Instant::now();
         let configuration = told.configuration(&target);
@@ -111,6 +118,7 @@ impl Operator {
         let mut operator = Self {
             target,
             out: out.to_path_buf(),
+            logs,
             shared,
             board: Some(board),
             told,
@@ -405,8 +413,8 @@ impl Operator {
             Order::Record if self.recording.is_none() => {
                 let port = self.target.port();
                 let config = self.told.config;
-                let recording =
-                    Recording::begin(&self.out, port, config, Arc::clone(&self.shared))?;
+                let shared = Arc::clone(&self.shared);
+                let recording = Recording::begin(&self.out, &self.logs, port, config, shared)?;
                 self.recording = Some(recording);
                 self.shared.log(Weight::Plain, "recording begins");
             }

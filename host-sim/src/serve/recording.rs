@@ -6,6 +6,7 @@ use super::state::{Recorded, Weight};
 use crate::commands::drive::{self, Drawn, Gathered};
 use crate::files::board_trace::Recorder;
 use crate::files::input::InputError;
+use crate::files::logs::Logs;
 use crate::files::output::OutputDir;
 use crate::scenario::{self, DriveKind, Loaded, from_config};
 use model_core::Config;
@@ -37,12 +38,13 @@ enum Part {
 }
 
 impl Recording {
-    /// Begins, in a folder of `out`, with what a board has been told.
+    /// Begins, in a folder of `out` and where `logs` says, with what a board has been told.
     ///
     /// # Errors
     /// Where no file can be made, or no scenario says the configuration.
     pub fn begin(
         out: &Path,
+        logs: &Logs,
         port: &str,
         config: Config,
         shared: Arc<Shared>,
@@ -54,7 +56,8 @@ impl Recording {
         let mut files = OutputDir::create(&folder)?;
         files.text("scenario.toml", &scenario::render(&told))?;
         let recorder = Recorder::new(files.file("trace.csv")?)
-            .map_err(|error| files.unwritable("trace.csv", &error))?;
+            .map_err(|error| files.unwritable("trace.csv", &error))?
+            .beside(logs.open(&mut files)?);
         let (parts, received) = mpsc::channel();
         let rows = Arc::new(AtomicU64::new(0));
         let writer = Writer {

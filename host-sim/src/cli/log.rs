@@ -1,0 +1,29 @@
+//! Where else recorded rows go: `--log mcap`, `--stream udp:HOST:PORT`.
+
+use crate::files::logs::Logs;
+use crate::files::stream::StreamTo;
+use clap::{Args, ValueEnum};
+
+/// Formats of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// trace.mcap, for PlotJuggler, Foxglove and Rerun
+    Mcap,
+}
+
+/// Where else the rows of trace.csv go.
+#[derive(Debug, Args)]
+pub(super) struct LogArgs {
+    /// Record in this format too, beside trace.csv
+    #[arg(long, value_name = "FORMAT")]
+    log: Option<Format>,
+    /// Send every recorded row as a JSON datagram, for live plots in PlotJuggler
+    #[arg(long, value_name = "udp:HOST:PORT")]
+    stream: Option<StreamTo>,
+}
+
+impl LogArgs {
+    pub(super) fn wanted(&self) -> Logs {
+        Logs { mcap: self.log == Some(Format::Mcap), stream: self.stream.clone() }
+    }
+}

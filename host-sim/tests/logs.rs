@@ -1,0 +1,109 @@
+//! Records beside `trace.csv`: the same numbers in another format, and over a socket.
+
+use mcap::MessageStream;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs;
+use std::net::UdpSocket;
+use std::path::Path;
+use std::time::Duration;
+
+const SCENARIO: &str = "[run]\nduration_s = 0.3\nlog_every = 3\n[plant]\nmodel = \"lumped\"\n";
+
+fn thermyo(arguments: &[&str]) -> (u8, String) {
+    let (mut out, mut err) = (Vec::new(), Vec::new());
+    let all = [&["thermyo"], arguments].concat();
+    let code = host_sim::cli::run(all, &mut out, &mut err);
+    (code, String::from_utf8(err).unwrap())
+}
+
+/// A table's rows, cells by column, without the empty ones.
+fn rows(csv: &Path) -> Vec<BTreeMap<String, f64>> {
+    let text = fs::read_to_string(csv).unwrap();
+    let mut lines = text.lines().map(|line| line.split(','));
+    let names: Vec<&str> = lines.next().unwrap().collect();
+    let row = |cells: std::str::Split<'_, char>| {
+        let known = names.iter().zip(cells).filter(|(_, cell)| !cell.is_empty());
+        known.map(|(name, cell)| ((*name).to_owned(), cell.parse().unwrap())).collect()
+    };
+    lines.map(row).collect()
+}
+
+/// Every message's numbers, joined by their time.
+fn logged(mcap: &[u8]) -> Vec<BTreeMap<String, f64>> {
+    let mut rows: BTreeMap<u64, BTreeMap<String, f64>> = BTreeMap::new();
+    for message in MessageStream::new(mcap).unwrap() {
+        let message = message.unwrap();
+        let schema = message.channel.schema.clone().unwrap();
+        assert_eq!(schema.encoding, "jsonschema");
+        let schema: Value = serde_json::from_slice(&schema.data).unwrap();
+        let Value::Object(cells) = serde_json::from_slice(&message.data).unwrap() else { panic!() };
+        let row = rows.entry(message.log_time).or_default();
+        for (name, cell) in cells {
+            assert!(schema["properties"][&name]["description"].is_string(), "{name}");
+            row.insert(name, cell.as_f64().unwrap());
+        }
+    }
+    for (time_ns, row) in &rows {
+        assert_eq!(*time_ns, (row["time_s"] * 1e9).round() as u64);
+    }
+    rows.into_values().collect()
+}
+
+#[test]
+fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = folder.path().join("scenario.toml").display().to_string();
+    fs::write(&scenario, SCENARIO).unwrap();
+    let out = folder.path().join("out");
+    let listener = UdpSocket::bind("127.0.0.1:0").unwrap();
+    listener.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    let to = format!("udp:{}", listener.local_addr().unwrap());
+    let listening = std::thread::spawn(move || {
+        let mut bytes = [0; 4096];
+        let mut datagrams: Vec<BTreeMap<String, f64>> = Vec::new();
+        while datagrams.last().is_none_or(|row| row["time_s"] < 0.3) {
+            let length = listener.recv(&mut bytes).unwrap();
+            datagrams.push(serde_json::from_slice(&bytes[..length]).unwrap());
+        }
+        datagrams
+    });
+    let out_text = out.display().to_string();
+    let arguments =
+        ["run", &scenario, "--quiet", "--out", &out_text, "--log", "mcap", "--stream", &to];
+    assert_eq!(thermyo(&arguments), (0, String::new()));
+    let rows = rows(&out.join("trace.csv"));
+    assert_eq!(rows.len(), 101);
+    assert_eq!(logged(&fs::read(out.join("trace.mcap")).unwrap()), rows);
+    // A datagram may be lost, and none is made up.
+    let datagrams = listening.join().unwrap();
+    assert!(datagrams.len() > 50, "{} datagrams", datagrams.len());
+    for mut datagram in datagrams {
+        assert_eq!(datagram.remove("timestamp"), Some(datagram["time_s"]));
+        assert!(rows.contains(&datagram), "{datagram:?}");
+    }
+
+    // The earlier record moves as a whole.
+    let plain = ["run", &scenario, "--quiet", "--out", &out_text];
+    assert_eq!(thermyo(&plain).0, 0);
+    assert!(!out.join("trace.mcap").exists() && out.join("earlier-1/trace.mcap").exists());
+}
+
+#[test]
+fn what_is_no_address_is_told_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = folder.path().join("scenario.toml").display().to_string();
+    fs::write(&scenario, SCENARIO).unwrap();
+    let out = folder.path().join("out");
+    let out_text = out.display().to_string();
+    for (wish, message) in [
+        (["--stream", "127.0.0.1:9870"], "must be udp:HOST:PORT"),
+        (["--stream", "udp:127.0.0.1:x"], "must be udp:HOST:PORT"),
+        (["--stream", "udp:nobody.invalid:9870"], "no host is called so"),
+        (["--log", "bag"], "[possible values: mcap]"),
+    ] {
+        let (code, said) = thermyo(&[&["run", &scenario, "--out", &out_text], &wish[..]].concat());
+        assert!(code == 2 && said.contains(message), "{wish:?}: {code} {said}");
+        assert!(!out.exists(), "{wish:?} left something");
+    }
+}
