@@ -8,7 +8,7 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::time::Duration;
 
-const SCENARIO: &str = "[run]\nduration_s = 0.3\nlog_every = 3\n[plant]\nmodel = \"lumped\"\n";
+const SCENARIO: &str = "[run]\nduration_s = 0.3\nlog_every = 10\n[plant]\nmodel = \"lumped\"\n";
 
 fn thermyo(arguments: &[&str]) -> (u8, String) {
     let (mut out, mut err) = (Vec::new(), Vec::new());
@@ -29,6 +29,18 @@ fn rows(csv: &Path) -> Vec<BTreeMap<String, f64>> {
     lines.map(row).collect()
 }
 
+/// A flat JSON object of numbers, each read to the last bit, which serde_json does not do by itself.
+fn numbers(json: &[u8]) -> BTreeMap<String, f64> {
+    let valid: BTreeMap<String, f64> = serde_json::from_slice(json).unwrap();
+    let text = std::str::from_utf8(json).unwrap();
+    let cells = text.trim_matches(['{', '}']).split(',').map(|cell| cell.split_once(':').unwrap());
+    let exact: BTreeMap<String, f64> = cells
+        .map(|(name, cell)| (name.trim_matches('"').to_owned(), cell.parse().unwrap()))
+        .collect();
+    assert!(valid.keys().eq(exact.keys()));
+    exact
+}
+
 /// Every message's numbers, joined by their time.
 fn logged(mcap: &[u8]) -> Vec<BTreeMap<String, f64>> {
     let mut rows: BTreeMap<u64, BTreeMap<String, f64>> = BTreeMap::new();
@@ -37,11 +49,9 @@ fn logged(mcap: &[u8]) -> Vec<BTreeMap<String, f64>> {
         let schema = message.channel.schema.clone().unwrap();
         assert_eq!(schema.encoding, "jsonschema");
         let schema: Value = serde_json::from_slice(&schema.data).unwrap();
-        let Value::Object(cells) = serde_json::from_slice(&message.data).unwrap() else { panic!() };
-        let row = rows.entry(message.log_time).or_default();
-        for (name, cell) in cells {
+        for (name, cell) in numbers(&message.data) {
             assert!(schema["properties"][&name]["description"].is_string(), "{name}");
-            row.insert(name, cell.as_f64().unwrap());
+            rows.entry(message.log_time).or_default().insert(name, cell);
         }
     }
     for (time_ns, row) in &rows {
@@ -63,8 +73,9 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
         let mut bytes = [0; 4096];
         let mut datagrams: Vec<BTreeMap<String, f64>> = Vec::new();
         while datagrams.last().is_none_or(|row| row["time_s"] < 0.3) {
-            let length = listener.recv(&mut bytes).unwrap();
-            datagrams.push(serde_json::from_slice(&bytes[..length]).unwrap());
+            // The last one may be lost.
+            let Ok(length) = listener.recv(&mut bytes) else { break };
+            datagrams.push(numbers(&bytes[..length]));
         }
         datagrams
     });
@@ -73,14 +84,15 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
         ["run", &scenario, "--quiet", "--out", &out_text, "--log", "mcap", "--stream", &to];
     assert_eq!(thermyo(&arguments), (0, String::new()));
     let rows = rows(&out.join("trace.csv"));
-    assert_eq!(rows.len(), 101);
+    assert_eq!(rows.len(), 31);
     assert_eq!(logged(&fs::read(out.join("trace.mcap")).unwrap()), rows);
     // A datagram may be lost, and none is made up.
     let datagrams = listening.join().unwrap();
-    assert!(datagrams.len() > 50, "{} datagrams", datagrams.len());
+    assert!(datagrams.len() > 15, "{} datagrams", datagrams.len());
     for mut datagram in datagrams {
         assert_eq!(datagram.remove("timestamp"), Some(datagram["time_s"]));
-        assert!(rows.contains(&datagram), "{datagram:?}");
+        let row = rows.iter().find(|row| row["time_s"] == datagram["time_s"]);
+        assert_eq!(row, Some(&datagram));
     }
 
     // The earlier record moves as a whole.

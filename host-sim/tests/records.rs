@@ -65,15 +65,55 @@ fn a_killed_run_is_replayed_to_its_last_row() {
 }
 
 #[test]
-fn a_killed_sweep_keeps_the_points_that_are_done() {
-    let (_folder, scenario, out) = place("[run]\nduration_s = 2.0\n");
-    let table = out.join("unfinished-1/sweep.csv");
-    let arguments = ["sweep", &scenario, "--quiet", "--vary", "run.seed=1:1000:1000"];
-    killed(&[&arguments[..], &["--out", &name(&out)]].concat(), &table, 1000);
+fn a_killed_sweep_goes_on_where_it_was() {
+    let (folder, scenario, out) = place("[run]\nduration_s = 10.0\n[plant]\nmodel = \"lumped\"\n");
+    let unfinished = out.join("unfinished-1");
+    let table = unfinished.join("sweep.csv");
+    let seeds = ["sweep", &scenario, "--quiet", "--vary", "run.seed=1:300:300"];
+    let out_name = name(&out);
+    let arguments = [&seeds[..], &["--out", &out_name]].concat();
+    killed(&arguments, &table, 5000);
     let text = fs::read_to_string(&table).unwrap();
-    let cells = text.lines().next().unwrap().split(',').count();
-    let whole = text.lines().filter(|line| line.split(',').count() == cells).count();
-    assert!(whole > 3 && text.ends_with('\n'), "{text}");
+    let done = text.matches('\n').count() - 1;
+    assert!((10..290).contains(&done), "{text}");
+    // As if it had been killed within a row.
+    fs::write(&table, &text[..text.len() - 5]).unwrap();
+
+    // Somebody else at work is left alone.
+    let begun = fs::File::open(unfinished.join("begun.txt")).unwrap();
+    begun.lock().unwrap();
+    let output = thermyo(&arguments);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        said(&output).contains("unfinished-1: another thermyo is at work"),
+        "{}",
+        said(&output)
+    );
+    drop(begun);
+
+    // Another sweep in the same folder is another matter.
+    let other = ["sweep", &scenario, "--quiet", "--vary", "run.seed=1:2:2", "--out", &out_name];
+    let output = thermyo(&other);
+    assert_eq!((output.status.code(), said(&output)), (Some(0), String::new()));
+    assert!(table.exists());
+
+    let output = thermyo(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let kept =
+        format!("{} of 300 points were done and are kept; at work when it ended: point ", done - 1);
+    assert!(
+        said(&output).contains(&kept) && said(&output).contains("(run.seed = "),
+        "{}",
+        said(&output)
+    );
+    assert!(!unfinished.exists(), "begun.txt or more is left");
+    let whole = folder.path().join("whole");
+    let output = thermyo(&[&seeds[..], &["--out", &name(&whole)]].concat());
+    assert!(output.status.success());
+    for file in ["sweep.csv", "summary.json", "report.html", "study.json"] {
+        let [resumed, at_once] = [&out, &whole].map(|folder| fs::read(folder.join(file)).unwrap());
+        assert!(resumed == at_once, "{file}");
+    }
 }
 
 #[test]

@@ -1,7 +1,6 @@
 //! `thermyo sweep`, through the command line: every point is the run that the file would give.
 
 use host_sim::cli;
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
@@ -33,7 +32,11 @@ fn sweep(scenario: &str, arguments: &[&str], out: &Path) -> String {
 }
 
 fn cells(line: &str) -> Vec<f64> {
-    line.split(',').map(|cell| cell.parse().unwrap()).collect()
+    line.split(',').filter(|cell| !cell.is_empty()).map(|cell| cell.parse().unwrap()).collect()
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    fs::read_to_string(folder.join(name)).unwrap()
 }
 
 /// RMS errors of gas sensor, wall sensor, model and estimate, and the share within two standard
@@ -67,7 +70,7 @@ fn every_point_is_the_run_that_the_file_would_give() {
     assert_eq!(
         lines.next().unwrap(),
         "point,sensor.gas.time_constant_s,sensor.gas.position,seed,settled_s,sensor_gas_rmse_k,\
-         sensor_wall_rmse_k,model_rmse_k,estimate_rmse_k,estimate_within_2sd"
+         sensor_wall_rmse_k,model_rmse_k,estimate_rmse_k,estimate_within_2sd,failure"
     );
     let rows: Vec<Vec<f64>> = lines.map(cells).collect();
     let expected = [[0.5, 0.25], [0.5, 1.0], [3.0, 0.25], [3.0, 1.0]];
@@ -105,21 +108,86 @@ fn shards_add_up_to_the_whole_to_the_byte() {
     let grid = ["--vary", "believed.heat.inner_w_m2_k=50:130:4:log", "--vary", "run.seed=1:3:3"];
     let whole = sweep(&scenario, &grid, &folder.path().join("whole"));
     assert_eq!(whole.lines().count(), 13);
-    // As `sort -t, -k1,1n -u` does: the header counts as 0.
-    let mut merged: BTreeMap<u64, String> = BTreeMap::new();
-    for shard in ["1/3", "2/3", "3/3"] {
-        let part = sweep(
-            &scenario,
-            &[&grid[..], &["--shard", shard]].concat(),
-            &folder.path().join(shard.replace('/', "of")),
-        );
-        assert_eq!(part.lines().count(), 5);
-        for line in part.lines() {
-            let point = line.split(',').next().unwrap().parse().unwrap_or(0);
-            merged.insert(point, format!("{line}\n"));
-        }
+    let places: Vec<String> =
+        ["a", "b", "c"].map(|name| folder.path().join(name).display().to_string()).to_vec();
+    for (shard, place) in ["1/3", "2/3", "3/3"].iter().zip(&places) {
+        let own = [&grid[..], &["--shard", shard]].concat();
+        assert_eq!(sweep(&scenario, &own, Path::new(place)).lines().count(), 5);
     }
-    assert_eq!(merged.into_values().collect::<String>(), whole);
+    let merged = folder.path().join("merged");
+    let merged_text = merged.display().to_string();
+    let into = ["--out", &merged_text];
+    let merge = |places: &[&str]| thermyo(&[&["sweep", "--merge"], places, &into[..]].concat());
+    let [a, b, c] = [0, 1, 2].map(|i| places[i].as_str());
+
+    let (code, _, err) = merge(&[a, c]);
+    assert_eq!(code, 2);
+    let missing =
+        "4 of 12 points are missing: point 2 (believed.heat.inner_w_m2_k = 50, run.seed = 2), ";
+    assert!(err.contains(missing) && err.contains(" and 1 more"), "{err}");
+    assert!(!merged.exists(), "something was written");
+
+    let (code, said, err) = merge(&[c, a, b]);
+    assert_eq!((code, err.as_str()), (0, ""), "{said}");
+    for name in ["sweep.csv", "summary.json", "report.html", "scenario.toml", "study.json"] {
+        assert!(read(&merged, name) == read(&folder.path().join("whole"), name), "{name}");
+    }
+
+    let other = folder.path().join("other");
+    sweep(&scenario, &["--vary", "run.seed=1:3:3"], &other);
+    let other = other.display().to_string();
+    for (places, message) in [
+        ([a, other.as_str()], "not the same sweep as in"),
+        ([a, &scenario], "no folder of a sweep"),
+    ] {
+        let (code, _, err) = merge(&places);
+        assert!(code == 2 && err.contains(message), "{err}");
+    }
+}
+
+#[test]
+fn words_and_a_hypercube() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = file(folder.path(), "scenario.toml", "[run]\nduration_s = 0.2\n");
+    let words = ["--vary", "plant.model=lumped,full", "--vary", "run.seed=1,5"];
+    let table = sweep(&scenario, &words, &folder.path().join("words"));
+    let starts: Vec<&str> = table.lines().skip(1).map(|line| &line[..line.len().min(14)]).collect();
+    for (start, expected) in
+        starts.iter().zip(["1,lumped,1,1,", "2,lumped,5,5,", "3,full,1,1,", "4,full,5,5,"])
+    {
+        assert!(start.starts_with(expected), "{table}");
+    }
+    assert!(read(&folder.path().join("words"), "report.html").contains("0: lumped, 1: full"));
+
+    let cube = [
+        "--lhs",
+        "20",
+        "--seed",
+        "7",
+        "--vary",
+        "believed.heat.inner_w_m2_k=50:130:log",
+        "--vary",
+        "muscle.zones=2:6",
+        "--vary",
+        "plant.model=lumped,full",
+        "--vary",
+        "heat.scale=0.7:1.3",
+    ];
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    let table = sweep(&scenario, &cube, &one);
+    assert_eq!(table, sweep(&scenario, &cube, &two));
+    let column = |key: usize| -> Vec<&str> {
+        table.lines().skip(1).map(|line| line.split(',').nth(key).unwrap()).collect()
+    };
+    assert_eq!(column(3).iter().filter(|word| **word == "full").count(), 10);
+    for zones in 2..=6 {
+        let count = column(2).iter().filter(|cell| **cell == zones.to_string()).count();
+        assert_eq!(count, 4, "{zones} zones");
+    }
+    let scales = column(4).into_iter().map(|cell| cell.parse::<f64>().unwrap());
+    let mut parts: Vec<usize> = scales.map(|scale| ((scale - 0.7) / 0.03) as usize).collect();
+    parts.sort_unstable();
+    assert_eq!(parts, (0..20).collect::<Vec<_>>());
 }
 
 /// The shipped scenario's claim, in the README and in docs/sensors.md: for 1 K the bare sensor needs a
@@ -171,6 +239,8 @@ fn bad_arguments_are_named_and_nothing_is_written() {
         ("sensor.gas=1:2:2", "sensor.gas takes no number: it is a table of keys"),
         ("sensor.gas.position=0:2:3", "sensor.gas.position = 2: must be a number from 0 to 1"),
         ("muscle.zones=1:2:3", "muscle.zones = 1.5: must be a whole number from 1 to 64"),
+        ("plant.model=full,fall", "plant.model = fall: must be one of"),
+        ("sensor.gas.span=wide,narrow", "sensor.gas.span = wide: must be a number from 0 to 1"),
         ("believed.run.seed=1:2:2", "believed.run.seed: the core is not told"),
         (
             "sensor.gas.range_min_k=200:400:2",
@@ -190,9 +260,12 @@ fn bad_arguments_are_named_and_nothing_is_written() {
     let span = ["--vary", "sensor.gas.span=0:1:2"];
     for (arguments, message) in [
         (vec![], "--vary"),
+        (vec!["--vary", "sensor.gas.span=0:1"], "must have a COUNT"),
+        ([&span[..], &["--lhs", "5"]].concat(), "must have no COUNT"),
+        (vec!["--lhs", "0", "--vary", "sensor.gas.span=0:1"], "must be 1 to 10000000 points"),
         (span.repeat(2), "sensor.gas.span is varied twice"),
         ([&span[..], &["--shard", "3/2"]].concat(), "I from 1 to N"),
-        ([&span[..], &["--shard", "3/3"]].concat(), "the grid has 2 points"),
+        ([&span[..], &["--shard", "3/3"]].concat(), "there are 2 points"),
         ([&span[..], &["--within", "0"]].concat(), "must be a number above 0"),
     ] {
         let all = [&["sweep", &scenario, "--out", &out_text], &arguments[..]].concat();
@@ -219,8 +292,14 @@ fn a_point_that_diverges_is_empty_and_told() {
     let all = [&["sweep", &scenario, "--quiet", "--out", &out_text], &vary[..]].concat();
     let (code, _, err) = thermyo(&all);
     assert_eq!(code, 1, "{err}");
-    assert!(err.contains("1 of 2 points diverged, the first is point 2"), "{err}");
+    assert!(
+        err.contains(
+            "1 of 2 points failed, the first is point 2 (run.duration_s = 1): the plant diverged"
+        ),
+        "{err}"
+    );
     let table = fs::read_to_string(out.join("sweep.csv")).unwrap();
     assert!(table.lines().nth(1).is_some_and(|line| cells(line).len() == 9), "{table}");
-    assert_eq!(table.lines().nth(2), Some("2,1,1,0.5,,,,,"));
+    let failed = "2,1,1,0.5,,,,,,\"the plant diverged at ";
+    assert!(table.lines().nth(2).is_some_and(|line| line.starts_with(failed)), "{table}");
 }

@@ -5,7 +5,7 @@ use crate::commands::evaluate::truth::TruthError;
 use crate::commands::flash::FlashError;
 use crate::commands::identify::IdentifyError;
 use crate::commands::monitor::MonitorError;
-use crate::commands::sweep::SweepError;
+use crate::commands::sweep::{MergeError, SweepError};
 use crate::commands::tune::{Refusal, TuneError};
 use crate::files::input::InputError;
 use crate::serve::OpenError;
@@ -24,6 +24,8 @@ pub(super) enum Failure {
     Identify(IdentifyError),
     /// Exit 2.
     Sweep(SweepError),
+    /// Exit 2.
+    Merge(MergeError),
     /// Exit 1: the data of a tuning was not good enough.
     Tune(Refusal),
     /// Exit 2: arguments that do not go together.
@@ -48,6 +50,7 @@ impl fmt::Display for Failure {
             Self::Input(error) => error.fmt(f),
             Self::Identify(error) => error.fmt(f),
             Self::Sweep(error) => error.fmt(f),
+            Self::Merge(error) => error.fmt(f),
             Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
             Self::Usage(what) => f.write_str(what),
             Self::Board(error) => error.fmt(f),
@@ -114,6 +117,7 @@ impl Failure {
             | Self::Run(RunError::Board(BoardError::Interrupted)) => STOPPED,
             Self::Input(_)
             | Self::Sweep(_)
+            | Self::Merge(_)
             | Self::Usage(_)
             | Self::Board(_)
             | Self::Flash(_)

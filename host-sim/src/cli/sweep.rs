@@ -1,29 +1,43 @@
 //! `thermyo sweep`: its arguments, and what it prints and writes.
 
-use super::{Failure, OutputArgs, interrupt, load, print, progress_bar, publish, stopped};
+use super::{Failure, OutputArgs, interrupt, load, print, progress_bar, publish};
 use crate::commands::sweep::page::page;
-use crate::commands::sweep::{Range, Shard, Sweep};
+use crate::commands::sweep::{Journal, Latin, Outcome, Range, Shard, Sweep, merge};
+use crate::files::input::InputError;
 use crate::files::output::OutputDir;
-use crate::files::rows::Rows;
-use crate::scenario;
-use crate::simulation::run::RunError;
 use clap::Args;
+use std::collections::BTreeSet;
 use std::io::{self, Write};
-use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::path::{Path, PathBuf};
 
 /// Arguments of `thermyo sweep`.
 #[derive(Debug, Args)]
 pub(super) struct SweepArgs {
     /// Scenario file (TOML)
-    scenario: PathBuf,
+    #[arg(required_unless_present = "merge")]
+    scenario: Option<PathBuf>,
     /// A key of the scenario, and its values: COUNT of them from FROM to TO, a fixed difference
-    /// apart; with ":log" behind, a fixed ratio. One to three times; their product is run
-    #[arg(long, value_name = "KEY=FROM:TO:COUNT[:log]", required = true)]
+    /// apart; with ":log" behind, a fixed ratio; or those of a list, which may be words. The product of all --vary
+    /// is run. With --lhs: FROM:TO without COUNT, or a list
+    #[arg(long, value_name = "KEY=FROM:TO:COUNT[:log]", required_unless_present = "merge")]
     vary: Vec<Range>,
+    /// Run N points of a Latin hypercube instead of a grid
+    #[arg(long, value_name = "N")]
+    lhs: Option<usize>,
+    /// Seed of the Latin hypercube
+    #[arg(long, value_name = "S", default_value_t = 1, requires = "lhs")]
+    seed: u64,
     /// Run only each N-th point, beginning with the I-th, 1 to N
     #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE)]
     shard: Shard,
+    /// Put the results of a sweep's shards together, from their folders
+    #[arg(
+        long,
+        value_name = "DIR",
+        num_args = 1..,
+        conflicts_with_all = ["scenario", "vary", "lhs", "shard"]
+    )]
+    merge: Vec<PathBuf>,
     /// The root-mean-square error that is good enough, in kelvin
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = tolerance)]
     within: f64,
@@ -43,42 +57,78 @@ pub(super) fn run(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    load(&args.scenario, stderr)?;
-    let sweep = Sweep::new(&args.scenario, args.vary, args.shard).map_err(Failure::Sweep)?;
-    let folder = args.output.out.unwrap_or_else(|| PathBuf::from("out/sweep"));
-    let mut out = OutputDir::create(&folder)?;
-    let bar = progress_bar(sweep.count() as u64, args.output.quiet);
-    // In the order in which they are done, until all are there: a point may take minutes.
-    let file = out.file("sweep.csv")?;
-    let rows = Rows::new(file, &sweep.csv_header())
-        .map_err(|error| out.unwritable("sweep.csv", &error))?;
-    let rows = Mutex::new(rows);
-    interrupt::watch();
-    let outcome = sweep.run(interrupt::check, |point| {
-        bar.inc(1);
-        let mut rows = rows.lock().unwrap_or_else(PoisonError::into_inner);
-        rows.push(&point.csv())?;
-        rows.hand_over()
-    });
-    bar.finish_and_clear();
-    drop(rows);
-    let outcome = match outcome {
-        Ok(outcome) => outcome,
-        Err(RunError::Output(error)) if error.kind() == io::ErrorKind::Interrupted => {
-            return Err(stopped(out, stderr));
-        }
-        Err(RunError::Output(error)) => {
-            return Err(out.unwritable("sweep.csv", &error).into());
-        }
-        Err(other) => return Err(Failure::Run(other)),
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/sweep"));
+    let Some(scenario) = &args.scenario else {
+        return merge_shards(&args, &folder, stdout, stderr);
     };
+    load(scenario, stderr)?;
+    let latin = args.lhs.map(|points| Latin { points, seed: args.seed });
+    let sweep =
+        Sweep::new(scenario, args.vary.clone(), latin, args.shard).map_err(Failure::Sweep)?;
+    let study = &sweep.study;
+    let (journal, kept) = Journal::open(&folder, study)?;
+    if let Some(text) = kept.text(study) {
+        let _ = writeln!(stderr, "thermyo: {}: {text}", folder.display());
+    }
+    let done: BTreeSet<usize> = kept.rows.iter().map(|row| row.point).collect();
+    let left: Vec<usize> = study.own().into_iter().filter(|p| !done.contains(p)).collect();
+    let bar = progress_bar((done.len() + left.len()) as u64, args.output.quiet);
+    bar.set_position(done.len() as u64);
+    interrupt::watch();
+    let rows = sweep.run(
+        &left,
+        interrupt::check,
+        |point| journal.begin(point),
+        |row| {
+            bar.inc(1);
+            journal.add(study, row)
+        },
+    );
+    bar.finish_and_clear();
+    let rows = match rows {
+        Ok(rows) => rows,
+        Err(error) => {
+            let place = journal.place().display();
+            let _ = writeln!(
+                stderr,
+                "thermyo: the points so far are in {place}; the same command goes on from there"
+            );
+            return Err(match error.kind() {
+                io::ErrorKind::Interrupted => Failure::Interrupted,
+                _ => InputError::output(&journal.place().join("sweep.csv"), &error).into(),
+            });
+        }
+    };
+    let outcome = Outcome::new(study, kept.rows.into_iter().chain(rows).collect());
+    finish(&outcome, journal.close(), &args, stdout, stderr)
+}
+
+fn merge_shards(
+    args: &SweepArgs,
+    folder: &Path,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    let (study, rows) = merge(&args.merge).map_err(Failure::Merge)?;
+    let mut out = OutputDir::create(folder)?;
+    out.text("scenario.toml", &study.scenario)?;
+    out.text("study.json", &study.label_text())?;
+    finish(&Outcome::new(&study, rows), out, args, stdout, stderr)
+}
+
+fn finish(
+    outcome: &Outcome<'_>,
+    mut out: OutputDir,
+    args: &SweepArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
     let summary = outcome.summary(args.within);
     let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
-    let stem = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    let folder = out.path().to_path_buf();
     out.text("sweep.csv", &outcome.csv())?;
     out.text("summary.json", &json)?;
-    out.text("scenario.toml", &scenario::render(&sweep.base))?;
-    out.text("report.html", &page(&outcome, &format!("Sweep of {stem}"), args.within))?;
+    out.text("report.html", &page(outcome, args.within))?;
     publish(out, stderr)?;
     if args.output.json {
         print(stdout, &json)?;

@@ -32,6 +32,9 @@ pub enum Problem {
     /// The system refuses to write.
     #[error("cannot be written: {0}")]
     Unwritable(String),
+    /// Somebody else has it.
+    #[error("another thermyo is at work in it: wait for it, or choose another folder")]
+    AtWork,
     /// Bytes that are no text.
     #[error("is not UTF-8 text")]
     NotUtf8,

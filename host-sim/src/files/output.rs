@@ -12,7 +12,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// What any command leaves in its folder: the files of one result stay together.
-const RESULTS: [&str; 10] = [
+const RESULTS: [&str; 11] = [
     "summary.json",
     "report.html",
     "trace.csv",
@@ -21,6 +21,7 @@ const RESULTS: [&str; 10] = [
     "config.json",
     "profile.csv",
     "sweep.csv",
+    "study.json",
     "tuned.toml",
     "identified.toml",
 ];
@@ -64,6 +65,36 @@ impl OutputDir {
         }
     }
 
+    /// Folders within `path` that hold what is not finished, in order.
+    pub fn unfinished(path: &Path) -> Vec<PathBuf> {
+        let number = |entry: &fs::DirEntry| {
+            let name = entry.file_name();
+            name.to_str()?.strip_prefix("unfinished-")?.parse::<u64>().ok()
+        };
+        let entries = fs::read_dir(path).into_iter().flatten().filter_map(Result::ok);
+        let mut found: Vec<(u64, PathBuf)> =
+            entries.filter_map(|entry| Some((number(&entry)?, entry.path()))).collect();
+        found.sort();
+        found.into_iter().map(|(_, folder)| folder).collect()
+    }
+
+    /// Goes on with one of these folders, which stays until it is published.
+    pub fn reopen(path: &Path, unfinished: PathBuf) -> Self {
+        let there = |name: &&str| unfinished.join(name).exists();
+        let files = RESULTS.into_iter().filter(there).collect();
+        Self { path: path.to_path_buf(), created: Vec::new(), unfinished, files, kept: true }
+    }
+
+    /// Whatever happens, it stays.
+    pub fn keep(&mut self) {
+        self.kept = true;
+    }
+
+    /// Where the results are until then.
+    pub fn place(&self) -> &Path {
+        &self.unfinished
+    }
+
     /// Where the results are going to be.
     pub fn path(&self) -> &Path {
         &self.path
@@ -78,13 +109,16 @@ impl OutputDir {
         File::create(self.unfinished.join(name)).map_err(|error| self.unwritable(name, &error))
     }
 
-    /// Writes a whole text, in place of one that this command has written there before.
+    /// Writes a whole text, in place of one that this command has written there before, which stays until then.
     ///
     /// # Errors
     /// When it cannot be written.
     pub fn text(&mut self, name: &'static str, text: &str) -> Result<(), InputError> {
         self.add(name);
-        fs::write(self.unfinished.join(name), text).map_err(|error| self.unwritable(name, &error))
+        let (new, whole) =
+            (self.unfinished.join(format!("{name}.new")), self.unfinished.join(name));
+        let written = fs::write(&new, text).and_then(|()| fs::rename(&new, whole));
+        written.map_err(|error| self.unwritable(name, &error))
     }
 
     fn add(&mut self, name: &'static str) {

@@ -105,6 +105,40 @@ impl Document {
     /// # Errors
     /// When no key is called so, it is no number, or this number is not allowed.
     pub fn set(&mut self, full_path: &str, number: f64) -> Result<(), Problem> {
+        let key = self.settable(full_path)?;
+        let value = match key.allowed {
+            Allowed::Real(limits) => limits.contains(number).then_some(Value::Float(number)),
+            Allowed::Whole { min, max } => {
+                let whole = number as i64;
+                let taken = whole as f64 == number && (min..=max).contains(&whole);
+                taken.then_some(Value::Integer(whole))
+            }
+            Allowed::Choice(_) | Allowed::Switch | Allowed::List | Allowed::Csv { .. } => {
+                let allowed = key.allowed.to_string();
+                return Err(Problem::NotANumber { key: full_path.to_owned(), allowed });
+            }
+        };
+        self.put(full_path, key, value, number.to_string())
+    }
+
+    /// The same with a word: one of a choice, or "true" or "false".
+    ///
+    /// # Errors
+    /// When no key is called so, or it does not take this word.
+    pub fn set_word(&mut self, full_path: &str, word: &str) -> Result<(), Problem> {
+        let key = self.settable(full_path)?;
+        let value = match (key.allowed, word) {
+            (Allowed::Choice(words), _) => {
+                words.contains(&word).then(|| Value::String(word.to_owned()))
+            }
+            (Allowed::Switch, "true" | "false") => Some(Value::Boolean(word == "true")),
+            _ => None,
+        };
+        self.put(full_path, key, value, word.to_owned())
+    }
+
+    /// What the schema says of a key that can be given a value.
+    fn settable(&self, full_path: &str) -> Result<&'static Key, Problem> {
         let (is_believed, path) = split_believed(full_path);
         if path.is_empty() || schema::is_table(path) {
             let allowed = "a table of keys".to_owned();
@@ -120,26 +154,24 @@ impl Document {
         if is_believed && !table.believed {
             return Err(Problem::NotBelieved { key: full_path.to_owned() });
         }
-        let value = match key.allowed {
-            Allowed::Real(limits) => limits.contains(number).then_some(Value::Float(number)),
-            Allowed::Whole { min, max } => {
-                let whole = number as i64;
-                let taken = whole as f64 == number && (min..=max).contains(&whole);
-                taken.then_some(Value::Integer(whole))
-            }
-            Allowed::Choice(_) | Allowed::Switch | Allowed::List | Allowed::Csv { .. } => {
-                let allowed = key.allowed.to_string();
-                return Err(Problem::NotANumber { key: full_path.to_owned(), allowed });
-            }
-        };
-        let written = number.to_string();
+        Ok(key)
+    }
+
+    fn put(
+        &mut self,
+        full_path: &str,
+        key: &'static Key,
+        value: Option<Value>,
+        written: String,
+    ) -> Result<(), Problem> {
         let Some(value) = value else {
             let allowed = key.allowed.to_string();
             return Err(Problem::NotAllowed { key: full_path.to_owned(), value: written, allowed });
         };
+        let (is_believed, path) = split_believed(full_path);
         let list = if is_believed { &mut self.believed.list } else { &mut self.plant.list };
         list.retain(|entry| entry.path() != path);
-        list.push(Entry { table: place.to_owned(), key, value, written, line: None });
+        list.push(Entry { table: table_of(path).to_owned(), key, value, written, line: None });
         Ok(())
     }
 }

@@ -1,36 +1,40 @@
-//! `thermyo sweep`: the same run over a grid of values, to see which sensor is fast enough.
+//! `thermyo sweep`: the same run over many values, to see which sensor is fast enough.
 //!
 //! ```text
-//! scenario file --Document--> set each key --assemble--> Loaded --measure--> Figures, point by point
+//! scenario file --Document--> set each key --assemble--> Loaded --measure--> Figures, point by point --> journal
+//! journals of shards --merge--> one table
 //! ```
 //!
 //! The values go into the scenario as if they stood in its file: defaults, rules and `[believed]`,
 //! which follows the plant where the file does not say otherwise, act on them.
 
+mod journal;
 mod measure;
 mod outcome;
 pub mod page;
+mod plan;
 mod range;
 mod reach;
 mod shard;
+mod study;
 
+pub use journal::{Journal, Kept, MergeError, merge};
 pub use measure::{Figures, settled_s};
 pub use outcome::{Extent, Outcome, Summary};
+pub use plan::Latin;
 pub use range::{Range, RangeError};
 pub use shard::{Shard, ShardError};
+pub use study::{Point, Study};
 
 use crate::commands::parallel;
 use crate::files::input::{InputError, Problem, read_text};
-use crate::plant::Diverged;
-use crate::scenario::schema::{self, Allowed};
 use crate::scenario::{Document, Loaded, assemble};
-use crate::simulation::run::RunError;
+use plan::Plan;
 use range::MOST_POINTS;
+use std::any::Any;
 use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-
-/// Most keys of a sweep: more could not be drawn.
-const MOST_KEYS: usize = 3;
 
 /// Why a sweep does not start.
 #[derive(Debug, thiserror::Error)]
@@ -38,27 +42,33 @@ pub enum SweepError {
     /// The scenario cannot be used as it is.
     #[error(transparent)]
     Scenario(#[from] InputError),
-    /// Too few or too many keys.
-    #[error("--vary is given {0} times: must be 1 to {MOST_KEYS} times")]
-    KeyCount(usize),
+    /// Nothing varies.
+    #[error("--vary is missing: at least one key must be varied")]
+    NoKey,
     /// One key twice.
     #[error("{0}: {1} is varied twice")]
     Twice(String, String),
+    /// A grid needs to know how many values.
+    #[error("{0}: must have a COUNT: KEY=FROM:TO:COUNT; or give --lhs N")]
+    NoCount(String),
+    /// A hypercube says itself how many.
+    #[error("{0}: with --lhs must have no COUNT: KEY=FROM:TO, KEY=FROM:TO:log or KEY=A,B,C")]
+    Count(String),
     /// A value that the key does not take.
     #[error("{0}: {1}")]
     Value(String, Problem),
     /// A point at which the values do not fit each other or the rest of the scenario.
     #[error("{0}: at {1}: {2}")]
     Point(String, String, InputError),
-    /// The grid is larger than anybody would wait for.
-    #[error("a grid of more than {MOST_POINTS} points: lower the COUNT of a --vary")]
+    /// There are more points than anybody would wait for.
+    #[error("must be 1 to {MOST_POINTS} points: change the COUNT of a --vary, or --lhs")]
     TooLarge,
     /// Nothing is left to do.
-    #[error("--shard {shard}: the grid has {points} points, so that this shard has none")]
+    #[error("--shard {shard}: there are {points} points, so that this shard has none")]
     EmptyShard {
         /// The shard.
         shard: Shard,
-        /// Points of the whole grid.
+        /// Points of the whole sweep.
         points: usize,
     },
 }
@@ -66,150 +76,124 @@ pub enum SweepError {
 /// A sweep that can start: every point of it is a valid scenario.
 #[derive(Debug)]
 pub struct Sweep {
-    /// The scenario without the varied keys' values.
-    pub base: Loaded,
-    ranges: Vec<Range>,
-    shard: Shard,
-    /// The shard's points, and their scenarios.
-    points: Vec<(usize, Loaded)>,
+    /// What is run.
+    pub study: Study,
+    document: Document,
 }
 
 impl Sweep {
-    /// Reads the scenario and checks every point.
+    /// Reads the scenario and checks every point of the shard.
     ///
     /// # Errors
     /// [`SweepError`], in one line.
-    pub fn new(path: &Path, ranges: Vec<Range>, shard: Shard) -> Result<Self, SweepError> {
+    pub fn new(
+        path: &Path,
+        ranges: Vec<Range>,
+        latin: Option<Latin>,
+        shard: Shard,
+    ) -> Result<Self, SweepError> {
         let document = Document::parse(&read_text(path)?, path)?;
+        let sweep = Self::of(document, ranges, latin, shard)?;
+        sweep.check()?;
+        Ok(sweep)
+    }
+
+    /// The same of a scenario that has been read; whether the values of a point fit each other is found out
+    /// when it is run.
+    ///
+    /// # Errors
+    /// As [`Sweep::new`].
+    pub fn of(
+        document: Document,
+        ranges: Vec<Range>,
+        latin: Option<Latin>,
+        shard: Shard,
+    ) -> Result<Self, SweepError> {
         let base = assemble(&document)?;
-        if !(1..=MOST_KEYS).contains(&ranges.len()) {
-            return Err(SweepError::KeyCount(ranges.len()));
-        }
-        let mut points = 1_usize;
-        for (i, range) in ranges.iter().enumerate() {
-            if ranges[..i].iter().any(|other| other.key == range.key) {
-                return Err(SweepError::Twice(range.to_string(), range.key.clone()));
-            }
+        let plan = Plan::new(ranges, latin)?;
+        for range in &plan.ranges {
             for value in &range.values {
-                let set = document.clone().set(&range.key, *value);
+                let set = range.set(&mut document.clone(), *value);
                 set.map_err(|problem| SweepError::Value(range.to_string(), problem))?;
             }
-            points = points.saturating_mul(range.values.len());
         }
-        if points > MOST_POINTS {
-            return Err(SweepError::TooLarge);
-        }
-        let mut sweep = Self { base, ranges, shard, points: Vec::new() };
-        // All of the grid, so that a shard fails where the whole would.
-        let all: Vec<Loaded> = (0..points)
-            .map(|point| {
-                sweep.assemble(&document, point).map_err(|error| sweep.blame(point, error))
-            })
-            .collect::<Result<_, _>>()?;
-        let own = |(point, loaded)| shard.has(point).then_some((point, loaded));
-        sweep.points = all.into_iter().enumerate().filter_map(own).collect();
-        if sweep.points.is_empty() {
-            return Err(SweepError::EmptyShard { shard, points });
+        let name = document.origin.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let study = Study::new(plan, shard, name, &base);
+        let sweep = Self { study, document };
+        let own = sweep.study.own();
+        if own.is_empty() {
+            return Err(SweepError::EmptyShard { shard, points: sweep.study.points() });
         }
         Ok(sweep)
     }
 
-    /// How many points this shard runs.
-    pub fn count(&self) -> usize {
-        self.points.len()
+    /// Whether the values fit each other at every point of the shard. Of the shard only: of a million points each of a
+    /// thousand machines would check all.
+    fn check(&self) -> Result<(), SweepError> {
+        let own = self.study.own();
+        let checked = parallel::map(&own, |point| self.assemble(*point).map(drop));
+        for (point, outcome) in own.into_iter().zip(checked) {
+            outcome.map_err(|error| {
+                let ranges: Vec<String> =
+                    self.study.ranges().iter().map(Range::to_string).collect();
+                SweepError::Point(ranges.join(" "), self.study.values_text(point), error)
+            })?;
+        }
+        Ok(())
     }
 
-    /// Runs every point of the shard on all cores; `done` is shown each as soon as it is there. Before each
-    /// `go_on` is asked.
+    /// Runs these points on all cores; `begun` and `done` are shown each. Before each `go_on` is asked.
     ///
     /// # Errors
-    /// A run that could not be made, and those of `go_on` and `done`. A plant that diverges is no error: see
-    /// [`Outcome::failed`].
+    /// Those of `go_on`, `begun` and `done`. A point that fails is none: see [`Point::figures`].
     pub fn run(
         &self,
+        points: &[usize],
         go_on: impl Fn() -> io::Result<()> + Sync,
+        begun: impl Fn(usize) -> io::Result<()> + Sync,
         done: impl Fn(&Point) -> io::Result<()> + Sync,
-    ) -> Result<Outcome<'_>, RunError> {
-        let rows = parallel::map(&self.points, |(point, loaded)| {
-            go_on().map_err(RunError::Output)?;
-            let row = self.row(*point, loaded)?;
-            done(&row).map_err(RunError::Output)?;
+    ) -> io::Result<Vec<Point>> {
+        let rows = parallel::map(points, |point| {
+            go_on()?;
+            begun(*point)?;
+            let row = self.point(*point);
+            done(&row)?;
             Ok(row)
         });
-        Ok(Outcome::new(self, rows.into_iter().collect::<Result<_, RunError>>()?))
+        rows.into_iter().collect()
     }
 
-    /// Points of the whole grid.
-    fn grid(&self) -> usize {
-        self.ranges.iter().map(|range| range.values.len()).product()
-    }
-
-    /// Place of a point in each range; the last key's value changes from point to point.
-    fn places(&self, mut point: usize) -> Vec<usize> {
-        let mut places = vec![0; self.ranges.len()];
-        for (place, range) in places.iter_mut().zip(&self.ranges).rev() {
-            *place = point % range.values.len();
-            point /= range.values.len();
+    /// Runs one point. Whatever goes wrong with it is told in it.
+    pub fn point(&self, point: usize) -> Point {
+        let failed = |settled_s, seed, failure: String| {
+            let failure = failure.replace(['\n', '\r'], " ");
+            Point { point, seed, settled_s, figures: Err(failure) }
+        };
+        let loaded = match self.assemble(point) {
+            Ok(loaded) => loaded,
+            Err(error) => return failed(f64::NAN, 0, error.to_string()),
+        };
+        let (settled_s, seed) = (settled_s(&loaded), loaded.plant.run.seed);
+        // A point that brings the program down would take the others with it.
+        match catch_unwind(AssertUnwindSafe(|| measure::measure(loaded, settled_s))) {
+            Ok(Ok(figures)) => Point { point, seed, settled_s, figures: Ok(figures) },
+            Ok(Err(error)) => failed(settled_s, seed, error.to_string()),
+            Err(panic) => failed(settled_s, seed, format!("the program failed: {}", said(&*panic))),
         }
-        places
     }
 
-    fn values(&self, point: usize) -> Vec<f64> {
-        let places = self.places(point);
-        self.ranges.iter().zip(places).map(|(range, place)| range.values[place]).collect()
-    }
-
-    fn assemble(&self, document: &Document, point: usize) -> Result<Loaded, InputError> {
-        let mut document = document.clone();
-        for (range, value) in self.ranges.iter().zip(self.values(point)) {
-            let set = document.set(&range.key, value);
+    fn assemble(&self, point: usize) -> Result<Loaded, InputError> {
+        let mut document = self.document.clone();
+        for (range, value) in self.study.ranges().iter().zip(self.study.values(point)) {
+            let set = range.set(&mut document, value);
             set.map_err(|problem| InputError::file(&document.origin, problem))?;
         }
         assemble(&document)
     }
-
-    fn blame(&self, point: usize, error: InputError) -> SweepError {
-        let join = |parts: Vec<String>, between| parts.join(between);
-        let ranges = join(self.ranges.iter().map(Range::to_string).collect(), " ");
-        let values = self.ranges.iter().zip(self.values(point));
-        let at =
-            join(values.map(|(range, value)| format!("{} = {value}", range.key)).collect(), ", ");
-        SweepError::Point(ranges, at, error)
-    }
-
-    fn row(&self, point: usize, loaded: &Loaded) -> Result<Point, RunError> {
-        let settled_s = settled_s(loaded);
-        let figures = match measure::measure(loaded.clone(), settled_s) {
-            Ok(figures) => Ok(figures),
-            Err(RunError::Diverged(diverged)) => Err(diverged),
-            Err(error) => return Err(error),
-        };
-        let seed = loaded.plant.run.seed;
-        Ok(Point { point, values: self.values(point), seed, settled_s, figures })
-    }
-
-    /// Unit of a key's values, as the SI writes it; empty for a ratio or a number of things.
-    fn unit(&self, key: usize) -> &'static str {
-        let path = &self.ranges[key].key;
-        let path = path.strip_prefix("believed.").unwrap_or(path);
-        match schema::key(path).map(|(_, key)| key.allowed) {
-            Some(Allowed::Real(limits)) => limits.unit,
-            _ => "",
-        }
-    }
 }
 
-/// One point of the grid, run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Point {
-    /// Its number in the whole grid, from 0.
-    pub point: usize,
-    /// The varied keys' values.
-    pub values: Vec<f64>,
-    /// `run.seed` of its run.
-    pub seed: u64,
-    /// From when on its errors count \[s\].
-    pub settled_s: f64,
-    /// What it gave; or how the plant diverged.
-    pub figures: Result<Figures, Diverged>,
+/// The message of a panic.
+fn said(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message")
 }

@@ -1,12 +1,11 @@
 //! What a sweep gave: the table, the figures, and what follows from them.
 
 use super::reach::{Lines, Reach};
-use super::{Figures, Point, Range, Sweep};
+use super::{Figures, Point, Range, Study};
 use crate::files::summary::Errors;
 use crate::report::number::significant;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 /// A way to know the gas temperature: name, column of `sweep.csv`, error.
 pub(super) type Way = (&'static str, &'static str, fn(&Errors) -> f64);
@@ -24,24 +23,26 @@ pub(super) const ESTIMATE: usize = 3;
 /// What a sweep gave.
 #[derive(Debug)]
 pub struct Outcome<'a> {
-    pub(super) sweep: &'a Sweep,
-    /// The points that were run, in the order of the grid.
+    pub(super) study: &'a Study,
+    /// The points that were run, in their order.
     pub rows: Vec<Point>,
 }
 
 /// `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Points of the whole grid.
+    /// Points of the whole sweep.
     pub points: usize,
     /// Which part of it was run.
     pub shard: String,
     /// Points that were run.
     pub run: usize,
-    /// Of those, in how many the plant diverged.
-    pub diverged: usize,
-    /// The varied keys and their values; the last one's changes from point to point.
+    /// Of those, how many failed.
+    pub failed: usize,
+    /// The varied keys and their values; of a grid the last one's changes from point to point.
     pub varied: Vec<Range>,
+    /// Seed of the Latin hypercube; none of a grid.
+    pub lhs_seed: Option<u64>,
     /// The root-mean-square error that is asked for \[K\].
     pub within_k: f64,
     /// By column of `sweep.csv`: smallest and largest error \[K\], points within `within_k`.
@@ -66,16 +67,18 @@ pub struct Extent {
 }
 
 impl<'a> Outcome<'a> {
-    pub(super) fn new(sweep: &'a Sweep, rows: Vec<Point>) -> Self {
-        Self { sweep, rows }
+    /// Of points in any order.
+    pub fn new(study: &'a Study, mut rows: Vec<Point>) -> Self {
+        rows.sort_by_key(|row| row.point);
+        Self { study, rows }
     }
 
-    /// `sweep.csv`. The tables of all shards together, sorted by the first column and with one
-    /// header, are the table of the whole grid, to the byte.
+    /// `sweep.csv`.
     pub fn csv(&self) -> String {
-        let mut text = self.sweep.csv_header() + "\n";
+        let mut text = self.study.csv_header() + "\n";
         for row in &self.rows {
-            text = text + &row.csv() + "\n";
+            text += &self.study.csv_row(row);
+            text.push('\n');
         }
         text
     }
@@ -89,11 +92,12 @@ impl<'a> Outcome<'a> {
             (*column, Extent { min_k, max_k, within })
         };
         Summary {
-            points: self.sweep.grid(),
-            shard: self.sweep.shard.to_string(),
+            points: self.study.points(),
+            shard: self.study.shard.to_string(),
             run: self.rows.len(),
-            diverged: self.rows.len() - self.figures().count(),
-            varied: self.sweep.ranges.clone(),
+            failed: self.rows.len() - self.figures().count(),
+            varied: self.study.ranges().to_vec(),
+            lhs_seed: self.study.latin().map(|latin| latin.seed),
             within_k,
             errors: WAYS.iter().map(extent).collect(),
             estimate_within_2sd: ends(self.figures().map(|figures| figures.within_2sd)),
@@ -105,11 +109,11 @@ impl<'a> Outcome<'a> {
     /// How many points failed, and why the first did.
     pub fn failed(&self) -> Option<String> {
         let failed = || self.rows.iter().filter_map(|row| Some((row, row.figures.as_ref().err()?)));
-        let (row, diverged) = failed().next()?;
+        let (row, failure) = failed().next()?;
         let (count, all) = (failed().count(), self.rows.len());
+        let (point, values) = (row.point + 1, self.study.values_text(row.point));
         Some(format!(
-            "{count} of {all} points diverged, the first is point {}: {diverged}",
-            row.point + 1
+            "{count} of {all} points failed, the first is point {point} ({values}): {failure}"
         ))
     }
 
@@ -119,7 +123,7 @@ impl<'a> Outcome<'a> {
 
     /// What each point of the whole grid gave; nothing where it was not run, or diverged.
     fn grid(&self) -> Vec<Option<&Figures>> {
-        let mut grid = vec![None; self.sweep.grid()];
+        let mut grid = vec![None; self.study.points()];
         for row in &self.rows {
             grid[row.point] = row.figures.as_ref().ok();
         }
@@ -135,15 +139,16 @@ impl<'a> Outcome<'a> {
     /// The key along which a limit is looked for: the first one with several values.
     pub(super) fn main_key(&self) -> usize {
         let several = |range: &Range| range.values.len() > 1;
-        self.sweep.ranges.iter().position(several).unwrap_or(0)
+        self.study.ranges().iter().position(several).unwrap_or(0)
     }
 
     /// The points of each line along a key, by the values of the others.
     pub(super) fn lines(&self, key: usize) -> Vec<Vec<usize>> {
-        let counts: Vec<usize> = self.sweep.ranges.iter().map(|range| range.values.len()).collect();
+        let counts: Vec<usize> =
+            self.study.ranges().iter().map(|range| range.values.len()).collect();
         let stride: usize = counts[key + 1..].iter().product();
         (0..counts.iter().product())
-            .filter(|point| self.sweep.places(*point)[key] == 0)
+            .filter(|point| self.study.places(*point)[key] == 0)
             .map(|first| (0..counts[key]).map(|i| first + i * stride).collect())
             .collect()
     }
@@ -151,7 +156,7 @@ impl<'a> Outcome<'a> {
     /// Where along the main key the errors are within a limit, line by line.
     pub(super) fn reaches(&self, way: usize, within_k: f64) -> Vec<Reach> {
         let key = self.main_key();
-        let range = &self.sweep.ranges[key];
+        let range = &self.study.ranges()[key];
         let errors = self.errors_k(way);
         let along = |line: &Vec<usize>| -> Vec<f64> { line.iter().map(|i| errors[*i]).collect() };
         self.lines(key)
@@ -161,7 +166,10 @@ impl<'a> Outcome<'a> {
     }
 
     pub(super) fn conclusion(&self, within_k: f64) -> String {
-        let ranges = &self.sweep.ranges;
+        if !self.study.is_map() {
+            return self.shares(within_k);
+        }
+        let ranges = &self.study.ranges();
         let key = self.main_key();
         let changing = (0..ranges.len()).filter(|i| *i != key && ranges[*i].values.len() > 1);
         let others: Vec<usize> = changing.collect();
@@ -170,7 +178,7 @@ impl<'a> Outcome<'a> {
                 [other] => Some((ranges[other].key.as_str(), ranges[other].values.clone())),
                 _ => None,
             };
-            let key = (ranges[key].key.as_str(), self.sweep.unit(key));
+            let key = (ranges[key].key.as_str(), self.study.unit(key));
             let [least, _] = ends(self.errors_k(way).into_iter().filter(|error| error.is_finite()));
             let text = Lines { key, reaches: self.reaches(way, within_k), other }.text();
             match least {
@@ -185,8 +193,29 @@ impl<'a> Outcome<'a> {
         )
     }
 
-    /// Keys along which every figure stays the same, to the bit.
+    /// In how many points bare sensor and estimate are good enough.
+    fn shares(&self, within_k: f64) -> String {
+        let of = |way: usize| {
+            let errors = self.figures().map(|figures| WAYS[way].2(&figures.rmse_k));
+            let within = errors.clone().filter(|error| *error <= within_k).count();
+            let best = match ends(errors) {
+                [Some(least), _] => format!(" ({} K at best)", significant(least, 2)),
+                _ => String::new(),
+            };
+            format!("at {within} of {} points{best}", self.rows.len())
+        };
+        format!(
+            "Within {within_k} K RMS of the gas temperature: the bare sensor {}; the estimate {}.",
+            of(BARE),
+            of(ESTIMATE)
+        )
+    }
+
+    /// Keys of a grid along which every figure stays the same, to the bit.
     pub(super) fn without_effect(&self) -> Vec<String> {
+        if self.study.latin().is_some() {
+            return Vec::new();
+        }
         let grid = self.grid();
         let flat = |key: &usize| {
             let lines = self.lines(*key);
@@ -195,40 +224,8 @@ impl<'a> Outcome<'a> {
                 lines.iter().any(|l| l.iter().filter(|i| grid[**i].is_some()).count() > 1);
             several && runs.all(|mut line| line.next().is_none_or(|first| line.all(|f| f == first)))
         };
-        let ranges = &self.sweep.ranges;
+        let ranges = &self.study.ranges();
         (0..ranges.len()).filter(flat).map(|key| ranges[key].key.clone()).collect()
-    }
-}
-
-impl Sweep {
-    /// Names of the columns of `sweep.csv`.
-    pub fn csv_header(&self) -> String {
-        let keys = self.ranges.iter().map(|range| range.key.as_str());
-        let errors = WAYS.iter().map(|(_, column, _)| *column);
-        let all = ["point"].into_iter().chain(keys).chain(["seed", "settled_s"]).chain(errors);
-        all.chain(["estimate_within_2sd"]).collect::<Vec<&str>>().join(",")
-    }
-}
-
-impl Point {
-    /// Its row of `sweep.csv`. A number's text is the shortest that reads back to it.
-    pub fn csv(&self) -> String {
-        let mut text = (self.point + 1).to_string();
-        // Writing into a string cannot fail.
-        for value in &self.values {
-            let _ = write!(text, ",{value}");
-        }
-        let _ = write!(text, ",{},{}", self.seed, self.settled_s);
-        match &self.figures {
-            Ok(figures) => {
-                for (_, _, error) in WAYS {
-                    let _ = write!(text, ",{}", error(&figures.rmse_k));
-                }
-                let _ = write!(text, ",{}", figures.within_2sd);
-            }
-            Err(_) => text += &",".repeat(WAYS.len() + 1),
-        }
-        text
     }
 }
 

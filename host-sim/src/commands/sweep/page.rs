@@ -3,32 +3,33 @@
 
 use super::outcome::{BARE, ESTIMATE, WAYS, ends};
 use super::reach::with_unit;
-use super::{Outcome, Sweep};
+use super::{Outcome, Study};
 use crate::report::Colour;
 use crate::report::chart::{Axis, Chart, Panel};
 use crate::report::heatmap::{Heatmap, Style};
 use crate::report::number::{fixed, short};
 use crate::report::page::{Figure, Page, Section, Table, Tile};
 use crate::report::scale::{Spacing, data_range};
-use crate::scenario;
 
 /// Colours of the ways, as in the report of a run.
 const COLOURS: [Colour; 4] = [Colour::Vermillion, Colour::Orange, Colour::Green, Colour::Blue];
+/// Points that a cloud shows, evenly chosen.
+const MOST_DOTS: usize = 2000;
 /// From this ratio on, the errors' scale is logarithmic.
 const WIDE: f64 = 5.0;
 
 /// The page.
-pub fn page(outcome: &Outcome, title: &str, within_k: f64) -> String {
-    let sweep = outcome.sweep;
+pub fn page(outcome: &Outcome, within_k: f64) -> String {
+    let study = outcome.study;
     let conclusion = outcome.conclusion(within_k);
-    let page = Page::new(title, &conclusion, &scenario::render(&sweep.base));
-    tiles(outcome, within_k)
-        .into_iter()
-        .fold(page, Page::tile)
-        .section(maps(outcome, within_k))
-        .section(limits(outcome, within_k))
-        .section(how(outcome))
-        .render()
+    let page = Page::new(&format!("Sweep of {}", study.name), &conclusion, &study.scenario);
+    let page = tiles(outcome, within_k).into_iter().fold(page, Page::tile);
+    let page = if study.is_map() {
+        page.section(maps(outcome, within_k)).section(limits(outcome, within_k))
+    } else {
+        page.section(clouds(outcome, within_k))
+    };
+    page.section(how(outcome)).render()
 }
 
 fn tiles(outcome: &Outcome, within_k: f64) -> Vec<Tile> {
@@ -46,20 +47,20 @@ fn tiles(outcome: &Outcome, within_k: f64) -> Vec<Tile> {
 }
 
 /// The axis text of a key.
-fn axis(sweep: &Sweep, key: usize) -> String {
-    let (name, unit) = (&sweep.ranges[key].key, sweep.unit(key));
+fn axis(study: &Study, key: usize) -> String {
+    let (name, unit) = (&study.ranges()[key].key, study.unit(key));
     if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
 }
 
 fn maps(outcome: &Outcome, within_k: f64) -> Section {
-    let sweep = outcome.sweep;
+    let study = outcome.study;
     let section = Section::new("Which sensor is fast enough");
     let several: Vec<usize> =
-        (0..sweep.ranges.len()).filter(|key| sweep.ranges[*key].values.len() > 1).collect();
+        (0..study.ranges().len()).filter(|key| study.ranges()[*key].values.len() > 1).collect();
     match several[..] {
         [x, y] => section.figures(pair(outcome, (x, y), &[], within_k)),
         [x, y, z] => {
-            let values = sweep.ranges[z].values.iter().enumerate();
+            let values = study.ranges()[z].values.iter().enumerate();
             values.fold(section, |section, (place, _)| {
                 section.figures(pair(outcome, (x, y), &[(z, place)], within_k))
             })
@@ -68,11 +69,44 @@ fn maps(outcome: &Outcome, within_k: f64) -> Section {
     }
 }
 
+/// Errors of bare sensor and estimate over each key, a dot per point.
+fn clouds(outcome: &Outcome, within_k: f64) -> Section {
+    let study = outcome.study;
+    let every = outcome.rows.len().div_ceil(MOST_DOTS).max(1);
+    let shown: Vec<_> = outcome
+        .rows
+        .iter()
+        .step_by(every)
+        .filter_map(|row| Some((study.values(row.point), row.figures.as_ref().ok()?)))
+        .collect();
+    let section = Section::new("Errors over each key");
+    study.ranges().iter().enumerate().fold(section, |section, (key, range)| {
+        let values: Vec<f64> = shown.iter().map(|(values, _)| values[key]).collect();
+        let panel =
+            Panel::new(Axis::new("RMS error against the plant's gas temperature", "K").log());
+        let panel = [BARE, ESTIMATE].into_iter().fold(panel.height(220.0), |panel, way| {
+            let errors: Vec<f64> = shown.iter().map(|(_, f)| WAYS[way].2(&f.rmse_k)).collect();
+            panel.dots(WAYS[way].0, COLOURS[way], &values, &errors)
+        });
+        let x = Axis::new(&range.key, study.unit(key));
+        let x = if range.logarithmic { x.log() } else { x };
+        let panel = panel.reference(within_k, &format!("{within_k} K"));
+        let caption = match &range.words[..] {
+            [] => String::new(),
+            words => {
+                let named = words.iter().enumerate().map(|(i, word)| format!("{i}: {word}"));
+                named.collect::<Vec<_>>().join(", ")
+            }
+        };
+        section.figure(Chart::new(x).panel(panel).figure(&range.key, &caption))
+    })
+}
+
 /// Errors of all ways over one key.
 fn lines(outcome: &Outcome, within_k: f64) -> Figure {
-    let sweep = outcome.sweep;
+    let study = outcome.study;
     let key = outcome.main_key();
-    let range = &sweep.ranges[key];
+    let range = &study.ranges()[key];
     let mut panel =
         Panel::new(Axis::new("RMS error against the plant's gas temperature", "K").log());
     panel = panel.height(300.0);
@@ -85,7 +119,7 @@ fn lines(outcome: &Outcome, within_k: f64) -> Figure {
             &errors,
         );
     }
-    let x = Axis::new(&range.key, sweep.unit(key));
+    let x = Axis::new(&range.key, study.unit(key));
     let x = if range.logarithmic { x.log() } else { x };
     let panel = panel.reference(within_k, &format!("{within_k} K"));
     Chart::new(x).panel(panel).figure(
@@ -101,33 +135,33 @@ fn pair(
     held: &[(usize, usize)],
     within_k: f64,
 ) -> Vec<Figure> {
-    let sweep = outcome.sweep;
+    let study = outcome.study;
     let of_both = || [BARE, ESTIMATE].into_iter().flat_map(|way| outcome.errors_k(way));
     let (low, high) = data_range(of_both(), Spacing::Linear);
     let spacing = if low > 0.0 && high > WIDE * low { Spacing::Log } else { Spacing::Linear };
     let held_text: String = held
         .iter()
         .map(|(key, place)| {
-            let range = &sweep.ranges[*key];
-            format!(", {} = {}", range.key, with_unit(range.values[*place], sweep.unit(*key)))
+            let range = &study.ranges()[*key];
+            format!(", {} = {}", range.key, with_unit(range.values[*place], study.unit(*key)))
         })
         .collect();
     let map = |way: usize, who: &str, caption: &str| {
         let errors = outcome.errors_k(way);
         let mut cells =
-            vec![vec![f64::NAN; sweep.ranges[x].values.len()]; sweep.ranges[y].values.len()];
+            vec![vec![f64::NAN; study.ranges()[x].values.len()]; study.ranges()[y].values.len()];
         for (point, error) in errors.into_iter().enumerate() {
-            let places = sweep.places(point);
+            let places = study.places(point);
             if held.iter().all(|(key, place)| places[*key] == *place) {
                 cells[places[y]][places[x]] = error;
             }
         }
         Heatmap {
-            x_label: axis(sweep, x),
-            y_label: axis(sweep, y),
+            x_label: axis(study, x),
+            y_label: axis(study, y),
             value_label: "K".to_owned(),
-            x: sweep.ranges[x].values.clone(),
-            y: sweep.ranges[y].values.clone(),
+            x: study.ranges()[x].values.clone(),
+            y: study.ranges()[y].values.clone(),
             cells,
             style: Style {
                 range: Some((low, high)),
@@ -146,38 +180,41 @@ fn pair(
 
 /// A line of a table per line of the grid along the main key: where each way is good enough.
 fn limits(outcome: &Outcome, within_k: f64) -> Section {
-    let sweep = outcome.sweep;
+    let study = outcome.study;
     let main = outcome.main_key();
-    let others: Vec<usize> = (0..sweep.ranges.len()).filter(|key| *key != main).collect();
-    let mut columns: Vec<String> = others.iter().map(|key| axis(sweep, *key)).collect();
+    let others: Vec<usize> = (0..study.ranges().len()).filter(|key| *key != main).collect();
+    let mut columns: Vec<String> = others.iter().map(|key| axis(study, *key)).collect();
     columns.extend(WAYS.iter().map(|(name, ..)| (*name).to_owned()));
     let reaches: Vec<_> = (0..WAYS.len()).map(|way| outcome.reaches(way, within_k)).collect();
     let row = |(i, line): (usize, Vec<usize>)| {
-        let values = sweep.values(line[0]);
+        let values = study.values(line[0]);
         let mut cells: Vec<String> = others.iter().map(|key| short(values[*key])).collect();
-        cells.extend(reaches.iter().map(|lines| lines[i].text(sweep.unit(main))));
+        cells.extend(reaches.iter().map(|lines| lines[i].text(study.unit(main))));
         cells
     };
     let rows = outcome.lines(main).into_iter().enumerate().map(row).collect();
-    let caption = format!("{}: where the RMS error is within {within_k} K", sweep.ranges[main].key);
+    let caption =
+        format!("{}: where the RMS error is within {within_k} K", study.ranges()[main].key);
     let section = Section::new("Limits").table(Table { caption, columns, rows });
     section.paragraph("Limits are interpolated between the points of the grid.")
 }
 
 fn how(outcome: &Outcome) -> Section {
-    let sweep = outcome.sweep;
-    let rows = sweep.ranges.iter().enumerate().map(|(i, range)| {
+    let study = outcome.study;
+    let rows = study.ranges().iter().enumerate().map(|(i, range)| {
         let (first, last) = (range.values[0], range.values[range.values.len() - 1]);
-        let spaced = if range.logarithmic { "ratio" } else { "difference" };
-        vec![
-            axis(sweep, i),
-            range.values.len().to_string(),
-            short(first),
-            short(last),
-            spaced.to_owned(),
-        ]
+        let shown = |value: f64| match range.words[..] {
+            [] => short(value),
+            _ => range.text(value),
+        };
+        let count = match range.interval {
+            true => "any between".to_owned(),
+            false => range.values.len().to_string(),
+        };
+        let scale = if range.logarithmic { "logarithmic" } else { "linear" };
+        vec![axis(study, i), count, shown(first), shown(last), scale.to_owned()]
     });
-    let columns = ["Key", "Values", "From", "To", "The same from value to value"];
+    let columns = ["Key", "Values", "From", "To", "Scale"];
     let mut section = Section::new("What was run").table(Table {
         caption: String::new(),
         columns: columns.map(str::to_owned).to_vec(),
@@ -186,9 +223,9 @@ fn how(outcome: &Outcome) -> Section {
     let mut text = format!(
         "Shard {}: {} of {} points, each a run of its own; errors count from 10 s on, or over the second \
          half of a run shorter than 20 s.",
-        sweep.shard,
+        study.shard,
         outcome.rows.len(),
-        sweep.grid()
+        study.points()
     );
     let shares = ends(outcome.figures().map(|figures| figures.within_2sd));
     if let [Some(low), Some(high)] = shares {

@@ -1,22 +1,30 @@
-//! What a sweep varies: `--vary KEY=FROM:TO:COUNT`.
+//! What a sweep varies: `--vary KEY=FROM:TO:COUNT`, `KEY=FROM:TO`, `KEY=A,B,C`.
 
+use crate::files::input::Problem;
 use crate::report::scale::Spacing;
+use crate::scenario::Document;
 use serde::Serialize;
 use std::fmt;
 use std::str::FromStr;
 
-/// Most values of one key, and most points of a grid.
-pub const MOST_POINTS: usize = 10_000;
+/// Most values of one key, and most points of a sweep.
+pub const MOST_POINTS: usize = 10_000_000;
 
 /// A key and the values that it takes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Range {
     /// Whole path of the key, such as `sensor.gas.time_constant_s`.
     pub key: String,
-    /// The values, rising.
+    /// The values, rising; of words their places, from 0; of an interval its two ends.
     pub values: Vec<f64>,
+    /// The words, of a key that takes no numbers.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub words: Vec<String>,
     /// Whether they are a fixed ratio apart, and not a fixed difference.
     pub logarithmic: bool,
+    /// Whether everything between the two ends is meant.
+    #[serde(skip)]
+    pub interval: bool,
     /// As the user wrote it.
     #[serde(skip)]
     written: String,
@@ -26,6 +34,43 @@ impl Range {
     /// How the key's axis is drawn.
     pub fn spacing(&self) -> Spacing {
         if self.logarithmic { Spacing::Log } else { Spacing::Linear }
+    }
+
+    /// As the user wrote it, behind `--vary`.
+    pub fn written(&self) -> &str {
+        &self.written
+    }
+
+    /// One of its values as text: the word, or the shortest text that reads back to the number.
+    pub fn text(&self, value: f64) -> String {
+        match self.words.get(value as usize) {
+            Some(word) => word.clone(),
+            None => value.to_string(),
+        }
+    }
+
+    /// Gives the key one of the values.
+    ///
+    /// # Errors
+    /// Where it does not take it.
+    pub fn set(&self, document: &mut Document, value: f64) -> Result<(), Problem> {
+        match self.words.get(value as usize) {
+            Some(word) => document.set_word(&self.key, word),
+            None => document.set(&self.key, value),
+        }
+    }
+
+    /// The value so far along the range, from 0 to below 1, for a key that takes whole numbers only, or all.
+    pub fn along(&self, along: f64, whole: bool) -> f64 {
+        let [from, to] = match self.values[..] {
+            [from, to] if self.interval => [from, to],
+            _ => return self.values[(along * self.values.len() as f64) as usize],
+        };
+        let between = |from: f64, to: f64| match self.logarithmic {
+            true => from * (to / from).powf(along),
+            false => from + (to - from) * along,
+        };
+        if whole { between(from, to + 1.0).floor().min(to) } else { rounded(between(from, to)) }
     }
 }
 
@@ -39,7 +84,10 @@ impl fmt::Display for Range {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RangeError {
     /// The parts are not all there.
-    #[error("must be KEY=FROM:TO:COUNT, or KEY=FROM:TO:COUNT:log for a fixed ratio between values")]
+    #[error(
+        "must be KEY=FROM:TO:COUNT, or KEY=FROM:TO:COUNT:log for a fixed ratio between values; KEY=A,B,C; or, with \
+         --lhs, KEY=FROM:TO or KEY=FROM:TO:log"
+    )]
     Form,
     /// A limit is no number.
     #[error("{0} = \"{1}\": must be a number")]
@@ -56,6 +104,12 @@ pub enum RangeError {
     /// No ratio leads from one limit to the other.
     #[error("FROM must be above 0 in a logarithmic range")]
     NotPositive,
+    /// Values that do not rise.
+    #[error("numbers of a list must rise")]
+    NotSorted,
+    /// A value twice.
+    #[error("\"{0}\" is there twice")]
+    Repeated(String),
 }
 
 impl FromStr for Range {
@@ -65,8 +119,11 @@ impl FromStr for Range {
         let (key, range) = text.split_once('=').ok_or(RangeError::Form)?;
         let parts: Vec<&str> = range.split(':').collect();
         let (from, to, count, logarithmic) = match parts[..] {
-            [from, to, count] => (from, to, count, false),
-            [from, to, count, "log"] => (from, to, count, true),
+            [list] => return listed(text, key, list),
+            [from, to] => (from, to, None, false),
+            [from, to, "log"] => (from, to, None, true),
+            [from, to, count] => (from, to, Some(count), false),
+            [from, to, count, "log"] => (from, to, Some(count), true),
             _ => return Err(RangeError::Form),
         };
         if key.is_empty() {
@@ -77,9 +134,11 @@ impl FromStr for Range {
             _ => Err(RangeError::NoNumber(name, text.to_owned())),
         };
         let (from, to) = (limit("FROM", from)?, limit("TO", to)?);
-        let count = match count.parse::<usize>() {
-            Ok(number) if (1..=MOST_POINTS).contains(&number) => number,
-            _ => return Err(RangeError::NoCount(count.to_owned())),
+        let interval = count.is_none();
+        let count = match count.map(str::parse::<usize>) {
+            None => 2,
+            Some(Ok(number)) if (1..=MOST_POINTS).contains(&number) => number,
+            Some(_) => return Err(RangeError::NoCount(count.unwrap_or_default().to_owned())),
         };
         if count == 1 && from != to {
             return Err(RangeError::OneValue);
@@ -99,9 +158,37 @@ impl FromStr for Range {
                 _ => rounded(from + (to - from) * along),
             }
         };
+        let (key, written) = (key.to_owned(), text.to_owned());
         let values: Vec<f64> = (0..count).map(value).collect();
-        Ok(Self { key: key.to_owned(), values, logarithmic, written: text.to_owned() })
+        Ok(Self { key, values, words: Vec::new(), logarithmic, interval, written })
     }
+}
+
+/// `KEY=A,B,C`: rising numbers, or words.
+fn listed(text: &str, key: &str, list: &str) -> Result<Range, RangeError> {
+    let parts: Vec<&str> = list.split(',').collect();
+    if key.is_empty() || parts.iter().any(|part| part.is_empty()) {
+        return Err(RangeError::Form);
+    }
+    for (i, part) in parts.iter().enumerate() {
+        if parts[..i].contains(part) {
+            return Err(RangeError::Repeated((*part).to_owned()));
+        }
+    }
+    let number = |part: &&str| part.parse::<f64>().ok().filter(|number| number.is_finite());
+    let numbers: Option<Vec<f64>> = parts.iter().map(number).collect();
+    let (values, words) = match numbers {
+        Some(numbers) => (numbers, Vec::new()),
+        None => {
+            let places = (0..parts.len()).map(|place| place as f64).collect();
+            (places, parts.iter().map(|part| (*part).to_owned()).collect())
+        }
+    };
+    if values.windows(2).any(|pair| pair[0] >= pair[1]) {
+        return Err(RangeError::NotSorted);
+    }
+    let (key, written) = (key.to_owned(), text.to_owned());
+    Ok(Range { key, values, words, logarithmic: false, interval: false, written })
 }
 
 /// To 12 significant digits: 0.3 and not 0.30000000000000004, and the same value on every machine,
@@ -124,6 +211,30 @@ mod tests {
         assert_eq!(values("a.b=0.01:100:5:log"), [0.01, 0.1, 1.0, 10.0, 100.0]);
         assert_eq!(values("a.b=3:3:1"), [3.0]);
         assert_eq!(values("a.b=-1:1:3"), [-1.0, 0.0, 1.0]);
+        assert_eq!(values("a.b=0.1,0.5,7"), [0.1, 0.5, 7.0]);
+    }
+
+    #[test]
+    fn words_are_values_too() {
+        let range: Range = "plant.model=lumped,full".parse().unwrap();
+        assert_eq!(range.values, [0.0, 1.0]);
+        assert_eq!(range.text(1.0), "full");
+        let range: Range = "a.b=1:2:3".parse().unwrap();
+        assert_eq!(range.text(1.5), "1.5");
+    }
+
+    #[test]
+    fn an_interval_has_everything_between_its_ends() {
+        let range: Range = "a.b=1:100:log".parse().unwrap();
+        assert!(range.interval && range.logarithmic);
+        assert_eq!([0.0, 0.5].map(|along| range.along(along, false)), [1.0, 10.0]);
+        let range: Range = "a.b=1:4".parse().unwrap();
+        assert_eq!([0.0, 0.3, 0.999].map(|along| range.along(along, true)), [1.0, 2.0, 4.0]);
+        let range: Range = "a.b=x,y".parse().unwrap();
+        assert_eq!(
+            [0.0, 0.49, 0.5, 0.99].map(|along| range.along(along, false)),
+            [0.0, 0.0, 1.0, 1.0]
+        );
     }
 
     #[test]
@@ -131,16 +242,21 @@ mod tests {
         for (text, message) in [
             ("a.b", "KEY=FROM:TO:COUNT"),
             ("=1:2:3", "KEY=FROM:TO:COUNT"),
-            ("a.b=1:2", "KEY=FROM:TO:COUNT"),
-            ("a.b=1:2:3:lin", "KEY=FROM:TO:COUNT"),
+            ("a.b=", "KEY=A,B,C"),
+            ("a.b=1,,2", "KEY=A,B,C"),
+            ("a.b=2,1", "must rise"),
+            ("a.b=x,x", "\"x\" is there twice"),
             ("a.b=x:2:3", "FROM = \"x\": must be a number"),
             ("a.b=1:inf:3", "TO = \"inf\": must be a number"),
             ("a.b=1:2:0", "COUNT = \"0\": must be a whole number from 1"),
             ("a.b=1:2:2.5", "COUNT = \"2.5\""),
+            ("a.b=1:2:3:lin", "KEY=FROM:TO:COUNT"),
             ("a.b=1:2:1", "FROM must equal TO"),
             ("a.b=2:1:3", "FROM must be below TO"),
+            ("a.b=2:1", "FROM must be below TO"),
             ("a.b=1:1:3", "FROM must be below TO"),
             ("a.b=0:1:3:log", "above 0"),
+            ("a.b=0:1:log", "above 0"),
         ] {
             let error = text.parse::<Range>().unwrap_err().to_string();
             assert!(error.contains(message), "{text}: {error}");
