@@ -234,6 +234,12 @@ pub fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
     if config.pwm_period_steps > identity.maximum_period_steps {
         return Err(Refusal::Period { maximum_steps: identity.maximum_period_steps });
     }
+    let sensors = &config.sensors;
+    let digital = sensors.gas_element.is_digital() || sensors.pressure_part.is_digital();
+    // Samples of the host may be of anything.
+    if digital && !cfg!(feature = "hil") {
+        return Err(Refusal::NoSuchPart);
+    }
     Core::new(config).map_err(Refusal::from)
 }
 

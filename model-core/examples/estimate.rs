@@ -18,7 +18,12 @@ fn main() {
             &Measurement {
                 pressure: Some(Reading::exact(pressure_pa)),
                 length: Reading::exact(0.28),
-                gas: Some(GasReading { value_k: 298.0, noise_k2: 1.0e-4, moved: true }),
+                gas: Some(GasReading {
+                    value_k: 298.0,
+                    noise_k2: 1.0e-4,
+                    moved: true,
+                    age_steps: None,
+                }),
                 openings: Openings {
                     turned: step == 100,
                     driven: filling,

@@ -7,10 +7,36 @@ pub const OVERSAMPLING: u16 = 8;
 /// Largest code: eight conversions of 4095.
 pub const CODE_MAX: u16 = OVERSAMPLING * 4095;
 
-/// Sum of [`OVERSAMPLING`] conversions of one channel, 0 to [`CODE_MAX`].
+/// Sum of [`OVERSAMPLING`] conversions of one channel, 0 to [`CODE_MAX`]; of a digital part the last reading, 15
+/// bits, with a lowest bit that says whether it is [fresh](Self::is_fresh).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct AdcCode(pub u16);
+
+impl AdcCode {
+    /// The last reading of a digital part, 15 bits; 0 where the part says that it is broken. It is fresh in the
+    /// one step in which it came.
+    ///
+    /// ```
+    /// use model_core::AdcCode;
+    ///
+    /// let code = AdcCode::of_part(0x4012, true);
+    /// assert!(code.is_fresh() && code.stale() == AdcCode::of_part(0x4012, false));
+    /// ```
+    pub const fn of_part(reading: u16, fresh: bool) -> Self {
+        Self(reading << 1 | fresh as u16)
+    }
+
+    /// Whether a digital part's reading has come in this step.
+    pub const fn is_fresh(self) -> bool {
+        self.0 & 1 != 0
+    }
+
+    /// The same reading, no longer fresh.
+    pub const fn stale(self) -> Self {
+        Self(self.0 & !1)
+    }
+}
 
 /// Share of a PWM period, 0 to [`Duty::FULL`]; nothing else can be read from a frame either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -162,11 +188,11 @@ impl Faults {
     /// The emergency stop line is open or low.
     pub const EMERGENCY_STOP: Self = Self(1 << 0);
     /// The pressure code lies at a rail or stands still: sensor open, shorted, frozen or out of its
-    /// range.
+    /// range; a digital part is silent.
     pub const PRESSURE_SENSOR: Self = Self(1 << 1);
     /// Pressure above the configured limit.
     pub const OVERPRESSURE: Self = Self(1 << 2);
-    /// The gas sensor's code lies at a rail, or stands still.
+    /// The gas sensor's code lies at a rail, or stands still; a digital part is silent, or says that it is broken.
     pub const GAS_SENSOR: Self = Self(1 << 3);
     /// The length code lies at a rail, stands still, moves as no muscle can, or says what the muscle cannot
     /// have.
@@ -195,9 +221,12 @@ impl Faults {
     pub const NO_OUTFLOW: Self = Self(1 << 13);
     /// Pressure and length stand for a force that cannot be the load's: one of the two has drifted.
     pub const FORCE: Self = Self(1 << 14);
+    /// The gas sensor is a digital part and is lost: it is silent, says that it is broken, or reads what lies
+    /// outside of its range.
+    pub const GAS_LOST: Self = Self(1 << 15);
 
     /// Every fault and its name, in the order of the bits.
-    pub const NAMES: [(Self, &'static str); 15] = [
+    pub const NAMES: [(Self, &'static str); 16] = [
         (Self::EMERGENCY_STOP, "emergency stop"),
         (Self::PRESSURE_SENSOR, "pressure sensor"),
         (Self::OVERPRESSURE, "overpressure"),
@@ -213,6 +242,7 @@ impl Faults {
         (Self::NO_INFLOW, "no inflow"),
         (Self::NO_OUTFLOW, "no outflow"),
         (Self::FORCE, "force"),
+        (Self::GAS_LOST, "gas sensor lost"),
     ];
 
     /// Both together.

@@ -356,6 +356,7 @@ mod tests {
     use crate::physics::chamber::{ChamberConfig, Vessel};
     use crate::sample::AdcCode;
     use crate::sensing::Sensors;
+    use crate::sensing::gas::{GasElement, Max31865};
 
     const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
@@ -816,6 +817,37 @@ mod tests {
             });
             let seen = faults.fold(Faults::NONE, Faults::with);
             assert_eq!(seen == Faults::GAS_SENSOR, shown, "{seen}");
+        }
+    }
+
+    /// A tenth of a second of silence, and a part that says twice that it is broken. Of an element on the converter
+    /// both are shown.
+    #[test]
+    fn a_digital_gas_sensor_that_is_lost_vents() {
+        let gas_element = GasElement::Max31865(Max31865::default());
+        let sensors = Sensors { gas_element, ..Sensors::default() };
+        let config = Config { sensors, ..Config::default() };
+        let sample = |step: u16, reading: u16| {
+            let gas = AdcCode::of_part(reading, step.is_multiple_of(20));
+            Sample { gas, ..INFLATED }
+        };
+        let healthy = |step: u16| sample(step, 8457 + step / 20 % 2);
+        for (silent, expected) in [(true, 100), (false, 40)] {
+            let mut core = judged_core(&config, CLOSED, &healthy(0));
+            for step in 1..=200 {
+                assert_eq!(core.step(&healthy(step)).faults, Faults::NONE);
+            }
+            let broken = |step| if silent { sample(201, 8457) } else { sample(step, 0) };
+            let found = (201..500)
+                .find(|step| core.step(&broken(*step)).faults.intersects(Faults::GAS_LOST));
+            assert_eq!(found, Some(200 + expected), "silent: {silent}");
+            let telemetry = core.step(&broken(501));
+            assert_eq!(telemetry.command, Command::VENT);
+            assert_eq!(telemetry.faults, Faults::GAS_SENSOR.with(Faults::GAS_LOST));
+            core.step(&healthy(520));
+            assert_eq!(core.step(&healthy(540)).faults, Faults::GAS_LOST, "latched");
+            core.clear_faults();
+            assert_eq!(core.step(&healthy(541)).faults, Faults::NONE);
         }
     }
 

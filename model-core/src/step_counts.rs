@@ -53,7 +53,7 @@ impl StepCounts {
         let interval_us = u32::from(interval_steps) * (step_ns / 1000);
         let intervals = |time_ms: u32| count(1000 * time_ms, interval_us, 1);
         let timeout_s = config.link.timeout_s;
-        let silent = || limit(timeout_s / config.step_s + 0.5, 1.0, 1.0e9) as u32;
+        let silent = || timeout_steps(timeout_s, config.step_s);
         Self {
             interval_steps,
             patience_steps: steps(10, 3),
@@ -69,6 +69,11 @@ impl StepCounts {
             ten_seconds_intervals: intervals(10_000),
         }
     }
+}
+
+/// Steps in a time \[s\], to the nearest; one at least.
+pub(crate) fn timeout_steps(timeout_s: f32, step_s: f32) -> u32 {
+    limit(timeout_s / step_s + 0.5, 1.0, 1.0e9) as u32
 }
 
 /// How often `part` goes into `whole`, to the nearest whole number; at least that often.

@@ -144,6 +144,7 @@ pub fn core_config(believed: &Scenario) -> Config {
                 ..s.sensor.gas.core()
             },
             gas_element: s.sensor.gas_element(),
+            pressure_part: s.sensor.pressure_part(),
         },
         estimator: EstimatorConfig {
             place_error_k: (one_zone.place_error * f64::from(s.estimator.place_error_k)).min(100.0)

@@ -3,7 +3,8 @@
 
 use super::core_config::{OneZone, core_config};
 use super::{
-    HeatModel, LoadKind, Loaded, PlantKind, PlantModel, Scenario, parse, render, with_numbers,
+    GasElementKind, HeatModel, LoadKind, Loaded, PlantKind, PlantModel, PressureKind, Scenario,
+    parse, render, with_numbers,
 };
 use crate::files::input::{InputError, Problem};
 use crate::math;
@@ -11,6 +12,7 @@ use model_core::Config;
 use model_core::config::Load;
 use model_core::physics::chamber::{ChamberConfig, Vessel};
 use model_core::sensing::gas::{GasElement, Pt1000};
+use model_core::sensing::pressure::PressurePart;
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -87,11 +89,19 @@ fn scenario(config: &Config) -> Option<Scenario> {
     };
     let one_zone = OneZone::of(&s);
     let step_s = short(config.step_s);
-    let pt1000 = match config.sensors.gas_element {
-        GasElement::Pt1000(pt1000) => pt1000,
+    let mut pt1000 = Pt1000::default();
+    match config.sensors.gas_element {
+        GasElement::Pt1000(is) => pt1000 = is,
+        GasElement::Ntc(is) => (s.sensor.gas.kind, s.sensor.ntc) = (GasElementKind::Ntc, is),
+        GasElement::Max31865(is) => {
+            (s.sensor.gas.kind, s.sensor.max31865) = (GasElementKind::Max31865, is);
+        }
         // No scenario says another one: what is read again is not the same.
-        _ => Pt1000::default(),
-    };
+        _ => (),
+    }
+    if let PressurePart::Mpr(is) = config.sensors.pressure_part {
+        (s.sensor.pressure.kind, s.sensor.mpr) = (PressureKind::Mpr, is);
+    }
     let sensors = &config.sensors;
     let core = [
         ("gas.gas_constant_j_kg_k", config.gas.gas_constant_j_kg_k),
@@ -157,6 +167,9 @@ mod tests {
              [load]\nkind = \"mass\"\nmass_kg = 7.3\n[heat]\nmodel = \"correlation\"\n",
             "[muscle]\nrest_length_m = 0.217\ndiameter_m = 0.0137\nbraid_angle_deg = 21.3\n\
              [valve]\npwm_hz = 62.5\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
+            "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3435.0\n",
+            "[sensor.gas]\nkind = \"max31865\"\n[sensor.max31865]\nreference_ohm = 402.0\n\
+             [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",
         ] {
             let config = core_config(&parse(text, Path::new("told")).unwrap().believed);
             let said = say(&config).unwrap();

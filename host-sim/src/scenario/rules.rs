@@ -8,6 +8,7 @@ use super::violation::{Violation, within};
 use crate::files::input::nearest;
 use crate::plant::chamber;
 use crate::scenario::core_config::{pressure_limit_pa, pwm_period_steps};
+use crate::scenario::from_config::short;
 
 /// Most steps of a run: more take days.
 const MOST_STEPS: f64 = 1.0e9;
@@ -86,6 +87,15 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
     let highest = limits("sensor.gas.range_max_k").max;
     let why = "at least 1 K above sensor.gas.range_min_k";
     within("sensor.gas.range_max_k", sensor.range_max_k, (sensor.range_min_k + 1.0, highest), why)?;
+    let chip = &scenario.sensor.max31865;
+    let (lowest, highest) = (short(chip.lowest_k), short(chip.highest_k));
+    let allowed = (lowest + 1.0, limits("sensor.max31865.highest_k").max);
+    within(
+        "sensor.max31865.highest_k",
+        highest,
+        allowed,
+        "at least 1 K above sensor.max31865.lowest_k",
+    )?;
     if scenario.plant.kind == PlantKind::Muscle {
         let Muscle { thread_length_m, rest_length_m, slack_m, .. } = scenario.muscle;
         // From braids at 2.7 deg to such that still pull; the core allows a hair more.

@@ -8,11 +8,15 @@
 //! | pressure | 0.1 + 0.8 P / range |
 //! | length | 0.05 + 0.9 L / range |
 //! | gas temperature | [`elements::gas_share`] |
+//!
+//! A digital part converts by itself, every [`MAX31865_S`] or [`MPR_S`], the mean over that time: its code is its last
+//! reading, marked in the step in which it came.
 
 use crate::plant::Truth;
-use crate::scenario::{Scenario, Sensors};
+use crate::scenario::{GasElementKind, PressureKind, Scenario, Sensors};
 use crate::simulation::elements;
 use crate::simulation::noise::standard_normal;
+use model_core::AdcCode;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 
@@ -29,7 +33,14 @@ const CONVERTER_NOISE_LSB: f64 = 0.5;
 /// Codes that erratum RP2040-E11 makes too wide (RP2040 datasheet, appendix B).
 const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
 
-/// The raw codes of one exchange step, each 0 to 32760.
+/// Time from one reading to the next of a MAX31865 with the filter for 50 Hz \[s\].
+pub const MAX31865_S: f64 = 0.02;
+/// ... of an MPR: its conversion of 5 ms and the way over the bus \[s\].
+pub const MPR_S: f64 = 0.006;
+/// Codes of a part's scale.
+const PART_CODES: f64 = 32_768.0;
+
+/// The raw codes of one exchange step, each 0 to 32760, or as [`AdcCode::of_part`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Codes {
     /// Absolute pressure.
@@ -74,22 +85,63 @@ struct Channel {
     /// What puts the sensor right: value = gain reading + offset.
     gain: f64,
     offset: f64,
+    part: Option<Part>,
+}
+
+/// A digital part.
+#[derive(Debug, Clone)]
+struct Part {
+    period_s: f64,
+    next_s: f64,
+    reading: u16,
+    /// What it has been exposed to since it began to convert: the sum, of so many steps.
+    exposed: (f64, f64),
+}
+
+impl Part {
+    fn every(period_s: f64) -> Self {
+        Self { period_s, next_s: 0.0, reading: 0, exposed: (0.0, 0.0) }
+    }
+
+    /// The mean of what it is exposed to while it converts.
+    fn mean(&mut self, value: f64) -> f64 {
+        self.exposed = (self.exposed.0 + value, self.exposed.1 + 1.0);
+        self.exposed.0 / self.exposed.1
+    }
+
+    /// The code at that time, for a share of its scale: 0 at either end, where the part says that it is broken.
+    fn code(&mut self, time_s: f64, share: f64) -> u16 {
+        // Times are sums of steps.
+        let fresh = time_s > self.next_s - 1.0e-6;
+        if fresh {
+            let code = PART_CODES * share;
+            self.exposed = (0.0, 0.0);
+            self.reading =
+                if (0.5..PART_CODES - 1.5).contains(&code) { code.round() as u16 } else { 0 };
+            while self.next_s < time_s + 1.0e-6 {
+                self.next_s += self.period_s;
+            }
+        }
+        AdcCode::of_part(self.reading, fresh).0
+    }
 }
 
 impl Channel {
-    fn new(noise: Noise, per_conversion: f64, gain: f64, offset: f64) -> Self {
+    fn new(noise: Noise, per_conversion: f64, gain: f64, offset: f64, part: Option<Part>) -> Self {
         let averaging = f64::from(OVERSAMPLING).sqrt();
         Self {
             noise,
-            sensor: per_conversion / averaging,
+            sensor: if part.is_some() { per_conversion } else { per_conversion / averaging },
+            part,
             converter: CONVERTER_NOISE_LSB / FULL_SCALE / averaging,
             gain,
             offset,
         }
     }
 
-    /// A value with the sensor's noise on it.
+    /// A value, of a part its mean, with the sensor's noise on it.
     fn sense(&mut self, value: f64) -> f64 {
+        let value = self.part.as_mut().map_or(value, |part| part.mean(value));
         value + self.noise.sample(self.sensor)
     }
 
@@ -98,8 +150,12 @@ impl Channel {
         (value - self.offset) / self.gain
     }
 
-    /// The code for a share of the reference, of a converter whose wide codes are wider by `excess_lsb`.
-    fn convert(&mut self, share: f64, excess_lsb: f64) -> u16 {
+    /// The code for a share of the reference, of a converter whose wide codes are wider by `excess_lsb`; that of a
+    /// part, where the channel is one.
+    fn convert(&mut self, time_s: f64, share: f64, excess_lsb: f64) -> u16 {
+        if let Some(part) = &mut self.part {
+            return part.code(time_s, share);
+        }
         let noisy = share + self.noise.sample(self.converter);
         // A conversion truncates: over the noise of eight its mean lies half a code below the input.
         let mean = e11_transfer(STEPS * noisy - 0.5, excess_lsb).clamp(0.0, FULL_SCALE);
@@ -130,19 +186,29 @@ impl VirtualAdc {
             generator.jump();
             Noise(generator.clone())
         };
+        let on_i2c = sensor.pressure.kind == PressureKind::Mpr;
+        let on_spi = sensor.gas.kind == GasElementKind::Max31865;
         Self {
             pressure: Channel::new(
                 stream(),
                 sensor.pressure.noise_pa,
                 sensor.pressure.gain,
                 sensor.pressure.offset_pa,
+                on_i2c.then(|| Part::every(MPR_S)),
             ),
-            gas: Channel::new(stream(), sensor.gas.noise_k, sensor.gas.gain, sensor.gas.offset_k),
+            gas: Channel::new(
+                stream(),
+                sensor.gas.noise_k,
+                sensor.gas.gain,
+                sensor.gas.offset_k,
+                on_spi.then(|| Part::every(MAX31865_S)),
+            ),
             length: Channel::new(
                 stream(),
                 sensor.length.noise_m,
                 sensor.length.gain,
                 sensor.length.offset_m,
+                None,
             ),
             wall: stream(),
             wall_noise_k: sensor.wall.noise_k,
@@ -163,10 +229,11 @@ impl VirtualAdc {
         let gas_share = elements::gas_share(&self.sensors, gas_k);
         let pressure_share = self.pressure.uncalibrated(pressure) / self.sensors.pressure.range_pa;
         let length_share = self.length.uncalibrated(length) / self.sensors.length.range_m;
+        let (time_s, wide) = (truth.time_s, self.wide_code_lsb);
         Codes {
-            pressure: self.pressure.convert(0.1 + 0.8 * pressure_share, self.wide_code_lsb),
-            gas: self.gas.convert(gas_share, self.wide_code_lsb),
-            length: self.length.convert(0.05 + 0.9 * length_share, self.wide_code_lsb),
+            pressure: self.pressure.convert(time_s, 0.1 + 0.8 * pressure_share, wide),
+            gas: self.gas.convert(time_s, gas_share, wide),
+            length: self.length.convert(time_s, 0.05 + 0.9 * length_share, wide),
         }
     }
 

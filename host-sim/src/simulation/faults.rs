@@ -20,6 +20,8 @@ pub struct InjectedFaults {
     step_s: f64,
     /// Codes that arrived in the last step.
     arrived: Codes,
+    /// Pressure and gas come from digital parts.
+    digital: [bool; 2],
     generator: Xoshiro256PlusPlus,
     noise: Uniform<i32>,
 }
@@ -30,6 +32,10 @@ impl InjectedFaults {
         Self {
             windows: scenario.faults.windows().map(|(_, window)| window.clone()).collect(),
             arrived: Codes::default(),
+            digital: [
+                scenario.sensor.pressure_part().is_digital(),
+                scenario.sensor.gas_element().is_digital(),
+            ],
             step_s: scenario.run.step_s,
             // Another seed than the ADC's: a fault changes no noise but its own.
             generator: Xoshiro256PlusPlus::seed_from_u64(!scenario.run.seed),
@@ -63,10 +69,11 @@ impl InjectedFaults {
         };
         let (pressure, gas, length) = (of(|w| w.pressure), of(|w| w.gas), of(|w| w.length));
         let emergency_stop = self.active(time_s).any(|window| window.emergency_stop);
+        let [digital_pressure, digital_gas] = self.digital;
         self.arrived = Codes {
-            pressure: self.line(pressure, codes.pressure, self.arrived.pressure),
-            gas: self.line(gas, codes.gas, self.arrived.gas),
-            length: self.line(length, codes.length, self.arrived.length),
+            pressure: self.line(pressure, codes.pressure, self.arrived.pressure, digital_pressure),
+            gas: self.line(gas, codes.gas, self.arrived.gas, digital_gas),
+            length: self.line(length, codes.length, self.arrived.length, false),
         };
         let Codes { pressure, gas, length } = self.arrived;
         let on_link = |fault| self.active(time_s).any(|window| window.link == fault);
@@ -110,10 +117,18 @@ impl InjectedFaults {
         self.windows.iter().filter(move |window| window.contains(time_s))
     }
 
-    fn line(&mut self, fault: ChannelFault, code: u16, arrived: u16) -> u16 {
+    /// The code behind a fault. A digital part that is open or shorted says so, and one that is frozen is silent.
+    fn line(&mut self, fault: ChannelFault, code: u16, arrived: u16, digital: bool) -> u16 {
+        let fresh = AdcCode(code).is_fresh();
         match fault {
             // A drift is in the code already.
             ChannelFault::None | ChannelFault::Drifting { .. } => code,
+            ChannelFault::Open | ChannelFault::Shorted if digital => AdcCode::of_part(0, fresh).0,
+            ChannelFault::Frozen if digital => AdcCode(arrived).stale().0,
+            ChannelFault::Noisy if digital => {
+                let reading = i32::from(code >> 1) + self.noise.sample(&mut self.generator);
+                AdcCode::of_part(reading.clamp(0, i32::from(CODE_MAX)) as u16, fresh).0
+            }
             ChannelFault::Open => CODE_MAX,
             ChannelFault::Shorted => 0,
             ChannelFault::Frozen => arrived,

@@ -280,7 +280,7 @@ impl Estimator {
     /// let config = Config::default();
     /// let muscle = AnyChamber::new(&config.chamber);
     /// let mut estimator = Estimator::new(&config);
-    /// let gas = GasReading { value_k: 300.0, noise_k2: 1.0e-4, moved: true };
+    /// let gas = GasReading { value_k: 300.0, noise_k2: 1.0e-4, moved: true, age_steps: None };
     /// estimator.step(&muscle, &Measurement {
     ///     pressure: Some(Reading::exact(2.0e5)),
     ///     length: Reading::exact(0.28),
@@ -296,7 +296,7 @@ impl Estimator {
         let counts = StepCounts::new(config);
         let interval_s = f32::from(counts.interval_steps) * config.step_s;
         let sensors = &config.sensors;
-        let pressure_sd_pa = sqrt(sensors.pressure.noise_pa2());
+        let pressure_sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
         let gas_noise_k2 = sensors.gas.noise_k * sensors.gas.noise_k;
         let bias_k = sd.reading_bias_k(sensors.gas.time_constant_s);
         let energy = Energy::new(0.0, Averaging::new(&counts, config.pwm_period_steps));
@@ -694,8 +694,10 @@ impl Estimator {
         self.set_conductance(surface_m2);
         // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
-        // a second more of lag.
-        let middle_k = self.sensor_k - 0.5 * sensor_change_k;
+        // a second more of lag. A digital part's readings say themselves how old they are.
+        let age_steps = measurement.gas.and_then(|gas| gas.age_steps);
+        let age = age_steps.map_or(0.5, |age_steps| age_steps / steps);
+        let middle_k = self.sensor_k - age * sensor_change_k;
         if let Some(gas) = reading {
             self.reading_k = gas.value_k;
             self.pending.reading_k2 = gas.noise_k2 + self.bias_k2;
@@ -783,6 +785,7 @@ mod tests {
                 value_k: gas_k,
                 noise_k2: 1.0e-4,
                 moved: true,
+                age_steps: None,
             }),
             openings: Openings {
                 turned: false,

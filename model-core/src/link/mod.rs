@@ -19,7 +19,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 10;
+pub const PROTOCOL: u16 = 11;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -183,6 +183,8 @@ pub enum Refusal {
     Flash,
     /// The board has no boot loader that it could start by itself.
     NoBootLoader,
+    /// A sensor of the configuration is a part that this board has no bus for.
+    NoSuchPart,
 }
 
 impl From<SetPointError> for Refusal {
@@ -216,6 +218,11 @@ impl core::fmt::Display for Refusal {
             Self::NotVented => write!(f, "the board does that while it vents: stop it first"),
             Self::Flash => write!(f, "the flash does not take it: it is worn out or damaged"),
             Self::NoBootLoader => write!(f, "this board is flashed through its probe"),
+            Self::NoSuchPart => write!(
+                f,
+                "this board's firmware reads no such digital part (sensor.gas.kind = \"max31865\", \
+                 sensor.pressure.kind = \"mpr\"): a Pico's does"
+            ),
         }
     }
 }
@@ -513,6 +520,9 @@ mod tests {
     use crate::physics::chamber::table::{MOST_ROWS, Row};
     use crate::physics::chamber::{ChamberConfig, Table};
     use crate::sample::{AdcCode, Command, Duty, Estimate, Faults};
+    use crate::sensing::Sensors;
+    use crate::sensing::gas::{GasElement, Max31865};
+    use crate::sensing::pressure::{Mpr, PressurePart};
     use proptest::prelude::*;
 
     /// Every field takes the most bytes that it can.
@@ -595,7 +605,13 @@ mod tests {
     #[test]
     fn the_longest_messages_fit_a_frame() {
         let table = Table { rows: [Row::default(); MOST_ROWS], count: 12, rest_length_m: 0.1 };
-        let config = Config { chamber: ChamberConfig::Table(table), ..Config::default() };
+        let sensors = Sensors {
+            gas_element: GasElement::Max31865(Max31865::default()),
+            pressure_part: PressurePart::Mpr(Mpr::default()),
+            ..Sensors::default()
+        };
+        let chamber = ChamberConfig::Table(table);
+        let config = Config { chamber, sensors, ..Config::default() };
         let request = Request { sequence: 255, command: HostCommand::Configure(config) };
         let reply = Message::Reply(Reply { sequence: 255, answer: Answer::Config(config) });
         for length in [encode(&request).unwrap().len(), encode(&reply).unwrap().len()] {
@@ -653,7 +669,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "0a070dda3cce7ccdb90102010105c930c05400"),
-            (answer(Answer::Version(version)), "030107020a0201010105f74d90e200"),
+            (answer(Answer::Version(version)), "030107020b0201010105529ecc2900"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -674,7 +690,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (304, 1_412_867_060)), (encode(&telemetry), (78, 3_172_555_875))]
+            [(encode(&config), (305, 3_509_397_557)), (encode(&telemetry), (78, 3_172_555_875))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);

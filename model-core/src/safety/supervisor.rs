@@ -11,6 +11,9 @@
 //! | gas sensor noisier than its lag allows | ten jerks within forty steps | the same |
 //! | gas sensor's code stands still | when its element must have moved | the same |
 //! | gas sensor contradicts the model | by five deviations over half a second | shown for ten seconds; the one that is further from ambient is wrong: the sensor is left out, or the estimator starts anew |
+//! | digital gas part silent | for its `timeout_s` | vent, latched: its bus is broken, and what else is there may be too |
+//! | ... says that it is broken, or reads outside of its range | twice in a row | vent, latched; once is shown |
+//! | digital pressure part silent, at a rail | the same | vent, latched |
 //! | length sensor at a rail | at once | shown while it lasts; length from pressure and load |
 //! | length sensor noisier than a muscle can move | ten jerks within forty steps | the same |
 //! | length sensor's code stands still while gas flows | for 60 such steps | the same |
@@ -50,7 +53,8 @@ const LATCHING: Faults = Faults::EMERGENCY_STOP
     .with(Faults::BURST)
     .with(Faults::NO_INFLOW)
     .with(Faults::NO_OUTFLOW)
-    .with(Faults::FORCE);
+    .with(Faults::FORCE)
+    .with(Faults::GAS_LOST);
 /// Faults that vent.
 pub const VENTING: Faults = LATCHING.with(Faults::NOT_CONFIGURED);
 
@@ -105,6 +109,8 @@ struct Limits {
     pressure_pa: f32,
     counts: StepCounts,
     configured: bool,
+    /// The gas sensor is a digital part.
+    digital_gas: bool,
 }
 
 /// Watches the inputs.
@@ -133,8 +139,14 @@ impl Supervisor {
     /// ```
     pub fn new(config: &Config, configured: bool) -> Self {
         let counts = StepCounts::new(config);
+        let digital_gas = config.sensors.gas_element.is_digital();
         Self {
-            limits: Limits { pressure_pa: config.pressure_limit_pa, counts, configured },
+            limits: Limits {
+                pressure_pa: config.pressure_limit_pa,
+                counts,
+                configured,
+                digital_gas,
+            },
             latched: Faults::NONE,
             present: Faults::NONE,
             first: None,
@@ -199,6 +211,7 @@ impl Supervisor {
             (pressure.validity == Validity::Lost, Faults::PRESSURE_SENSOR),
             (self.overpressure_steps >= patience_steps, Faults::OVERPRESSURE),
             (*gas != Validity::Valid, Faults::GAS_SENSOR),
+            (self.limits.digital_gas && *gas == Validity::Lost, Faults::GAS_LOST),
             (length_lost, Faults::LENGTH_SENSOR),
             (silent_steps.is_some_and(|steps| self.silent_steps >= steps), Faults::LINK_LOST),
             (self.late >= TOO_LATE, Faults::MISSED_STEPS),

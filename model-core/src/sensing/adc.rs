@@ -109,6 +109,11 @@ impl CodeSum {
         self.count = self.count.saturating_add(1);
     }
 
+    /// Their mean as they are; `None` of none.
+    pub fn mean(&self) -> Option<f32> {
+        (self.count > 0).then(|| self.codes as f32 / f32::from(self.count))
+    }
+
     /// How many they are.
     pub fn count(&self) -> u16 {
         self.count
@@ -142,11 +147,19 @@ impl Line {
     /// ```
     #[inline(never)]
     pub fn through(low: Point, high: Point) -> Self {
-        let slope = (high.value - low.value) / (high.share - low.share);
         let per_code = 1.0 / (CODES * f32::from(OVERSAMPLING));
         // A conversion truncates: the middle of a code lies half a step above it, for a sum of
         // eight that is four.
-        let half = 0.5 * f32::from(OVERSAMPLING) * per_code;
+        Self::over(per_code, 0.5 * f32::from(OVERSAMPLING) * per_code, low, high)
+    }
+
+    /// The same over the [codes](AdcCode::of_part) of a digital part, its output's whole scale being the reference.
+    pub fn of_part(low: Point, high: Point) -> Self {
+        Self::over(1.0 / 65_536.0, 0.0, low, high)
+    }
+
+    fn over(per_code: f32, half: f32, low: Point, high: Point) -> Self {
+        let slope = (high.value - low.value) / (high.share - low.share);
         Self { offset: low.value + slope * (half - low.share), slope: slope * per_code }
     }
 

@@ -5,9 +5,12 @@
 //! A file beside this one, with the element's parameters, its [`Element`] and its [`Curve`], and its line in
 //! `elements!` below. In `host-sim` the plant's side of it: a file in `simulation/elements/` with its line
 //! there, and in `scenario/tables/sensors.rs` its word and its table. `docs/board.md` has a row for each.
+//! One that is read over a bus says so by `DIGITAL` and its [`Element::part`]; the firmware's side is `firmware/src/parts.rs`.
 //! A new element comes last, and raises `PROTOCOL` in `link`: boards of the one before do not know it.
 
+pub use super::max31865::Max31865;
 pub use super::ntc::Ntc;
+use super::part::Limits;
 pub use super::pt1000::Pt1000;
 use crate::config::ConfigError;
 use crate::parameter::parameters;
@@ -37,8 +40,16 @@ pub trait Element {
     /// What it makes of codes.
     fn curve(&self) -> Self::Curve;
 
-    /// What one code of 12 bit is worth, mean over its range \[K\].
+    /// What one code of 12 bit is worth, of a digital part one of its own, mean over its range \[K\].
     fn resolution_k(&self) -> f32;
+
+    /// Whether it is a part that is read over a bus, at its own rate.
+    const DIGITAL: bool = false;
+
+    /// What is known of such a part; none where the element is on the converter.
+    fn part(&self) -> Option<Limits> {
+        None
+    }
 }
 
 /// Temperature over codes.
@@ -79,10 +90,24 @@ macro_rules! elements {
                 }
             }
 
-            /// What one code of 12 bit is worth, mean over its range \[K\].
+            /// What one code of 12 bit is worth, of a digital part one of its own, mean over its range \[K\].
             pub fn resolution_k(&self) -> f32 {
                 match self {
                     $(Self::$element(element) => element.resolution_k(),)*
+                }
+            }
+
+            /// What is known of a digital part; none where the element is on the converter.
+            pub(super) fn part(&self) -> Option<Limits> {
+                match self {
+                    $(Self::$element(element) => element.part(),)*
+                }
+            }
+
+            /// Whether it is a part that is read over a bus, at its own rate.
+            pub fn is_digital(&self) -> bool {
+                match self {
+                    $(Self::$element(_) => <$element as Element>::DIGITAL,)*
                 }
             }
 
@@ -108,6 +133,8 @@ elements! {
     Pt1000,
     /// NTC thermistor in a divider.
     Ntc,
+    /// Pt100 or Pt1000 on a MAX31865.
+    Max31865,
 }
 
 impl Default for GasElement {

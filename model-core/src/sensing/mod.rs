@@ -5,13 +5,16 @@
 //! ```
 //!
 //! Estimator, controller and supervisor see [`Reading`]s, whatever they come from.
-//! Pressure and length have one in every step; the gas sensor, which is slow, the mean of an interval.
+//! Pressure and length have one in every step; the gas sensor, which is slow, the mean of an interval. A digital
+//! part gives one at its own rate: until the next one comes, a pressure stays what it was.
 
 pub mod adc;
 pub mod gas;
 mod health;
 pub mod length;
+pub mod max31865;
 pub mod ntc;
+pub mod part;
 pub mod platinum;
 pub mod pressure;
 pub mod pt1000;
@@ -21,7 +24,8 @@ use self::gas::{GasElement, GasLine, GasSensor};
 pub use self::health::FROZEN_CODES;
 use self::health::{Health, Stillness};
 use self::length::LengthSensor;
-use self::pressure::PressureSensor;
+use self::part::Part;
+use self::pressure::{PressurePart, PressureSensor};
 use crate::config::{Config, ConfigError};
 use crate::sample::{AdcCode, OVERSAMPLING, Sample};
 use crate::step_counts::StepCounts;
@@ -40,6 +44,8 @@ pub struct Sensors {
     pub gas: GasSensor,
     /// What the gas sensor is.
     pub gas_element: GasElement,
+    /// What the pressure sensor is.
+    pub pressure_part: PressurePart,
 }
 
 impl Sensors {
@@ -52,7 +58,8 @@ impl Sensors {
         self.pressure.check()?;
         self.length.check()?;
         self.gas.check()?;
-        self.gas_element.check()
+        self.gas_element.check()?;
+        self.pressure_part.check()
     }
 }
 
@@ -110,6 +117,8 @@ pub struct GasReading {
     pub noise_k2: f32,
     /// It is not the same code ever since the reading before.
     pub moved: bool,
+    /// For how many steps it has been so, in the mean; `None`: it is the mean over the whole interval.
+    pub age_steps: Option<f32>,
 }
 
 /// The readings of one step.
@@ -130,12 +139,21 @@ struct Channel {
     /// Half the width of its widest codes.
     wide: f32,
     health: Health,
+    /// A digital part, and what it has read last.
+    part: Option<(Part, f32)>,
 }
 
 impl Channel {
     /// Not inlined: two calls.
     #[inline(never)]
     fn read(&mut self, linearisation: &Linearisation, code: AdcCode, usual: Stillness) -> Reading {
+        if let Some((part, value)) = &mut self.part {
+            let validity = part.add(&mut self.health, code, usual);
+            if code.is_fresh() && validity == Validity::Valid {
+                *value = self.line.at(f32::from(code.stale().0));
+            }
+            return Reading { value: *value, wide: 0.0, validity };
+        }
         let widened = linearisation.widens(code);
         Reading {
             value: self.line.at(linearisation.ideal(code)),
@@ -153,8 +171,14 @@ pub struct Sensing {
     length: Channel,
     gas: GasLine,
     gas_health: Health,
+    gas_part: Option<Part>,
+    /// Variance of the noise of a code \[K2\], and of how many conversions it is the sum.
     gas_noise_k2: f32,
+    gas_conversions: f32,
     gas_codes: CodeSum,
+    /// Age of a digital part's reading when it comes, and what it has grown by since, summed up \[steps\].
+    gas_latency_steps: f32,
+    gas_ages: u16,
     gas_code: Option<AdcCode>,
     gas_moved: bool,
 }
@@ -171,25 +195,43 @@ impl Sensing {
     /// assert!((0.2..0.31).contains(&readings.length.value));
     /// ```
     pub fn new(config: &Config) -> Self {
-        let Sensors { adc, pressure, length, gas, gas_element } = &config.sensors;
+        let Sensors { adc, pressure, length, gas, gas_element, pressure_part } = &config.sensors;
+        let part = pressure_part.part();
+        let patience_steps = StepCounts::new(config).patience_steps;
+        // Without the gas temperature the model goes on, so that it is well until it is known to be lost.
+        let limits = gas_element.part();
+        let latency_s = limits.as_ref().map_or(0.0, |part| part.latency_s);
+        let gas_part = limits.map(|part| Part::new(&part, config.step_s, Validity::Valid));
+        // What a step of a digital part hides, beside its noise.
+        let step_k = if gas_part.is_some() { gas_element.resolution_k() } else { 0.0 };
         Self {
             linearisation: Linearisation::new(adc),
             // One disturbed pressure is no fault, ten milliseconds of them are. Without length or gas
             // temperature the model goes on, so that there is nothing to wait for.
             pressure: Channel {
-                line: pressure.line(),
+                line: pressure_part.line(pressure),
                 wide: adc.half_width(pressure.resolution_pa()),
-                health: Health::new(StepCounts::new(config).patience_steps),
+                health: Health::new(if part.is_some() { part::PATIENCE } else { patience_steps }),
+                // None yet: nothing that could be taken for gas.
+                part: part.map(|part| {
+                    let part = Part::new(&part, config.step_s, Validity::Suspect);
+                    (part, config.ambient.pressure_pa)
+                }),
             },
             length: Channel {
                 line: length.line(),
                 wide: adc.half_width(length.resolution_m()),
                 health: Health::new(1),
+                part: None,
             },
             gas: GasLine::new(gas, gas_element),
-            gas_health: Health::new(1),
-            gas_noise_k2: gas.noise_k * gas.noise_k,
+            gas_health: Health::new(if gas_part.is_some() { part::PATIENCE } else { 1 }),
+            gas_part,
+            gas_noise_k2: gas.noise_k * gas.noise_k + step_k * step_k / 12.0,
+            gas_conversions: if gas_part.is_some() { 1.0 } else { f32::from(OVERSAMPLING) },
             gas_codes: CodeSum::default(),
+            gas_latency_steps: latency_s / config.step_s,
+            gas_ages: 0,
             gas_code: None,
             gas_moved: false,
         }
@@ -201,7 +243,12 @@ impl Sensing {
         let mut next = *other;
         next.pressure.health = self.pressure.health.with_patience_of(&other.pressure.health);
         next.length.health = self.length.health;
-        next.gas_health = self.gas_health;
+        next.gas_health = self.gas_health.with_patience_of(&other.gas_health);
+        if let (Some((_, last_pa)), Some((_, pressure_pa))) =
+            (self.pressure.part, &mut next.pressure.part)
+        {
+            *pressure_pa = last_pa;
+        }
         next
     }
 
@@ -213,13 +260,16 @@ impl Sensing {
             pressure: self.pressure.read(&self.linearisation, sample.pressure, usual),
             length: self.length.read(&self.linearisation, sample.length, usual),
             // The sensor's lag keeps its code still for long: the estimator knows when it is frozen.
-            gas: self.gas_health.add(sample.gas, Stillness::Usual),
+            gas: match &mut self.gas_part {
+                Some(part) => part.add(&mut self.gas_health, sample.gas, Stillness::Usual),
+                None => self.gas_health.add(sample.gas, Stillness::Usual),
+            },
         }
     }
 
     /// Absolute pressure \[Pa\] by one code.
     pub fn pressure_pa(&self, code: AdcCode) -> f32 {
-        self.pressure.line.at(self.linearisation.ideal(code))
+        self.pressure.line.at(self.ideal(self.pressure.part.is_some(), code))
     }
 
     /// Length \[m\] by one code.
@@ -227,8 +277,24 @@ impl Sensing {
         self.length.line.at(self.linearisation.ideal(code))
     }
 
-    /// Takes a code of the gas sensor for the next [mean](Self::take_gas).
+    /// A digital part has no converter between.
+    fn ideal(&self, digital: bool, code: AdcCode) -> f32 {
+        if digital { f32::from(code.stale().0) } else { self.linearisation.ideal(code) }
+    }
+
+    /// Takes a code of the gas sensor for the next [mean](Self::take_gas); one of a digital part, where it is
+    /// fresh.
     pub fn add_gas(&mut self, code: AdcCode) {
+        let code = match self.gas_part {
+            None => code,
+            Some(_) => {
+                self.gas_ages = self.gas_ages.saturating_add(self.gas_codes.count());
+                if !code.is_fresh() {
+                    return;
+                }
+                code.stale()
+            }
+        };
         self.gas_moved |= self.gas_code != Some(code);
         self.gas_code = Some(code);
         self.gas_codes.add(code);
@@ -236,15 +302,16 @@ impl Sensing {
 
     /// Temperature of the gas sensor \[K\] by one code.
     pub fn gas_k(&self, code: AdcCode) -> f32 {
-        self.gas.at(self.linearisation.ideal(code))
+        self.gas.at(self.ideal(self.gas_part.is_some(), code))
     }
 
     /// What the gas sensor has said last; `None`: nothing yet.
     pub fn last_gas(&self) -> Option<GasReading> {
         self.gas_code.map(|code| GasReading {
             value_k: self.gas_k(code),
-            noise_k2: self.gas_noise_k2 / f32::from(OVERSAMPLING),
+            noise_k2: self.gas_noise_k2 / self.gas_conversions,
             moved: self.gas_moved,
+            age_steps: None,
         })
     }
 
@@ -252,17 +319,28 @@ impl Sensing {
     pub fn take_gas(&mut self) -> Option<GasReading> {
         let codes = core::mem::take(&mut self.gas_codes);
         let moved = core::mem::take(&mut self.gas_moved);
-        let conversions = f32::from(OVERSAMPLING) * f32::from(codes.count());
-        self.linearisation.mean(&codes).map(|code| GasReading {
+        let conversions = self.gas_conversions * f32::from(codes.count());
+        let ages = f32::from(core::mem::take(&mut self.gas_ages));
+        let (mean, age_steps) = match self.gas_part {
+            None => (self.linearisation.mean(&codes), None),
+            Some(_) => {
+                let age_steps = self.gas_latency_steps + ages / f32::from(codes.count().max(1));
+                (codes.mean(), Some(age_steps))
+            }
+        };
+        mean.map(|code| GasReading {
             value_k: self.gas.at(code),
             noise_k2: self.gas_noise_k2 / conversions,
             moved,
+            age_steps,
         })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::gas::Max31865;
+    use super::pressure::Mpr;
     use super::*;
     use proptest::prelude::*;
 
@@ -346,6 +424,103 @@ mod tests {
             let middle_k = 0.5 * (sensing.gas_k(AdcCode(15_000)) + last_k);
             assert!((gas.value_k - middle_k).abs() < 1e-4, "{codes:?}");
         }
+    }
+
+    fn on_parts() -> Sensors {
+        Sensors {
+            gas_element: GasElement::Max31865(Max31865::default()),
+            pressure_part: PressurePart::Mpr(Mpr::default()),
+            pressure: PressureSensor { range_pa: 250_000.0, ..PressureSensor::default() },
+            ..Sensors::default()
+        }
+    }
+
+    /// 120 kPa, and 8457 of 32768 parts of 430 ohm: 28.2 degC.
+    fn sample_of_parts(fresh: bool) -> Sample {
+        let [pressure, gas] = [15_860, 8457].map(|reading| AdcCode::of_part(reading, fresh));
+        Sample::new(pressure, gas, AdcCode(20_000))
+    }
+
+    #[test]
+    fn a_part_is_read_by_its_data_sheet() {
+        let mut sensing = sensing(on_parts());
+        let sample = sample_of_parts(true);
+        let pressure = sensing.read(&sample, false).pressure;
+        let expected_pa = 250_000.0 * (15_860.0 / 32_768.0 - 0.1) / 0.8;
+        assert!((pressure.value - expected_pa).abs() < 0.1, "{pressure:?}");
+        let ohm = 430.0 * 8457.0 / 32_768.0;
+        let expected_k = platinum::platinum_temperature_k(100.0, ohm);
+        assert!((sensing.gas_k(sample.gas) - expected_k).abs() < 1e-3);
+        assert_eq!(sensing.gas_k(sample.gas), sensing.gas_k(sample.gas.stale()));
+    }
+
+    /// A reading counts once, in the step in which it came.
+    #[test]
+    fn a_part_is_read_at_its_own_rate() {
+        let mut sensing = sensing(on_parts());
+        for step in 0..60 {
+            let sample = sample_of_parts(step % 20 == 7);
+            let readings = sensing.read(&sample, true);
+            let pressure = if step < 7 { Validity::Suspect } else { Validity::Valid };
+            assert_eq!((readings.gas, readings.pressure.validity), (Validity::Valid, pressure));
+            sensing.add_gas(sample.gas);
+            if step == 25 {
+                let gas = sensing.take_gas().unwrap();
+                // 18 steps ago, and half of the 20 ms that the chip took, and half a step.
+                assert!(gas.moved && (gas.age_steps.unwrap() - 28.5).abs() < 1e-3, "{gas:?}");
+                assert_eq!(sensing.take_gas(), None);
+            }
+        }
+        let (mean, one) = (sensing.take_gas().unwrap(), sensing.last_gas().unwrap());
+        assert!(!mean.moved && mean.value_k == one.value_k);
+        assert!((one.noise_k2 / mean.noise_k2 - 2.0).abs() < 1e-5, "two of them");
+        // Its step of 0.034 K hides a hundredth of a kelvin.
+        assert!((one.noise_k2.sqrt() - 0.051).abs() < 0.001, "{}", one.noise_k2.sqrt());
+    }
+
+    /// Steps until pressure and gas are lost, when this comes in the place of every sample.
+    fn lost_after(change: impl Fn(u32, Sample) -> Sample) -> [Option<u32>; 2] {
+        let mut sensing = sensing(on_parts());
+        for step in 0..100 {
+            sensing.read(&sample_of_parts(step % 20 == 0), false);
+        }
+        let mut lost = [None; 2];
+        for step in 1..=500 {
+            let readings = sensing.read(&change(step, sample_of_parts(step % 20 == 1)), false);
+            for (lost, validity) in lost.iter_mut().zip([readings.pressure.validity, readings.gas])
+            {
+                if validity == Validity::Lost {
+                    lost.get_or_insert(step);
+                }
+            }
+        }
+        lost
+    }
+
+    #[test]
+    fn a_part_that_is_silent_broken_or_nonsense_is_lost() {
+        assert_eq!(lost_after(|_, sample| sample), [None; 2]);
+        // 19 steps of silence before the first of these.
+        let silent = lost_after(|_, _| sample_of_parts(false));
+        assert_eq!(silent, [Some(50 - 19), Some(100 - 19)]);
+        // 0 is what a broken part gives; beside it 5 % of either scale, 158 K and 1700 K or beyond.
+        for reading in [0, 600, 32_000] {
+            let nonsense = lost_after(|_, sample| Sample {
+                pressure: AdcCode::of_part(reading, sample.pressure.is_fresh()),
+                gas: AdcCode::of_part(reading, sample.gas.is_fresh()),
+                ..sample
+            });
+            // The second one in a row.
+            assert_eq!(nonsense[1], Some(21), "{reading}");
+            let rail = !(656..=32_111).contains(&reading);
+            assert_eq!(nonsense[0], rail.then_some(21), "{reading}");
+        }
+        // One alone is left out.
+        let once = lost_after(|step, sample| match step {
+            1..=19 => Sample { gas: AdcCode::of_part(0, sample.gas.is_fresh()), ..sample },
+            _ => sample,
+        });
+        assert_eq!(once, [None; 2]);
     }
 
     proptest! {

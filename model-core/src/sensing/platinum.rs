@@ -17,7 +17,8 @@ pub fn platinum_resistance_ohm(zero_ohm: f32, temperature_k: f32) -> f32 {
 }
 
 /// Temperature \[K\] of such an element of a resistance \[ohm\]: the quadratic of
-/// [`platinum_resistance_ohm`], solved so that nothing cancels.
+/// [`platinum_resistance_ohm`], solved so that nothing cancels. Not inlined: two calls.
+#[inline(never)]
 pub fn platinum_temperature_k(zero_ohm: f32, resistance_ohm: f32) -> f32 {
     let excess = resistance_ohm / zero_ohm - 1.0;
     let root = sqrt(PLATINUM_A * PLATINUM_A + 4.0 * PLATINUM_B * excess);

@@ -1,7 +1,10 @@
-//! Ratiometric pressure sensor: 10 to 90 % of the reference over its range.
+//! Pressure sensor: 10 to 90 % of the reference over its range, ratiometric on the converter or by a part that
+//! is read over a bus.
 
 use super::Calibration;
 use super::adc::{Line, Point};
+use super::part::Limits;
+use crate::config::ConfigError;
 use crate::parameter::parameters;
 use crate::sample::OVERSAMPLING;
 
@@ -18,22 +21,86 @@ parameters! {
     }
 }
 
-impl PressureSensor {
-    /// Pressure over codes.
-    pub fn line(&self) -> Line {
-        let calibration = Calibration { gain: self.gain, offset: self.offset_pa };
-        let zero = Point { share: 0.1, value: 0.0 };
-        Line::through(zero, Point { share: 0.9, value: self.range_pa }).calibrated(calibration)
+parameters! {
+    /// Honeywell MPR on I2C, transfer function A: 10 to 90 % of its 24 bits over `sensor.pressure.range_pa`. Its
+    /// readings come every 6 ms.
+    "sensor.mpr": Mpr {
+        timeout_s: 0.05, "s", 0.01 to 0.2, "silence after which the part is lost";
+    }
+}
+
+/// What gives the pressure.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum PressurePart {
+    /// A ratiometric sensor on the converter.
+    #[default]
+    Ratiometric,
+    /// Honeywell MPR.
+    Mpr(Mpr),
+}
+
+/// Codes of a digital part outside of these 2 % at either end are no pressure.
+const LOWEST: u16 = 65_536_u32.div_ceil(50) as u16;
+const HIGHEST: u16 = u16::MAX - LOWEST;
+
+impl PressurePart {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value that is not a number or lies outside of its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        match self {
+            Self::Ratiometric => Ok(()),
+            Self::Mpr(mpr) => mpr.check(),
+        }
     }
 
+    /// Whether it is read over a bus, at its own rate.
+    pub fn is_digital(&self) -> bool {
+        *self != Self::Ratiometric
+    }
+
+    /// What is known of a digital part.
+    pub(super) fn part(&self) -> Option<Limits> {
+        match self {
+            Self::Ratiometric => None,
+            // Nothing is driven before its first reading, or the want of one is known.
+            Self::Mpr(mpr) => Some(Limits {
+                timeout_s: mpr.timeout_s,
+                first_s: 0.05,
+                latency_s: 0.0,
+                codes: LOWEST..=HIGHEST,
+            }),
+        }
+    }
+
+    /// Pressure of that sensor over codes.
+    pub(super) fn line(&self, sensor: &PressureSensor) -> Line {
+        let calibration = Calibration { gain: sensor.gain, offset: sensor.offset_pa };
+        let zero = Point { share: 0.1, value: 0.0 };
+        let full = Point { share: 0.9, value: sensor.range_pa };
+        let line =
+            if self.is_digital() { Line::of_part(zero, full) } else { Line::through(zero, full) };
+        line.calibrated(calibration)
+    }
+
+    /// Variance of the noise of one reading, with what is left of linearising the converter \[Pa2\].
+    pub fn noise_pa2(&self, sensor: &PressureSensor) -> f32 {
+        if self.is_digital() {
+            // Its steps are an eighth of those of 12 bit: their noise is 0.3 of one.
+            let rounding_pa = (0.3 / 8.0) * sensor.resolution_pa();
+            return sensor.noise_pa * sensor.noise_pa + rounding_pa * rounding_pa;
+        }
+        let rounding_pa = LINEARITY_LSB * sensor.resolution_pa();
+        sensor.noise_pa * sensor.noise_pa / f32::from(OVERSAMPLING) + rounding_pa * rounding_pa
+    }
+}
+
+impl PressureSensor {
     /// What one code of 12 bit is worth \[Pa\].
     pub fn resolution_pa(&self) -> f32 {
         self.gain * (self.range_pa / (0.8 * 4096.0))
-    }
-
-    /// Variance of the noise of one reading, with what linearising the converter leaves \[Pa2\].
-    pub fn noise_pa2(&self) -> f32 {
-        let rounding_pa = LINEARITY_LSB * self.resolution_pa();
-        self.noise_pa * self.noise_pa / f32::from(OVERSAMPLING) + rounding_pa * rounding_pa
     }
 }

@@ -2,16 +2,17 @@
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
-use host_sim::scenario::GasElementKind;
+use host_sim::scenario::{GasElementKind, PressureKind};
 use model_core::Config;
 use model_core::config::{ConfigError, Load};
 use model_core::link::MAX_FRAME;
 use model_core::physics::chamber::{ChamberConfig, Cylinder, Vessel};
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasElement;
+use model_core::sensing::pressure::{Mpr, PressurePart};
 use std::sync::OnceLock;
 
-/// A kind of chamber, load and gas sensor, with the number of each field.
+/// A kind of chamber, load, gas and pressure sensor, with the number of each field.
 struct Kind {
     base: Config,
     /// Which of its enums' variants it has, in the order in which serde has them.
@@ -110,6 +111,7 @@ pub fn differences(config: &Config) -> String {
         &["muscle", "vessel", "cylinder"][..],
         &["isotonic", "isometric"][..],
         GasElementKind::WORDS,
+        PressureKind::WORDS,
     ];
     let named: Vec<&str> = names.iter().zip(&variants).map(|(n, i)| n[*i as usize]).collect();
     format!("{}: {}", named.join(", "), differing.join("; "))
@@ -126,9 +128,13 @@ fn kinds() -> &'static [Kind] {
         let load = Load::Isometric { length_m: 0.28 };
         let held = |free: Config| Config { load, ..free };
         let bases = [muscle, held(muscle), vessel, held(vessel), cylinder, held(cylinder)];
+        let parts = [PressurePart::Ratiometric, PressurePart::Mpr(Mpr::default())];
         let with = |gas_element| {
-            bases.map(|base| {
-                kind(Config { sensors: Sensors { gas_element, ..base.sensors }, ..base })
+            parts.into_iter().flat_map(move |pressure_part| {
+                bases.map(|base| {
+                    let sensors = Sensors { gas_element, pressure_part, ..base.sensors };
+                    kind(Config { sensors, ..base })
+                })
             })
         };
         GasElement::all().flat_map(with).collect()

@@ -52,16 +52,19 @@ impl Quantity {
     /// Standard deviation of one measured value: noise, averaged over a code's conversions, and the
     /// step of the code.
     fn deviation(self, sensor: &Sensors) -> f64 {
+        let sum = |digital| if digital { 1.0 } else { f64::from(OVERSAMPLING) };
         let conversions = f64::from(OVERSAMPLING);
-        let gas_step_k = f64::from(sensor.gas_element().resolution_k()) / conversions;
+        let of_gas = sum(sensor.gas_element().is_digital());
+        let of_pressure = sum(sensor.pressure_part().is_digital());
+        let gas_step_k = f64::from(sensor.gas_element().resolution_k()) / of_gas;
         let (noise, step, readings) = match self {
             Self::Pressure => {
-                (sensor.pressure.noise_pa, sensor.pressure.range_pa / CODE_STEPS, conversions)
+                (sensor.pressure.noise_pa, sensor.pressure.range_pa / CODE_STEPS, of_pressure)
             }
             Self::Length => {
                 (sensor.length.noise_m, sensor.length.range_m / CODE_STEPS, conversions)
             }
-            Self::SensorGas => (sensor.gas.noise_k, gas_step_k, conversions),
+            Self::SensorGas => (sensor.gas.noise_k, gas_step_k, of_gas),
             // Recorded as a number.
             Self::SensorWall => (sensor.wall.noise_k, gas_step_k, 1.0),
         };

@@ -22,7 +22,8 @@ use super::schema::Table;
 use crate::plant::chamber::cylinder::Cylinder;
 use crate::plant::chamber::table::Table as ChamberTable;
 use model_core::config::{ControllerConfig, EstimatorConfig};
-use model_core::sensing::gas::Ntc;
+use model_core::sensing::gas::{Max31865, Ntc};
+use model_core::sensing::pressure::Mpr;
 use serde::{Deserialize, Serialize};
 
 /// A complete scenario. `[believed]` has been split off before: see [`super::Loaded`].
@@ -113,6 +114,18 @@ pub static TABLES: &[Table] = &[
         "sensor.ntc",
         "thermistor, where sensor.gas.kind = \"ntc\"",
         &keys_of::<{ Ntc::PARAMETERS.len() }>(Ntc::PARAMETERS),
+    )
+    .believed(),
+    Table::new(
+        "sensor.max31865",
+        "platinum resistor on a MAX31865, where sensor.gas.kind = \"max31865\"",
+        &keys_of::<{ Max31865::PARAMETERS.len() }>(Max31865::PARAMETERS),
+    )
+    .believed(),
+    Table::new(
+        "sensor.mpr",
+        "Honeywell MPR, where sensor.pressure.kind = \"mpr\"",
+        &keys_of::<{ Mpr::PARAMETERS.len() }>(Mpr::PARAMETERS),
     )
     .believed(),
     Table::new(

@@ -1,7 +1,8 @@
 //! The four sensors and their ranges.
 
 use crate::scenario::declare::{choice, table};
-use model_core::sensing::gas::{GasElement, Ntc, Pt1000};
+use model_core::sensing::gas::{GasElement, Max31865, Ntc, Pt1000};
+use model_core::sensing::pressure::{Mpr, PressurePart};
 use model_core::sensing::{adc, gas, length, pressure};
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +20,10 @@ pub struct Sensors {
     pub length: LengthSensor,
     /// The thermistor, where the gas sensor is one.
     pub ntc: Ntc,
+    /// The MAX31865, where the gas sensor is on one.
+    pub max31865: Max31865,
+    /// The MPR, where the pressure sensor is one.
+    pub mpr: Mpr,
 }
 
 table! {
@@ -39,6 +44,15 @@ impl Sensors {
                 range_max_k: self.gas.range_max_k as f32,
             }),
             GasElementKind::Ntc => GasElement::Ntc(self.ntc),
+            GasElementKind::Max31865 => GasElement::Max31865(self.max31865),
+        }
+    }
+
+    /// What gives the pressure, as the core has it.
+    pub fn pressure_part(&self) -> PressurePart {
+        match self.pressure.kind {
+            PressureKind::Ratiometric => PressurePart::Ratiometric,
+            PressureKind::Mpr => PressurePart::Mpr(self.mpr),
         }
     }
 }
@@ -50,6 +64,18 @@ choice! {
         Pt1000 = "pt1000",
         /// NTC thermistor in a divider.
         Ntc = "ntc",
+        /// Platinum resistor on a MAX31865.
+        Max31865 = "max31865",
+    }
+}
+
+choice! {
+    /// What gives the pressure.
+    PressureKind {
+        /// A ratiometric sensor on the converter.
+        Ratiometric = "ratiometric",
+        /// Honeywell MPR on I2C.
+        Mpr = "mpr",
     }
 }
 
@@ -85,6 +111,7 @@ table! {
 table! {
     "sensor.pressure", "absolute pressure sensor, 10 to 90 % of the reference over its range", believed, physical;
     PressureSensor as pressure::PressureSensor {
+        kind: choice PressureKind::Ratiometric, "what senses";
         time_constant_s: real 0.0005, "s", 0.0 to 1000.0, "lag";
         core noise_pa;
         core range_pa;

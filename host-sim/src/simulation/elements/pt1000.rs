@@ -21,7 +21,7 @@ fn bridge_ratio(temperature_k: f64) -> f64 {
 
 /// Resistance of a Pt1000 \[Ohm\] at a temperature \[K\], IEC 60751, 73 to 1123 K. The polynomials turn
 /// back far outside: there it is that of the nearer end.
-fn pt1000_ohm(temperature_k: f64) -> f64 {
+pub(super) fn pt1000_ohm(temperature_k: f64) -> f64 {
     const A: f64 = 3.9083e-3;
     const B: f64 = -5.775e-7;
     const C: f64 = -4.183e-12;

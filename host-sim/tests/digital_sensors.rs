@@ -1,0 +1,110 @@
+//! Digital parts in the place of the converter: the estimate is as good, at their own rate, and what is lost vents.
+
+use host_sim::board::CoreBoard;
+use host_sim::files::summary::Summary;
+use host_sim::scenario;
+use host_sim::simulation::run;
+use model_core::{Command, Faults};
+
+const MAX31865: &str = "[sensor.gas]\nkind = \"max31865\"\n";
+const MPR: &str = "[sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n";
+
+struct Ran {
+    summary: Summary,
+    faults: Faults,
+    /// First step with a fault, and whether the last one vents.
+    found_s: Option<f64>,
+    vents: bool,
+}
+
+fn run_with(sensor: &str) -> Ran {
+    let text =
+        format!("[run]\nduration_s = 60\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n{sensor}");
+    let loaded = scenario::parse(&text, "digital.toml".as_ref()).unwrap();
+    let (mut faults, mut found_s, mut vents) = (Faults::NONE, None, false);
+    let mut observer = |row: &host_sim::files::trace::Row| {
+        faults = faults.with(row.telemetry.faults);
+        if row.telemetry.faults != Faults::NONE {
+            found_s.get_or_insert(row.truth.time_s);
+        }
+        vents = row.telemetry.command == Command::VENT;
+        Ok(())
+    };
+    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    Ran { summary, faults, found_s, vents }
+}
+
+/// Once every 20 ms, and each reading as old as its conversion took: the core reckons with that.
+#[test]
+fn the_estimate_is_as_good_from_a_max31865() {
+    let analog = run_with("").summary.rmse_k.estimate;
+    let pt1000 = "[sensor.max31865]\nzero_ohm = 1000.0\nreference_ohm = 4300.0\n";
+    // The converter's mean over 20 ms has 0.004 K of noise where a conversion has 0.05 K.
+    for (noise_k, chip, allowed) in [
+        (0.004, "", 0.9..1.1),
+        (0.004, pt1000, 0.9..1.1),
+        (0.02, "", 0.9..1.1),
+        (0.05, "", 1.0..1.3),
+    ] {
+        let digital = run_with(&format!("{MAX31865}noise_k = {noise_k}\n{chip}"));
+        assert_eq!(digital.faults, Faults::NONE);
+        let found = digital.summary.rmse_k.estimate;
+        println!("{found} K with {noise_k} K of noise, {analog} K from the converter");
+        assert!(allowed.contains(&(found / analog)), "{found} K, {analog} K from the converter");
+    }
+    // Told another resistor, it reads what is not there.
+    let believed = "[believed.sensor.max31865]\nreference_ohm = 425.0\n";
+    let wrong = run_with(&format!("{MAX31865}noise_k = 0.004\n{believed}"));
+    assert!(wrong.summary.rmse_k.estimate > 10.0 * analog);
+}
+
+#[test]
+fn a_max31865_that_is_lost_vents() {
+    // Readings come at 10.00, 10.02, ... s; the last one before is that at 9.98 s.
+    for (fault, after_s) in [("open", 0.02), ("shorted", 0.02), ("frozen", 0.1 - 0.02)] {
+        let ran = run_with(&format!("{MAX31865}[faults]\ngas = \"{fault}\"\nfrom_s = 10\n"));
+        assert!(ran.faults.intersects(Faults::GAS_LOST), "{fault}: {}", ran.faults);
+        // The first bad reading is shown, and the second one vents.
+        let found_s = ran.found_s.unwrap() - 10.0;
+        assert!((-0.001..after_s + 0.002).contains(&found_s), "{fault}: {found_s} s");
+        assert!(ran.vents, "{fault}");
+    }
+}
+
+/// Below 2.5 bar, which is all that the part reads.
+const LOW: &str = "[supply]\npressure_pa = 240e3\n[load]\nforce_n = 20.0\n[drive]\nkind = \"pressure\"\n\
+                   pressure_pa = 180e3\n";
+
+#[test]
+fn a_pressure_comes_from_an_mpr() {
+    let analog = run_with(&format!("{LOW}[sensor.pressure]\nrange_pa = 250e3\n"));
+    let digital = run_with(&format!("{LOW}{MPR}"));
+    assert_eq!((analog.faults, digital.faults), (Faults::NONE, Faults::NONE));
+    let (known, found) = (analog.summary.rmse_k.estimate, digital.summary.rmse_k.estimate);
+    println!("{found} K, {known} K from the converter");
+    // A stroke moves on while it converts: that costs more than its noise.
+    assert!((2.0..5.0).contains(&(found / known)), "{found} K, {known} K from the converter");
+    for (fault, after_s) in [("open", 0.012), ("shorted", 0.012), ("frozen", 0.05)] {
+        let ran = run_with(&format!("{LOW}{MPR}[faults]\npressure = \"{fault}\"\nfrom_s = 10\n"));
+        assert!(ran.faults.intersects(Faults::PRESSURE_SENSOR), "{fault}: {}", ran.faults);
+        let found_s = ran.found_s.unwrap() - 10.0;
+        assert!((-0.001..after_s + 0.002).contains(&found_s), "{fault}: {found_s} s");
+        assert!(ran.vents, "{fault}");
+    }
+}
+
+#[test]
+fn what_is_no_such_part_is_named() {
+    for (text, message) in [
+        (
+            "[sensor.max31865]\nlowest_k = 300\nhighest_k = 200\n",
+            "sensor.max31865.highest_k = 200: must be",
+        ),
+        ("[sensor.gas]\nkind = \"max6675\"\n", "sensor.gas.kind = \"max6675\": must be one of"),
+        ("[sensor.mpr]\ntimeout_s = 0.0\n", "sensor.mpr.timeout_s = 0.0: must be a number"),
+    ] {
+        let parsed = scenario::parse(text, "given.toml".as_ref());
+        let error = parsed.map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+}

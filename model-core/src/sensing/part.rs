@@ -1,0 +1,60 @@
+//! A digital part: a chip that converts by itself and is read over a bus, at a rate of its own.
+
+use super::Validity;
+use super::health::{Health, Stillness};
+use crate::sample::AdcCode;
+use crate::step_counts::timeout_steps;
+use core::ops::RangeInclusive;
+
+/// Readings in a row that are nonsense, or the part's word that it is broken, from which it is lost: one may be a
+/// disturbance of the bus.
+pub const PATIENCE: u16 = 2;
+
+/// What is known of a part.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Limits {
+    /// Silence after which it is lost \[s\].
+    pub timeout_s: f32,
+    /// Time that its first reading may take \[s\].
+    pub first_s: f32,
+    /// Age of what a reading says when it comes \[s\].
+    pub latency_s: f32,
+    /// Codes that it may give.
+    pub codes: RangeInclusive<u16>,
+}
+
+/// When a part was heard last, and what it has said.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    timeout_steps: u32,
+    /// Steps of silence that are left.
+    left_steps: u32,
+    lowest: u16,
+    highest: u16,
+    validity: Validity,
+}
+
+impl Part {
+    /// One that has not been heard yet, and counts as `validity` until then; at a step of `step_s`.
+    pub fn new(limits: &Limits, step_s: f32, validity: Validity) -> Self {
+        Self {
+            timeout_steps: timeout_steps(limits.timeout_s, step_s),
+            left_steps: timeout_steps(limits.first_s, step_s),
+            lowest: *limits.codes.start(),
+            highest: *limits.codes.end(),
+            validity,
+        }
+    }
+
+    /// Judges the code of a step.
+    pub fn add(&mut self, health: &mut Health, code: AdcCode, usual: Stillness) -> Validity {
+        if code.is_fresh() {
+            self.left_steps = self.timeout_steps;
+            let plausible = (self.lowest..=self.highest).contains(&code.0);
+            self.validity = health.add(AdcCode(if plausible { code.0 >> 1 } else { 0 }), usual);
+        } else {
+            self.left_steps = self.left_steps.saturating_sub(1);
+        }
+        if self.left_steps == 0 { Validity::Lost } else { self.validity }
+    }
+}
