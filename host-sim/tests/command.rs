@@ -44,6 +44,9 @@ fn bad_input_is_one_line_and_exit_code_2() {
             vec!["board", "emulated", "arm", "--max-pressure", "4"],
             "must be an absolute pressure in Pa: 4 bar are 400000",
         ),
+        (vec!["evaluate", "tune", "--random", "3"], "--random goes with `evaluate estimator` only"),
+        (vec!["evaluate", "estimator", "--random", "0"], "0 is not in 1..=10000"),
+        (vec!["evaluate", "estimator", "--seed", "3"], "--random <N>"),
         (vec!["evaluate", "tune"], "--out goes with `evaluate control` and `evaluate faults` only"),
     ] {
         let mut all = arguments.clone();

@@ -30,6 +30,12 @@ pub(super) struct EvaluateArgs {
     /// Simulated hours of healthy muscles; of `faults` [default: 1]
     #[arg(long, value_name = "HOURS", value_parser = hours)]
     hours: Option<f64>,
+    /// So many random muscles on the plant full instead of the table; of `estimator`
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    random: Option<u64>,
+    /// Other random muscles; with --random [default: 1]
+    #[arg(long, value_name = "S", requires = "random")]
+    seed: Option<u64>,
 }
 
 fn hours(text: &str) -> Result<f64, String> {
@@ -56,7 +62,16 @@ pub(super) fn run(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let EvaluateArgs { what, data, scenario: path, out: folder, json, quiet, hours } = args;
+    let EvaluateArgs { what, data, scenario: path, out: folder, json, quiet, hours, random, seed } =
+        args;
+    if random.is_some() && !matches!(what, Subject::Estimator) {
+        return Err(Failure::Usage("--random goes with `evaluate estimator` only".to_owned()));
+    }
+    if random.is_some() && path.is_some() {
+        return Err(Failure::Usage(
+            "--random draws its own scenarios: leave out --scenario".to_owned(),
+        ));
+    }
     if folder.is_some() && !matches!(what, Subject::Control | Subject::Faults) {
         let usage = "--out goes with `evaluate control` and `evaluate faults` only";
         return Err(Failure::Usage(usage.to_owned()));
@@ -74,9 +89,11 @@ pub(super) fn run(
     };
     let bar = Bar::new(*quiet);
     let lines = match what {
-        Subject::Estimator => {
-            evaluate::estimator::evaluate(&nominal, &bar).map_err(Failure::Run)?
+        Subject::Estimator => match *random {
+            Some(count) => evaluate::estimator::random(seed.unwrap_or(1), count),
+            None => evaluate::estimator::evaluate(&nominal, &bar),
         }
+        .map_err(Failure::Run)?,
         Subject::Control => evaluate::control::evaluate(&nominal, &bar).map_err(Failure::Run)?,
         Subject::Truth => {
             let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());

@@ -2,6 +2,7 @@
 //! other motions than the one it was tuned on; and in errors of what could be known at best from the
 //! same samples.
 
+use super::faults::muscle::{self, Draw, Spread, Task};
 use super::{Figure, Line};
 use crate::analysis::smoother;
 use crate::board::CoreBoard;
@@ -172,14 +173,12 @@ impl Errors {
     }
 }
 
-fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
-    let mut telemetry: Vec<Telemetry> = Vec::new();
-    let mut truth: Vec<f64> = Vec::new();
+/// What one run gives, from `from_s` on; `seen` sees every row.
+fn run(loaded: &Loaded, from_s: f64, mut seen: impl FnMut(&Row)) -> Result<Errors, RunError> {
     let mut errors = Errors::default();
     let mut observer = |row: &Row| {
         let truth_k = row.truth.gas_temperature_k;
-        telemetry.push(row.telemetry);
-        truth.push(truth_k);
+        seen(row);
         if row.truth.time_s >= from_s {
             let estimate = &row.telemetry.estimate;
             let error = f64::from(estimate.gas_k) - truth_k;
@@ -191,6 +190,16 @@ fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
         Ok(())
     };
     run::run(loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    Ok(errors)
+}
+
+fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
+    let mut telemetry: Vec<Telemetry> = Vec::new();
+    let mut truth: Vec<f64> = Vec::new();
+    let mut errors = run(loaded, from_s, |row| {
+        telemetry.push(row.telemetry);
+        truth.push(row.truth.gas_temperature_k);
+    })?;
     let best = smoother::smooth(&core_config(&loaded.believed), &telemetry);
     let counted = truth.len() - errors.steps as usize;
     let squares_k2 = |best_k: &[f64]| {
@@ -243,5 +252,72 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, RunErr
             .push(Line { case: format!("{} {}", ["lumped", "full  "][plant], case.name), figures });
     }
     lines.sort_by_key(|line| line.case.starts_with("full"));
+    Ok(lines)
+}
+
+/// One run of a random muscle \[s\].
+const MUSCLE_S: f64 = 60.0;
+/// Random muscles differ that far.
+const SPREAD: Spread = Spread { loads_n: [20.0, 800.0], lags_s: [0.3, 8.0] };
+/// Largest RMS error on a random muscle \[K\].
+const RANDOM_K: f64 = 0.5;
+/// Share of time within two stated deviations, on each.
+const CALIBRATED: (f64, f64) = (0.85, 0.99);
+
+/// Random muscle `number` of those of `seed`, and in words what it is.
+pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
+    let mut draw = Draw::new(seed.wrapping_mul(1_000_003).wrapping_add(number));
+    let task = draw.of(&Task::MOVING);
+    let loaded = muscle::random_within(&SPREAD, &mut draw, PlantModel::Full, task, MUSCLE_S);
+    let s = &loaded.plant;
+    let name = format!(
+        "{number:3} {:17} {:2.0} mm {:3.0} N {:3.0} K lag {:.1} s",
+        task.name(),
+        1e3 * s.muscle.diameter_m,
+        s.load.force_n,
+        s.ambient.temperature_k,
+        s.sensor.gas.time_constant_s
+    );
+    (name, loaded)
+}
+
+/// So many random muscles on `full`, told what they are, in motion: where nothing moves every model agrees.
+///
+/// # Errors
+/// The first run that could not be finished.
+pub fn random(seed: u64, count: u64) -> Result<Vec<Line>, RunError> {
+    let numbers: Vec<u64> = (0..count).collect();
+    let results = parallel::map(&numbers, |&number| {
+        let (case, loaded) = random_muscle(seed, number);
+        run(&loaded, SETTLED_S, |_| {}).map(|errors| (case, errors))
+    });
+    let results = results.into_iter().collect::<Result<Vec<_>, RunError>>()?;
+    let mut lines: Vec<Line> = results
+        .iter()
+        .map(|(case, errors)| Line {
+            case: case.clone(),
+            figures: vec![
+                Figure::at_most("error_k", errors.rms_k(), RANDOM_K),
+                Figure::shown("bare_k", errors.bare_rms_k()),
+                Figure {
+                    name: "within_2sd",
+                    value: errors.share_within(),
+                    minimum: CALIBRATED.0,
+                    maximum: CALIBRATED.1,
+                },
+            ],
+        })
+        .collect();
+    let errors_k = results.iter().map(|(_, errors)| errors.rms_k());
+    let within = results.iter().map(|(_, errors)| errors.share_within());
+    lines.push(Line {
+        case: format!("all of seed {seed}"),
+        figures: vec![
+            Figure::shown("mean_k", errors_k.clone().sum::<f64>() / count as f64),
+            Figure::shown("worst_k", errors_k.fold(0.0, f64::max)),
+            Figure::shown("least_within", within.clone().fold(1.0, f64::min)),
+            Figure::shown("mean_within", within.sum::<f64>() / count as f64),
+        ],
+    });
     Ok(lines)
 }

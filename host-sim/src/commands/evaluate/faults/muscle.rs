@@ -10,8 +10,6 @@ use std::f64::consts::PI;
 /// that it may be: a muscle that is not far too strong for it, and lifts it.
 const LIFTING_PA: f64 = 3.0e5;
 const LIFTED: [f64; 2] = [0.05, 0.35];
-/// Smallest and largest load \[N\].
-const LOADS_N: [f64; 2] = [20.0, 400.0];
 /// Pressures of holds and steps, absolute \[Pa\].
 const PRESSURES_PA: [f64; 2] = [1.6e5, 5.0e5];
 /// Conductance per volume, in those of the nominal muscle: it vents any of them within a second, see
@@ -27,6 +25,18 @@ const NOMINAL_DIAMETER_M: f64 = 0.020;
 const NOMINAL_LENGTH_M: f64 = 0.30;
 /// Gas that the nominal cycle moves \[kg\].
 const NOMINAL_MOVED_KG: f64 = 9.0e-4;
+
+/// How far loads and sensors may differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    /// Smallest and largest load \[N\].
+    pub loads_n: [f64; 2],
+    /// Shortest and longest lag of the gas sensor \[s\].
+    pub lags_s: [f64; 2],
+}
+
+/// What faults are looked for in.
+const USUAL: Spread = Spread { loads_n: [20.0, 400.0], lags_s: [1.0, 5.0] };
 
 /// Random numbers, the same for the same seed.
 #[derive(Debug, Clone)]
@@ -106,6 +116,17 @@ impl Task {
 
 /// A random muscle on `model`, told what it is, that does `task` for `duration_s`.
 pub fn random(draw: &mut Draw, model: PlantModel, task: Task, duration_s: f64) -> Loaded {
+    random_within(&USUAL, draw, model, task, duration_s)
+}
+
+/// The same, with loads and lags that differ as far as `spread` says.
+pub fn random_within(
+    spread: &Spread,
+    draw: &mut Draw,
+    model: PlantModel,
+    task: Task,
+    duration_s: f64,
+) -> Loaded {
     let diameter_m = draw.between([0.014, 0.040]);
     let rest_m = draw.between([0.15, 0.5]);
     let angle_deg = draw.between([21.0, 25.0]);
@@ -116,9 +137,10 @@ pub fn random(draw: &mut Draw, model: PlantModel, task: Task, duration_s: f64) -
     let loaded = parse(&text, "random muscle".as_ref());
     let mut loaded = loaded.expect("what is drawn is allowed").with_model(model);
     let lifted_n = LIFTED.map(|share| share * rest_force_n(&loaded.plant));
-    let load_n = draw.factor([LOADS_N[0].max(lifted_n[0]), LOADS_N[1].min(lifted_n[1])]);
+    let load_n =
+        draw.factor([spread.loads_n[0].max(lifted_n[0]), spread.loads_n[1].min(lifted_n[1])]);
     let ambient_k = draw.between([283.0, 313.0]);
-    let lag_s = draw.factor([1.0, 5.0]);
+    let lag_s = draw.factor(spread.lags_s);
     let valves = draw.factor(VALVES);
     let seed = draw.0.next_u64() >> 1;
     let wide = diameter_m / NOMINAL_DIAMETER_M;
