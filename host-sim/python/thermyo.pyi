@@ -7,7 +7,7 @@ with their unit.
 
 from os import PathLike
 from types import TracebackType
-from typing import Any, Iterator, Mapping, Optional, Union
+from typing import Any, Iterator, Mapping, Optional, Sequence, Union
 
 import numpy
 import numpy.typing
@@ -56,6 +56,26 @@ def identify(
     Gives what summary.json of `thermyo identify` says, and under "scenario" the scenario with what was found, as
     TOML. `against` is a static map that the fit has not seen.
     """
+
+class Sweep:
+    """The points of `thermyo sweep`, which count from 1, and the rows of its sweep.csv, the same bytes: for engines
+    that spread them over machines.
+
+    `vary` has the texts behind `--vary`; with `lhs` it is a Latin hypercube of so many points. Values that do not fit
+    the rest of the scenario make a row with a failure.
+    """
+
+    def __init__(
+        self, scenario: Scenario, vary: Sequence[str], lhs: Optional[int] = None, seed: int = 1
+    ) -> None: ...
+    def __len__(self) -> int: ...
+    @property
+    def header(self) -> str:
+        """Names of the columns, without the line's end."""
+    def values(self, point: int) -> str:
+        """The values of a point: "KEY = VALUE, KEY = VALUE"."""
+    def row(self, point: int) -> str:
+        """Runs a point; gives its row, without the line's end. A failure is in the row."""
 
 class Readings:
     """What the sensors give after a step, and beside it the truth, by the names of trace.csv."""

@@ -11,6 +11,7 @@ mod muscle;
 mod run;
 mod scenario;
 mod set_point;
+mod sweep;
 
 use pyo3::prelude::*;
 
@@ -31,6 +32,8 @@ mod thermyo {
     use super::run::{run, to_csv};
     #[pymodule_export]
     use super::scenario::check;
+    #[pymodule_export]
+    use super::sweep::Sweep;
 
     use pyo3::prelude::*;
 

@@ -24,13 +24,7 @@ pub fn check(scenario: &Bound<'_, PyAny>) -> PyResult<String> {
 /// Loads and checks it, and warns of what makes no sense.
 pub fn load(given: &Bound<'_, PyAny>, seed: Option<u64>) -> PyResult<Loaded> {
     let py = given.py();
-    let (mut document, from_dict) = match given.cast::<PyDict>() {
-        Ok(dict) => {
-            let text = table("", dict)?.to_string();
-            (parse(&text, Path::new(NAME), true)?, true)
-        }
-        Err(_) => (of_text_or_file(given)?, false),
-    };
+    let (mut document, from_dict) = document(given)?;
     if let Some(seed) = seed {
         document
             .set("run.seed", seed as f64)
@@ -43,6 +37,17 @@ pub fn load(given: &Bound<'_, PyAny>, seed: Option<u64>) -> PyResult<Loaded> {
         PyErr::warn(py, &py.get_type::<ScenarioWarning>(), &text, 2)?;
     }
     Ok(loaded)
+}
+
+/// Reads it; says whether it is a dict.
+pub fn document(given: &Bound<'_, PyAny>) -> PyResult<(Document, bool)> {
+    match given.cast::<PyDict>() {
+        Ok(dict) => {
+            let text = table("", dict)?.to_string();
+            Ok((parse(&text, Path::new(NAME), true)?, true))
+        }
+        Err(_) => Ok((of_text_or_file(given)?, false)),
+    }
 }
 
 /// The path that a scenario was read from, or what messages call it.

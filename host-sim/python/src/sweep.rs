@@ -1,0 +1,64 @@
+//! Sweeps, a point at a time: for engines that spread them over machines.
+
+use crate::error::ScenarioError;
+use crate::scenario;
+use host_sim::commands::sweep::{Latin, Range, Shard, Sweep as Points};
+use pyo3::exceptions::PyIndexError;
+use pyo3::prelude::*;
+
+/// The points of `thermyo sweep`, and the rows of its table.
+#[pyclass(frozen, module = "thermyo")]
+pub struct Sweep {
+    points: Points,
+}
+
+#[pymethods]
+impl Sweep {
+    #[new]
+    #[pyo3(signature = (scenario, vary, lhs = None, seed = 1))]
+    fn new(
+        scenario: &Bound<'_, PyAny>,
+        vary: Vec<String>,
+        lhs: Option<usize>,
+        seed: u64,
+    ) -> PyResult<Self> {
+        let (document, _) = scenario::document(scenario)?;
+        let ranges = vary.iter().map(|text| {
+            text.parse::<Range>().map_err(|e| ScenarioError::new_err(format!("vary {text}: {e}")))
+        });
+        let latin = lhs.map(|points| Latin { points, seed });
+        let points = Points::of(document, ranges.collect::<PyResult<_>>()?, latin, Shard::WHOLE)
+            .map_err(|error| ScenarioError::new_err(error.to_string()))?;
+        Ok(Self { points })
+    }
+
+    fn __len__(&self) -> usize {
+        self.points.study.points()
+    }
+
+    #[getter]
+    fn header(&self) -> String {
+        self.points.study.csv_header()
+    }
+
+    /// "KEY = VALUE, ...".
+    fn values(&self, point: usize) -> PyResult<String> {
+        self.known(point).map(|index| self.points.study.values_text(index))
+    }
+
+    fn row(&self, py: Python<'_>, point: usize) -> PyResult<String> {
+        let index = self.known(point)?;
+        Ok(py.detach(|| self.points.study.csv_row(&self.points.point(index))))
+    }
+}
+
+impl Sweep {
+    /// Index of a point, which counts from 1 as in the table.
+    fn known(&self, point: usize) -> PyResult<usize> {
+        let all = self.points.study.points();
+        match point.checked_sub(1) {
+            Some(index) if index < all => Ok(index),
+            _ => Err(PyIndexError::new_err(format!("point {point}: must be 1 to {all}"))),
+        }
+    }
+}

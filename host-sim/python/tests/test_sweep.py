@@ -1,0 +1,46 @@
+"""Sweeps point by point: the rows of the command's table."""
+
+import pytest
+import thermyo
+
+SCENARIO = "[run]\nduration_s = 0.5\n"
+VARY = ["sensor.gas.time_constant_s=0.1:10:log", "plant.model=lumped,full"]
+
+
+def test_rows_are_the_commands(command, tmp_path):
+    (tmp_path / "scenario.toml").write_text(SCENARIO)
+    vary = [word for text in VARY for word in ("--vary", text)]
+    said = command("sweep", tmp_path / "scenario.toml", "--lhs", "6", "--seed", "4", *vary, "--out", tmp_path / "out")
+    assert said.returncode == 0, said.stderr
+    sweep = thermyo.Sweep(SCENARIO, VARY, lhs=6, seed=4)
+    lines = [sweep.header] + [sweep.row(point) for point in range(1, len(sweep) + 1)]
+    assert "\n".join(lines) + "\n" == (tmp_path / "out" / "sweep.csv").read_text()
+    values = sweep.values(1)
+    assert values.startswith("sensor.gas.time_constant_s = ") and ", plant.model = " in values
+
+
+def test_what_cannot_be_varied_says_what_the_command_says():
+    for vary, message in [
+        (["sensor.gas.span=0:1"], "must have a COUNT"),
+        (["sensor.gas.spam=0:1:2"], "unknown key sensor.gas.spam; did you mean sensor.gas.span?"),
+        (["sensor.gas.span"], "must be KEY=FROM:TO:COUNT"),
+        ([], "at least one key"),
+    ]:
+        with pytest.raises(thermyo.ScenarioError, match=message.replace("?", r"\?")):
+            thermyo.Sweep(SCENARIO, vary)
+    with pytest.raises(IndexError, match="must be 1 to 2"):
+        thermyo.Sweep(SCENARIO, ["sensor.gas.span=0:1:2"]).row(3)
+
+
+def test_a_point_that_fails_is_a_row(tmp_path):
+    (tmp_path / "piston.csv").write_text("time_s,volume_m3\n0,0.001\n1,0.000001\n")
+    scenario = {
+        "run": {"duration_s": 0.5},
+        "plant": {"kind": "vessel"},
+        "vessel": {"volume_csv": tmp_path / "piston.csv"},
+        "heat": {"model": "adiabatic"},
+        "drive": {"kind": "closed"},
+    }
+    sweep = thermyo.Sweep(scenario, ["run.duration_s=0.5,1"])
+    assert sweep.row(1).endswith(",")
+    assert ',"the plant diverged at ' in sweep.row(2)
