@@ -205,7 +205,9 @@ impl<W: Write> Recorder<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::sinks::Sink;
     use model_core::{AdcCode, Core, Sample};
+    use std::sync::{Arc, Mutex};
 
     #[test]
     fn a_row_has_every_column_and_its_numbers_read_back() {
@@ -227,6 +229,33 @@ mod tests {
         assert_eq!(cell("gas_temperature_k"), "", "nobody knows it on a real board");
         let restarts = lines[0].iter().position(|&column| column == "restarts").unwrap();
         assert_eq!(lines[1][restarts], "", "the board has not said");
+    }
+
+    /// Keeps the rows.
+    #[derive(Clone, Default)]
+    struct Beside(Arc<Mutex<Vec<Vec<f64>>>>);
+
+    impl Sink for Beside {
+        fn row(&mut self, cells: &[f64]) -> io::Result<()> {
+            self.0.lock().unwrap().push(cells.to_vec());
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn the_row_of_a_board_goes_beside_the_file_too() {
+        let config = Config::default();
+        let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+        let telemetry = Core::new(&config).unwrap().step(&sample);
+        let (beside, mut sinks) = (Beside::default(), Sinks::default());
+        sinks.add(beside.clone());
+        let mut recorder = Recorder::new(Vec::new()).unwrap().beside(sinks);
+        recorder.write(&config, None, &telemetry).unwrap();
+        let text = String::from_utf8(recorder.finish().unwrap()).unwrap();
+        let rows = beside.0.lock().unwrap();
+        assert_eq!(rows.len(), 1);
+        assert_eq!(rows[0].len(), every_column().len());
+        assert_eq!(text.lines().nth(1), Some(cells_text(rows[0].iter().copied()).as_str()));
     }
 
     #[test]
