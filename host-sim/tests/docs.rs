@@ -89,6 +89,16 @@ fn what_the_documents_name_is_there() {
 }
 
 #[test]
+fn the_index_names_every_page() {
+    let index = fs::read_to_string(repository().join("docs/README.md")).unwrap();
+    let listed: BTreeSet<&str> = links(&index).collect();
+    for page in documents().iter().filter(|page| page.parent().unwrap().ends_with("docs")) {
+        let name = page.file_name().unwrap().to_str().unwrap();
+        assert!(name == "README.md" || listed.contains(name), "{name} is not in the index");
+    }
+}
+
+#[test]
 fn what_is_not_there_is_found() {
     let text = "See `docs/gone.md`, scenarios/nominal.toml, `step.rs`, `physics/gas.rs`, `gone.rs`, `physics/step.rs`, [a plot](gone.svg), \
                 [another](docs/control.md#tuning), [far](https://example.org/gone), out/run/gone.csv, \
