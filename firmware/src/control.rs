@@ -58,7 +58,7 @@ pub async fn run<S: Source, V: Valves>(
                     heard: shared.take_heard(),
                     flooded: flooded_steps > 0,
                     missed_steps: missed.try_into().unwrap_or(u8::MAX),
-                    ..source.sample()
+                    ..source.sample(&core.config().sensors)
                 };
                 if Shared::take(&shared.stop) {
                     core.vent();
@@ -138,6 +138,8 @@ pub async fn run<S: Source, V: Valves>(
                 if restarted {
                     next_step = 0;
                     fresh = true;
+                    #[cfg(feature = "parts")]
+                    shared.parts.want(&core.config().sensors);
                 }
                 if restarted || core.armed_pa() != shared.status().armed_pa {
                     shared.change_status(|status| {

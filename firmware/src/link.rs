@@ -237,7 +237,7 @@ pub fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
     let sensors = &config.sensors;
     let digital = sensors.gas_element.is_digital() || sensors.pressure_part.is_digital();
     // Samples of the host may be of anything.
-    if digital && !cfg!(feature = "hil") {
+    if digital && !cfg!(any(feature = "parts", feature = "hil")) {
         return Err(Refusal::NoSuchPart);
     }
     Core::new(config).map_err(Refusal::from)

@@ -15,6 +15,9 @@ mod board;
 mod control;
 mod keeper;
 mod link;
+#[cfg(feature = "parts")]
+#[cfg_attr(feature = "hil", allow(dead_code))]
+mod parts;
 mod shared;
 mod source;
 mod store;
@@ -65,7 +68,7 @@ fn main() -> ! {
     defmt::info!("thermyo firmware {}.{}.{}", major, minor, patch);
 
     #[cfg(not(feature = "hil"))]
-    let source = source::Inputs::new(parts.adc, parts.run_line);
+    let source = source::Inputs::new(parts.adc, parts.run_line, &SHARED);
     #[cfg(feature = "hil")]
     let source = source::Host::new(&SHARED);
     let identity = link::Identity {
@@ -107,6 +110,17 @@ fn main() -> ! {
         thread.spawn(keep);
         thread.spawn(supervise);
         control.spawn(step);
+        #[cfg(feature = "parts")]
+        {
+            let (gas_bus, ready) = parts.gas_bus;
+            let (Ok(gas), Ok(pressure)) =
+                (read_gas(gas_bus, ready), read_pressure(parts.pressure_bus))
+            else {
+                panic!("each task is started once");
+            };
+            thread.spawn(gas);
+            thread.spawn(pressure);
+        }
         #[cfg(feature = "usb")]
         {
             let (device, sender, receiver) = usb::open(parts.usb, usb_line);
@@ -168,6 +182,18 @@ async fn receive_usb(
     identity: link::Identity,
 ) -> ! {
     link::receive(receiver, line, identity, &SHARED).await
+}
+
+#[cfg(feature = "parts")]
+#[embassy_executor::task]
+async fn read_gas(bus: <Chosen as Board>::GasBus, ready: <Chosen as Board>::Input) -> ! {
+    parts::read_gas(bus, ready, &SHARED.parts.gas).await
+}
+
+#[cfg(feature = "parts")]
+#[embassy_executor::task]
+async fn read_pressure(bus: <Chosen as Board>::PressureBus) -> ! {
+    parts::read_pressure(bus, &SHARED.parts.pressure).await
 }
 
 #[embassy_executor::task]

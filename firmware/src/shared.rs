@@ -189,6 +189,9 @@ pub struct Shared {
     pub keep: Channel<CriticalSectionRawMutex, (Asker, Keep), 1>,
     /// What has vented, for the keeper.
     pub failed: Signal<CriticalSectionRawMutex, FirstFailure>,
+    /// The digital sensors.
+    #[cfg(feature = "parts")]
+    pub parts: crate::parts::Parts,
     /// Steps for which the thread may stand still, because the flash is busy: control feeds the watchdog.
     pub flash_busy_steps: AtomicU32,
     /// Samples from the host.
@@ -226,6 +229,8 @@ impl Shared {
             orders: Channel::new(),
             keep: Channel::new(),
             failed: Signal::new(),
+            #[cfg(feature = "parts")]
+            parts: crate::parts::Parts::new(),
             flash_busy_steps: AtomicU32::new(0),
             flash: mutex::Mutex::new(()),
             recalled: AtomicBool::new(false),

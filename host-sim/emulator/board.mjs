@@ -3,6 +3,7 @@
 import { GPIOPinState } from 'rp2040js';
 import { Chip } from './chip.mjs';
 import { FlashChip } from './flash_chip.mjs';
+import { Max31865, Mpr } from './parts.mjs';
 import { PacedUart } from './uart.mjs';
 import { UsbHost } from './usb.mjs';
 
@@ -42,6 +43,7 @@ export class Board {
     this.conversions = [0, 0, 0, 0, 0];
     this.runLine = false;
     this.adcStalled = false;
+    this.partFault = 0; // 1, 2: the gas sensor's bus is unplugged, it converts nothing; 3, 4: the pressure sensor's
     this.hang = null; // what is to happen: { is: one of PLACES, instructions: left until it does }
     this.uartBytes = [];
     this.usbBytes = [];
@@ -101,6 +103,9 @@ export class Board {
       chip.gpio[pin].addListener((state) => this.coilChanged(coil, state === GPIOPinState.High));
       return coil;
     });
+    this.max31865 = new Max31865(chip);
+    this.mpr = new Mpr(chip);
+    this.setParts(this.partFault);
     this.rtt = -1;
     this.started = this.nanos;
     this.chip = chip;
@@ -202,6 +207,13 @@ export class Board {
   setRunLine(high) {
     this.runLine = high;
     this.chip.gpio[RUN_LINE].setInputValue(high);
+  }
+
+  /** What the digital sensors would measure, from the codes of pressure and gas, and what is wrong with them. */
+  setParts(fault) {
+    this.partFault = fault;
+    this.mpr.set(this.sums[0] >> 1, fault === 3, fault === 4);
+    this.max31865.set(this.sums[1] >> 1, (this.sums[1] & 1) === 1, fault === 1, fault === 2);
   }
 
   /** The USB cable is in or out; a program has its port open or not. */

@@ -1,9 +1,9 @@
 // Runs the firmware's image on an emulated RP2040, one exchange with the host per request on standard
 // input. All numbers little end first.
 //
-// request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2; u8 inputs
+// request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2, or a digital sensor's code; u8 inputs
 //           (1: run line high, 2: converter stalled, 4: a fault of the processor at the beginning, 8: USB cable plugged in,
-//           16: its port open); u8 place and u32 number of the instruction there
+//           16: its port open, and times 32: what is wrong with a digital sensor, as in board.mjs); u8 place and u32 number of the instruction there
 //           that is to hang (0: control, 1: thread, 2: other interrupts; number 0: none); u32 number of the flash
 //           operation in which power is to fail (0: none, 0xffffffff: at once) and u16 share of its time that it
 //           has had, in 1/65535; u16 counts of bytes for the UART and for USB; these bytes
@@ -47,6 +47,7 @@ while (fill(head)) {
   const inputs = head[10];
   board.setRunLine(!!(inputs & 1));
   board.stallAdc(!!(inputs & 2));
+  board.setParts(inputs >> 5);
   if (inputs & 4) {
     board.fault();
   }

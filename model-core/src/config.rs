@@ -233,6 +233,7 @@ impl Config {
     ///
     /// # Errors
     /// The first value that is not a number or lies outside of its range.
+    #[cold] // Once at a start: as small as can be.
     pub fn check(&self) -> Result<(), ConfigError> {
         within("run.step_s", self.step_s, STEP_S.minimum as f32, STEP_S.maximum as f32)?;
         self.gas.check()?;

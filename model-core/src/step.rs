@@ -49,6 +49,7 @@ impl Core {
     ///
     /// # Errors
     /// [`ConfigError`] as [`Config::check`].
+    #[cold] // Once at a start: as small as can be.
     pub fn new(config: &Config) -> Result<Self, ConfigError> {
         config.check()?;
         Ok(Self {

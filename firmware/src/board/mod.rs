@@ -16,6 +16,8 @@ mod pico2;
 #[cfg(any(feature = "pico", feature = "pico2"))]
 mod rp;
 #[cfg(any(feature = "pico", feature = "pico2"))]
+mod rp_bus;
+#[cfg(any(feature = "pico", feature = "pico2"))]
 mod rp_flash;
 
 #[cfg(feature = "nucleo-g474re")]
@@ -58,6 +60,13 @@ pub trait Board: Sized {
     /// The chip's own USB.
     #[cfg(feature = "usb")]
     type Usb: embassy_usb::driver::Driver<'static>;
+
+    /// Where the MAX31865 is, if there is one: SPI mode 1, 5 MHz at most.
+    #[cfg(feature = "parts")]
+    type GasBus: embedded_hal_async::spi::SpiDevice;
+    /// Where the MPR is, if there is one: I2C, 400 kHz at most.
+    #[cfg(feature = "parts")]
+    type PressureBus: embedded_hal_async::i2c::I2c;
 
     /// Called once, first of all. Both coils are without power before anything else happens; the line to
     /// the host runs at [`BAUD`](model_core::link::BAUD), and its interrupt comes before control's, that
@@ -102,6 +111,12 @@ pub struct Parts<B: Board> {
     /// The chip's own USB, and what tells this board from all others.
     #[cfg(feature = "usb")]
     pub usb: (B::Usb, [u8; 8]),
+    /// Where the MAX31865 is, and its DRDY, pulled up.
+    #[cfg(feature = "parts")]
+    pub gas_bus: (B::GasBus, B::Input),
+    /// Where the MPR is.
+    #[cfg(feature = "parts")]
+    pub pressure_bus: B::PressureBus,
 }
 
 /// Why a board started.

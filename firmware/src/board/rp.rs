@@ -5,10 +5,13 @@
 //! | GP26, GP27, GP28 | ADC: pressure, Pt1000, length |
 //! | GP16, GP17 | inlet and outlet coil, PWM slice 0 |
 //! | GP0, GP1 | UART0 |
+//! | GP10, GP11, GP12, GP13, GP9 | SPI1 of a MAX31865: SCK, MOSI, MISO, CS; its DRDY, pulled up |
+//! | GP4, GP5 | I2C0 of an MPR: SDA, SCL |
 //! | GP14 | emergency stop, pulled down: open or low is stop |
 //! | GP15, GP25 | fault output, LED |
 //! | USB | the same link as on UART0 |
 
+use super::rp_bus::{I2C_HZ, I2cBus, SpiDevice};
 use super::rp_flash::StoreFlash;
 use super::{Adc, Board, Channel, PWM_DELAY, Parts, Reset, Valves, WATCHDOG};
 use crate::source::STEP;
@@ -17,10 +20,12 @@ use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_rp::adc::{self, Blocking};
 use embassy_rp::clocks::clk_sys_freq;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
+use embassy_rp::i2c::{self, I2c};
 use embassy_rp::interrupt::{self, InterruptExt, Priority};
 use embassy_rp::pac::{self, io::vals::Outover};
 use embassy_rp::peripherals::{self, FLASH, PIN_16, PIN_17, UART0, USB};
 use embassy_rp::pwm::{Config as PwmConfig, Pwm};
+use embassy_rp::spi::{self, Spi};
 use embassy_rp::uart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config as UartConfig,
 };
@@ -70,6 +75,8 @@ impl<M: Member> Board for Rp<M> {
     type Receiver = BufferedUartRx;
     type Sender = BufferedUartTx;
     type Usb = usb::Driver<'static, USB>;
+    type GasBus = SpiDevice;
+    type PressureBus = I2cBus;
 
     fn start() -> Parts<Self> {
         vectors_to_ram();
@@ -107,6 +114,14 @@ impl<M: Member> Board for Rp<M> {
         // Below control: the host waits until there is time for it.
         interrupt::USBCTRL_IRQ.set_priority(Priority::P2);
 
+        let mut spi_config = spi::Config::default();
+        spi_config.phase = spi::Phase::CaptureOnSecondTransition;
+        let spi = Spi::new_blocking(p.SPI1, p.PIN_10, p.PIN_11, p.PIN_12, spi_config);
+        let gas_bus = SpiDevice::new(spi, Output::new(p.PIN_13, Level::High));
+        let mut i2c_config = i2c::Config::default();
+        i2c_config.frequency = I2C_HZ;
+        let pressure_bus = I2cBus::new(I2c::new_blocking(p.I2C0, p.PIN_5, p.PIN_4, i2c_config));
+
         let unique_id = M::unique_id(p.FLASH.reborrow());
         Parts {
             reset,
@@ -124,6 +139,8 @@ impl<M: Member> Board for Rp<M> {
             receiver,
             sender,
             usb: (usb, unique_id),
+            gas_bus: (gas_bus, Input::new(p.PIN_9, Pull::Up)),
+            pressure_bus,
         }
     }
 

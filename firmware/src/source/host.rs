@@ -4,6 +4,7 @@ use super::Source;
 use crate::shared::Shared;
 use embassy_time::{Duration, Instant, with_timeout};
 use model_core::Sample;
+use model_core::sensing::Sensors;
 
 /// The host's samples, one step for each.
 pub struct Host {
@@ -25,7 +26,7 @@ impl Source for Host {
         Some((Instant::now(), 0))
     }
 
-    fn sample(&mut self) -> Sample {
+    fn sample(&mut self, _: &Sensors) -> Sample {
         self.sample
     }
 }

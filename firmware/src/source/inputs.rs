@@ -2,9 +2,11 @@
 
 use super::{STEP, Source};
 use crate::board::{Adc, Channel};
+use crate::shared::Shared;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_hal::digital::InputPin;
 use model_core::sample::OVERSAMPLING;
+use model_core::sensing::Sensors;
 use model_core::{AdcCode, Sample};
 
 /// The timer is set this much ahead, and the rest is waited for in place: the way from the timer's
@@ -19,12 +21,23 @@ pub struct Inputs<A, P> {
     due: Option<Instant>,
     /// Steps left out since the last one: kept here, because an order may end a wait early.
     missed: u32,
+    /// Where the digital sensors' readings are, and the last ones of pressure and gas.
+    #[cfg(feature = "parts")]
+    parts: (&'static crate::parts::Parts, [u32; 2]),
 }
 
 impl<A: Adc, P: InputPin> Inputs<A, P> {
     /// `run_line` is high while the emergency stop is not pressed and its wire not broken.
-    pub fn new(adc: A, run_line: P) -> Self {
-        Self { adc, run_line, due: None, missed: 0 }
+    #[cfg_attr(not(feature = "parts"), allow(unused_variables))]
+    pub fn new(adc: A, run_line: P, shared: &'static Shared) -> Self {
+        Self {
+            adc,
+            run_line,
+            due: None,
+            missed: 0,
+            #[cfg(feature = "parts")]
+            parts: (&shared.parts, [0; 2]),
+        }
     }
 
     /// A sum of conversions: averaging costs no division, and the core knows the sum's scale.
@@ -56,12 +69,23 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
         Some((due, core::mem::take(&mut self.missed)))
     }
 
-    fn sample(&mut self) -> Sample {
-        let codes = Sample::new(
+    #[cfg_attr(not(feature = "parts"), allow(unused_mut, unused_variables))]
+    fn sample(&mut self, sensors: &Sensors) -> Sample {
+        let mut codes = Sample::new(
             self.code(Channel::Pressure),
             self.code(Channel::Gas),
             self.code(Channel::Length),
         );
+        #[cfg(feature = "parts")]
+        {
+            let (parts, [pressure, gas]) = &mut self.parts;
+            if sensors.pressure_part.is_digital() {
+                codes.pressure = parts.pressure.code(pressure);
+            }
+            if sensors.gas_element.is_digital() {
+                codes.gas = parts.gas.code(gas);
+            }
+        }
         self.adc.hold_others(false);
         // A line that cannot be read is a line that is open.
         Sample { emergency_stop: !self.run_line.is_high().unwrap_or(false), ..codes }

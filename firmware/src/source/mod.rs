@@ -12,6 +12,7 @@ pub use inputs::Inputs;
 
 use embassy_time::{Duration, Instant};
 use model_core::Sample;
+use model_core::sensing::Sensors;
 
 /// Step of the board.
 pub const STEP: Duration = Duration::from_millis(1);
@@ -21,6 +22,6 @@ pub trait Source {
     /// Waits until the next step is due and returns when that was, and how many steps were left out
     /// since the one before; `None` when the wait was long and nothing is due.
     async fn due(&mut self) -> Option<(Instant, u32)>;
-    /// The inputs of the step that is due.
-    fn sample(&mut self) -> Sample;
+    /// The inputs of the step that is due, of these sensors.
+    fn sample(&mut self, sensors: &Sensors) -> Sample;
 }

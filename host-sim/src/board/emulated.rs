@@ -21,7 +21,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 const STEP_NS: u32 = 1_000_000;
 /// The first exchange ends here, when the firmware has copied itself into RAM and listens, and a tenth before a
 /// step: inputs change between two steps.
-const START_NS: u32 = 14_900_000;
+const START_NS: u32 = 17_900_000;
 /// Exchanges after which a board that has not answered will not.
 const PATIENCE: u32 = 200;
 /// Steps between two words of a host that has nothing to ask.
@@ -48,6 +48,8 @@ pub enum Injection {
     },
     /// A fault of the processor, now.
     Fault,
+    /// Something is wrong with a digital sensor, or nothing any more.
+    Part(PartFault),
     /// Power fails during an operation of the flash, once, and comes back at once.
     PowerCut {
         /// Which of those that begin from now on, each an erased sector or a programmed page: 1 is the
@@ -56,6 +58,22 @@ pub enum Injection {
         /// Share of the operation's time that it had.
         done: f32,
     },
+}
+
+/// What is wrong with a digital sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PartFault {
+    /// Nothing.
+    #[default]
+    None,
+    /// The wires of the MAX31865 are off.
+    GasUnplugged,
+    /// It converts nothing more: its DRDY stays high.
+    GasSilent,
+    /// The wires of the MPR are off.
+    PressureUnplugged,
+    /// It stays busy.
+    PressureSilent,
 }
 
 /// Where the firmware executes instructions.
@@ -157,6 +175,7 @@ pub struct EmulatedBoard {
     /// What the board reads now.
     inputs: Sample,
     adc_stalled: bool,
+    part_fault: PartFault,
     hang: Option<(Place, u32)>,
     fault: bool,
     power_cut: Option<(u32, f32)>,
@@ -229,6 +248,7 @@ impl EmulatedBoard {
             log: LogDecoder::of_image(path),
             inputs: IDLE,
             adc_stalled: false,
+            part_fault: PartFault::None,
             hang: None,
             fault: false,
             power_cut: None,
@@ -352,6 +372,7 @@ impl EmulatedBoard {
     pub fn inject(&mut self, injection: Injection) {
         match injection {
             Injection::AdcStalled(stalled) => self.adc_stalled = stalled,
+            Injection::Part(fault) => self.part_fault = fault,
             Injection::Hang { place, instruction } => self.hang = Some((place, instruction)),
             Injection::Fault => self.fault = true,
             Injection::PowerCut { operation, done } => self.power_cut = Some((operation, done)),
@@ -436,7 +457,8 @@ impl EmulatedBoard {
                 | u8::from(self.adc_stalled) << 1
                 | u8::from(fault) << 2
                 | u8::from(self.plugged) << 3
-                | u8::from(self.open) << 4,
+                | u8::from(self.open) << 4
+                | (self.part_fault as u8) << 5,
         );
         let (place, instruction) = self.hang.take().unwrap_or((Place::Control, 0));
         request.push(place as u8);

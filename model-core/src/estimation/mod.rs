@@ -290,6 +290,7 @@ impl Estimator {
     /// });
     /// assert!((estimator.estimate().gas_k - 300.0).abs() < 0.1);
     /// ```
+    #[cold] // Once at a start: as small as can be.
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
         let sd = &config.estimator;

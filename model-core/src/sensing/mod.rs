@@ -194,6 +194,7 @@ impl Sensing {
     /// let readings = sensing.read(&Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757)), false);
     /// assert!((0.2..0.31).contains(&readings.length.value));
     /// ```
+    #[cold] // Once at a start: as small as can be.
     pub fn new(config: &Config) -> Self {
         let Sensors { adc, pressure, length, gas, gas_element, pressure_part } = &config.sensors;
         let part = pressure_part.part();

@@ -36,6 +36,7 @@ pub struct Part {
 
 impl Part {
     /// One that has not been heard yet, and counts as `validity` until then; at a step of `step_s`.
+    #[cold]
     pub fn new(limits: &Limits, step_s: f32, validity: Validity) -> Self {
         Self {
             timeout_steps: timeout_steps(limits.timeout_s, step_s),
@@ -46,7 +47,8 @@ impl Part {
         }
     }
 
-    /// Judges the code of a step.
+    /// Judges the code of a step. Not inlined: two calls.
+    #[inline(never)]
     pub fn add(&mut self, health: &mut Health, code: AdcCode, usual: Stillness) -> Validity {
         if code.is_fresh() {
             self.left_steps = self.timeout_steps;

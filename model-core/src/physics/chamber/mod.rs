@@ -140,6 +140,7 @@ macro_rules! chambers {
             /// let muscle = AnyChamber::new(&Config::default().chamber);
             /// assert!(muscle.force_n(1.0e5, 0.28) > muscle.force_n(0.0, 0.28));
             /// ```
+            #[cold] // Once at a start: as small as can be.
             pub fn new(told: &ChamberConfig) -> Self {
                 match *told {
                     $(ChamberConfig::$name(told) => Self::$name(told.into()),)*

@@ -1,0 +1,144 @@
+//! SPI and I2C for digital sensors, whose messages fit the peripherals' own buffers: bytes go in, the task sleeps for the
+//! time that they take on the wire, and what came is there. No interrupt and no DMA, which would be 5 KiB of the
+//! image with embassy's drivers, and a bus that stands still ends no wait.
+
+use embassy_rp::gpio::Output;
+use embassy_rp::i2c::{self, I2c};
+use embassy_rp::pac;
+use embassy_rp::peripherals::{I2C0, SPI1};
+use embassy_rp::spi::{self, Spi};
+use embassy_time::Timer;
+use embedded_hal_async::i2c as hal_i2c;
+use embedded_hal_async::spi as hal_spi;
+
+/// Bytes that the SPI holds.
+const SPI_BYTES: usize = 8;
+/// Time that a byte takes at 1 MHz, and that may be lost around them \[us\].
+const SPI_BYTE_US: u64 = 8;
+const SPI_ROOM_US: u64 = 4;
+
+/// One device on SPI1, at 1 MHz.
+pub struct SpiDevice {
+    /// Set up by embassy, and not used any further.
+    _spi: Spi<'static, SPI1, spi::Blocking>,
+    select: Output<'static>,
+}
+
+impl SpiDevice {
+    /// Behind this chip select.
+    pub fn new(spi: Spi<'static, SPI1, spi::Blocking>, select: Output<'static>) -> Self {
+        Self { _spi: spi, select }
+    }
+}
+
+impl hal_spi::ErrorType for SpiDevice {
+    type Error = hal_spi::ErrorKind;
+}
+
+impl hal_spi::SpiDevice for SpiDevice {
+    /// Bytes that are written, or written and read in place, [`SPI_BYTES`] at most.
+    async fn transaction(
+        &mut self,
+        operations: &mut [hal_spi::Operation<'_, u8>],
+    ) -> Result<(), hal_spi::ErrorKind> {
+        use hal_spi::Operation::{TransferInPlace, Write};
+        let [operation] = operations else {
+            return Err(hal_spi::ErrorKind::Other);
+        };
+        let out: &[u8] = match operation {
+            Write(bytes) => bytes,
+            TransferInPlace(bytes) => bytes,
+            _ => return Err(hal_spi::ErrorKind::Other),
+        };
+        if out.len() > SPI_BYTES {
+            return Err(hal_spi::ErrorKind::Overrun);
+        }
+        let registers = pac::SPI1;
+        self.select.set_low();
+        for byte in out {
+            registers.dr().write(|data| data.set_data((*byte).into()));
+        }
+        Timer::after_micros(SPI_BYTE_US * out.len() as u64 + SPI_ROOM_US).await;
+        self.select.set_high();
+        if let TransferInPlace(bytes) = operation {
+            for byte in bytes.iter_mut() {
+                *byte = registers.dr().read().data() as u8;
+            }
+        }
+        while registers.sr().read().rne() {
+            registers.dr().read();
+        }
+        Ok(())
+    }
+}
+
+/// Commands that the I2C holds, and bytes that it holds for us.
+const I2C_BYTES: usize = 16;
+/// Speed of the bus \[Hz\].
+pub const I2C_HZ: u32 = 400_000;
+/// Time that a byte takes, and the address and what is around it \[us\].
+const I2C_BYTE_US: u64 = 24;
+const I2C_ROOM_US: u64 = 60;
+
+/// I2C0, at [`I2C_HZ`].
+pub struct I2cBus {
+    /// Set up by embassy, and not used any further.
+    _i2c: I2c<'static, I2C0, i2c::Blocking>,
+}
+
+impl I2cBus {
+    /// The one that was set up.
+    pub fn new(i2c: I2c<'static, I2C0, i2c::Blocking>) -> Self {
+        Self { _i2c: i2c }
+    }
+}
+
+impl hal_i2c::ErrorType for I2cBus {
+    type Error = hal_i2c::ErrorKind;
+}
+
+impl hal_i2c::I2c for I2cBus {
+    /// One message, of 16 bytes at most.
+    async fn transaction(
+        &mut self,
+        address: u8,
+        operations: &mut [hal_i2c::Operation<'_>],
+    ) -> Result<(), hal_i2c::ErrorKind> {
+        let [operation] = operations else {
+            return Err(hal_i2c::ErrorKind::Other);
+        };
+        let (count, write) = match operation {
+            hal_i2c::Operation::Write(bytes) => (bytes.len(), Some(*bytes)),
+            hal_i2c::Operation::Read(bytes) => (bytes.len(), None),
+        };
+        if count > I2C_BYTES {
+            return Err(hal_i2c::ErrorKind::Overrun);
+        }
+        let registers = pac::I2C0;
+        // What is left of another message goes with that.
+        registers.ic_enable().write(|enable| enable.set_enable(false));
+        registers.ic_tar().write(|target| target.set_ic_tar(address.into()));
+        registers.ic_clr_intr().read();
+        registers.ic_enable().write(|enable| enable.set_enable(true));
+        for i in 0..count {
+            registers.ic_data_cmd().write(|command| {
+                match write {
+                    Some(bytes) => command.set_dat(bytes.get(i).copied().unwrap_or(0)),
+                    None => command.set_cmd(true),
+                }
+                command.set_stop(i + 1 == count);
+            });
+        }
+        Timer::after_micros(I2C_BYTE_US * count as u64 + I2C_ROOM_US).await;
+        let ended = registers.ic_raw_intr_stat().read();
+        if ended.tx_abrt() || !ended.stop_det() {
+            return Err(hal_i2c::ErrorKind::NoAcknowledge(hal_i2c::NoAcknowledgeSource::Unknown));
+        }
+        if let hal_i2c::Operation::Read(bytes) = operation {
+            for byte in bytes.iter_mut() {
+                *byte = registers.ic_data_cmd().read().dat();
+            }
+        }
+        Ok(())
+    }
+}

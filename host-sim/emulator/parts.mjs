@@ -1,0 +1,169 @@
+// Digital sensors at the Pico's pins, by their data sheets: a MAX31865 on SPI1, a Honeywell MPR on I2C0. What they would
+// measure is given to them all the time; when they convert is their own business.
+
+import { GPIOPinState } from 'rp2040js';
+
+const CHIP_SELECT = 13;
+const DATA_READY = 9;
+const BYTE_NANOS = 8000; // SPI at 1 MHz
+const I2C_BYTE_NANOS = 22500; // nine bits at 400 kHz
+const I2C_EDGE_NANOS = 2500;
+
+/** Time from one conversion to the next with the filter for 50 Hz: the host says when its mean is complete, and if it
+ * does not, then at most this. And of the first one. */
+const MAX31865_NANOS = 20.5e6;
+const MAX31865_LEAST_NANOS = 15e6;
+const MAX31865_FIRST_NANOS = 62.5e6;
+const MPR_NANOS = 5e6;
+
+/** Analog's MAX31865 (19-6478): registers 0 to 7, from 0x80 on to be written. */
+export class Max31865 {
+  constructor(chip) {
+    this.chip = chip;
+    this.reading = 0;
+    this.unplugged = false;
+    this.stuck = false;
+    this.registers = [0, 0, 0, 0xff, 0xff, 0, 0, 0];
+    this.address = -1;
+    this.answer = 0xff;
+    chip.gpio[CHIP_SELECT].addListener(() => (this.address = -1));
+    chip.gpio[DATA_READY].setInputValue(true);
+    const done = chip.clock.createAlarm(() => chip.spi[1].completeTransmit(this.answer));
+    chip.spi[1].onTransmit = (byte) => {
+      this.answer = this.exchange(byte);
+      done.schedule(BYTE_NANOS);
+    };
+    this.conversion = chip.clock.createAlarm(() => this.convert());
+    this.converted = Infinity; // when, last; not yet
+  }
+
+  exchange(byte) {
+    const selected = this.chip.gpio[CHIP_SELECT].value !== GPIOPinState.High;
+    if (this.unplugged || !selected) {
+      return 0xff;
+    }
+    if (this.address < 0) {
+      this.address = byte;
+      return 0;
+    }
+    const register = this.address & 7;
+    let answer = 0;
+    if (this.address & 0x80) {
+      this.write(register, byte);
+    } else {
+      answer = this.registers[register];
+      if (register === 1) {
+        this.chip.gpio[DATA_READY].setInputValue(true);
+      }
+    }
+    this.address = (this.address & 0x80) | ((register + 1) & 7);
+    return answer;
+  }
+
+  write(register, byte) {
+    if (register === 0) {
+      const before = this.registers[0];
+      if (byte & 2) {
+        this.registers[7] = 0;
+        this.registers[2] &= ~1;
+      }
+      this.registers[0] = byte & ~0x2e;
+      const converts = (config) => (config & 0xc0) === 0xc0;
+      if (converts(byte) && !converts(before)) {
+        this.conversion.schedule(MAX31865_FIRST_NANOS);
+      } else if (!converts(byte)) {
+        this.conversion.cancel();
+        this.converted = Infinity;
+      }
+    } else if (register >= 3 && register <= 6) {
+      this.registers[register] = byte;
+    }
+  }
+
+  convert() {
+    this.conversion.schedule(MAX31865_NANOS);
+    this.converted = this.chip.clock.nanosCounter;
+    if (this.stuck) {
+      return;
+    }
+    const threshold = (at) => ((this.registers[at] << 8) | this.registers[at + 1]) >> 1;
+    const high = this.reading >= threshold(3);
+    const low = this.reading <= threshold(5);
+    this.registers[7] |= (high ? 0x80 : 0) | (low ? 0x40 : 0);
+    const code = (this.reading << 1) | (this.registers[7] ? 1 : 0);
+    [this.registers[1], this.registers[2]] = [code >> 8, code & 0xff];
+    if (!this.unplugged) {
+      this.chip.gpio[DATA_READY].setInputValue(false);
+    }
+  }
+
+  /** Whether the wires are there; without them its line is pulled up. */
+  set(reading, complete, unplugged, stuck) {
+    this.reading = reading;
+    this.stuck = stuck;
+    if (unplugged && !this.unplugged) {
+      this.chip.gpio[DATA_READY].setInputValue(true);
+    }
+    this.unplugged = unplugged;
+    if (complete && this.chip.clock.nanosCounter - this.converted > MAX31865_LEAST_NANOS) {
+      this.convert();
+    }
+  }
+}
+
+/** Honeywell MPR (32332628): 0xaa 0 0 has it measure; status and 24 bits are what is read. */
+export class Mpr {
+  constructor(chip) {
+    this.reading = 0;
+    this.unplugged = false;
+    this.stuck = false;
+    this.busy = false;
+    this.output = 0;
+    this.written = [];
+    this.readAt = 0;
+    const i2c = chip.i2c[0];
+    let finish = () => {};
+    const done = chip.clock.createAlarm(() => finish());
+    const after = (nanos, what) => {
+      finish = what;
+      done.schedule(nanos);
+    };
+    this.conversion = chip.clock.createAlarm(() => this.convert());
+    i2c.onStart = () => after(I2C_EDGE_NANOS, () => i2c.completeStart());
+    i2c.onConnect = (address) => {
+      this.written = [];
+      this.readAt = 0;
+      const here = address === 0x18 && !this.unplugged;
+      after(I2C_BYTE_NANOS, () => i2c.completeConnect(here));
+    };
+    i2c.onWriteByte = (byte) => {
+      this.written.push(byte);
+      if (this.written.length === 3 && this.written[0] === 0xaa) {
+        this.busy = true;
+        this.conversion.schedule(MPR_NANOS);
+      }
+      after(I2C_BYTE_NANOS, () => i2c.completeWrite(true));
+    };
+    i2c.onReadByte = () => {
+      const status = this.busy ? 0x60 : 0x40;
+      const bytes = [status, this.output >> 16, (this.output >> 8) & 0xff, this.output & 0xff];
+      const byte = bytes[this.readAt++ % 4];
+      after(I2C_BYTE_NANOS, () => i2c.completeRead(byte));
+    };
+    i2c.onStop = () => after(I2C_EDGE_NANOS, () => i2c.completeStop());
+  }
+
+  convert() {
+    if (this.stuck) {
+      return;
+    }
+    this.busy = false;
+    this.output = this.reading << 9;
+  }
+
+  set(reading, unplugged, stuck) {
+    this.reading = reading;
+    this.unplugged = unplugged;
+    this.stuck = stuck;
+  }
+}
