@@ -40,8 +40,8 @@ pub fn run<B: Board>(board: &mut B, mut look: impl FnMut(&B, &BoardStep)) -> Rec
     let config = *muscle.config();
     board.start(&config, CYCLE).expect("the board starts");
     let (mut rows, mut fed) = (Vec::new(), Vec::new());
-    // The last sample's telemetry may come a step later.
-    for step in 0..=STEPS {
+    // The last sample's telemetry may come two steps later: behind a status, and each frame takes most of a step.
+    for step in 0..=STEPS + 1 {
         if step == SECOND {
             board.set(PRESSURE).expect("the set point is taken");
         }
