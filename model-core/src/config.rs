@@ -116,11 +116,12 @@ parameters! {
     "estimator": EstimatorConfig {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
         gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
-        wall_drift_k: 0.05, "K", 0.0 to 100.0, "drift of the wall temperature's error";
+        wall_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the wall temperature's error";
         heat_scale_sd: 0.25, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
-        lag_sd: 0.15, "", 0.0 to 100.0, "logarithm of the sensor's lag";
+        lag_sd: 0.5, "", 0.0 to 100.0, "logarithm of the sensor's lag";
         memory_s: 100.0, "s", 1.0 to 1.0e6, "in which scale and lag, left alone, return";
         place_error_k: 0.87, "K", 0.0 to 100.0, "gas around the foil against the mean, for a second";
+        port_cooling: 0.0, "", 0.0 to 1.0, "share of what the inflow is colder by that lasts near the port; 0: the gas mixes at once";
         valid_sd_k: 1.0, "K", 0.0 to 100.0, "stated deviation up to which the estimate is valid";
     }
 }

@@ -56,10 +56,10 @@ fn told_right_told_wrong_and_started_wrong() {
     let quick = "[believed.sensor.gas]\ntime_constant_s = 2.4\n";
     let warm = "initial_temperature_k = 308.0\n";
     for (what, lumped, full) in [
-        ("", (0.01, 0.04), (0.25, 0.4)),
-        (cold, (0.1, 0.3), (0.35, 0.6)),
-        (quick, (0.1, 0.5), (0.1, 0.8)),
-        (warm, (0.01, 0.06), (0.2, 0.6)),
+        ("", (0.01, 0.04), (0.12, 0.25)),
+        (cold, (0.1, 0.3), (0.25, 0.5)),
+        (quick, (0.02, 0.1), (0.1, 0.4)),
+        (warm, (0.01, 0.06), (0.12, 0.4)),
     ] {
         for (model, bounds_k) in [("lumped", lumped), ("full", full)] {
             let worth = worth(&cycle(model, what), 15.0, 40.0);

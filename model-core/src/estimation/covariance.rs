@@ -153,8 +153,8 @@ impl Covariance {
         self.gas_gas = limit(self.gas_gas, 1.0e-9, LARGEST_GAS);
         self.wall_wall = limit(self.wall_wall, 1.0e-5, 1.0e3);
         self.sensor_sensor = limit(self.sensor_sensor, 1.0e-7, 1.0e3);
-        self.scale_scale = limit(self.scale_scale, 1.0e-7, 0.25);
-        self.lag_lag = limit(self.lag_lag, 1.0e-8, 0.25);
+        self.scale_scale = limit(self.scale_scale, 1.0e-7, 1.0);
+        self.lag_lag = limit(self.lag_lag, 1.0e-8, 1.0);
         for (covariance, a, b) in [
             (&mut self.gas_wall, self.gas_gas, self.wall_wall),
             (&mut self.gas_sensor, self.gas_gas, self.sensor_sensor),

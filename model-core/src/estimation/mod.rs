@@ -26,6 +26,9 @@
 //! | s | logarithm of the scale of the heat transfer h A |
 //! | tau | logarithm of the sensor's lag |
 //!
+//! Where gas does not mix at once (`estimator.port_cooling`), what leaves has the temperature of the gas near
+//! the port, T + d, in the place of T, and the foil sees T - 0.08 d: `mix_port`, and docs/estimator.md.
+//!
 //! The housing's T_h follows T within a fraction of a second; it has no error of its own. s and tau
 //! are first-order Gauss-Markov processes about what is configured: a model's error stays the same
 //! cycle after cycle, and a filter that counted every cycle as new evidence would be sure of a
@@ -81,6 +84,37 @@ const NOISE_DEVIATIONS: f32 = 4.0;
 /// the controller's.
 const PARTS: u16 = 5;
 const FIRST_PART: u16 = 2;
+/// Gas near the port, share of the gas that an inflow has to replace before it is as cold as
+/// [`EstimatorConfig::port_cooling`](crate::config::EstimatorConfig) says \[-\].
+const PORT_SHARE: f32 = 0.5;
+/// By how much of what has left, share of that, the rest behind it has taken its place \[-\].
+const PORT_REPLACED: f32 = 0.4;
+/// In which the rest mixes with the gas near the port \[s\].
+const PORT_MIXING_S: f32 = 2.0;
+/// By how much the gas around the foil is warmer than the mean, for each kelvin by which that near the port is
+/// colder \[-\].
+const FOIL_WARMER: f32 = 0.08;
+/// Variance of the gas temperature for a scale or a lag that is not the configured one, in squares of
+/// its relative change and of the swing \[-\].
+const LEARNT: f32 = 0.63;
+/// Squares of relative changes that are learnt where all is told right \[-\].
+const LEARNT_FLOOR: f32 = 2.0e-5;
+/// Most that counts of them: of more, much has been learnt rightly \[-\].
+const LEARNT_MOST: f32 = 0.006;
+/// Beyond that all counts: so far off, nothing that is told can be relied on \[-\].
+const LEARNT_FAR: f32 = 0.17;
+/// The mean square of the swing counts by that much, beside the square of this instant \[-\].
+const LEARNT_LATER: f32 = 0.04;
+/// `place_error_k` of a foil in the middle, which what is stated was found with \[K\].
+const MIDDLE_PLACE_K: f32 = 0.87;
+/// Largest factor for a foil off it: nearly all of the covariance, however little of it the agreement leaves \[-\].
+const MOST_PLACE: f32 = 6.6;
+/// Over which that is taken \[s\].
+const SWING_S: f32 = 8.0;
+/// Variance that zones leave, with all of their gas at the port: in squares of the swing now, and in its mean
+/// squares \[-\].
+const ZONES_NOW: f32 = 6.0e-5;
+const ZONES_LATER: f32 = 3.5e-4;
 /// What averaging does not take of the variance of one pressure: the lag of its sensor \[-\].
 const NOT_AVERAGED: f32 = 0.1;
 
@@ -130,6 +164,7 @@ struct Interval {
     steps: u16,
     gas_k: f32,
     inflow_kg: f32,
+    outflow_kg: f32,
     heat_j: f32,
     flowing_steps: u16,
     /// Work of the gas, and its measured internal energy at the start \[J\].
@@ -194,6 +229,12 @@ pub struct Estimator {
     per_cp_supply: f32,
     per_cv: f32,
     interval_s: f32,
+    /// One over the configured lag \[1/s\].
+    per_lag_s: f32,
+    /// How much more of the covariance is stated where the foil is off the middle \[-\].
+    place: f32,
+    /// Share of an interval in the mean square of the swing: eight seconds.
+    swing_window: f32,
     /// Movement of the element at which a reading that stands still is a frozen one \[K\].
     frozen_k: f32,
     /// Largest error of a pressure that is still its noise \[Pa\].
@@ -211,12 +252,16 @@ pub struct Estimator {
     mass_kg: CompensatedSum,
     gas_k: f32,
     wall_k: f32,
+    /// Gas near the port, above the mean \[K\].
+    port_k: f32,
     housing_k: f32,
     sensor_k: f32,
     scale: f32,
     lag_s: f32,
     covariance: Covariance,
     agreement: Agreement,
+    /// Mean square of the gas temperature about the wall's, over some seconds \[K2\].
+    swing_k2: f32,
     gas_sd_k: f32,
     // Since the last step.
     pressure_pa: f32,
@@ -310,6 +355,9 @@ impl Estimator {
             per_cp_supply: 1.0 / (config.gas.cp_j_kg_k() * config.supply.temperature_k),
             per_cv: (k - 1.0) / config.gas.gas_constant_j_kg_k,
             interval_s,
+            per_lag_s: 1.0 / sensors.gas.time_constant_s,
+            place: limit(sd.place_error_k / MIDDLE_PLACE_K, 1.0, MOST_PLACE),
+            swing_window: interval_s * (1.0 / SWING_S),
             frozen_k: FROZEN * sensors.gas_element.resolution_k(),
             // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
             pressure_sd_pa: (k - 1.0) / k * pressure_sd_pa,
@@ -322,12 +370,14 @@ impl Estimator {
             mass_kg: CompensatedSum::new(1.0),
             gas_k: config.ambient.temperature_k,
             wall_k: config.ambient.temperature_k,
+            port_k: 0.0,
             housing_k: config.ambient.temperature_k,
             sensor_k: config.ambient.temperature_k,
             scale: 1.0,
             lag_s: sensors.gas.time_constant_s,
             covariance: initial_covariance(config),
             agreement: Agreement::new(sensors.gas.time_constant_s, &counts),
+            swing_k2: 0.0,
             gas_sd_k: limit(sd.initial_sd_k, LEAST_SD_K, HOTTEST_K),
             pressure_pa: 0.0,
             volume_m3: 0.0,
@@ -404,7 +454,8 @@ impl Estimator {
 
     /// Whether every figure is one that gas, wall and sensor can have.
     fn is_sound(&self) -> bool {
-        let temperatures_k = [self.gas_k, self.wall_k, self.housing_k, self.sensor_k];
+        let temperatures_k =
+            [self.gas_k, self.wall_k, self.housing_k, self.sensor_k, self.gas_k + self.port_k];
         let mass_kg = self.mass_kg.value();
         temperatures_k.iter().all(|t| *t >= COLDEST_K && *t <= HOTTEST_K)
             && mass_kg > 0.0
@@ -420,6 +471,8 @@ impl Estimator {
         let ambient_k = self.config.ambient.temperature_k;
         self.gas_k = ambient_k;
         self.wall_k = ambient_k;
+        self.port_k = 0.0;
+        self.swing_k2 = 0.0;
         self.housing_k = ambient_k;
         self.sensor_k = ambient_k;
         self.mass_kg = CompensatedSum::new(LEAST_KG);
@@ -536,6 +589,7 @@ impl Estimator {
             self.housing_k = reading_k;
             self.sensor_k = reading_k;
         }
+        self.port_k = 0.0;
         self.unmoved_k = 0.0;
         let energy_j = pressure_pa * volume_m3 * self.per_k_minus_1;
         self.energy.restart(energy_j);
@@ -588,7 +642,9 @@ impl Estimator {
                 self.interval.inflow_kg += inflow_kg;
                 inflow_kg
             } else {
-                enthalpy_j * self.per_cp / self.gas_k
+                let left_kg = enthalpy_j * self.per_cp / (self.gas_k + self.port_k);
+                self.interval.outflow_kg -= left_kg;
+                left_kg
             };
             self.mass_kg.add(change_kg);
             self.inflow_kg += self.stirring_share * (inflow_kg - self.inflow_kg);
@@ -643,13 +699,15 @@ impl Estimator {
         let outer_share = limit(outer_w_k * duration_s * per_wall, 0.0, 1.0);
         let friction_j = self.config.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s;
         let housing_s = self.config.sensors.gas.housing_time_constant_s;
+        let foil_k = gas_k - FOIL_WARMER * self.port_k;
         // Means over the interval on both sides: implicit Euler then delays by just the lag.
-        self.housing_k += duration_s / (housing_s + duration_s) * (gas_k - self.housing_k);
+        self.housing_k += duration_s / (housing_s + duration_s) * (foil_k - self.housing_k);
         let lag_share = duration_s / (self.lag_s + 0.5 * duration_s);
         let inner_w_k = heat.inner_w_k(surface_m2, interval.inflow_kg / duration_s);
         let inner_j_k = self.scale * inner_w_k * duration_s;
         let flowing = f32::from(interval.flowing_steps) / steps;
         let per_mass = 1.0 / self.mass_kg.value();
+        self.mix_port(&interval, gas_k, per_mass);
         let adiabatic_j = self.measured_j - interval.start_j + interval.work_j;
         let share = |enthalpy_j: f32| enthalpy_j * self.per_cp * per_mass / gas_k;
         self.balance = Some(Balance {
@@ -706,6 +764,17 @@ impl Estimator {
         self.pending.innovation_k = reading.map(|gas| gas.value_k - middle_k);
     }
 
+    /// What an interval's flow makes of the gas near the port.
+    fn mix_port(&mut self, interval: &Interval, gas_k: f32, per_mass: f32) {
+        let replaced = |flow_kg: f32, share: f32| limit(flow_kg * per_mass * share, 0.0, 1.0);
+        let colder_k = self.config.supply.temperature_k - gas_k;
+        let inflow_k = self.config.estimator.port_cooling * colder_k - self.port_k;
+        self.port_k += replaced(interval.inflow_kg, 1.0 / PORT_SHARE) * inflow_k;
+        let left = replaced(interval.outflow_kg, PORT_REPLACED / PORT_SHARE);
+        let mixed = limit(self.interval_s * (1.0 / PORT_MIXING_S), 0.0, 1.0);
+        self.port_k -= limit(left + mixed, 0.0, 1.0) * self.port_k;
+    }
+
     fn add_drift(&mut self) {
         let drift = &self.config.estimator;
         let duration_s = self.interval_s;
@@ -751,14 +820,32 @@ impl Estimator {
         );
     }
 
-    /// What is stated: the covariance, as far as readings and model disagree, and the noise of one
-    /// pressure.
+    /// What is stated: the covariance, as far as readings and model disagree, the noise of one pressure, and
+    /// what cannot be seen.
+    ///
+    /// A foil slower than a stroke sees the product of lag and scale, not each of them: what has been learnt of
+    /// one may belong to the other, and readings that agree prove nothing.
     fn update_deviation(&mut self) {
         let noise = self.pressure_sd_pa / self.pressure_pa;
         let left = self.energy.noise_left() + NOT_AVERAGED;
-        let share = self.agreement.share(self.lag_s);
-        let relative = sqrt(share * self.covariance.gas_gas + left * noise * noise);
-        self.gas_sd_k = self.gas_k * limit(relative, 1.0e-6, 1.0);
+        let share = limit(self.place * self.agreement.share(self.lag_s), 0.0, 1.0);
+        let swing_k = self.gas_k - self.wall_k;
+        let swing_k2 = swing_k * swing_k;
+        self.swing_k2 += self.swing_window * (swing_k2 - self.swing_k2);
+        let lag = limit(self.lag_s * self.per_lag_s - 1.0, -1.0, 1.0);
+        let scale = limit(self.scale - 1.0, -1.0, 1.0);
+        let changed = lag * lag + scale * scale;
+        let learnt = LEARNT
+            * (limit(changed - LEARNT_FLOOR, 0.0, LEARNT_MOST)
+                + limit(changed - LEARNT_FAR, 0.0, 1.0));
+        let port = self.config.estimator.port_cooling;
+        let now = learnt + ZONES_NOW * port;
+        let later = LEARNT_LATER * learnt + ZONES_LATER * port;
+        let unseen_k2 = now * swing_k2 + later * self.swing_k2;
+        let per_gas = 1.0 / self.gas_k;
+        let variance =
+            share * self.covariance.gas_gas + left * noise * noise + unseen_k2 * per_gas * per_gas;
+        self.gas_sd_k = self.gas_k * limit(sqrt(variance), 1.0e-6, 1.0);
     }
 }
 

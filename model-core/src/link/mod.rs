@@ -691,7 +691,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (305, 3_509_397_557)), (encode(&telemetry), (78, 3_172_555_875))]
+            [(encode(&config), (309, 1_389_707_694)), (encode(&telemetry), (78, 3_172_555_875))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
