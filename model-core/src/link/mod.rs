@@ -325,6 +325,8 @@ pub enum Event {
 }
 
 /// What tells a configuration from every other one: the CRC-32 of its encoding.
+// Compiled where it is called: for a board's flash that is for size, as its other encodings of a configuration are.
+#[inline]
 pub fn checksum(config: &Config) -> u32 {
     let mut bytes = [0_u8; MAX_PAYLOAD];
     match postcard::to_slice(config, &mut bytes) {
