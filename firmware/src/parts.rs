@@ -3,6 +3,8 @@
 
 use crate::source::STEP;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::i2c::I2c;
@@ -18,11 +20,13 @@ pub struct Part {
     /// The reading, and above it a count of them.
     last: AtomicU32,
     wanted: AtomicBool,
+    /// Given when it is wanted: a task that nobody wants waits without a timer, whose interrupt could be in control's way.
+    called: Signal<CriticalSectionRawMutex, ()>,
 }
 
 impl Part {
     const fn new() -> Self {
-        Self { last: AtomicU32::new(0), wanted: AtomicBool::new(false) }
+        Self { last: AtomicU32::new(0), wanted: AtomicBool::new(false), called: Signal::new() }
     }
 
     /// A reading of 15 bits; 0 where the part is broken.
@@ -35,6 +39,13 @@ impl Part {
     pub fn code(&self, seen: &mut u32) -> AdcCode {
         let last = self.last.load(Ordering::Relaxed);
         AdcCode::of_part(last as u16, core::mem::replace(seen, last) != last)
+    }
+
+    fn want(&self, wanted: bool) {
+        self.wanted.store(wanted, Ordering::Relaxed);
+        if wanted {
+            self.called.signal(());
+        }
     }
 
     fn is_wanted(&self) -> bool {
@@ -58,13 +69,10 @@ impl Parts {
 
     /// Those that are configured are read from now on.
     pub fn want(&self, sensors: &Sensors) {
-        self.gas.wanted.store(sensors.gas_element.is_digital(), Ordering::Relaxed);
-        self.pressure.wanted.store(sensors.pressure_part.is_digital(), Ordering::Relaxed);
+        self.gas.want(sensors.gas_element.is_digital());
+        self.pressure.want(sensors.pressure_part.is_digital());
     }
 }
-
-/// Time after which somebody may want a part that nobody wanted.
-const UNWANTED: Duration = Duration::from_millis(5);
 
 /// Waits for the middle of a step, when control is done.
 async fn middle_of_a_step() {
@@ -86,7 +94,7 @@ pub async fn read_gas<S: SpiDevice, P: InputPin>(bus: S, mut ready: P, part: &Pa
     loop {
         if !part.is_wanted() {
             quiet = GAS_PATIENCE;
-            Timer::after(UNWANTED).await;
+            part.called.wait().await;
             continue;
         }
         middle_of_a_step().await;
@@ -123,7 +131,7 @@ pub async fn read_pressure<I: I2c>(bus: I, part: &Part) -> ! {
     let mut chip = Mpr::new(bus);
     loop {
         if !part.is_wanted() {
-            Timer::after(UNWANTED).await;
+            part.called.wait().await;
             continue;
         }
         middle_of_a_step().await;

@@ -24,7 +24,7 @@ const BEGUN: &str = "begun.txt";
 /// Points that a message names.
 const MOST_NAMED: usize = 3;
 
-/// A sweep's folder while it runs. It stays until [`Journal::publish`].
+/// A sweep's folder while it runs. It stays until [`Journal::close`].
 #[derive(Debug)]
 pub struct Journal {
     out: OutputDir,
@@ -130,10 +130,10 @@ impl Journal {
 
     /// The folder, all points being done: what is written there now is published with the rest.
     pub fn close(self) -> OutputDir {
-        // Closed before they move.
-        drop((self.table, self.begun));
-        let _ = fs::remove_file(self.out.place().join(BEGUN));
-        self.out
+        // The others are closed before they move.
+        let Self { out, .. } = self;
+        let _ = fs::remove_file(out.place().join(BEGUN));
+        out
     }
 }
 
