@@ -54,10 +54,14 @@ pub fn short(value: f32) -> f64 {
 /// `None` for a chamber whose dimensions a scenario has in other words.
 fn scenario(config: &Config) -> Option<Scenario> {
     let mut s = Scenario::default();
-    s.plant.model = PlantModel::Full;
+    // What a core is told of `full` has gas near the port, or at least a housing around the foil.
+    let housing_s = config.sensors.gas.housing_time_constant_s;
+    let full = config.estimator.port_cooling > 0.0 || housing_s > 0.0;
+    s.plant.model = if full { PlantModel::Full } else { PlantModel::Lumped };
     // A foil that averages over the whole muscle sees the mean, as the core's one zone has it.
     (s.sensor.gas.span, s.sensor.gas.position) = (1.0, 0.5);
     s.tube.volume_m3 = 1.0e-9;
+    let tube_m3 = if full { s.tube.volume_m3 } else { 0.0 };
     s.heat.model = HeatModel::Constant;
     s.heat.scale = 1.0;
     match config.chamber {
@@ -72,7 +76,10 @@ fn scenario(config: &Config) -> Option<Scenario> {
             s.muscle.diameter_m = (thread_m * thread_m - rest_m * rest_m).sqrt() / (turns * PI);
             s.muscle.braid_angle_deg = math::acos(rest_m / thread_m).to_degrees();
             s.muscle.bladder_stiffness_n_m = short(muscle.bladder_stiffness_n_m);
-            s.muscle.dead_volume_m3 = (short(muscle.dead_volume_m3) - s.tube.volume_m3).max(0.0);
+            s.muscle.bladder_saturation_n = short(muscle.bladder_saturation_n);
+            s.muscle.bladder_strain = short(muscle.bladder_strain);
+            s.muscle.slack_m = short(muscle.slack_m);
+            s.muscle.dead_volume_m3 = (short(muscle.dead_volume_m3) - tube_m3).max(0.0);
         }
         ChamberConfig::Vessel(Vessel { section_m2, surface_m2 }) => {
             s.plant.kind = PlantKind::Vessel;
@@ -149,6 +156,8 @@ fn scenario(config: &Config) -> Option<Scenario> {
     ]);
     let mut s = with_numbers(&s, numbers);
     s.estimator = config.estimator;
+    let own = short(config.estimator.port_cooling) - one_zone.port_cooling;
+    s.estimator.port_cooling = own.max(0.0) as f32;
     s.controller = config.controller;
     Some(s)
 }
@@ -167,6 +176,8 @@ mod tests {
              [load]\nkind = \"mass\"\nmass_kg = 7.3\n[heat]\nmodel = \"correlation\"\n",
             "[muscle]\nrest_length_m = 0.217\ndiameter_m = 0.0137\nbraid_angle_deg = 21.3\n\
              [valve]\npwm_hz = 62.5\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
+            "[muscle]\nbladder_saturation_n = 41.3\nbladder_strain = 0.031\nslack_m = 0.0043\n\
+             [estimator]\nport_cooling = 0.15\n",
             "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3435.0\n",
             "[sensor.gas]\nkind = \"max31865\"\n[sensor.max31865]\nreference_ohm = 402.0\n\
              [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",
