@@ -812,6 +812,10 @@ impl Estimator {
         self.update_temperature();
         self.wall_k = limit(self.wall_k + wall * innovation, COLDEST_K, HOTTEST_K);
         self.sensor_k += sensor * innovation;
+        if self.unmoved_k > 0.0 {
+            // It may be frozen: a lag learnt from that would say that nothing had to move.
+            return;
+        }
         self.scale = limit(self.scale * exp(limit(scale * innovation, -0.1, 0.1)), 0.2, 5.0);
         self.lag_s = limit(
             self.lag_s * exp(limit(lag * innovation, -0.1, 0.1)),
