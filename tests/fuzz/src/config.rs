@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn no_bytes_are_the_default() {
         assert_eq!(from_bytes(&mut Unstructured::new(&[])), Config::default());
-        assert_eq!(differences(&Config::default()), "muscle, isotonic, pt1000: ");
+        assert_eq!(differences(&Config::default()), "muscle, isotonic, pt1000, ratiometric: ");
     }
 
     /// What the core complains of, a user can look up; the rest no key says.
@@ -268,7 +268,7 @@ mod tests {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
         let nothing = [f32::INFINITY, f32::NEG_INFINITY];
         let mut seen: Vec<_> = kinds.iter().map(|kind| vec![nothing; kind.names.len()]).collect();
-        for _ in 0..5_000 {
+        for _ in 0..20_000 {
             let mut bytes = [0; 512];
             random.fill_bytes(&mut bytes);
             let config = from_bytes(&mut Unstructured::new(&bytes));
@@ -286,6 +286,7 @@ mod tests {
                     "muscle.slack_m",
                     "valve.switch_time_s",
                     "sensor.gas.range_max_k",
+                    "sensor.max31865.highest_k",
                 ]
                 .contains(name)
                 {
