@@ -172,21 +172,6 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     assert!(info.contains("vent") && info.contains("configuration: tune, "), "{info}");
 }
 
-/// The whole experiment, in real time.
-#[test]
-#[ignore = "minutes in real time: cargo test -p host-sim --test board_guided -- --ignored --nocapture"]
-fn a_board_is_tuned_in_real_time() {
-    if skip_emulator() {
-        return;
-    }
-    let bench = told();
-    let text = bench
-        .ok("thermyo tune scenarios/contraction.toml --board port:emulated --out out/tune --quiet");
-    println!("{text}");
-    bench.ok("thermyo check out/tune/tuned.toml");
-    bench.ok("thermyo board emulated config write out/tune/tuned.toml");
-}
-
 /// A command at a terminal of its own, which hears keys.
 struct AtTerminal {
     child: Child,
