@@ -112,17 +112,23 @@ fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
     assert!(telemetry.faults.intersects(Faults::NOT_CONFIGURED), "{telemetry:?}");
 }
 
+/// A board that has judged its sensors and fills its muscle.
+fn driving() -> Rig {
+    let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
+    rig.start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 });
+    for _ in 0..JUDGING_STEPS + 20 {
+        rig.exchange();
+    }
+    rig
+}
+
 /// What is driven is not saved to, and goes on.
 #[test]
 fn a_board_that_drives_does_not_save() {
     if skip_emulator() {
         return;
     }
-    let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
-    rig.start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 });
-    for _ in 0..JUDGING_STEPS + 20 {
-        rig.exchange();
-    }
+    let mut rig = driving();
     let before = rig.exchange().flash_operations;
     for command in [HostCommand::Save, HostCommand::Forget] {
         let refused = rig.board.ask(command);
@@ -166,11 +172,7 @@ fn the_last_failure_survives_the_power() {
     if skip_emulator() {
         return;
     }
-    let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
-    rig.start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 });
-    for _ in 0..JUDGING_STEPS + 20 {
-        rig.exchange();
-    }
+    let mut rig = driving();
     rig.exchange_with(|sample| Sample { emergency_stop: true, ..sample });
     for _ in 0..SAVE_MS {
         rig.exchange();
