@@ -105,12 +105,12 @@ const LEARNT_MOST: f32 = 0.006;
 const LEARNT_FAR: f32 = 0.17;
 /// The mean square of the swing counts by that much, beside the square of this instant \[-\].
 const LEARNT_LATER: f32 = 0.04;
+/// Over which that mean is taken \[s\].
+const SWING_S: f32 = 8.0;
 /// `place_error_k` of a foil in the middle, which what is stated was found with \[K\].
 const MIDDLE_PLACE_K: f32 = 0.87;
 /// Largest factor for a foil off it: nearly all of the covariance, however little of it the agreement leaves \[-\].
 const MOST_PLACE: f32 = 6.6;
-/// Over which that is taken \[s\].
-const SWING_S: f32 = 8.0;
 /// Variance that zones leave, with all of their gas at the port: in squares of the swing now, and in its mean
 /// squares \[-\].
 const ZONES_NOW: f32 = 6.0e-5;
