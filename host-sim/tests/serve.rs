@@ -376,6 +376,11 @@ fn a_muscle_is_tuned_from_the_page() {
     assert!(report.contains("<svg"));
     let tuned = fs::read_to_string(served.bench.path("out/serve/tune-1/tuned.toml")).unwrap();
     assert!(tuned.contains("[believed."), "{tuned}");
+    // The muscle follows the pins: the valve's 1 ms and half of its 2 ms, and the sensor's lag.
+    let summary = fs::read(served.bench.path("out/serve/tune-1/summary.json")).unwrap();
+    let summary: Value = serde_json::from_slice(&summary).unwrap();
+    let delay_s = summary["delay_s"].as_f64().unwrap();
+    assert!((0.002..0.004).contains(&delay_s), "{delay_s}");
 }
 
 #[test]

@@ -215,7 +215,7 @@ struct Emulated {
 
 impl Emulated {
     fn new(loaded: &Loaded, flash: &Path) -> Result<Self, BoardError> {
-        let rig = Rig::new(loaded)
+        let rig = Rig::behind_pins(loaded)
             .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
         Ok(Self { board: EmulatedBoard::with_flash(flash)?, rig, to_client: Vec::new() })
     }
@@ -243,7 +243,7 @@ impl Emulated {
         self.to_client.extend(self.board.read());
         self.board.take_telemetry();
         self.rig
-            .advance(exchange.set_duty())
+            .advance(exchange.actuation())
             .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
         Ok(connected)
     }

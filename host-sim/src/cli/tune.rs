@@ -51,11 +51,7 @@ struct Watched<'a> {
 }
 
 impl Bench for Watched<'_> {
-    fn drive(
-        &mut self,
-        driven: &Loaded,
-        each: &mut dyn FnMut(&Telemetry, f64),
-    ) -> Result<(), RunError> {
+    fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError> {
         let Self { bench, bar, before_ms } = self;
         let run = &driven.plant.run;
         let whole_ms = (run.duration_s * 1e3) as u64;
@@ -63,10 +59,10 @@ impl Bench for Watched<'_> {
             // The first one is the experiment.
             bar.set_length(whole_ms + (tune::checks_s() * 1e3) as u64);
         }
-        bench.drive(driven, &mut |telemetry, set_point| {
+        bench.drive(driven, &mut |telemetry| {
             let time_ms = f64::from(telemetry.step) * run.step_s * 1e3;
             bar.set_position(*before_ms + time_ms as u64);
-            each(telemetry, set_point);
+            each(telemetry);
         })?;
         *before_ms += whole_ms;
         Ok(())

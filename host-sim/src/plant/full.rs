@@ -502,6 +502,11 @@ impl<C: Chamber + Copy + Send> Full<C> {
 }
 
 impl<C: Chamber + Copy + Send> Plant for Full<C> {
+    fn follow_pins(&mut self) {
+        self.inlet.follow_pin(self.config.step_s);
+        self.outlet.follow_pin(self.config.step_s);
+    }
+
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         let substeps = self.config.substeps.now(&self.config.piping);
         let step = self.config.step_s / f64::from(substeps);

@@ -1,4 +1,5 @@
-//! A fast switching valve behind a PWM output: latched duty, dead time, finite slew.
+//! A fast switching valve behind a PWM output: latched duty, dead time, finite slew. Or behind a pin that
+//! somebody else switches, of whom each step's share is known.
 
 use crate::scenario::Valve;
 use std::collections::VecDeque;
@@ -6,6 +7,9 @@ use std::collections::VecDeque;
 /// Times closer than this are the same: steps and periods are multiples of each other only up to
 /// rounding \[s\].
 const EDGE_TOLERANCE_S: f64 = 1e-9;
+/// A pin that was high for more than this share of a step's end is high at its end: a counted time may miss by
+/// some cycles.
+const HIGH: f64 = 0.999;
 
 /// The valve's opening under PWM.
 ///
@@ -18,9 +22,18 @@ pub struct PwmValve {
     /// Share of the stroke per time \[1/s\]; infinite for an ideal valve.
     slew: f64,
     opening: f64,
-    /// Duties latched, oldest first; the first belongs to `oldest_period`.
-    latched: VecDeque<f64>,
+    /// Pulses latched, oldest first; the first belongs to `oldest_period`.
+    latched: VecDeque<Pulse>,
     oldest_period: u64,
+    /// Whether a period is one step, of which the pin's share is given.
+    follows_pin: bool,
+}
+
+/// When the pin is high, as shares of the period.
+#[derive(Debug, Clone, Copy)]
+struct Pulse {
+    from: f64,
+    until: f64,
 }
 
 impl PwmValve {
@@ -33,13 +46,25 @@ impl PwmValve {
             opening: 0.0,
             latched: VecDeque::new(),
             oldest_period: 0,
+            follows_pin: false,
         }
+    }
+
+    /// From time zero on, what is latched is the share of a step for which the pin was high.
+    pub fn follow_pin(&mut self, step_s: f64) {
+        self.period_s = step_s;
+        self.follows_pin = true;
     }
 
     /// Latches `duty` for every period that starts before `end`, unless one is latched already.
     pub fn latch(&mut self, end_s: f64, duty: f64) {
         while self.oldest_start_s(self.latched.len()) < end_s - EDGE_TOLERANCE_S {
-            self.latched.push_back(duty.clamp(0.0, 1.0));
+            let duty = duty.clamp(0.0, 1.0);
+            // A pin that was low rises within the step and is high at its end; one that was high falls.
+            let rises =
+                self.follows_pin && self.latched.back().is_none_or(|last| last.until < HIGH);
+            let from = if rises && duty > 0.0 { 1.0 - duty } else { 0.0 };
+            self.latched.push_back(Pulse { from, until: from + duty });
         }
     }
 
@@ -58,10 +83,17 @@ impl PwmValve {
             self.latched.pop_front();
             self.oldest_period += 1;
         }
-        let duty = self.latched.front().copied().unwrap_or(0.0);
+        let pulse = self.latched.front().copied().unwrap_or(Pulse { from: 0.0, until: 0.0 });
         let start = self.dead_time_s + self.oldest_start_s(0);
-        let fall = start + duty * self.period_s;
-        if time_s < fall - EDGE_TOLERANCE_S { (true, fall) } else { (false, start + self.period_s) }
+        let rise = start + pulse.from * self.period_s;
+        let fall = start + pulse.until * self.period_s;
+        if time_s < rise - EDGE_TOLERANCE_S {
+            (false, rise)
+        } else if time_s < fall - EDGE_TOLERANCE_S {
+            (true, fall)
+        } else {
+            (false, start + self.period_s)
+        }
     }
 
     /// Mean opening from `start` to `end` \[-\]; moves the poppet.
@@ -148,5 +180,34 @@ mod tests {
             }
         }
         assert_eq!(opened, Some(11));
+    }
+
+    /// A pulse from 3.25 to 7.5 ms: as long, and at the same time, as the pin was high.
+    #[test]
+    fn a_pin_is_followed_within_its_steps() {
+        let ideal = Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..valve() };
+        let mut shares = [0.0; 12];
+        shares[3..8].copy_from_slice(&[0.75, 1.0, 1.0, 1.0, 0.5]);
+        let high = |follow: &dyn Fn(&mut PwmValve)| -> Vec<f64> {
+            let mut valve = PwmValve::new(&ideal);
+            follow(&mut valve);
+            (0..48)
+                .map(|quarter| {
+                    let start_s = f64::from(quarter) * 0.25e-3;
+                    valve.latch(
+                        (f64::from(quarter / 4) + 1.0) * 0.001,
+                        shares[quarter as usize / 4],
+                    );
+                    valve.advance(start_s, start_s + 0.25e-3)
+                })
+                .collect()
+        };
+        let open = high(&|valve| valve.follow_pin(0.001));
+        for (quarter, open) in open.iter().enumerate() {
+            let expected = f64::from((13..30).contains(&quarter));
+            assert!((open - expected).abs() < 1e-4, "{quarter}: {open}");
+        }
+        // A PWM of its own knows nothing of this: it waits for its period.
+        assert!(high(&|_| ()).iter().all(|open| *open < 1e-4));
     }
 }

@@ -28,19 +28,15 @@ struct Watched<'a, 'b> {
 }
 
 impl Bench for Watched<'_, '_> {
-    fn drive(
-        &mut self,
-        driven: &Loaded,
-        each: &mut dyn FnMut(&Telemetry, f64),
-    ) -> Result<(), RunError> {
+    fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError> {
         self.parts += 1;
         let run = &driven.plant.run;
         let (number, duration_s, step_s) = (self.parts, run.duration_s, run.step_s);
         let show = &mut *self.show;
-        self.bench.drive(driven, &mut |telemetry, set_point| {
+        self.bench.drive(driven, &mut |telemetry| {
             let time_s = f64::from(telemetry.step) * step_s;
             show(telemetry, Part { number, duration_s, time_s });
-            each(telemetry, set_point);
+            each(telemetry);
         })
     }
 

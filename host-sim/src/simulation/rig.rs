@@ -29,6 +29,17 @@ impl Rig {
         })
     }
 
+    /// That of a scenario, behind the pins of a board that makes the pulses: each share given to
+    /// [`Rig::advance`] is that of the step for which a valve was driven.
+    ///
+    /// # Errors
+    /// As [`plant::build`].
+    pub fn behind_pins(loaded: &Loaded) -> Result<Self, BuildError> {
+        let mut rig = Self::new(loaded)?;
+        rig.plant.follow_pins();
+        Ok(rig)
+    }
+
     /// What arrives at the core now. Every call draws the sensors' noise: one per step.
     pub fn sample(&mut self) -> Sample {
         let truth = self.plant.truth();

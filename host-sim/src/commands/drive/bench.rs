@@ -6,7 +6,7 @@ use crate::board::live::LiveBoard;
 use crate::commands::tune::Bench;
 use crate::scenario::Loaded;
 use crate::scenario::core_config::core_config;
-use crate::simulation::run::{RunError, SetPoints};
+use crate::simulation::run::RunError;
 use model_core::{Config, Telemetry};
 
 /// The board, armed for each run up to a pressure, a little above which it vents.
@@ -31,18 +31,12 @@ impl<'a> LiveBench<'a> {
 }
 
 impl Bench for LiveBench<'_> {
-    fn drive(
-        &mut self,
-        driven: &Loaded,
-        each: &mut dyn FnMut(&Telemetry, f64),
-    ) -> Result<(), RunError> {
+    fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError> {
         let config = core_config(&driven.believed);
         self.board.configure(&config, self.name)?;
         self.board.arm(Some((self.highest_pa as f32).min(config.working_limit_pa())))?;
-        let set_points = SetPoints::new(driven);
-        let step_s = driven.plant.run.step_s;
         let mut show = |telemetry: &Telemetry, _: Option<&_>| {
-            each(telemetry, set_points.value(f64::from(telemetry.step) * step_s));
+            each(telemetry);
             Ok(())
         };
         drive(self.board, driven, self.wanted, &mut show).map_err(|error| match error {

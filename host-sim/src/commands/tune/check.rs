@@ -80,7 +80,7 @@ pub fn check(
     };
     let counted_from_s = BEFORE_S + 1.0 / SINE_HZ;
     let square = mean(
-        &mut within(counted_from_s, sine_end_s).map(|r| (contraction(r) - sine(r.time_s)).powi(2)),
+        &mut within(counted_from_s, sine_end_s).map(|r| (contraction(r) - r.set_point).powi(2)),
     );
     let mut figures = Figures {
         sine_rms_percent: square.sqrt() / STROKE * 100.0,

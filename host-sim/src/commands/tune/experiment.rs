@@ -10,6 +10,7 @@
 
 use super::Refusal;
 use crate::board::{Board, BoardError};
+use crate::files::board_trace::kind_and_values;
 use crate::files::trace::Row;
 use crate::scenario::{DriveKind, Loaded};
 use crate::simulation::run::{self, RunError};
@@ -72,12 +73,14 @@ pub struct Record {
 }
 
 impl Record {
-    fn new(telemetry: &Telemetry, set_point: f64, step_s: f64) -> Self {
+    fn new(telemetry: &Telemetry, step_s: f64) -> Self {
         let Telemetry { step, pressure_pa, length_m, estimate, command, faults, .. } = telemetry;
+        // What acts, not what was planned: over a line a set point may come late.
+        let (_, set_point, _) = kind_and_values(telemetry.set_point);
         Self {
             step: *step,
             time_s: f64::from(*step) * step_s,
-            set_point,
+            set_point: f64::from(set_point),
             pressure_pa: f64::from(*pressure_pa),
             length_m: f64::from(*length_m),
             gas_k: f64::from(estimate.gas_k),
@@ -91,16 +94,11 @@ impl Record {
 
 /// What an experiment is carried out on: a board with a simulated muscle, or with one of its own.
 pub trait Bench {
-    /// Drives a scenario from its beginning to its end; the telemetry of every step is shown, with its set point
-    /// in the drive's unit.
+    /// Drives a scenario from its beginning to its end; the telemetry of every step is shown.
     ///
     /// # Errors
     /// When the run could not be finished.
-    fn drive(
-        &mut self,
-        driven: &Loaded,
-        each: &mut dyn FnMut(&Telemetry, f64),
-    ) -> Result<(), RunError>;
+    fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError>;
 
     /// Vents.
     ///
@@ -113,13 +111,9 @@ pub trait Bench {
 pub struct Simulated<'a>(pub &'a mut dyn Board);
 
 impl Bench for Simulated<'_> {
-    fn drive(
-        &mut self,
-        driven: &Loaded,
-        each: &mut dyn FnMut(&Telemetry, f64),
-    ) -> Result<(), RunError> {
+    fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError> {
         let mut observer = |row: &Row| {
-            each(&row.telemetry, row.set_point);
+            each(&row.telemetry);
             Ok(())
         };
         run::run(driven, self.0, None, &mut observer).map(drop)
@@ -143,8 +137,8 @@ pub fn record(
     let driven = loaded.driven(kind, profile);
     let step_s = driven.plant.run.step_s;
     let mut records = Vec::new();
-    bench.drive(&driven, &mut |telemetry, set_point| {
-        records.push(Record::new(telemetry, set_point, step_s));
+    bench.drive(&driven, &mut |telemetry| {
+        records.push(Record::new(telemetry, step_s));
     })?;
     Ok(records)
 }
