@@ -69,13 +69,30 @@ pub fn ln(x: f32) -> f32 {
 
 /// `x` limited to `low ..= high`; `low` for NaN. `f32::clamp` would panic on a bad range.
 pub fn limit(x: f32, low: f32, high: f32) -> f32 {
-    if x > high {
-        high
-    } else if x >= low {
-        x
-    } else {
+    if order(x) < order(low) || order(x) > order(f32::INFINITY) {
         low
+    } else if order(x) > order(high) {
+        high
+    } else {
+        x
     }
+}
+
+/// A number that is ordered as `x` is, that of NaN beyond the infinities. A processor without floating point
+/// compares integers in a tenth of the time.
+const fn order(x: f32) -> i32 {
+    let bits = x.to_bits() as i32;
+    if bits < 0 { i32::MIN.wrapping_sub(bits) } else { bits }
+}
+
+/// Whether `x` is greater than `y`; NaN counts as beyond the infinities.
+pub fn is_above(x: f32, y: f32) -> bool {
+    order(x) > order(y)
+}
+
+/// Whether `x` lies in `low ..= high`; false for NaN.
+pub fn is_within(x: f32, low: f32, high: f32) -> bool {
+    (order(low)..=order(high)).contains(&order(x))
 }
 
 /// Magnitude; that of NaN is NaN.
@@ -125,6 +142,19 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn limits_compare_as_numbers_do(x in any::<u32>(), a in any::<f32>(), b in any::<f32>()) {
+            let (low, high) = (a.min(b), a.max(b));
+            let some = [low, high, -low, f32::INFINITY, f32::NEG_INFINITY, f32::NAN, -f32::NAN, f32::MAX];
+            for x in some.into_iter().chain([f32::from_bits(x), 0.5 * low + 0.5 * high]) {
+                let within = x >= low && x <= high;
+                prop_assert_eq!(is_above(x, low), x > low || (x.is_nan() && x.is_sign_positive()), "{} {}", x, low);
+                prop_assert_eq!(is_within(x, low, high), within, "{} {} {}", x, low, high);
+                let limited = if within { x } else if x > high { high } else { low };
+                prop_assert_eq!(limit(x, low, high), limited, "{} {} {}", x, low, high);
+            }
+        }
+
         #[test]
         fn sqrt_is_close(x in 1.0e-30_f32..1.0e30) {
             let exact = f64::from(x).sqrt();

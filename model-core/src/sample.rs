@@ -245,6 +245,11 @@ impl Faults {
         (Self::GAS_LOST, "gas sensor lost"),
     ];
 
+    /// These where a condition holds, otherwise none.
+    pub const fn when(self, condition: bool) -> Self {
+        if condition { self } else { Self::NONE }
+    }
+
     /// Both together.
     pub const fn with(self, other: Self) -> Self {
         Self(self.0 | other.0)

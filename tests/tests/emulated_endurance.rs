@@ -18,6 +18,11 @@ use system_tests::skip_emulator;
 const SAFE_MS: f64 = 100.0;
 /// Worst delay of a step's start \[us\].
 const JITTER_US: u32 = 20;
+/// That where nobody floods it \[us\].
+const QUIET_JITTER_US: u32 = 5;
+/// Mean and worst time of the core's step in contraction control.
+const STEP_MEAN_NS: u32 = 75_000;
+const STEP_WORST_US: u32 = 200;
 /// Longest PWM period of the board \[steps\].
 const LONGEST_PERIOD: u32 = 102;
 /// The most that a flood commands \[-\].
@@ -412,7 +417,9 @@ fn assert_no_step_is_missed(seconds: u32) {
     println!("{seconds} s of contraction control: {timing:?}, {moved} of {frames} frames move");
     assert_eq!((timing.missed_steps, timing.dropped_telemetry, timing.malformed_frames), (0, 0, 0));
     assert_eq!((worst, timing.dropped_requests), (Faults::NONE, 0));
-    assert!(timing.jitter_worst_us <= JITTER_US, "{timing:?}");
+    assert!(timing.jitter_worst_us <= QUIET_JITTER_US, "{timing:?}");
+    assert!((20_000..=STEP_MEAN_NS).contains(&timing.step_mean_ns), "{timing:?}");
+    assert!((50..=STEP_WORST_US).contains(&timing.step_worst_us), "{timing:?}");
     let due = seconds * 1000 / u32::from(divider);
     assert!((due - 10..=due + 60).contains(&frames), "{frames} frames of {due}");
     assert!(moved > frames / 10, "{moved} of {frames} frames move anything");

@@ -53,7 +53,7 @@ use self::covariance::{Covariance, LARGEST_GAS, Product, Transition};
 use self::energy::{Averaging, Energy};
 use self::trend::{FlowState, Trend, Uncertainty};
 use crate::config::Config;
-use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
+use crate::math::{CompensatedSum, absolute, exp, is_above, is_within, limit, sqrt};
 use crate::physics::chamber::Chamber;
 use crate::sample::Estimate;
 use crate::sensing::{GasReading, Reading};
@@ -310,7 +310,7 @@ fn initial_covariance(config: &Config) -> Covariance {
 
 /// Within a wide code, or by noise.
 fn uncertainty(wide: f32, noise: f32) -> Uncertainty {
-    if wide > 0.0 { Uncertainty::WideCode(wide) } else { Uncertainty::Noise(noise) }
+    if is_above(wide, 0.0) { Uncertainty::WideCode(wide) } else { Uncertainty::Noise(noise) }
 }
 
 impl Estimator {
@@ -456,14 +456,9 @@ impl Estimator {
     fn is_sound(&self) -> bool {
         let temperatures_k =
             [self.gas_k, self.wall_k, self.housing_k, self.sensor_k, self.gas_k + self.port_k];
-        let mass_kg = self.mass_kg.value();
-        temperatures_k.iter().all(|t| *t >= COLDEST_K && *t <= HOTTEST_K)
-            && mass_kg > 0.0
-            && mass_kg < f32::MAX
-            && self.scale > 0.0
-            && self.scale < f32::MAX
-            && self.lag_s > 0.0
-            && self.lag_s < f32::MAX
+        let positive = [self.mass_kg.value(), self.scale, self.lag_s];
+        temperatures_k.iter().all(|t| is_within(*t, COLDEST_K, HOTTEST_K))
+            && positive.iter().all(|x| is_within(*x, f32::MIN_POSITIVE, f32::MAX))
     }
 
     /// Starts anew from nothing: whatever made the state what nothing can be is forgotten.
@@ -604,7 +599,7 @@ impl Estimator {
 
     /// Mass and temperature over one step, from what pressure and volume did.
     fn propagate(&mut self, pressure_pa: f32, wide_pa: f32, volume_m3: f32, openings: Openings) {
-        let conductance = if self.inflow_kg > 0.0 {
+        let conductance = if is_above(self.inflow_kg, 0.0) {
             self.still_j_k + self.stirred_j_k_kg * self.inflow_kg
         } else {
             self.still_j_k
@@ -613,7 +608,7 @@ impl Estimator {
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
         let closed_j = self.energy.energy_j() - work_j - heat_j;
         let per_pa = volume_m3 * self.per_k_minus_1;
-        let uncertainty = uncertainty(wide_pa * per_pa, self.noise_pa * per_pa);
+        let uncertainty = uncertainty(wide_pa, self.noise_pa).times(per_pa);
         let measured_j = pressure_pa * per_pa;
         let enthalpy_j = self.energy.step(closed_j, measured_j, uncertainty, openings);
         if self.interval.steps == 0 {
@@ -662,7 +657,7 @@ impl Estimator {
         let product = self.energy.energy_j() * self.per_cv;
         let told_k = product / self.mass_kg.value();
         self.gas_k = limit(told_k, COLDEST_K, HOTTEST_K);
-        if self.gas_k != told_k {
+        if self.gas_k.to_bits() != told_k.to_bits() {
             self.mass_kg = CompensatedSum::new(product / self.gas_k);
         }
     }

@@ -6,7 +6,7 @@
 //! flow, of ever more while none does. A turn is a change of the valves' openings, or an error that is
 //! no noise.
 
-use crate::math::{absolute, limit};
+use crate::math::{absolute, is_above, limit};
 
 /// Shares of an error by which value and rate follow it, so many steps after a turn:
 /// 2(2n + 1)/((n + 1)(n + 2)) and 6/((n + 1)(n + 2)).
@@ -38,6 +38,16 @@ pub enum Uncertainty {
     Noise(f32),
     /// By half of a code that the converter makes too wide: within it the reading says nothing.
     WideCode(f32),
+}
+
+impl Uncertainty {
+    /// In another unit, which is `factor` of this one, not negative.
+    pub fn times(self, factor: f32) -> Self {
+        match self {
+            Self::Noise(most) => Self::Noise(most * factor),
+            Self::WideCode(half) => Self::WideCode(half * factor),
+        }
+    }
 }
 
 /// What the valves let expect of a step.
@@ -89,7 +99,7 @@ impl Trend {
             Uncertainty::Noise(noise) => noise,
         };
         let error = change - self.rate;
-        if flow_state == FlowState::Turned || absolute(error) > noise {
+        if flow_state == FlowState::Turned || is_above(absolute(error), noise) {
             self.steady_steps = 0;
         }
         let most = if flow_state == FlowState::Shut { usize::MAX } else { OPEN_STEPS };

@@ -33,6 +33,7 @@
 //! after each of them the muscle vents for the 50 ms that it takes to judge the sensors.
 
 use crate::config::Config;
+use crate::math::is_above;
 use crate::sample::{Faults, Sample};
 use crate::sensing::{Readings, Validity};
 use crate::step_counts::StepCounts;
@@ -195,7 +196,7 @@ impl Supervisor {
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
         self.overpressure_steps =
-            count(pressure.value > self.limits.pressure_pa, self.overpressure_steps);
+            count(is_above(pressure.value, self.limits.pressure_pa), self.overpressure_steps);
         self.impossible_length_steps = count(impossible_length, self.impossible_length_steps);
         let silent = driven && !board.heard;
         self.silent_steps = if silent { self.silent_steps.saturating_add(1) } else { 0 };
@@ -205,23 +206,20 @@ impl Supervisor {
         let StepCounts { patience_steps, silent_steps, .. } = self.limits.counts;
         let length_lost =
             length.validity != Validity::Valid || self.impossible_length_steps >= patience_steps;
-        let mut present = found;
-        for (condition, fault) in [
-            (board.emergency_stop, Faults::EMERGENCY_STOP),
-            (pressure.validity == Validity::Lost, Faults::PRESSURE_SENSOR),
-            (self.overpressure_steps >= patience_steps, Faults::OVERPRESSURE),
-            (*gas != Validity::Valid, Faults::GAS_SENSOR),
-            (self.limits.digital_gas && *gas == Validity::Lost, Faults::GAS_LOST),
-            (length_lost, Faults::LENGTH_SENSOR),
-            (silent_steps.is_some_and(|steps| self.silent_steps >= steps), Faults::LINK_LOST),
-            (self.late >= TOO_LATE, Faults::MISSED_STEPS),
-            (!self.limits.configured, Faults::NOT_CONFIGURED),
-            (board.flooded, Faults::LINK_FLOODED),
-        ] {
-            if condition {
-                present = present.with(fault);
-            }
-        }
+        let present = found
+            .with(Faults::EMERGENCY_STOP.when(board.emergency_stop))
+            .with(Faults::PRESSURE_SENSOR.when(pressure.validity == Validity::Lost))
+            .with(Faults::OVERPRESSURE.when(self.overpressure_steps >= patience_steps))
+            .with(Faults::GAS_SENSOR.when(*gas != Validity::Valid))
+            .with(Faults::GAS_LOST.when(self.limits.digital_gas && *gas == Validity::Lost))
+            .with(Faults::LENGTH_SENSOR.when(length_lost))
+            .with(
+                Faults::LINK_LOST
+                    .when(silent_steps.is_some_and(|steps| self.silent_steps >= steps)),
+            )
+            .with(Faults::MISSED_STEPS.when(self.late >= TOO_LATE))
+            .with(Faults::NOT_CONFIGURED.when(!self.limits.configured))
+            .with(Faults::LINK_FLOODED.when(board.flooded));
         self.present = present;
         let latched = self.latched.with(present.of(LATCHING));
         if self.latched == Faults::NONE && latched != Faults::NONE {

@@ -95,8 +95,10 @@ pub trait Chamber {
 
     /// Whether it can have that length \[m\], by a sensor that is a little off.
     fn can_have_length_m(&self, length_m: f32) -> bool {
-        let beyond_m = absolute(length_m - self.limit_length_m(length_m));
-        beyond_m <= SENSOR_OFF * self.rest_length_m()
+        let limited_m = self.limit_length_m(length_m);
+        // Mostly it is within, and there is nothing to be computed.
+        limited_m.to_bits() == length_m.to_bits()
+            || absolute(length_m - limited_m) <= SENSOR_OFF * self.rest_length_m()
     }
 }
 
