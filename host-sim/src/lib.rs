@@ -17,3 +17,4 @@ pub mod scenario;
 #[cfg(feature = "command")]
 pub mod serve;
 pub mod simulation;
+pub mod stop;

@@ -3,6 +3,7 @@
 
 use model_core::SetPoint;
 use model_core::link::{HostCommand, Request, encode};
+use serde_json::json;
 use std::fs;
 
 mod board_support;
@@ -89,6 +90,37 @@ fn what_is_saved_survives_the_power() {
     bench.ok("thermyo board emulated unplug");
     let found = info(&bench);
     assert!(found.contains("the core's defaults") && found.contains("not configured"), "{found}");
+}
+
+#[test]
+fn what_is_done_to_a_board_is_said_as_json_too() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = Bench::new();
+    for (line, key, expected) in [
+        ("plug", "/plugged", json!(true)),
+        ("config write scenarios/contraction.toml", "/config_name", json!("contraction")),
+        ("config save", "/config_checksum", json!(null)),
+        ("config read out/read.toml", "/file", json!(null)),
+        ("clear", "/faults", json!(null)),
+        ("arm", "/armed_pa", json!(null)),
+        ("set pressure 130000 --hold 1", "/mean_pressure_pa", json!(null)),
+        ("stop", "/mode", json!("vent")),
+        ("info", "/version/protocol", json!(null)),
+        ("history", "", json!(null)),
+        ("config forget", "/saved", json!(false)),
+        ("unplug", "/plugged", json!(false)),
+    ] {
+        let printed = bench.ok(&format!("thermyo board emulated {line} --json --quiet"));
+        let json: serde_json::Value = serde_json::from_str(&printed).unwrap_or_default();
+        let value = json.pointer(key).unwrap_or_else(|| panic!("{line}: {printed}"));
+        assert!(!value.is_null(), "{line}: {printed}");
+        assert!(expected.is_null() || *value == expected, "{line}: {printed}");
+    }
+    assert_eq!(bench.ok("thermyo board emulated plug --quiet"), "");
+    assert_eq!(bench.ok("thermyo board emulated stop --quiet"), "");
+    assert!(bench.ok("thermyo board emulated info --quiet").contains("faults:"));
 }
 
 /// The lines that begin with `thermyo` in code blocks of the document, for the emulated board.

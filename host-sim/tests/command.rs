@@ -163,7 +163,7 @@ fn check_and_replay_take_json_and_quiet() {
     let trace = Path::new(&out).join("trace.csv").display().to_string();
     let again = folder.path().join("again").display().to_string();
     for (arguments, key) in [
-        (&["check", &file, "--json"][..], "plant"),
+        (&["check", &file, "--json", "--quiet"][..], "plant"),
         (&["replay", &trace, "--json", "--quiet", "--out", &again], "mismatches"),
         (&["compare", &out, &trace, "--json", "--out", &again], ""),
     ] {
@@ -213,6 +213,47 @@ fn ctrl_c_keeps_the_finished_rows_and_exits_130() {
     }
 }
 
+/// What cannot go on where it was keeps what it has finished, and says what that is.
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[run]\nduration_s = 300.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 100\n\
+                parameters = [\"heat.inner_w_m2_k\", \"friction.force_n\"]\n";
+    let file = scenario(folder.path(), text);
+    let recorded = folder.path().join("recorded").display().to_string();
+    assert!(thermyo(&["run", &file, "--quiet", "--out", &recorded]).status.success());
+    let trace = Path::new(&recorded).join("trace.csv").display().to_string();
+    let fine = folder.path().join("fine.toml");
+    fs::write(&fine, "[run]\nstep_s = 1e-4\n").unwrap();
+    let fine = fine.display().to_string();
+    for (arguments, said_so) in [
+        (&["tune", &fine][..], "the experiment was not finished, nothing is kept"),
+        (&["identify", &trace, "--config", &file], " of 100 searches "),
+        (&["evaluate", "control"], "finished"),
+    ] {
+        let out = folder.path().join(arguments[0]);
+        let child = Command::new(env!("CARGO_BIN_EXE_thermyo"))
+            .args(arguments)
+            .args(["--quiet", "--out"])
+            .arg(&out)
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        // By then Ctrl-C is looked after.
+        while !out.join("unfinished-1").exists() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        let pid = child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130), "{arguments:?}: {}", said(&output));
+        assert!(said(&output).contains(said_so), "{arguments:?}: {}", said(&output));
+        assert!(!out.join("summary.json").exists() && !out.join("report.html").exists());
+    }
+}
+
 #[test]
 fn shells_and_readers_are_told_of_every_command() {
     let folder = tempfile::tempdir().unwrap();
@@ -230,6 +271,9 @@ fn shells_and_readers_are_told_of_every_command() {
         let output = thermyo(&["completions", shell]);
         let script = String::from_utf8(output.stdout).unwrap();
         assert!(script.contains("compare") && script.contains("max-pressure"), "{shell}");
+        let output = thermyo(&["completions", shell, "--json", "--quiet"]);
+        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!((&told["shell"], &told["script"]), (&shell.into(), &script.into()));
     }
 }
 

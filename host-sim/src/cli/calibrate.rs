@@ -1,6 +1,6 @@
 //! `thermyo board PORT calibrate`: leads through the two points, and tells the board.
 
-use super::{Failure, interrupt, print};
+use super::{Failure, SaidArgs, interrupt, print};
 use crate::board::BoardError;
 use crate::board::live::LiveBoard;
 use crate::commands::calibrate::{Guide, Point, Sensor};
@@ -48,8 +48,12 @@ impl From<Which> for Sensor {
 pub(super) fn run(
     board: &mut LiveBoard,
     args: &CalibrateArgs,
+    said: SaidArgs,
     out: &mut dyn Write,
+    err: &mut dyn Write,
 ) -> Result<(), Failure> {
+    // The dialogue is no part of the result.
+    let asks: &mut dyn Write = if said.json { err } else { &mut *out };
     let sensor = Sensor::from(args.sensor);
     let before = board.status()?;
     if before.config_source == ConfigSource::Defaults {
@@ -64,36 +68,42 @@ pub(super) fn run(
         if let Some(calibrated) = guide.calibrated().map_err(implausible)? {
             break calibrated;
         }
-        print(out, &format!("{} ", guide.question()))?;
-        let mut said = None;
+        print(asks, &format!("{} ", guide.question()))?;
+        let mut typed = None;
         wait(board, |_, _| match lines.try_recv() {
             Ok(line) => {
-                said = Some(line);
+                typed = Some(line);
                 true
             }
             Err(TryRecvError::Disconnected) => true,
             Err(TryRecvError::Empty) => false,
         })?;
-        let said = said.unwrap_or_default();
-        guide.answer(&said).map_err(|error| Failure::Usage(error.to_string()))?;
+        let typed = typed.unwrap_or_default();
+        guide.answer(&typed).map_err(|error| Failure::Usage(error.to_string()))?;
         let mut seen = Ok(None);
         wait(board, |_, sample| {
             seen = guide.see(sample);
             !matches!(seen, Ok(None))
         })?;
         if let Some(Point { reading, .. }) = seen.map_err(implausible)? {
-            print(out, &format!("the sensor reads {reading:.4} {}\n", sensor.unit()))?;
+            print(asks, &format!("the sensor reads {reading:.4} {}\n", sensor.unit()))?;
         }
         if let Some(pressure_pa) = args.hold.filter(|_| !std::mem::replace(&mut held, true)) {
             let first = board.set(SetPoint::Pressure { pressure_pa })?;
-            print(out, &format!("it holds {:.1} kPa\n", pressure_pa / 1e3))?;
+            print(asks, &format!("it holds {:.1} kPa\n", pressure_pa / 1e3))?;
             wait(board, |step, _| step.saturating_sub(first) >= SETTLING_STEPS)?;
         }
     };
     board.stop()?;
     let status = board.configure(&calibrated, before.config_name.as_str())?;
-    print(
+    said.done(
         out,
+        &serde_json::json!({
+            "shifts": shifts,
+            "unit": sensor.unit(),
+            "config_name": status.config_name.as_str(),
+            "config_checksum": status.config_checksum,
+        }),
         &format!(
             "put right by {:+.4} and {:+.4} {}; configuration {} {:08x}, not saved; it vents and is not armed\n",
             shifts[0],

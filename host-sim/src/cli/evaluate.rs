@@ -1,6 +1,6 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
-use super::{Bar, Failure, load, print, progress_bar, publish};
+use super::{Bar, Failure, interrupt, load, print, progress_bar, publish};
 use crate::commands::evaluate::{self, control_page, faults};
 use crate::files::output::OutputDir;
 use clap::{Args, ValueEnum};
@@ -82,6 +82,7 @@ pub(super) fn run(
     if data.is_some() && !matches!(what, Subject::Truth) {
         return Err(Failure::Usage("a folder of data goes with `evaluate truth` only".to_owned()));
     }
+    interrupt::watch();
     let drawn = folder.as_deref().map(OutputDir::create).transpose()?;
     let nominal = match path {
         Some(path) => load(path, err)?,
@@ -90,7 +91,7 @@ pub(super) fn run(
     let bar = Bar::new(*quiet);
     let lines = match what {
         Subject::Estimator => match *random {
-            Some(count) => evaluate::estimator::random(seed.unwrap_or(1), count),
+            Some(count) => evaluate::estimator::random(seed.unwrap_or(1), count, &bar),
             None => evaluate::estimator::evaluate(&nominal, &bar),
         }
         .map_err(Failure::Run)?,
@@ -109,11 +110,22 @@ pub(super) fn run(
         }
     };
     drop(bar);
+    let stopped = interrupt::wanted();
     if *json {
         let json = serde_json::to_string_pretty(&lines).expect("a table is plain data") + "\n";
         print(out, &json)?;
     } else {
         print(out, &evaluate::table(&lines))?;
+    }
+    if stopped {
+        let _ = match lines.len() {
+            0 => writeln!(err, "thermyo: no case was finished, nothing is kept"),
+            count => writeln!(
+                err,
+                "thermyo: the {count} lines above are of the cases that were finished; no report is written"
+            ),
+        };
+        return Err(Failure::Interrupted);
     }
     if let Some(mut files) = drawn {
         let page = if let Subject::Faults = what {

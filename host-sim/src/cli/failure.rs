@@ -114,7 +114,8 @@ impl Failure {
     pub(super) fn exit_code(&self) -> u8 {
         match self {
             Self::Board(BoardError::Interrupted)
-            | Self::Run(RunError::Board(BoardError::Interrupted)) => STOPPED,
+            | Self::Run(RunError::Board(BoardError::Interrupted) | RunError::Stopped)
+            | Self::Identify(IdentifyError::Stopped { .. }) => STOPPED,
             Self::Input(_)
             | Self::Sweep(_)
             | Self::Merge(_)

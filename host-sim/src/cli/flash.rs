@@ -1,6 +1,6 @@
 //! `thermyo flash` and `thermyo ports`.
 
-use super::{Failure, print};
+use super::{Failure, SaidArgs, print};
 use crate::commands::flash::{self, FlashError, Model, Request, mounts};
 use crate::commands::ports;
 use clap::Args;
@@ -8,12 +8,8 @@ use std::io::Write;
 
 #[derive(Debug, Args)]
 pub(super) struct PortsArgs {
-    /// Print the list as JSON
-    #[arg(long)]
-    json: bool,
-    /// Only the list, no advice
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    said: SaidArgs,
 }
 
 #[derive(Debug, Args)]
@@ -27,34 +23,35 @@ pub(super) struct FlashArgs {
     /// Builds the firmware and finds the board, and writes nothing
     #[arg(long)]
     dry_run: bool,
-    /// Only say what went wrong
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    said: SaidArgs,
 }
 
 pub(super) fn list(args: &PortsArgs, out: &mut dyn Write) -> Result<(), Failure> {
     let found = ports::list(&mounts());
-    if args.json {
-        let json = serde_json::to_string_pretty(&found).expect("a list is plain data");
-        return print(out, &format!("{json}\n"));
-    }
-    if found.is_empty() && !args.quiet {
+    let json = serde_json::to_value(&found).expect("a list is plain data");
+    if found.is_empty() {
         let advice =
             "no board was found: plug one in; a new one with BOOTSEL held, for `thermyo flash`\n";
-        return print(out, advice);
+        return args.said.done(out, &json, advice);
     }
-    print(out, &found.iter().map(|found| format!("{found}\n")).collect::<String>())
+    let lines: String = found.iter().map(|found| format!("{found}\n")).collect();
+    args.said.answer(out, &json, &lines)
 }
 
 pub(super) fn run(args: FlashArgs, out: &mut dyn Write) -> Result<(), Failure> {
     let request = Request { target: args.target, model: args.chip, dry_run: args.dry_run };
     let mut broken = None;
     let mut say = |line: &str| {
-        if !args.quiet && broken.is_none() {
+        if !args.said.quiet && !args.said.json && broken.is_none() {
             broken = print(out, &format!("{line}\n")).err();
         }
     };
-    flash::run(&request, &mounts, &mut say)?;
+    let flashed = flash::run(&request, &mounts, &mut say)?;
+    if args.said.json {
+        let json = serde_json::to_value(&flashed).expect("plain data");
+        return args.said.answer(out, &json, "");
+    }
     broken.map_or(Ok(()), Err)
 }
 

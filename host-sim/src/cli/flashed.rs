@@ -2,7 +2,7 @@
 
 use super::log::LogArgs;
 use super::{
-    Failure, OutputArgs, calibrate, interrupt, print, progress_bar, publish, read_to_compare, tune,
+    Failure, SaidArgs, calibrate, interrupt, print, progress_bar, publish, read_to_compare, tune,
 };
 use crate::board::live::LiveBoard;
 use crate::board::{BoardError, port, service};
@@ -17,6 +17,7 @@ use model_core::control::Mode;
 use model_core::link::{ConfigSource, Event, LastReset, Status, Timing};
 use model_core::safety::supervisor::VENTING;
 use model_core::{Faults, SetPoint, Telemetry};
+use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -26,6 +27,12 @@ pub(super) struct BoardCommand {
     /// Serial port, such as /dev/ttyACM0, or "emulated": the firmware on an emulated Pico, with a simulated
     /// muscle at its pins
     port: String,
+    /// Print the result as JSON on standard output
+    #[arg(long, global = true)]
+    json: bool,
+    /// Print nothing but what was asked for, and what is wrong
+    #[arg(long, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     task: BoardTask,
 }
@@ -33,11 +40,7 @@ pub(super) struct BoardCommand {
 #[derive(Debug, Subcommand)]
 enum BoardTask {
     /// Who it is, what it knows of its muscle, what is wrong with it
-    Info {
-        /// As JSON
-        #[arg(long)]
-        json: bool,
-    },
+    Info,
     /// Lets it take set points, until something vents it
     Arm(ArmArgs),
     /// Gives it a set point, shows the muscle, and vents it in the end
@@ -50,11 +53,7 @@ enum BoardTask {
     #[command(subcommand)]
     Config(ConfigTask),
     /// What happened to it, the last event first
-    History {
-        /// As JSON
-        #[arg(long)]
-        json: bool,
-    },
+    History,
     /// Puts a sensor right by two points at which a reference is read
     Calibrate(calibrate::CalibrateArgs),
     /// Drives a profile, recorded as a simulated run is: trace.csv, summary.json, report.html
@@ -85,9 +84,6 @@ struct SetArgs {
     /// Arms it first
     #[arg(long, global = true)]
     arm: bool,
-    /// Says what happens only in the end
-    #[arg(long, global = true)]
-    quiet: bool,
 }
 
 #[derive(Debug, Args)]
@@ -101,8 +97,9 @@ struct DriveArgs {
     /// Measurements to compare with: time_s and any columns of trace.csv
     #[arg(long, value_name = "FILE.csv")]
     measured: Option<PathBuf>,
-    #[command(flatten)]
-    output: OutputArgs,
+    /// Folder for the results, report.html among them [default: out/drive]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
     #[command(flatten)]
     log: LogArgs,
 }
@@ -185,36 +182,46 @@ pub(super) fn run(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let BoardCommand { port, task } = command;
+    let BoardCommand { port, json, quiet, task } = command;
+    let said = SaidArgs { json, quiet };
     if let BoardTask::Plug { .. } | BoardTask::Unplug = task {
-        return plug(&port, task, out);
+        return plug(&port, task, said, out);
     }
     let mut board = LiveBoard::open(&port)?;
     match task {
-        BoardTask::Info { json } => info(&mut board, json, out),
-        BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, out),
-        BoardTask::Set(args) => set(&mut board, &args, out),
+        BoardTask::Info => info(&mut board, said, out),
+        BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, said, out),
+        BoardTask::Set(args) => set(&mut board, &args, said, out),
         BoardTask::Stop => {
             board.stop()?;
-            print(out, "it vents\n")
+            said.done(out, &vents(), "it vents\n")
         }
-        BoardTask::Clear => match board.clear()? {
-            Faults::NONE => print(out, "no fault is left; it vents until it is armed\n"),
-            Faults::NOT_CONFIGURED => {
-                print(out, "no fault is left; it waits for its configuration\n")
-            }
-            left if !left.intersects(VENTING) => print(out, &format!("shown: {left}\n")),
-            left => Err(Failure::Check(format!("still there: {left}"))),
-        },
-        BoardTask::Config(task) => configure(&mut board, task, out, err),
-        BoardTask::History { json } => history(&mut board, json, out),
-        BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, out),
-        BoardTask::Drive(args) => drive_profile(&mut board, &args, out, err),
+        BoardTask::Clear => {
+            let left = board.clear()?;
+            let words = match left {
+                Faults::NONE => "no fault is left; it vents until it is armed\n".to_owned(),
+                Faults::NOT_CONFIGURED => {
+                    "no fault is left; it waits for its configuration\n".to_owned()
+                }
+                left if !left.intersects(VENTING) => format!("shown: {left}\n"),
+                left => return Err(Failure::Check(format!("still there: {left}"))),
+            };
+            said.done(out, &json!({ "faults": left.to_string() }), &words)
+        }
+        BoardTask::Config(task) => configure(&mut board, task, said, out, err),
+        BoardTask::History => history(&mut board, said, out),
+        BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, said, out, err),
+        BoardTask::Drive(args) => drive_profile(&mut board, &args, said, out, err),
         BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
     }
 }
 
-fn plug(port: &str, task: BoardTask, out: &mut dyn Write) -> Result<(), Failure> {
+/// As JSON.
+fn vents() -> Value {
+    json!({ "mode": "vent" })
+}
+
+fn plug(port: &str, task: BoardTask, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
     if port != port::EMULATED {
         let usage =
             "only the emulated board is plugged in by a command: thermyo board emulated plug";
@@ -226,10 +233,12 @@ fn plug(port: &str, task: BoardTask, out: &mut dyn Write) -> Result<(), Failure>
                 scenario::load(scenario)?;
             }
             service::plug(scenario.as_deref())?;
-            print(out, "plugged in\n")
+            said.done(out, &json!({ "plugged": true }), "plugged in\n")
         }
-        _ if service::unplug() => print(out, "unplugged\n"),
-        _ => print(out, "it was not plugged in\n"),
+        _ => {
+            let words = if service::unplug() { "unplugged\n" } else { "it was not plugged in\n" };
+            said.done(out, &json!({ "plugged": false }), words)
+        }
     }
 }
 
@@ -248,25 +257,22 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     Ok(service::serve(&args.file, &loaded)?)
 }
 
-fn info(board: &mut LiveBoard, json: bool, out: &mut dyn Write) -> Result<(), Failure> {
+fn info(board: &mut LiveBoard, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
     let version = board.version();
     let (status, timing, last_reset) = (board.status()?, board.timing()?, board.last_reset()?);
     let telemetry = board.fresh_telemetry()?;
-    if json {
-        let json = serde_json::json!({
-            "port": board.port(),
-            "version": version,
-            "status": status,
-            "config_name": status.config_name.as_str(),
-            "last_reset": last_reset,
-            "timing": timing,
-            "faults": telemetry.faults.to_string(),
-            "pressure_pa": telemetry.pressure_pa,
-            "length_m": telemetry.length_m,
-            "estimate_k": telemetry.estimate.gas_k,
-        });
-        return print(out, &format!("{json:#}\n"));
-    }
+    let json = json!({
+        "port": board.port(),
+        "version": version,
+        "status": status,
+        "config_name": status.config_name.as_str(),
+        "last_reset": last_reset,
+        "timing": timing,
+        "faults": telemetry.faults.to_string(),
+        "pressure_pa": telemetry.pressure_pa,
+        "length_m": telemetry.length_m,
+        "estimate_k": telemetry.estimate.gas_k,
+    });
     let [major, minor, patch] = version.firmware;
     let text = format!(
         "board:         {:?}, firmware {major}.{minor}.{patch}, protocol {}\n\
@@ -290,7 +296,7 @@ fn info(board: &mut LiveBoard, json: bool, out: &mut dyn Write) -> Result<(), Fa
         muscle(&telemetry),
         timed(&timing),
     );
-    print(out, &text)
+    said.answer(out, &json, &text)
 }
 
 fn started_by(last_reset: LastReset) -> String {
@@ -298,6 +304,14 @@ fn started_by(last_reset: LastReset) -> String {
         LastReset::Power => "power or its reset pin".to_owned(),
         other => format!("{other:?}"),
     }
+}
+
+fn configuration_json(status: &Status) -> Value {
+    json!({
+        "config_name": status.config_name.as_str(),
+        "config_checksum": status.config_checksum,
+        "config_source": status.config_source,
+    })
 }
 
 fn configuration(status: &Status) -> String {
@@ -339,10 +353,16 @@ fn muscle(telemetry: &Telemetry) -> String {
     )
 }
 
-fn arm(board: &mut LiveBoard, most_pa: Option<f64>, out: &mut dyn Write) -> Result<(), Failure> {
+fn arm(
+    board: &mut LiveBoard,
+    most_pa: Option<f64>,
+    said: SaidArgs,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
     board.arm(most_pa.map(|pa| pa as f32))?;
     let armed_pa = board.status()?.armed_pa.unwrap_or_default();
-    print(out, &format!("armed up to {:.1} kPa, absolute\n", armed_pa / 1e3))
+    let words = format!("armed up to {:.1} kPa, absolute\n", armed_pa / 1e3);
+    said.done(out, &json!({ "armed_pa": armed_pa }), &words)
 }
 
 /// Time between two lines about the muscle \[s\].
@@ -350,7 +370,12 @@ const LINE_S: f64 = 0.5;
 /// Time before the end over which is averaged what was held \[s\].
 const HELD_S: f64 = 1.0;
 
-fn set(board: &mut LiveBoard, args: &SetArgs, out: &mut dyn Write) -> Result<(), Failure> {
+fn set(
+    board: &mut LiveBoard,
+    args: &SetArgs,
+    said: SaidArgs,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
     let set_point = SetPoint::from(args.what);
     let step_s = f64::from(board.config()?.step_s);
     interrupt::watch();
@@ -359,7 +384,7 @@ fn set(board: &mut LiveBoard, args: &SetArgs, out: &mut dyn Write) -> Result<(),
     }
     let first = board.set(set_point)?;
     if set_point == SetPoint::Vent {
-        return print(out, "it vents\n");
+        return said.done(out, &vents(), "it vents\n");
     }
     let (mut next_line_s, mut held) = (0.0, Vec::new());
     loop {
@@ -374,7 +399,7 @@ fn set(board: &mut LiveBoard, args: &SetArgs, out: &mut dyn Write) -> Result<(),
         let Some(steps) = telemetry.step.checked_sub(first) else { continue };
         let time_s = f64::from(steps) * step_s;
         held.push((time_s, f64::from(telemetry.pressure_pa)));
-        if time_s >= next_line_s && !args.quiet {
+        if time_s >= next_line_s && !said.quiet && !said.json {
             next_line_s += LINE_S;
             print(out, &format!("{time_s:7.2} s  {}\n", muscle(&telemetry)))?;
         }
@@ -386,14 +411,15 @@ fn set(board: &mut LiveBoard, args: &SetArgs, out: &mut dyn Write) -> Result<(),
     let (end_s, _) = held.last().copied().unwrap_or_default();
     held.retain(|(time_s, _)| *time_s >= end_s - HELD_S);
     let mean_pa = held.iter().map(|(_, pa)| pa).sum::<f64>() / held.len().max(1) as f64;
-    let error = match set_point {
-        SetPoint::Pressure { pressure_pa } => {
-            format!(", {:+.2} kPa from the set point", (mean_pa - f64::from(pressure_pa)) / 1e3)
-        }
-        _ => String::new(),
+    let error_pa = match set_point {
+        SetPoint::Pressure { pressure_pa } => Some(mean_pa - f64::from(pressure_pa)),
+        _ => None,
     };
-    print(
+    let error = error_pa
+        .map_or_else(String::new, |pa| format!(", {:+.2} kPa from the set point", pa / 1e3));
+    said.answer(
         out,
+        &json!({ "mean_pressure_pa": mean_pa, "error_pa": error_pa, "mode": "vent" }),
         &format!("{:.2} kPa in the mean of the last second{error}; it vents\n", mean_pa / 1e3),
     )
 }
@@ -401,6 +427,7 @@ fn set(board: &mut LiveBoard, args: &SetArgs, out: &mut dyn Write) -> Result<(),
 fn configure(
     board: &mut LiveBoard,
     task: ConfigTask,
+    said: SaidArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
@@ -409,71 +436,75 @@ fn configure(
             let config = core_config(&scenario::load(&file)?.believed);
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let status = board.configure(&config, &name)?;
-            print(out, &format!("{}\n", configuration(&status)))
+            said.done(out, &configuration_json(&status), &format!("{}\n", configuration(&status)))
         }
         ConfigTask::Read { file } => {
             let config = board.config()?;
             let status = board.status()?;
-            let said = from_config::say(&config)?;
+            let scenario = from_config::say(&config)?;
             let head = format!("# {}\n\n", configuration(&status));
-            write_new(&file, &(head + &scenario::render(&said.scenario)))?;
-            if !said.exact {
+            write_new(&file, &(head + &scenario::render(&scenario.scenario)))?;
+            if !scenario.exact {
                 let _ = writeln!(
                     err,
                     "thermyo: a scenario cannot say all of this configuration: written back it has another \
                      checksum"
                 );
             }
-            print(out, &format!("{} in {}\n", configuration(&status), file.display()))
+            let words = format!("{} in {}\n", configuration(&status), file.display());
+            let mut json = configuration_json(&status);
+            json["file"] = json!(file.display().to_string());
+            said.done(out, &json, &words)
         }
         ConfigTask::Save => {
             board.save()?;
-            print(out, &format!("saved: {}\n", configuration(&board.status()?)))
+            let status = board.status()?;
+            let words = format!("saved: {}\n", configuration(&status));
+            said.done(out, &configuration_json(&status), &words)
         }
         ConfigTask::Forget => {
             board.forget()?;
-            print(out, "what was saved is forgotten\n")
+            said.done(out, &json!({ "saved": false }), "what was saved is forgotten\n")
         }
     }
 }
 
-fn history(board: &mut LiveBoard, json: bool, out: &mut dyn Write) -> Result<(), Failure> {
+fn history(board: &mut LiveBoard, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
     let events = board.history()?;
-    if json {
-        let json = serde_json::to_string_pretty(&events).expect("plain data");
-        return print(out, &(json + "\n"));
-    }
+    let json = serde_json::to_value(&events).expect("plain data");
     if events.is_empty() {
-        return print(out, "nothing: it has never vented by itself, nor restarted unasked\n");
+        let words = "nothing: it has never vented by itself, nor restarted unasked\n";
+        return said.answer(out, &json, words);
     }
+    let mut words = String::new();
     for event in events {
-        let line = match event {
-            Event::Started(last_reset) => format!("started by {}", started_by(last_reset)),
+        words += &match event {
+            Event::Started(last_reset) => format!("started by {}\n", started_by(last_reset)),
             Event::Vented(first) => format!(
-                "vented by {} at {:.2} kPa, step {}",
+                "vented by {} at {:.2} kPa, step {}\n",
                 first.faults,
                 first.pressure_pa / 1e3,
                 first.step
             ),
         };
-        print(out, &(line + "\n"))?;
     }
-    Ok(())
+    said.answer(out, &json, &words)
 }
 
 fn drive_profile(
     board: &mut LiveBoard,
     args: &DriveArgs,
+    said: SaidArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let config = board.config()?;
-    let said = from_config::say(&config)?;
-    let driven = drive::plan(&args.profile, &said)?;
+    let told = from_config::say(&config)?;
+    let driven = drive::plan(&args.profile, &told)?;
     let duration_s = driven.plant.run.duration_s;
     let measured =
         args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
+    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
     let mut files = OutputDir::create(&folder)?;
     files.text("scenario.toml", &scenario::render(&driven))?;
     if let Some(profile) = &driven.drive_profile {
@@ -488,7 +519,7 @@ fn drive_profile(
     if args.arm {
         board.arm(None)?;
     }
-    let bar = progress_bar((driven.plant.run.duration_s * 1e3) as u64, args.output.quiet);
+    let bar = progress_bar((driven.plant.run.duration_s * 1e3) as u64, said.quiet);
     let outcome = drive::drive(board, &driven, &interrupt::wanted, &mut |telemetry, status| {
         let row = recorder.write(&config, status, telemetry)?;
         gathered.add(&row);
@@ -521,7 +552,7 @@ fn drive_profile(
     files.text("summary.json", &json)?;
     files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
     publish(files, err)?;
-    if args.output.json { print(out, &json) } else { print(out, &brief(&summary, &folder)) }
+    if said.json { print(out, &json) } else { print(out, &brief(&summary, &folder)) }
 }
 
 fn brief(summary: &Driven, folder: &Path) -> String {

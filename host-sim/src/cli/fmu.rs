@@ -1,6 +1,6 @@
 //! `thermyo fmu`: its arguments, and what it says.
 
-use super::{Failure, load, print, title_of};
+use super::{Failure, SaidArgs, load, title_of};
 use crate::files::input::write_new;
 use crate::fmu::archive::archive;
 use crate::fmu::variables::variables;
@@ -20,12 +20,8 @@ pub(super) struct FmuArgs {
     /// With the core in the loop: what `thermyo run` runs. Without, the importer drives the valves
     #[arg(long)]
     with_core: bool,
-    /// Print what it is as JSON
-    #[arg(long)]
-    json: bool,
-    /// Print nothing
-    #[arg(long, conflicts_with = "json")]
-    quiet: bool,
+    #[command(flatten)]
+    said: SaidArgs,
 }
 
 pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> Result<(), Failure> {
@@ -36,24 +32,19 @@ pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> R
     let bytes = archive(&loaded, kind, &name, &library)
         .map_err(|error| Failure::Usage(format!("{}: {error}", args.scenario.display())))?;
     write_new(&args.out, &bytes)?;
-    if args.quiet {
-        return Ok(());
-    }
     let (file, count, platform) = (args.out.display(), variables(kind).len(), library::platform());
-    if args.json {
-        let json = serde_json::json!({
+    let json = serde_json::json!({
             "file": file.to_string(),
             "fmi_version": "3.0",
             "platform": platform,
             "with_core": args.with_core,
             "step_s": loaded.plant.run.step_s,
             "variables": variables(kind).iter().map(|variable| variable.name).collect::<Vec<_>>(),
-        });
-        return print(out, &format!("{json:#}\n"));
-    }
+    });
     let what = if args.with_core { "plant and core" } else { "plant" };
-    print(
+    args.said.done(
         out,
+        &json,
         &format!("{what}, {count} variables, FMI 3.0 co-simulation for {platform}: {file}\n"),
     )
 }

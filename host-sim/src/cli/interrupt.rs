@@ -2,11 +2,11 @@
 //! twice, it ends the program: the board then vents by its link's timeout.
 
 use super::failure::STOPPED;
+pub(super) use crate::stop::wanted;
+use crate::stop::{forget, want};
 use std::io;
 use std::sync::Once;
-use std::sync::atomic::{AtomicBool, Ordering};
 
-static WANTED: AtomicBool = AtomicBool::new(false);
 static INSTALLED: Once = Once::new();
 
 /// From now on Ctrl-C does not end the program; what was wanted before is forgotten.
@@ -14,20 +14,15 @@ pub(super) fn watch() {
     INSTALLED.call_once(|| {
         // Without it Ctrl-C ends the program at once, and the rows handed over so far stay.
         let _ = ctrlc::set_handler(|| {
-            if WANTED.swap(true, Ordering::Relaxed) {
+            if want() {
                 std::process::exit(STOPPED.into());
             }
         });
     });
-    WANTED.store(false, Ordering::Relaxed);
+    forget();
 }
 
-/// Whether it has been pressed since.
-pub(super) fn wanted() -> bool {
-    WANTED.load(Ordering::Relaxed)
-}
-
-/// The same for those who write rows: an error of the kind `Interrupted`.
+/// [`wanted`] for those who write rows: an error of the kind `Interrupted`.
 pub(super) fn check() -> io::Result<()> {
     if wanted() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
 }

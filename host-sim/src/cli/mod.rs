@@ -23,7 +23,7 @@ use self::board::BoardArgs;
 use self::failure::Failure;
 use self::log::LogArgs;
 use crate::board::{Board, CoreBoard};
-use crate::commands::identify::{identify_table, static_map};
+use crate::commands::identify::{IdentifyError, identify_table, static_map};
 use crate::commands::monitor::{self, Recorder, Session};
 use crate::commands::parallel::Watch;
 use crate::commands::reproduce;
@@ -86,12 +86,8 @@ enum Task {
         /// Folder for trace.csv and config.json [default: out/monitor]
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Print what has been recorded as JSON in the end
-        #[arg(long)]
-        json: bool,
-        /// Print nothing in the end
-        #[arg(long, conflicts_with = "json")]
-        quiet: bool,
+        #[command(flatten)]
+        said: SaidArgs,
         #[command(flatten)]
         log: LogArgs,
     },
@@ -114,30 +110,61 @@ enum Task {
     Check {
         /// Scenario file (TOML)
         scenario: PathBuf,
-        /// Print it as JSON: what the plant is, and what the core is told
-        #[arg(long)]
-        json: bool,
-        /// Print nothing but what is wrong with it
-        #[arg(long, conflicts_with = "json")]
-        quiet: bool,
+        #[command(flatten)]
+        said: SaidArgs,
     },
     /// Prints a shell's completion script
     Completions {
         /// Shell
         shell: Shell,
+        #[command(flatten)]
+        said: SaidArgs,
     },
     /// Writes the man pages
     Man {
         /// Folder for them
         #[arg(long, value_name = "DIR", default_value = "out/man")]
         out: PathBuf,
-        /// Print where they are as JSON
-        #[arg(long)]
-        json: bool,
-        /// Print nothing
-        #[arg(long, conflicts_with = "json")]
-        quiet: bool,
+        #[command(flatten)]
+        said: SaidArgs,
     },
+}
+
+/// What every command takes. With both the JSON is printed, and nothing else.
+#[derive(Debug, Clone, Copy, Args)]
+struct SaidArgs {
+    /// Print the result as JSON on standard output
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but what was asked for, and what is wrong
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl SaidArgs {
+    /// What has been done: in words, as JSON, or not at all.
+    fn done(
+        self,
+        out: &mut dyn Write,
+        json: &serde_json::Value,
+        words: &str,
+    ) -> Result<(), Failure> {
+        match self {
+            Self { json: true, .. } => print(out, &format!("{json:#}\n")),
+            Self { quiet: true, .. } => Ok(()),
+            _ => print(out, words),
+        }
+    }
+
+    /// What was asked for: in words, or as JSON.
+    fn answer(
+        self,
+        out: &mut dyn Write,
+        json: &serde_json::Value,
+        words: &str,
+    ) -> Result<(), Failure> {
+        Self { quiet: false, ..self }.done(out, json, words)
+    }
 }
 
 #[derive(Debug, Args)]
@@ -222,9 +249,9 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Replay(args) => replay::run(&args, out, err),
         Task::Fmu(args) => fmu::run(&args, out, err),
         Task::Compare(args) => compare::run(&args, out, err),
-        Task::Monitor { port, out: folder, json, quiet, log } => {
+        Task::Monitor { port, out: folder, said, log } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
-            monitor_command(&port, &folder, (json, quiet), &log.wanted(), out, err)
+            monitor_command(&port, &folder, said, &log.wanted(), out, err)
         }
         Task::Serve(args) => serve::run(&args, out),
         Task::Playground(args) => playground::run(&args, out, err),
@@ -233,9 +260,9 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Ports(args) => flash::list(&args, out),
         Task::Flash(args) => flash::run(args, out),
         Task::Evaluate(args) => evaluate::run(&args, out, err),
-        Task::Check { scenario, json, quiet } => check_command(&scenario, (json, quiet), out, err),
-        Task::Completions { shell } => shell::completions(shell, out),
-        Task::Man { out: folder, json, quiet } => shell::man(&folder, (json, quiet), out),
+        Task::Check { scenario, said } => check_command(&scenario, said, out, err),
+        Task::Completions { shell, said } => shell::completions(shell, said, out),
+        Task::Man { out: folder, said } => shell::man(&folder, said, out),
     };
     match result {
         Ok(()) => 0,
@@ -248,19 +275,13 @@ pub fn run<A: Into<OsString> + Clone>(
 
 fn check_command(
     path: &Path,
-    (json, quiet): (bool, bool),
+    said: SaidArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let loaded = load(path, err)?;
-    if quiet {
-        return Ok(());
-    }
-    if !json {
-        return print(out, &scenario::render(&loaded));
-    }
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
-    print(out, &format!("{both:#}\n"))
+    said.done(out, &both, &scenario::render(&loaded))
 }
 
 /// Loads a scenario; says what of it makes no sense.
@@ -327,13 +348,19 @@ fn identify_command(
     };
     let table = read_record(data, stderr)?;
     let against = args.against.as_deref().map(|other| read_record(other, stderr)).transpose()?;
+    interrupt::watch();
     // Made before the search: where it cannot be, nobody wants to wait for that.
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
     let mut out = OutputDir::create(&folder)?;
     let bar = Bar::new(args.output.quiet);
     let found = identify_table(&loaded, &args.config, &table, data, against.as_ref(), &bar);
     drop(bar);
-    let found = found.map_err(Failure::Identify)?;
+    let found = match found {
+        Err(IdentifyError::Stopped { finished, starts, csv }) => {
+            return Err(searched(out, (finished, starts), &csv, stderr)?);
+        }
+        found => found.map_err(Failure::Identify)?,
+    };
     let title = title_of(data);
     let json =
         serde_json::to_string_pretty(&found.findings()).expect("findings are plain data") + "\n";
@@ -353,6 +380,24 @@ fn identify_command(
     found.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
 }
 
+/// Keeps what the finished searches of an identification found, and says so.
+fn searched(
+    mut out: OutputDir,
+    (finished, starts): (usize, u64),
+    csv: &str,
+    stderr: &mut dyn Write,
+) -> Result<Failure, Failure> {
+    let said = if finished == 0 {
+        format!("thermyo: none of {starts} searches was finished, nothing is kept")
+    } else {
+        out.text("searches.csv", csv)?;
+        let left = out.leave().join("searches.csv");
+        format!("thermyo: what {finished} of {starts} searches found is in {}", left.display())
+    };
+    let _ = writeln!(stderr, "{said}");
+    Ok(Failure::Interrupted)
+}
+
 fn title_of(file: &Path) -> String {
     file.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into())
 }
@@ -360,7 +405,7 @@ fn title_of(file: &Path) -> String {
 fn monitor_command(
     port: &str,
     folder: &Path,
-    (json, quiet): (bool, bool),
+    said: SaidArgs,
     logs: &Logs,
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
@@ -377,12 +422,8 @@ fn monitor_command(
     if rows > 0 {
         publish(out, stderr)?;
         let trace = folder.join("trace.csv").display().to_string();
-        if json {
-            let json = serde_json::json!({ "rows": rows, "trace": trace });
-            print(stdout, &format!("{json:#}\n"))?;
-        } else if !quiet {
-            print(stdout, &format!("{rows} rows recorded: {trace}\n"))?;
-        }
+        let json = serde_json::json!({ "rows": rows, "trace": trace });
+        said.done(stdout, &json, &format!("{rows} rows recorded: {trace}\n"))?;
     }
     Ok(outcome?)
 }
@@ -404,7 +445,10 @@ fn reproduce_command(
         Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
         other => other?,
     };
-    let findings = study.finish(&summary).map_err(Failure::Run)?;
+    let findings = match study.finish(&summary) {
+        Err(RunError::Stopped) => return Err(stopped(out, stderr)),
+        findings => findings.map_err(Failure::Run)?,
+    };
     let page = reproduce::page(&loaded, &findings, &summary);
     finish(out, stdout, stderr, &summary, &page, &args.output)?;
     if !args.output.json {
@@ -592,5 +636,36 @@ fn print(out: &mut dyn Write, text: &str) -> Result<(), Failure> {
             Err(InputError::output(Path::new("standard output"), &error).into())
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Cli;
+    use clap::{Command, CommandFactory};
+
+    fn assert_takes_both(command: &Command, path: &str) {
+        // The process behind the port "emulated" is nobody's to start.
+        if command.is_hide_set() || command.get_name() == "help" {
+            return;
+        }
+        let path = format!("{path}{} ", command.get_name());
+        for name in ["json", "quiet"] {
+            let flag = command.get_arguments().find(|argument| argument.get_id() == name);
+            assert!(flag.is_some(), "{path}has no --{name}");
+            let conflicts = command.get_arg_conflicts_with(flag.unwrap());
+            let other =
+                conflicts.iter().any(|with| ["json", "quiet"].contains(&with.get_id().as_str()));
+            assert!(!other, "{path}takes --json or --quiet, not both");
+        }
+        command.get_subcommands().for_each(|command| assert_takes_both(command, &path));
+    }
+
+    #[test]
+    fn every_command_takes_json_and_quiet() {
+        let mut command = Cli::command();
+        command.build();
+        assert!(command.get_subcommands().count() > 15);
+        command.get_subcommands().for_each(|task| assert_takes_both(task, "thermyo "));
     }
 }

@@ -1,6 +1,6 @@
 //! `thermyo playground`: its arguments, and what it says.
 
-use super::{Failure, print};
+use super::{Failure, SaidArgs};
 use crate::commands::playground::{self, PlaygroundError, Written};
 use crate::files::output::OutputDir;
 use clap::Args;
@@ -12,12 +12,8 @@ pub(super) struct PlaygroundArgs {
     /// Folder for the page, to be served by any web host
     #[arg(long, value_name = "DIR", default_value = "out/playground")]
     out: PathBuf,
-    /// Print what has been written as JSON
-    #[arg(long)]
-    json: bool,
-    /// Print nothing
-    #[arg(long, conflicts_with = "json")]
-    quiet: bool,
+    #[command(flatten)]
+    said: SaidArgs,
 }
 
 pub(super) fn run(
@@ -31,16 +27,10 @@ pub(super) fn run(
         let earlier = earlier.display();
         let _ = writeln!(stderr, "thermyo: the earlier result in {folder} is now in {earlier}");
     }
-    if args.quiet {
-        return Ok(());
-    }
     let page = args.out.join("index.html");
-    if args.json {
-        let json = serde_json::json!({ "page": page.display().to_string(), "bytes": bytes });
-        return print(stdout, &format!("{json:#}\n"));
-    }
-    print(
+    args.said.done(
         stdout,
+        &serde_json::json!({ "page": page.display().to_string(), "bytes": bytes }),
         &format!(
             "page: {}, {:.2} MB with what it needs\nA browser wants it from a web server, such as \
              `python3 -m http.server --directory {folder}`\n",

@@ -1,30 +1,28 @@
 //! `thermyo completions` and `thermyo man`: what a shell and a reader want to know of the command line.
 
-use super::{Cli, Failure, print};
+use super::{Cli, Failure, SaidArgs};
 use crate::files::input::InputError;
 use clap::CommandFactory;
 use clap_complete::Shell;
 use std::io::Write;
 use std::path::Path;
 
-pub(super) fn completions(shell: Shell, out: &mut dyn Write) -> Result<(), Failure> {
-    let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "thermyo", &mut script);
-    print(out, &String::from_utf8_lossy(&script))
-}
-
-pub(super) fn man(
-    folder: &Path,
-    (json, quiet): (bool, bool),
+pub(super) fn completions(
+    shell: Shell,
+    said: SaidArgs,
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "thermyo", &mut script);
+    let script = String::from_utf8_lossy(&script);
+    let json = serde_json::json!({ "shell": shell.to_string(), "script": script });
+    said.answer(out, &json, &script)
+}
+
+pub(super) fn man(folder: &Path, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|error| InputError::output(folder, &error))?;
     clap_mangen::generate_to(Cli::command().disable_help_subcommand(true), folder)
         .map_err(|error| InputError::output(folder, &error))?;
     let first = folder.join("thermyo.1").display().to_string();
-    match (json, quiet) {
-        (true, _) => print(out, &format!("{:#}\n", serde_json::json!({ "page": first }))),
-        (_, true) => Ok(()),
-        _ => print(out, &format!("man pages: {first}\n")),
-    }
+    said.done(out, &serde_json::json!({ "page": first }), &format!("man pages: {first}\n"))
 }

@@ -94,11 +94,18 @@ pub(super) fn run(
             return tune_on(&mut Simulated(board.as_mut()));
         };
         let mut board = LiveBoard::open(port)?;
-        interrupt::watch();
         tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::wanted))
     };
+    interrupt::watch();
     let mut out = OutputDir::create(&folder)?;
-    let tuned = tuned(args)?;
+    let tuned = match tuned(args) {
+        // The emulated board gets the signal too, and may be gone first.
+        Err(_) if interrupt::wanted() && args.board.port().is_none() => {
+            let _ = writeln!(stderr, "thermyo: the experiment was not finished, nothing is kept");
+            return Err(Failure::Interrupted);
+        }
+        tuned => tuned?,
+    };
     let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     out.text("summary.json", &json)?;

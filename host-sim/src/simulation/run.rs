@@ -15,6 +15,7 @@ use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, Scenario};
 use crate::simulation::rig::{MeanFlows, Rig};
+use crate::stop;
 use model_core::control::Mode;
 use model_core::physics::model::Model;
 use model_core::{ConfigError, Sample, SetPoint, Telemetry};
@@ -42,6 +43,8 @@ pub enum RunError {
     Board(BoardError),
     /// The observer cannot write what it is shown.
     Output(io::Error),
+    /// It was to end: [`crate::stop`].
+    Stopped,
 }
 
 impl fmt::Display for RunError {
@@ -52,6 +55,7 @@ impl fmt::Display for RunError {
             Self::Diverged(error) => error.fmt(f),
             Self::Board(error) => error.fmt(f),
             Self::Output(error) => error.fmt(f),
+            Self::Stopped => f.write_str("stopped"),
         }
     }
 }
@@ -98,7 +102,11 @@ pub fn run(
     // WebAssembly has no clock of its own.
     let started = (!cfg!(target_family = "wasm")).then(Instant::now);
     let mut run = Run::start(loaded, board, measured)?;
-    while run.step(board, observer)? {}
+    while run.step(board, observer)? {
+        if stop::wanted() {
+            return Err(RunError::Stopped);
+        }
+    }
     let wall_clock_s = started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64());
     run.finish(board, wall_clock_s)
 }

@@ -2,7 +2,7 @@
 //! the usual practice.
 
 use super::pid::{Gains, PidBoard};
-use super::{Figure, Line};
+use super::{Figure, Line, finished};
 use crate::board::{Board, CoreBoard};
 use crate::commands::parallel::{self, Watch};
 use crate::files::trace::Row;
@@ -512,7 +512,8 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
         .collect()
 }
 
-/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario.
+/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario. Where it is stopped there are lines of
+/// the finished cases.
 ///
 /// # Errors
 /// The first run that could not be finished.
@@ -522,5 +523,5 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, RunErr
         .into_iter()
         .flatten()
         .collect();
-    parallel::map_watched(&jobs, watch, |job| job()).into_iter().collect()
+    finished(parallel::map_watched(&jobs, watch, |job| job()))
 }

@@ -3,7 +3,7 @@
 //! same samples.
 
 use super::faults::muscle::{self, Draw, Spread, Task};
-use super::{Figure, Line};
+use super::{Figure, Line, finished};
 use crate::analysis::smoother;
 use crate::board::CoreBoard;
 use crate::commands::parallel::{self, Watch};
@@ -211,7 +211,7 @@ fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
     Ok(errors)
 }
 
-/// Runs every case on `lumped` and on `full`, on all cores.
+/// Runs every case on `lumped` and on `full`, on all cores. Where it is stopped there are lines of the finished cases.
 ///
 /// # Errors
 /// The first run that could not be finished.
@@ -225,12 +225,11 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, RunErr
         let mut loaded = [&lumped, &full][plant].clone();
         loaded.plant.run.log_every = 1;
         (cases[case].change)(&mut loaded);
-        measure(&loaded, cases[case].from_s)
+        measure(&loaded, cases[case].from_s).map(|errors| (case, plant, errors))
     });
     let mut lines = Vec::new();
-    for (&(case, plant), result) in jobs.iter().zip(results) {
+    for (case, plant, errors) in finished(results)? {
         let case = &cases[case];
-        let errors = result?;
         let times_smoother = errors.rms_k() / errors.smoother_rms_k();
         let mut figures = vec![
             Figure::at_most("error_k", errors.rms_k(), case.bounds_k[plant]),
@@ -281,17 +280,22 @@ pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
     (name, loaded)
 }
 
-/// So many random muscles on `full`, told what they are, in motion: where nothing moves every model agrees.
+/// So many random muscles on `full`, told what they are, in motion: where nothing moves every model agrees. Where it is
+/// stopped there are lines of the finished ones.
 ///
 /// # Errors
 /// The first run that could not be finished.
-pub fn random(seed: u64, count: u64) -> Result<Vec<Line>, RunError> {
+pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<Line>, RunError> {
     let numbers: Vec<u64> = (0..count).collect();
-    let results = parallel::map(&numbers, |&number| {
+    let results = parallel::map_watched(&numbers, watch, |&number| {
         let (case, loaded) = random_muscle(seed, number);
         run(&loaded, SETTLED_S, |_| {}).map(|errors| (case, errors))
     });
-    let results = results.into_iter().collect::<Result<Vec<_>, RunError>>()?;
+    let results = finished(results)?;
+    if results.is_empty() {
+        return Ok(Vec::new());
+    }
+    let count = results.len();
     let mut lines: Vec<Line> = results
         .iter()
         .map(|(case, errors)| Line {
@@ -311,7 +315,7 @@ pub fn random(seed: u64, count: u64) -> Result<Vec<Line>, RunError> {
     let errors_k = results.iter().map(|(_, errors)| errors.rms_k());
     let within = results.iter().map(|(_, errors)| errors.share_within());
     lines.push(Line {
-        case: format!("all of seed {seed}"),
+        case: format!("{count} muscles of seed {seed}"),
         figures: vec![
             Figure::shown("mean_k", errors_k.clone().sum::<f64>() / count as f64),
             Figure::shown("worst_k", errors_k.fold(0.0, f64::max)),

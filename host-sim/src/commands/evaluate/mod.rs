@@ -12,6 +12,7 @@ use crate::files::input::InputError;
 use crate::report::number::significant;
 use crate::report::page::Table;
 use crate::scenario::{self, Loaded};
+use crate::stop;
 use serde::Serialize;
 
 /// The nominal scenario.
@@ -21,6 +22,12 @@ use serde::Serialize;
 pub fn nominal() -> Result<Loaded, InputError> {
     let text = include_str!("../../../../scenarios/nominal.toml");
     scenario::parse(text, "scenarios/nominal.toml".as_ref())
+}
+
+/// What all jobs gave; where they were stopped ([`crate::stop`]) what the finished ones gave.
+fn finished<R, E>(results: impl IntoIterator<Item = Result<R, E>>) -> Result<Vec<R>, E> {
+    let results = results.into_iter();
+    if stop::wanted() { Ok(results.flatten().collect()) } else { results.collect() }
 }
 
 /// One line of the table.

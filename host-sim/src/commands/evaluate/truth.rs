@@ -11,6 +11,7 @@ use crate::files::table::{read_record, read_table};
 use crate::files::trace::{COLUMNS, Row};
 use crate::scenario::{self, Loaded};
 use crate::simulation::run::{self, RunError};
+use crate::stop;
 use std::path::{Path, PathBuf};
 
 /// Largest share of the largest force that five readings may leave of the others.
@@ -35,7 +36,8 @@ pub enum TruthError {
     Run(#[from] RunError),
 }
 
-/// Runs every case whose data lie in `folder`, laid out as `docs/validation.md` says.
+/// Runs every case whose data lie in `folder`, laid out as `docs/validation.md` says. Where it is stopped there are lines
+/// of the finished ones.
 ///
 /// # Errors
 /// When none does, or one cannot be used.
@@ -45,17 +47,26 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<Line>, TruthErro
     let discharge = folder.join("hyddown/air_discharge.csv");
     watch.parts(maps.len());
     let mut lines = Vec::new();
+    let mut add = |more: Result<Vec<Line>, TruthError>| match more {
+        // A search that was ended on its way found nothing.
+        _ if stop::wanted() => Ok(()),
+        Ok(more) => {
+            lines.extend(more);
+            Ok(())
+        }
+        Err(error) => Err(error),
+    };
     for file in maps {
-        lines.push(static_map(&file)?);
+        add(static_map(&file).map(|line| vec![line]))?;
         watch.done();
     }
     if spring.exists() {
-        lines.push(gas_spring(&spring, watch)?);
+        add(gas_spring(&spring, watch).map(|line| vec![line]))?;
     }
     if discharge.exists() {
-        lines.extend(air_discharge(&discharge, watch)?);
+        add(air_discharge(&discharge, watch))?;
     }
-    if lines.is_empty() {
+    if lines.is_empty() && !stop::wanted() {
         let why = "none of muscle_static, gas_spring, hyddown is there; docs/validation.md says where they are from";
         return Err(InputError::file(folder, Problem::Unreadable(why.to_owned())).into());
     }

@@ -2,7 +2,7 @@
 //! that is worth.
 
 use super::control::{Change, full, rest, sine, volume};
-use super::{Figure, Line};
+use super::{Figure, Line, finished};
 use crate::board::CoreBoard;
 use crate::commands::parallel::{self, Watch};
 use crate::commands::tune::{self, HIGHEST_PA, TuneError, Tuned};
@@ -84,11 +84,12 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<Line, TuneError>
     })
 }
 
-/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario.
+/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario. Where it is stopped there are lines of
+/// the finished cases.
 ///
 /// # Errors
 /// The first case that was refused or could not be finished.
 pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, TuneError> {
     let lines = parallel::map_watched(&CASES, watch, |(name, change)| line(nominal, name, *change));
-    lines.into_iter().collect()
+    finished(lines)
 }

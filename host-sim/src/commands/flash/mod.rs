@@ -13,6 +13,7 @@ use crate::commands::ports;
 use crate::files::input::InputError;
 use clap::ValueEnum;
 use model_core::link::{Chip, HostCommand, Version};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{fmt, fs, thread};
@@ -73,6 +74,21 @@ impl fmt::Display for Model {
             Self::Pico2 => "pico2",
         })
     }
+}
+
+/// What was done.
+#[derive(Debug, Serialize)]
+pub struct Flashed {
+    /// The port or the drive that was named or found.
+    target: String,
+    /// What it is.
+    chip: String,
+    /// Size of the UF2.
+    bytes: usize,
+    /// Not in a dry run.
+    written: bool,
+    /// Where the board runs it; none where no board has restarted.
+    port: Option<String>,
 }
 
 /// Why nothing was flashed, or not what should be.
@@ -218,7 +234,7 @@ pub fn run(
     request: &Request,
     mounts: &dyn Fn() -> Vec<PathBuf>,
     say: &mut dyn FnMut(&str),
-) -> Result<(), FlashError> {
+) -> Result<Flashed, FlashError> {
     let target = match &request.target {
         Some(name) => named(name)?,
         None => only(mounts)?,
@@ -233,9 +249,16 @@ pub fn run(
     let elf = fs::read(&image).map_err(|error| damaged(error.to_string()))?;
     let content = uf2::of_elf(&elf, model.family()).map_err(damaged)?;
     let size = format!("{} KiB as UF2", content.len() / 1024);
+    let flashed = Flashed {
+        target: target.name(),
+        chip: model.to_string(),
+        bytes: content.len(),
+        written: true,
+        port: None,
+    };
     if request.dry_run {
         say(&format!("would write {size} to {} ({model})", target.name()));
-        return Ok(());
+        return Ok(Flashed { written: false, ..flashed });
     }
     let before = ports::boards();
     let (drive, port) = match target {
@@ -248,14 +271,14 @@ pub fn run(
     drive.write(&content)?;
     if port.is_none() && !drive.is_mounted() {
         say("a folder, and no drive: no board restarts");
-        return Ok(());
+        return Ok(flashed);
     }
     let (port, version) = wait_for(|| back(port.as_deref(), &before)).ok_or(FlashError::NotBack)?;
     if Model::of_chip(version.chip) != Some(model) || version.firmware != OURS {
         return Err(FlashError::OtherFirmware { port, found: version });
     }
     say(&format!("{port} runs {}", version_text(&version)));
-    Ok(())
+    Ok(Flashed { port: Some(port), ..flashed })
 }
 
 /// The firmware and this program have one version.

@@ -6,6 +6,7 @@ use super::search::{self, LeastSquares};
 use super::simulate::{Experiment, Failed};
 use crate::commands::parallel::{self, Watch};
 use crate::scenario::{Scenario, with_numbers};
+use crate::stop;
 use levenberg_marquardt::{LevenbergMarquardt, TerminationReason};
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, Uniform};
@@ -80,9 +81,11 @@ impl Problem<'_> {
         DMatrix::from_columns(&columns)
     }
 
-    /// Searches from the scenario's own values, and from others around them.
+    /// Searches from the scenario's own values, and from others around them. Those that [`crate::stop`] ended are left
+    /// out.
     pub fn search(&self, watch: &dyn Watch) -> Vec<End> {
-        parallel::map_watched(&self.starts(), watch, |start| self.minimize(start))
+        let ends = parallel::map_watched(&self.starts(), watch, |start| self.minimize(start));
+        ends.into_iter().flatten().collect()
     }
 
     /// A Latin hypercube in the logarithms, the scenario's own values first: every parameter takes
@@ -108,13 +111,20 @@ impl Problem<'_> {
         starts
     }
 
-    fn minimize(&self, start: &DVector<f64>) -> End {
+    fn minimize(&self, start: &DVector<f64>) -> Option<End> {
+        if stop::wanted() {
+            return None;
+        }
         let solver = LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE);
         let found = search::minimize(self, start.clone(), &solver);
+        if found.stopped() {
+            return None;
+        }
         let converged = found.termination.was_successful()
             || matches!(found.termination, TerminationReason::NoImprovementPossible(_));
         let hopeless = HOPELESS * HOPELESS;
-        End { place: found.place, cost: found.cost, converged: converged && found.cost < hopeless }
+        let converged = converged && found.cost < hopeless;
+        Some(End { place: found.place, cost: found.cost, converged })
     }
 }
 

@@ -37,6 +37,7 @@ use crate::plant::{BuildError, Diverged};
 use crate::scenario::core_config::OneZone;
 use crate::scenario::schema::{self, fittable};
 use crate::scenario::{Loaded, PlantModel, Scenario, number, with_numbers};
+use crate::stop;
 use data::Input;
 use fit::{End, Problem};
 use nalgebra::{DMatrix, DVector};
@@ -65,6 +66,16 @@ pub enum IdentifyError {
     /// The plant diverges with the scenario's own values.
     #[error("with the scenario's own values, {0}")]
     Diverged(Diverged),
+    /// It was to end, [`crate::stop`]: what the finished searches found, as a table.
+    #[error("stopped after {finished} of {starts} searches")]
+    Stopped {
+        /// Searches that came to their end.
+        finished: usize,
+        /// Searches to be made.
+        starts: u64,
+        /// One row for each: what is left, whether it converged, and the values.
+        csv: String,
+    },
 }
 
 /// Fits the parameters that the scenario of `config` names to what was `measured`, in `data_file`. To `watch`, each
@@ -109,6 +120,9 @@ pub fn identify(
     })?;
 
     let ends = problem.search(watch);
+    if stop::wanted() {
+        return Err(stopped(&problem, &ends));
+    }
     let best = best(&ends);
     let residuals = problem.residuals(&best.place).map_err(|failed| match failed {
         Failed::Build(error) => IdentifyError::Build(error),
@@ -234,6 +248,19 @@ fn adopted(
         adopted.believed.vessel.volume_csv = Some(path);
     }
     adopted
+}
+
+/// What there is where it was stopped.
+fn stopped(problem: &Problem, ends: &[End]) -> IdentifyError {
+    let paths: Vec<&str> = problem.parameters.iter().map(|p| p.path.as_str()).collect();
+    let mut csv = format!("cost,converged,{}\n", paths.join(","));
+    for end in ends {
+        let values = problem.parameters.iter().zip(end.place.iter());
+        let values: Vec<String> = values.map(|(p, u)| format!("{:?}", p.value(*u))).collect();
+        csv += &format!("{:?},{},{}\n", end.cost, u8::from(end.converged), values.join(","));
+    }
+    let starts = problem.scenario.identify.starts;
+    IdentifyError::Stopped { finished: ends.len(), starts, csv }
 }
 
 /// The search that ended lowest; one that converged, where there is one.

@@ -8,6 +8,7 @@ use crate::files::input::{InputError, Problem};
 use crate::files::measured::Measured;
 use crate::files::table::Table;
 use crate::scenario::Loaded;
+use crate::stop;
 use serde::Serialize;
 use std::path::Path;
 
@@ -37,6 +38,10 @@ pub fn identify_table(
         let against = against.map(Readings::of).transpose()?;
         let readings = Readings::of(table)?;
         let found = static_map::identify(loaded, readings, against.as_ref(), config, data)?;
+        if stop::wanted() {
+            // Its searches are one piece of work, done within a second.
+            return Err(IdentifyError::Stopped { finished: 0, starts: 1, csv: String::new() });
+        }
         return Ok(Found::Map(found));
     }
     if against.is_some() {

@@ -1,5 +1,6 @@
 //! What every search has in common: a sum of squares, made small by Levenberg and Marquardt.
 
+use crate::stop;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -22,6 +23,13 @@ pub struct Found {
     pub cost: f64,
     /// Why it ended.
     pub termination: TerminationReason,
+}
+
+impl Found {
+    /// Whether it was ended on its way, by [`crate::stop`].
+    pub fn stopped(&self) -> bool {
+        matches!(self.termination, TerminationReason::User(_))
+    }
 }
 
 /// Searches from one start.
@@ -60,11 +68,12 @@ impl<P: LeastSquares> LeastSquaresProblem<f64, Dyn, Dyn> for Search<'_, P> {
         self.place.clone()
     }
 
+    // None ends the search.
     fn residuals(&self) -> Option<DVector<f64>> {
-        Some(self.residuals.clone())
+        (!stop::wanted()).then(|| self.residuals.clone())
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {
-        Some(self.problem.slopes(&self.place, &self.residuals))
+        (!stop::wanted()).then(|| self.problem.slopes(&self.place, &self.residuals))
     }
 }

@@ -142,7 +142,7 @@ impl Sweep {
         Ok(())
     }
 
-    /// Runs these points on all cores; `begun` and `done` are shown each. Before each `go_on` is asked.
+    /// Runs these points on all cores; `begun` and `done` are shown each. Before and after each `go_on` is asked.
     ///
     /// # Errors
     /// Those of `go_on`, `begun` and `done`. A point that fails is none: see [`Point::figures`].
@@ -157,6 +157,8 @@ impl Sweep {
             go_on()?;
             begun(*point)?;
             let row = self.point(*point);
+            // What was stopped on its way is no result.
+            go_on()?;
             done(&row)?;
             Ok(row)
         });

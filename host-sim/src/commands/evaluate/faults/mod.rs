@@ -14,6 +14,7 @@ use super::{Figure, Line};
 use crate::commands::parallel;
 use crate::scenario::Loaded;
 use crate::simulation::run::RunError;
+use crate::stop;
 use model_core::Faults;
 
 /// A muscle that vents is below 1.2 bar within that time \[s\].
@@ -80,22 +81,36 @@ pub fn table(faults: &[Fault], runs: u64, ended: Ended) -> Result<Vec<Line>, Run
         .iter()
         .flat_map(|fault| (0..runs).map(|number| Trial::random(fault, number, COMES_S)))
         .collect();
-    let outcomes = all(&trials, ended, Trial::run)?;
-    Ok(faults.iter().zip(outcomes.chunks(runs.max(1) as usize)).map(|(f, o)| line(f, o)).collect())
+    let mut results = each(&trials, ended, Trial::run).into_iter();
+    let mut lines = Vec::new();
+    for fault in faults {
+        let own: Vec<_> = results.by_ref().take(runs as usize).collect();
+        let outcomes = whole(own)?;
+        lines.extend(outcomes.map(|outcomes| line(fault, &outcomes)));
+    }
+    Ok(lines)
 }
 
-/// What every job gives, on all cores.
-fn all<J: Sync, R: Send>(
+/// What each job gives, on all cores.
+fn each<J: Sync, R: Send>(
     jobs: &[J],
     ended: Ended,
     work: impl Fn(&J) -> Result<R, RunError> + Sync,
-) -> Result<Vec<R>, RunError> {
-    let done = |job: &J| {
+) -> Vec<Result<R, RunError>> {
+    parallel::map(jobs, |job| {
         let result = work(job);
         ended();
         result
-    };
-    parallel::map(jobs, done).into_iter().collect()
+    })
+}
+
+/// What all jobs of a line gave; none where they were stopped before the last.
+fn whole<R>(results: Vec<Result<R, RunError>>) -> Result<Option<Vec<R>>, RunError> {
+    match results.into_iter().collect() {
+        Ok(results) => Ok(Some(results)),
+        Err(_) if stop::wanted() => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
 /// Everything that is run.
@@ -127,17 +142,19 @@ impl Evaluation {
         RUNS * self.faults.len() as u64 + (vented + healthy) as u64
     }
 
-    /// Runs everything.
+    /// Runs everything. Where it is stopped there are lines of what was finished.
     ///
     /// # Errors
     /// The first run that could not be finished.
     pub fn evaluate(&self, ended: Ended) -> Result<Vec<Line>, RunError> {
         let mut lines = table(&self.faults, RUNS, ended)?;
         for (case, muscles) in &self.vented {
-            lines.push(vent::line(case, &all(muscles, ended, vent::vent)?));
+            let vented = whole(each(muscles, ended, vent::vent))?;
+            lines.extend(vented.map(|vented| vent::line(case, &vented)));
         }
         for (case, runs) in &self.healthy {
-            lines.push(alarms::line(case, runs, &all(runs, ended, alarms::shown)?));
+            let shown = whole(each(runs, ended, alarms::shown))?;
+            lines.extend(shown.map(|shown| alarms::line(case, runs, &shown)));
         }
         Ok(lines)
     }

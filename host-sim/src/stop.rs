@@ -1,0 +1,21 @@
+//! The wish that what takes long ends before its time: Ctrl-C. A run, and the search of an identification, look at it
+//! at every step, so that whoever waits for them can put away what is finished.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static WANTED: AtomicBool = AtomicBool::new(false);
+
+/// Says it; whether it had been said before.
+pub fn want() -> bool {
+    WANTED.swap(true, Ordering::Relaxed)
+}
+
+/// Takes it back: for the next piece of work.
+pub fn forget() {
+    WANTED.store(false, Ordering::Relaxed);
+}
+
+/// Whether it has been said since.
+pub fn wanted() -> bool {
+    WANTED.load(Ordering::Relaxed)
+}

@@ -1,0 +1,74 @@
+//! What long work keeps that is ended before its time. The wish is one for the whole process: one test, and no other here.
+
+use host_sim::board::CoreBoard;
+use host_sim::commands::evaluate::{self, estimator};
+use host_sim::commands::identify::{IdentifyError, identify};
+use host_sim::commands::parallel::Watch;
+use host_sim::files::measured::{Column, Measured};
+use host_sim::files::trace::Row;
+use host_sim::simulation::run::{self, RunError};
+use host_sim::{scenario, stop};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Presses Ctrl-C after so many parts.
+struct After(AtomicUsize);
+
+impl Watch for After {
+    fn done(&self) {
+        if self.0.fetch_sub(1, Ordering::Relaxed) == 1 {
+            stop::want();
+        }
+    }
+}
+
+fn after(parts: usize) -> After {
+    stop::forget();
+    After(AtomicUsize::new(parts))
+}
+
+#[test]
+fn what_is_finished_is_kept() {
+    // Lines of the cases that came to their end, and no word of the others.
+    let lines = estimator::random(1, 30, &after(3)).unwrap();
+    let (total, muscles) = lines.split_last().unwrap();
+    assert!((3..30).contains(&muscles.len()), "{lines:?}");
+    assert_eq!(total.case, format!("{} muscles of seed 1", muscles.len()));
+    assert_eq!(evaluate::missed(muscles).1, 2 * muscles.len());
+
+    // A run says that it was ended, at whatever it is.
+    let text = "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 40\n\
+                parameters = [\"heat.inner_w_m2_k\", \"friction.force_n\"]\n";
+    let name = Path::new("scenario.toml");
+    let loaded = scenario::parse(text, name).unwrap();
+    let mut ignored = |_: &Row| Ok(());
+    let ended = run::run(&loaded, &mut CoreBoard::default(), None, &mut ignored);
+    assert!(matches!(ended, Err(RunError::Stopped)), "{ended:?}");
+    stop::forget();
+    let names = ["flow_in_kg_s", "flow_out_kg_s", "pressure_pa"];
+    let mut columns = names.map(|name| Column { name: name.to_owned(), points: Vec::new() });
+    let mut each = |row: &Row| {
+        let truth = &row.truth;
+        let values = [truth.flow_in_kg_s, truth.flow_out_kg_s, truth.pressure_pa];
+        columns.iter_mut().zip(values).for_each(|(c, v)| c.points.push((truth.time_s, v)));
+        Ok(())
+    };
+    run::run(&loaded, &mut CoreBoard::default(), None, &mut each).unwrap();
+
+    // The searches that came to their end, a row each.
+    let measured = Measured { columns: columns.to_vec() };
+    let ended = identify(&loaded, name, &measured, Path::new("data.csv"), &after(5));
+    let Err(IdentifyError::Stopped { finished, starts: 40, csv }) = ended else {
+        panic!("{ended:?}");
+    };
+    assert!((5..40).contains(&finished), "{finished}");
+    assert!(csv.starts_with("cost,converged,heat.inner_w_m2_k,friction.force_n\n"), "{csv}");
+    assert_eq!(csv.lines().count(), 1 + finished);
+    let numbers = csv.lines().nth(1).unwrap().split(',').map(|cell| cell.parse::<f64>());
+    assert_eq!(
+        numbers.filter(|number| number.as_ref().is_ok_and(|n| *n > 0.0)).count(),
+        4,
+        "{csv}"
+    );
+    stop::forget();
+}
