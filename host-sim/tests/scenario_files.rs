@@ -69,6 +69,15 @@ fn unknown_names_get_a_suggestion() {
             "scenario.toml:1: unknown table [sensor.gass]; did you mean [sensor.gas]?",
         ),
         (
+            "[sensors.gas]\n",
+            "scenario.toml:1: unknown table [sensors]; did you mean [sensor.gas] or [sensor.wall] or \
+             [sensor.pressure] or [sensor.length] or [sensor.ntc] or [sensor.max31865] or [sensor.mpr]?",
+        ),
+        (
+            "[plant.supply]\n",
+            "scenario.toml:1: unknown table [plant.supply]; did you mean [supply]?",
+        ),
+        (
             "[beleived.heat]\n",
             "scenario.toml:1: unknown table [beleived]; did you mean [believed]?",
         ),
@@ -561,6 +570,39 @@ fn what_makes_no_sense_is_said() {
             "[plant]\nmodel = \"lumped\"\n[tube]\nvolume_m3 = 1e-5\n",
             "scenario.toml:4: [tube] is not used: plant.model is not \"full\"",
         ),
+        (
+            "[drive]\npressure_pa = 4e5",
+            "scenario.toml:2: drive.pressure_pa = 4e5: not used: drive.kind is not \"pressure\"",
+        ),
+        (
+            "[drive]\nkind = \"contraction\"\nperiod_s = 2",
+            "scenario.toml:3: drive.period_s = 2: not used: drive.kind is not \"mass-flow\"",
+        ),
+        (
+            "[load]\nkind = \"mass\"\nforce_n = 30",
+            "scenario.toml:3: load.force_n = 30: not used: load.kind is not \"isotonic\"",
+        ),
+        (
+            "[plant]\nmodel = \"lumped\"\n[load]\nmass_kg = 3",
+            "scenario.toml:4: load.mass_kg = 3: not used: load.kind is not \"mass\", and plant.model is not \
+             \"full\"",
+        ),
+        (
+            "[believed.heat]\nmodel = \"adiabatic\"\ninner_w_m2_k = 30",
+            "scenario.toml:3: believed.heat.inner_w_m2_k = 30: not used: heat.model is not \"constant\"",
+        ),
+        (
+            "[plant]\nmodel = \"lumped\"\n[muscle]\nzones = 3",
+            "scenario.toml:4: muscle.zones = 3: not used: plant.model is not \"full\", or it is a vessel",
+        ),
+        (
+            "[ambient]\npressure_pa = 1.013",
+            "scenario.toml:2: ambient.pressure_pa = 1.013: nearly a vacuum; pressures are absolute, in Pa",
+        ),
+        (
+            "[plant]\ninitial_pressure_pa = 1.2",
+            "scenario.toml:2: plant.initial_pressure_pa = 1.2: nearly a vacuum; pressures are absolute, in Pa",
+        ),
     ] {
         assert_eq!(warned(text), [warning], "{text}");
         // What is printed says it too, and nothing else.
@@ -575,6 +617,8 @@ fn no_warning_without_reason() {
         "",
         "[plant]\nkind = \"vessel\"",
         "[drive]\nkind = \"discharge\"\n[supply]\npressure_pa = 1e5",
+        "[plant]\nmodel = \"lumped\"\n[muscle]\nzones = 8",
+        "[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 10",
     ] {
         assert_eq!(warned(text), [""; 0]);
         assert_eq!(warned(&scenario::render(&valid(text))), [""; 0]);

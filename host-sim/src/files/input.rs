@@ -38,6 +38,9 @@ pub enum Problem {
     /// Bytes that are no text.
     #[error("is not UTF-8 text")]
     NotUtf8,
+    /// Text of two bytes a letter, as spreadsheets save it by "Unicode text".
+    #[error("is UTF-16 text: must be UTF-8")]
+    Utf16,
     /// The parser's own words.
     #[error("not valid TOML: {0}")]
     Syntax(String),
@@ -129,6 +132,12 @@ pub enum Problem {
     /// A table without rows.
     #[error("has no row below the names of the columns")]
     NoRows,
+    /// A first line that is no names.
+    #[error("{found} in the first line: must be the names of the columns")]
+    NotNames {
+        /// What stands there.
+        found: String,
+    },
     /// A column without a name.
     #[error("column {position} has no name")]
     UnnamedColumn {
@@ -307,11 +316,21 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
     match String::from_utf8(read_bytes(path)?) {
         Ok(text) => Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text)),
         Err(error) => {
+            if is_utf16(error.as_bytes()) {
+                return Err(InputError::file(path, Problem::Utf16));
+            }
             let valid = error.utf8_error().valid_up_to();
             let line = line_of(&error.as_bytes()[..valid]);
             Err(InputError::line(path, line, Problem::NotUtf8))
         }
     }
+}
+
+/// Whether bytes are text of two bytes a letter: by their byte order mark, or by a zero in the first letters, which no
+/// text in UTF-8 has.
+pub fn is_utf16(bytes: &[u8]) -> bool {
+    let marked = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+    marked || bytes.iter().take(4).any(|byte| *byte == 0)
 }
 
 /// Writes a file that does not exist yet, and the folder that it is in.

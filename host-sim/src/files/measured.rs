@@ -8,13 +8,17 @@ use crate::scenario::schema::Limits;
 const TIME: &str = "time_s";
 
 /// What can be measured: beyond lies another unit, or a broken line.
-const POSSIBLE: [(&str, Limits); 6] = [
+const POSSIBLE: [(&str, Limits); 10] = [
     (TIME, Limits { min: 0.0, max: 1.0e6, unit: "s" }),
     ("pressure_pa", Limits { min: 1.0e3, max: 1.0e8, unit: "Pa" }),
     ("volume_m3", Limits { min: 1.0e-9, max: 1.0e6, unit: "m3" }),
     ("length_m", Limits { min: 1.0e-4, max: 20.0, unit: "m" }),
     ("sensor_gas_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
     ("sensor_wall_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("gas_temperature_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("wall_temperature_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("duty_in", Limits { min: 0.0, max: 1.0, unit: "" }),
+    ("duty_out", Limits { min: 0.0, max: 1.0, unit: "" }),
 ];
 
 /// Measured columns.

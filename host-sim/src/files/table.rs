@@ -1,6 +1,6 @@
 //! Tables of numbers: CSV files whose first line names the columns.
 
-use crate::files::input::{InputError, Problem, line_of, quoted, read_bytes, read_text};
+use crate::files::input::{InputError, Problem, is_utf16, line_of, quoted, read_bytes, read_text};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -80,6 +80,9 @@ impl Table {
     /// # Errors
     /// As [`read_record`].
     pub fn parse_record(bytes: &[u8], file: &Path) -> Result<Self, InputError> {
+        if is_utf16(bytes) {
+            return Err(InputError::file(file, Problem::Utf16));
+        }
         // A number cut short is still a number: a line counts once it has its end.
         let whole =
             bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
@@ -147,6 +150,14 @@ impl Table {
         if let Some(found) = other_separator(record) {
             return Err(Problem::Separator { found });
         }
+        let first = record.iter().next().unwrap_or_default();
+        if first.starts_with('#') || record.iter().all(|name| name.parse::<f64>().is_ok()) {
+            return Err(Problem::NotNames { found: quoted(first) });
+        }
+        // Of a single column nothing can be read over time.
+        if record.len() == 1 && first.split_whitespace().count() > 1 {
+            return Err(Problem::Separator { found: "blanks" });
+        }
         for (i, name) in record.iter().enumerate() {
             if name.is_empty() {
                 return Err(Problem::UnnamedColumn { position: i + 1 });
@@ -164,7 +175,10 @@ impl Table {
             let (found, expected) = (record.len(), self.columns.len());
             return Err(match other_separator(record) {
                 Some(found) => Bad::Value(Problem::Separator { found }),
-                None if found == 2 * expected => {
+                // Numbers alone, some of them in two cells.
+                None if (expected + 1..=2 * expected).contains(&found)
+                    && record.iter().all(|cell| cell.parse::<f64>().is_ok()) =>
+                {
                     Bad::Damage(Problem::DecimalCommas { found, expected })
                 }
                 None => Bad::Damage(Problem::CellCount { found, expected }),
@@ -260,7 +274,7 @@ impl Table {
 
 /// What separates the cells of a line instead of commas.
 fn other_separator(record: &csv::StringRecord) -> Option<&'static str> {
-    [(';', "semicolons"), ('\t', "tabs")]
+    [(';', "semicolons"), ('\t', "tabs"), ('|', "bars")]
         .into_iter()
         .find(|(separator, _)| record.iter().any(|cell| cell.contains(*separator)))
         .map(|(_, name)| name)
@@ -337,7 +351,25 @@ mod tests {
             ("a,,c\n1,2,3\n", "t.csv:1: column 2 has no name"),
             ("\na,b,a\n1,2,3\n", "t.csv:2: column a appears twice"),
             ("a,b\n1,2\n\n3\n", "t.csv:4: 1 cells in this row: must be 2, one per column"),
-            ("a,b\n1,2\n3,4,5\n", "t.csv:3: 3 cells in this row: must be 2, one per column"),
+            ("a,b\n1,2\n3,4,x\n", "t.csv:3: 3 cells in this row: must be 2, one per column"),
+            (
+                "a,b\n0,5,1\n",
+                "t.csv:2: 3 cells in this row: must be 2, one per column; are these decimal \
+                 commas? Numbers need a decimal point",
+            ),
+            (
+                "a|b\n1|2\n",
+                "t.csv:1: cells are separated by bars: must be commas, and numbers need a decimal point",
+            ),
+            (
+                "a b\n1 2\n",
+                "t.csv:1: cells are separated by blanks: must be commas, and numbers need a decimal point",
+            ),
+            ("0,1e5\n1,2e5\n", "t.csv:1: 0 in the first line: must be the names of the columns"),
+            (
+                "# by hand, a\na,b\n1,2\n",
+                "t.csv:1: # by hand in the first line: must be the names of the columns",
+            ),
             ("a,b\r\n1,2\r\n\r\n\r\n3,x\r\n", "t.csv:5: column b = x: must be a finite number"),
             ("a,b\n1,NaN\n", "t.csv:2: column b = NaN: must be a finite number"),
             ("a,b\n1,1e999\n", "t.csv:2: column b = 1e999: must be a finite number"),
@@ -364,6 +396,19 @@ mod tests {
         assert_eq!(empty, "t.csv:4: column b = (empty): must be a number");
     }
 
+    #[test]
+    fn text_of_two_bytes_a_letter_is_named() {
+        for (mark, order) in [
+            (&[0xff, 0xfe][..], u16::to_le_bytes as fn(u16) -> [u8; 2]),
+            (&[], u16::to_le_bytes),
+            (&[0xfe, 0xff], u16::to_be_bytes),
+        ] {
+            let letters = "time_s,pressure_pa\n0,1e5\n".encode_utf16().flat_map(order);
+            let bytes: Vec<u8> = mark.iter().copied().chain(letters).collect();
+            assert_eq!(record(&bytes), Err("t.csv: is UTF-16 text: must be UTF-8".to_owned()));
+        }
+    }
+
     fn record(bytes: &[u8]) -> Result<(usize, Option<String>), String> {
         Table::parse_record(bytes, "t.csv".as_ref())
             .map(|table| (table.rows(), table.damage().map(Damage::to_string)))
@@ -377,7 +422,7 @@ mod tests {
             (&b"a,b\n1,2\n3,4"[..], 1, "t.csv:3: the last line has no end: it may be cut"),
             (b"a,b\n1,2\n3,4\n5", 2, "t.csv:4: the last line has no end: it may be cut"),
             (b"a,b\n1,2\n3\n5,6\n", 1, "t.csv:3: 1 cells in this row: must be 2, one per column"),
-            (b"a,b\n1,2\n3,4,5\n5,6", 1, "t.csv:3: 3 cells in this row: must be 2, one per column"),
+            (b"a,b\n1,2\n3,4,x\n5,6", 1, "t.csv:3: 3 cells in this row: must be 2, one per column"),
             (b"a,b\n1,2\n3,x\n5,6\n", 1, "t.csv:3: column b = x: must be a finite number"),
             (b"a,b\n1,2\n3,4\n5,\xff6\n", 2, "t.csv:4: is not UTF-8 text"),
             (b"a,b\n1,2\n3,\0\0\n", 1, "t.csv:3: column b = \\u{0}\\u{0}: must be a finite number"),
@@ -408,7 +453,8 @@ mod tests {
             (b"a,b\n", "t.csv: has no row below the names of the columns"),
             (b"a,b", "t.csv:1: the last line has no end: it may be cut"),
             (b"a,b\n1,2", "t.csv:2: the last line has no end: it may be cut"),
-            (b"\xff\xfea\n1\n", "t.csv:1: is not UTF-8 text"),
+            (b"\xff\xfea\n1\n", "t.csv: is UTF-16 text: must be UTF-8"),
+            (b"\xe9,a\n1,2\n", "t.csv:1: is not UTF-8 text"),
             (
                 b"a,b\n1;2\n3;4\n",
                 "t.csv:2: cells are separated by semicolons: must be commas, and numbers need a \

@@ -324,9 +324,19 @@ fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
         let with_believed = prefix.is_empty().then_some(BELIEVED);
         let near = nearest(path, tables.iter().copied().chain(with_believed));
         let bracketed = |name: &str| format!("[{prefix}{name}]");
-        let instead = match near {
-            Some(name) => Instead::Near(vec![bracketed(name)]),
-            None => Instead::Known(tables.into_iter().map(bracketed).collect()),
+        // A table within a wrong one; or one that only holds others.
+        let within = tables.iter().find(|table| **table == name);
+        let groups = tables.iter().filter_map(|table| table.split_once('.'));
+        let group = nearest(path.split('.').next().unwrap_or(path), groups.map(|(group, _)| group));
+        let of_group = |group: &str| -> Vec<String> {
+            let own =
+                |table: &&&str| table.split_once('.').is_some_and(|(first, _)| first == group);
+            tables.iter().filter(own).map(|table| bracketed(table)).collect()
+        };
+        let instead = match (near, within, group) {
+            (Some(name), ..) | (_, Some(&name), _) => Instead::Near(vec![bracketed(name)]),
+            (_, _, Some(group)) => Instead::Near(of_group(group)),
+            _ => Instead::Known(tables.iter().copied().map(bracketed).collect()),
         };
         return Problem::UnknownTable { table: quoted(full_path), instead };
     }

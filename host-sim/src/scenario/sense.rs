@@ -1,8 +1,9 @@
 //! What a scenario may say though it makes no sense: it is valid and runs, and is hardly what was meant.
 
-use super::document::Document;
+use super::check::{same, tree, value};
+use super::document::{Document, Entry};
 use super::load::Loaded;
-use super::tables::{DriveKind, PlantKind, PlantModel, Scenario};
+use super::tables::{DriveKind, HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 use crate::files::input::{InputError, Problem};
 
 /// The tables that this kind of plant does not look at, each with the value that decides so.
@@ -39,6 +40,88 @@ pub(super) fn model_is_unused(scenario: &Scenario) -> bool {
     scenario.plant.kind == PlantKind::Vessel && scenario.plant.model == PlantModel::Full
 }
 
+/// Below that a muscle holds nearly a vacuum, or the number is one of bar \[Pa\].
+const NEARLY_VACUUM_PA: f64 = 1000.0;
+
+/// Keys that only the muscle in zones looks at.
+const IN_FULL: [&str; 14] = [
+    "supply.droop_pa_s_kg",
+    "muscle.zones",
+    "cylinder.zones",
+    "table.zones",
+    "wall.outer_fraction",
+    "wall.conductance_w_k",
+    "friction.stribeck_force_n",
+    "friction.stribeck_speed_m_s",
+    "friction.viscous_n_s_m",
+    "friction.presliding_stiffness_n_m",
+    "sensor.gas.housing_time_constant_s",
+    "sensor.gas.position",
+    "sensor.gas.span",
+    "sensor.wall.position",
+];
+
+/// Why a key of a table that is looked at is not.
+fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
+    let (drive, load, heat) = (&scenario.drive, &scenario.load, &scenario.heat);
+    let of_drive = |kind, why| {
+        let why = (drive.kind != kind).then_some(why);
+        why.or(drive.profile_csv.is_some().then_some("drive.profile_csv says it"))
+    };
+    let of_load = |kind, why| (load.kind != kind).then_some(why);
+    let none = matches!(heat.model, HeatModel::Adiabatic | HeatModel::Isothermal);
+    match path {
+        "drive.period_s" | "drive.flow_kg_s" => {
+            of_drive(DriveKind::MassFlow, "drive.kind is not \"mass-flow\"")
+        }
+        "drive.pressure_pa" => of_drive(DriveKind::Pressure, "drive.kind is not \"pressure\""),
+        "drive.contraction" => {
+            of_drive(DriveKind::Contraction, "drive.kind is not \"contraction\"")
+        }
+        "load.force_n" => of_load(LoadKind::Isotonic, "load.kind is not \"isotonic\""),
+        "load.length_m" => of_load(LoadKind::Isometric, "load.kind is not \"isometric\""),
+        "load.mass_kg" if load.kind == LoadKind::Isometric => Some("load.kind = \"isometric\""),
+        "load.mass_kg" if load.kind == LoadKind::Isotonic && !scenario.moves_in_full() => {
+            Some("load.kind is not \"mass\", and plant.model is not \"full\"")
+        }
+        "heat.inner_w_m2_k" | "heat.inner_per_flow" => {
+            (heat.model != HeatModel::Constant).then_some("heat.model is not \"constant\"")
+        }
+        "heat.inlet_diameter_m" => {
+            (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
+        }
+        "heat.scale" if none => Some("heat.model says it"),
+        path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
+            Some("plant.model is not \"full\", or it is a vessel")
+        }
+        _ => None,
+    }
+}
+
+/// Values that were changed and change nothing.
+fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
+    let tables = unused_tables(&loaded.plant);
+    let defaults = tree(&Scenario::default());
+    let changed = |entry: &&Entry| {
+        let default = value(&defaults, &entry.table, entry.key.name);
+        !same(default, Some(&entry.value)) && tables.iter().all(|(table, _)| *table != entry.table)
+    };
+    [(&document.plant, &loaded.plant), (&document.believed, &loaded.believed)]
+        .into_iter()
+        .flat_map(|(entries, scenario)| {
+            entries.iter().filter(changed).filter_map(|entry| {
+                let why = unused_key(scenario, &entry.path())?;
+                let problem = Problem::NoSense {
+                    key: entries.full_path(&entry.path()),
+                    value: entry.written.clone(),
+                    why: format!("not used: {why}"),
+                };
+                Some(problem_at(document, entry.line, problem))
+            })
+        })
+        .collect()
+}
+
 /// What a user should be told of a scenario that can be run, in order of the file where it has lines.
 pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     let scenario = &loaded.plant;
@@ -62,11 +145,24 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         };
         problem_at(document, entry.line, problem)
     }));
-    all.extend(no_supply(scenario).map(|why| {
-        let path = "supply.pressure_pa";
+    all.extend(unused_keys(document, loaded));
+    let pressures = [
+        ("supply.pressure_pa", scenario.supply.pressure_pa, no_supply(scenario)),
+        (
+            "ambient.pressure_pa",
+            scenario.ambient.pressure_pa,
+            vacuum(scenario, |s| s.ambient.pressure_pa),
+        ),
+        (
+            "plant.initial_pressure_pa",
+            scenario.plant.initial_pressure_pa,
+            vacuum(scenario, |s| s.plant.initial_pressure_pa),
+        ),
+    ];
+    all.extend(pressures.into_iter().filter_map(|(path, pressure_pa, why)| {
         let line = document.plant.get(path).and_then(|entry| entry.line);
-        let value = format!("{:?}", scenario.supply.pressure_pa);
-        problem_at(document, line, Problem::NoSense { key: path.to_owned(), value, why })
+        let (key, value) = (path.to_owned(), format!("{pressure_pa:?}"));
+        Some(problem_at(document, line, Problem::NoSense { key, value, why: why? }))
     }));
     all.sort_by_key(|warning| warning.line);
     all
@@ -82,6 +178,13 @@ fn no_supply(scenario: &Scenario) -> Option<String> {
              absolute, in Pa"
         )
     })
+}
+
+/// Why a pressure is hardly meant, where a muscle is to move.
+fn vacuum(scenario: &Scenario, pressure_pa: impl Fn(&Scenario) -> f64) -> Option<String> {
+    let moves = scenario.plant.kind != PlantKind::Vessel;
+    (moves && pressure_pa(scenario) < NEARLY_VACUUM_PA)
+        .then(|| "nearly a vacuum; pressures are absolute, in Pa".to_owned())
 }
 
 fn problem_at(document: &Document, line: Option<u64>, problem: Problem) -> InputError {
