@@ -283,9 +283,24 @@ fn an_output_folder_that_cannot_be_written_is_named() {
     let file = scenario(folder.path(), "[run]\nduration_s = 0.1\n");
     let taken = folder.path().join("taken");
     fs::write(&taken, "a file").unwrap();
-    let output = thermyo(&["run", &file, "--out", &taken.display().to_string()]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(said(&output).contains("taken") && said(&output).lines().count() == 1);
+    let place = taken.display().to_string();
+    let below = taken.join("below").display().to_string();
+    for arguments in [
+        &["run", &file][..],
+        &["tune", &file],
+        &["sweep", &file, "--vary", "load.force_n=1:2:2"],
+        &["man"],
+        &["playground"],
+        &["serve"],
+    ] {
+        let expected = "taken: is a file; a folder is needed";
+        for out in [&place, &below] {
+            let output = thermyo(&[arguments, &["--out", out]].concat());
+            assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", said(&output));
+            assert!(said(&output).contains(expected), "{arguments:?}: {}", said(&output));
+            assert_eq!(said(&output).lines().count(), 1, "{arguments:?}: {}", said(&output));
+        }
+    }
     assert_eq!(fs::read_to_string(&taken).unwrap(), "a file");
 }
 

@@ -2,6 +2,7 @@
 
 use super::log::LogArgs;
 use super::{Failure, OutputArgs, interrupt, print};
+use crate::files::output::OutputDir;
 use crate::serve::{Operator, Target, listen, serve};
 use clap::Args;
 use std::io::{ErrorKind, Write};
@@ -38,6 +39,8 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
         })
     })?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/serve"));
+    // A folder that cannot be written is said now, and not when somebody wants to record.
+    drop(OutputDir::create(&folder)?);
     let target = Target::new(&args.board);
     let board = target.open()?;
     interrupt::watch();

@@ -20,7 +20,7 @@ pub(super) fn completions(
 }
 
 pub(super) fn man(folder: &Path, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| InputError::output(folder, &error))?;
+    std::fs::create_dir_all(folder).map_err(|error| InputError::folder(folder, &error))?;
     clap_mangen::generate_to(Cli::command().disable_help_subcommand(true), folder)
         .map_err(|error| InputError::output(folder, &error))?;
     let first = folder.join("thermyo.1").display().to_string();

@@ -26,6 +26,9 @@ pub enum Problem {
     /// A folder is not a file.
     #[error("is a folder; a file is needed")]
     IsFolder,
+    /// A file is no folder.
+    #[error("is a file; a folder is needed")]
+    IsFile,
     /// The system refuses to read.
     #[error("cannot be read: {0}")]
     Unreadable(String),
@@ -273,6 +276,14 @@ impl InputError {
     /// A problem of one line, counted from 1.
     pub fn line(file: &Path, line: u64, problem: Problem) -> Self {
         Self { file: file.to_path_buf(), line: Some(line), problem: Box::new(problem) }
+    }
+
+    /// A folder that cannot be made.
+    pub fn folder(path: &Path, error: &io::Error) -> Self {
+        match path.ancestors().find(|part| part.exists()) {
+            Some(there) if !there.is_dir() => Self::file(there, Problem::IsFile),
+            _ => Self::output(path, error),
+        }
     }
 
     /// A file that cannot be written.

@@ -60,7 +60,7 @@ impl OutputDir {
             }),
             Err(error) => {
                 remove_empty(&created);
-                Err(InputError::output(path, &error))
+                Err(InputError::folder(path, &error))
             }
         }
     }
