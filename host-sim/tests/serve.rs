@@ -413,8 +413,13 @@ fn the_page_in_a_browser() {
     assert!(seen["hovered"].as_str().unwrap().contains("kPa"), "{seen}");
     assert_ne!(seen["hovered"], seen["not_hovered"], "{seen}");
     assert!(seen["driven"].as_str().unwrap().starts_with("pressure"), "{seen}");
-    let vented_ms = seen["vented_ms"].as_f64().unwrap();
-    assert!((1.0..250.0).contains(&vented_ms), "{seen}");
+    let vented = seen["vented_ms"].as_array().unwrap().iter().map(|ms| ms.as_f64().unwrap());
+    let mut vented_ms: Vec<f64> = vented.collect();
+    println!("vented by the space key, in the browser: {vented_ms:.0?} ms");
+    vented_ms.sort_by(f64::total_cmp);
+    // What else the machine does delays a page now and then.
+    assert!((1.0..100.0).contains(&vented_ms[2]), "{seen}");
+    assert!(vented_ms[4] < 500.0, "{seen}");
     assert_eq!(seen["watching"], true, "{seen}");
     assert!(seen["report"].as_str().unwrap().contains("record-1"), "{seen}");
     assert_eq!(seen["narrow_px"], 390, "{seen}");

@@ -81,19 +81,30 @@ await page.screenshot({ path: `${screenshots}-390-light.png`, fullPage: true });
 await page.setViewport(wide);
 await pause(300);
 
-// By the space key, with the focus anywhere; timed on the page's own clock.
+// By the space key, with the focus anywhere; timed on the page's own clock, from the key to the mode that the board tells.
 await page.focus("#first");
-await page.evaluate(() => {
-  addEventListener("keydown", () => {
-    const pressed = performance.now();
-    const look = () => (document.getElementById("mode").textContent === "vent" ? (window.vented_ms = performance.now() - pressed) : setTimeout(look, 2));
-    look();
-  }, { once: true, capture: true });
-});
 const driven = await text(page, "mode");
-await page.keyboard.press(" ");
-await until(page, () => window.vented_ms);
-const vented_ms = await page.evaluate(() => window.vented_ms);
+const vented_ms = [];
+for (let i = 0; i < 5; i++) {
+  if (i > 0) {
+    await page.click("#arm .main");
+    await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
+    await type(page, "first", "150");
+    await page.keyboard.press("Enter");
+    await until(page, () => document.getElementById("mode").textContent.startsWith("pressure"));
+  }
+  await page.evaluate(() => {
+    window.vented_ms = null;
+    addEventListener("keydown", () => {
+      const pressed = performance.now();
+      const look = () => (document.getElementById("mode").textContent === "vent" ? (window.vented_ms = performance.now() - pressed) : setTimeout(look, 2));
+      look();
+    }, { once: true, capture: true });
+  });
+  await page.keyboard.press(" ");
+  await until(page, () => window.vented_ms);
+  vented_ms.push(await page.evaluate(() => window.vented_ms));
+}
 await page.click("#record-button");
 await until(page, () => document.querySelector("#results a"));
 const report = await page.$eval("#results a", (link) => link.href);
