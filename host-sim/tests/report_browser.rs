@@ -32,6 +32,7 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
         assert_eq!(all.len(), figures, "{name}: {mode}");
         assert!(all.iter().all(|figure| figure["drawn"] == true), "{name}: {all:?}");
     }
+    println!("{name}: opened in {:.2} s", seen["opened_s"].as_f64().unwrap());
     assert!(seen["opened_s"].as_f64().unwrap() < 5.0, "{name}: {}", seen["opened_s"]);
     let charts = seen["charts"].as_array().unwrap();
     assert!(!charts.is_empty(), "{name}");
@@ -84,6 +85,22 @@ fn pages_can_be_looked_into() {
     let trace = folder.path().join("contraction/trace.csv").display().to_string();
     let replay = page(&folder, "replay", &["replay", &trace]);
     looked_into(&chromium, &replay, "replay", 1);
+
+    let tune = page(&folder, "tune", &["tune", "scenarios/contraction.toml"]);
+    let identified = folder.path().join("identify.toml");
+    let text = "[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 2\nparameters = [\"heat.inner_w_m2_k\", \
+                \"friction.force_n\"]\n";
+    fs::write(&identified, text).unwrap();
+    let identified = identified.display().to_string();
+    let short = folder.path().join("short.toml");
+    fs::write(&short, "[run]\nduration_s = 15\n[plant]\nmodel = \"lumped\"\n").unwrap();
+    page(&folder, "short", &["run", &short.display().to_string()]);
+    let data = folder.path().join("short/trace.csv").display().to_string();
+    let identify = page(&folder, "identify", &["identify", &data, "--config", &identified]);
+    for (name, page) in [("tune", tune), ("identify", identify)] {
+        let figures = fs::read_to_string(&page).unwrap().matches("<figure ").count();
+        looked_into(&chromium, &page, name, figures);
+    }
 
     let runs = ["contraction", "vessel"].map(|name| folder.path().join(name).display().to_string());
     let compare = page(&folder, "compare", &["compare", &runs[0], &runs[1]]);

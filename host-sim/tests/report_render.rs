@@ -332,6 +332,24 @@ fn the_run_page_is_well_formed_whole_and_small() {
 }
 
 #[test]
+fn a_wide_table_says_in_each_cell_what_it_is() {
+    let table = |columns: &[&str], row: &[&str]| {
+        let texts = |all: &[&str]| all.iter().map(|text| (*text).to_owned()).collect();
+        let table =
+            Table { caption: String::new(), columns: texts(columns), rows: vec![texts(row)] };
+        Page::new("", "", "").section(Section::new("").table(table)).render()
+    };
+    let few = table(&["Quantity", "Value", "Unit"], &["1", "2", "m"]);
+    assert!(!few.contains("<table class=\"wide\""), "{few}");
+    let long = table(&["Parameter", "friction.force_n", "heat.inner_w_m2_k"], &["a", "1", "0"]);
+    assert!(long.contains("<table class=\"wide\""), "{long}");
+    let many = table(&["sensor.gas.position", "a", "b", "c"], &["0.5", "1", "2", "3"]);
+    let head =
+        "<td class=\"number\" data-column=\"sensor.gas.position\">0.5</td><td data-column=\"a\">1<";
+    assert!(many.contains(head), "{many}");
+}
+
+#[test]
 fn what_is_not_a_number_meets_no_target() {
     let tile = Tile::new("Balance", f64::NAN, "").target("any", true);
     let page = Page::new("", "", "").tile(tile).render();

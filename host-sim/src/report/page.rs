@@ -116,18 +116,31 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
+/// Letters in the heads of a table that a phone shows as a table.
+const NARROW_HEADS: usize = 34;
+
 impl Table {
+    fn is_wide(&self) -> bool {
+        let letters: usize = self.columns.iter().map(|column| column.chars().count()).sum();
+        self.columns.len() > 3 || letters > NARROW_HEADS
+    }
+
     fn render(&self) -> Markup {
         html! {
             div.table {
-                table.wide[self.columns.len() > 3] {
+                table.wide[self.is_wide()] {
                     @if !self.caption.is_empty() { caption { (self.caption) } }
                     thead { tr { @for column in &self.columns { th scope="col" { (column) } } } }
                     tbody {
                         @for row in &self.rows {
                             // On a phone a wide table shows its rows as lists: each cell says what it is.
-                            tr { @for (cell, column) in row.iter().zip(&self.columns) {
-                                td data-column=(column) { (cell) }
+                            tr { @for (i, (cell, column)) in row.iter().zip(&self.columns).enumerate() {
+                                // A number alone would not say what the list is about.
+                                @if i == 0 && cell.parse::<f64>().is_ok() {
+                                    td.number data-column=(column) { (cell) }
+                                } @else {
+                                    td data-column=(column) { (cell) }
+                                }
                             } }
                         }
                     }

@@ -4,6 +4,7 @@ use super::data::{Data, Quantity};
 use super::fit::End;
 use super::parameter::Parameter;
 use super::uncertainty::Misfit;
+use crate::report::number::of_column;
 use nalgebra::DMatrix;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -236,14 +237,14 @@ impl Findings {
             text += &format!("{path:<34} {value:>12.6e} ± {error} {unit}\n");
         }
         let Rmse { pressure_pa, temperature_k, wall_temperature_k, length_m } = self.rmse;
-        for (name, value, unit) in [
-            ("pressure", pressure_pa, "Pa"),
-            ("temperature", temperature_k, "K"),
-            ("wall temperature", wall_temperature_k, "K"),
-            ("length", length_m, "m"),
+        for (name, value, column) in [
+            ("pressure", pressure_pa, "pressure_pa"),
+            ("temperature", temperature_k, "sensor_gas_k"),
+            ("wall temperature", wall_temperature_k, "sensor_wall_k"),
+            ("length", length_m, "length_m"),
         ] {
             if let Some(value) = value {
-                text += &format!("{name}: RMS residual {value:.4} {unit}\n");
+                text += &format!("{name}: RMS residual {}\n", of_column(value, column));
             }
         }
         let Searches { starts, converged, agreeing } = self.searches;
