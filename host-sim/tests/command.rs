@@ -154,6 +154,53 @@ fn a_set_point_is_reported_with_its_unit() {
 }
 
 #[test]
+fn a_report_begins_with_what_matters() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = |text: &str, measured: Option<&str>| {
+        let file = scenario(folder.path(), text);
+        let out = folder.path().join("out").display().to_string();
+        let data = folder.path().join("m.csv");
+        let mut arguments = vec!["run", &file, "--quiet", "--out", &out];
+        let data_text = data.display().to_string();
+        if let Some(measured) = measured {
+            fs::write(&data, measured).unwrap();
+            arguments.extend(["--measured", &data_text]);
+        }
+        let output = thermyo(&arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let page = fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
+        (String::from_utf8(output.stdout).unwrap(), page)
+    };
+    // The core takes a sensor of 10 s for one of 0.1 s, and believes it.
+    let (printed, told_wrong) = page(
+        "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[sensor.gas]\ntime_constant_s = 10.0\n\
+         [believed.sensor.gas]\ntime_constant_s = 0.1\n",
+        None,
+    );
+    assert!(
+        printed.contains("warning: the estimate is surer of itself than it may be"),
+        "{printed}"
+    );
+    let (before, _) = told_wrong.split_once("<figure ").unwrap();
+    assert!(before.contains("The estimate is surer of itself") && before.contains("✗ missed"));
+
+    let vessel = "[run]\nduration_s = 1.0\n[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 6e5\n[drive]\n\
+                  kind = \"discharge\"\n";
+    let (_, alone) = page(vessel, None);
+    assert!(alone.contains("Absolute pressure in the vessel"));
+    let (_, measured) = page(vessel, Some("time_s,pressure_pa\n0,600000\n0.5,590000\n1,580000\n"));
+    let (before, figures) = measured.split_once("<figure ").unwrap();
+    assert!(before.contains("The run misses the measurement: pressure by "), "{before}");
+    assert!(
+        figures.starts_with("id=\"fig-1\"")
+            && figures.contains("Points: measured. Lines: the run.")
+    );
+    for page in [alone, measured] {
+        assert!(!page.contains("muscle answers") && !page.contains("last stroke"));
+    }
+}
+
+#[test]
 fn check_and_replay_take_json_and_quiet() {
     let folder = tempfile::tempdir().unwrap();
     let text = "[run]\nduration_s = 0.1\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";

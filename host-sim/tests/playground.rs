@@ -119,7 +119,7 @@ fn an_earlier_page_is_kept() {
 fn the_page_runs_and_is_turned() {
     let Some(chromium) = chromium() else { return };
     prepare_node(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser")).unwrap();
-    let seen = look("playground.mjs", &chromium, playground().as_os_str(), "playground");
+    let seen = look("playground.mjs", &chromium, playground().as_os_str(), "playground", &[]);
     println!("{seen:#}");
     assert_eq!(seen["problems"], serde_json::json!([]), "{seen:#}");
     let number = |name: &str| seen[name].as_f64().unwrap_or_else(|| panic!("{name}: {seen:#}"));

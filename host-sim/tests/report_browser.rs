@@ -25,7 +25,7 @@ fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {
 
 /// What holds for every page; gives what was seen.
 fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Value {
-    let seen = look("look.mjs", chromium, page.as_os_str(), name);
+    let seen = look("look.mjs", chromium, page.as_os_str(), name, &[]);
     assert_eq!(seen["problems"], Value::Array(Vec::new()), "{name}");
     for mode in ["figures", "without_script"] {
         let all = seen[mode].as_array().unwrap();

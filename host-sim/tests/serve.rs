@@ -404,7 +404,9 @@ fn the_page_in_a_browser() {
     }
     let Some(chromium) = browser_support::chromium() else { return };
     let served = Served::new("emulated");
-    let seen = browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve");
+    let place = served.bench.path("");
+    let more = [env!("CARGO_BIN_EXE_thermyo").as_ref(), place.as_os_str()];
+    let seen = browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve", &more);
     assert_eq!(seen["problems"], json!([]), "{seen}");
     assert_eq!(seen["first"], json!({ "armed": true, "readings": true }), "{seen}");
     // The set point that was typed is driven, and the pressure follows.
@@ -413,6 +415,11 @@ fn the_page_in_a_browser() {
     assert!(seen["hovered"].as_str().unwrap().contains("kPa"), "{seen}");
     assert_ne!(seen["hovered"], seen["not_hovered"], "{seen}");
     assert!(seen["driven"].as_str().unwrap().starts_with("pressure"), "{seen}");
+    let (lost_ms, back_ms) = (seen["lost_ms"].as_f64().unwrap(), seen["back_ms"].as_f64().unwrap());
+    println!(
+        "link lost: shown after {lost_ms:.0} ms, back {back_ms:.0} ms after it was plugged in"
+    );
+    assert!((1.0..1000.0).contains(&lost_ms), "{seen}");
     let vented = seen["vented_ms"].as_array().unwrap().iter().map(|ms| ms.as_f64().unwrap());
     let mut vented_ms: Vec<f64> = vented.collect();
     println!("vented by the space key, in the browser: {vented_ms:.0?} ms");

@@ -66,6 +66,12 @@ fn the_monitor_shows_records_and_survives_unplugging() {
         assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
     }
 
+    // Where less is seen it goes on all the same.
+    for (columns, rows) in [(40, 12), (20, 6), (1, 1)] {
+        let mut small = Terminal::new(TestBackend::new(columns, rows)).unwrap();
+        small.draw(|frame| draw(frame, &session)).unwrap();
+    }
+
     // What it does not know its muscle for, it refuses.
     session.arm();
     poll_until(&mut session, |session| session.refused().is_some());

@@ -410,6 +410,8 @@ fn monitor_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
+    // Of a terminal Ctrl-C comes as a key; of another program as a signal.
+    interrupt::watch();
     let mut out = OutputDir::create(folder)?;
     let recorder = Recorder::new(out.file("trace.csv")?)
         .map_err(|error| out.unwritable("trace.csv", &error))?

@@ -47,6 +47,7 @@ pub(super) fn run(
     let outcome = replay::replay(board.as_mut(), &config, &rows, &mut each);
     bar.finish_and_clear();
     if interrupt::wanted() {
+        let _ = writeln!(stderr, "thermyo: the replay was not finished, nothing is kept");
         return Err(Failure::Interrupted);
     }
     let outcome = outcome.map_err(Failure::Board)?;

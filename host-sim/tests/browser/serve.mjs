@@ -1,9 +1,12 @@
 // Uses the page of `thermyo serve` in headless Chromium as a person at a bench would, and prints what it saw as JSON.
 //
-//     node serve.mjs CHROMIUM ADDRESS SCREENSHOTS
+//     node serve.mjs CHROMIUM ADDRESS SCREENSHOTS THERMYO PLACE
+//
+// THERMYO is the command, PLACE the temporary folder in which the emulated board is plugged in.
+import { execFileSync } from "node:child_process";
 import puppeteer from "puppeteer-core";
 
-const [executablePath, address, screenshots] = process.argv.slice(2);
+const [executablePath, address, screenshots, thermyo, place] = process.argv.slice(2);
 const browser = await puppeteer.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
 const problems = [];
 const wide = { width: 1280, height: 900 };
@@ -117,5 +120,18 @@ await page.click("#guide-title");
 await page.click("[data-calibrate=pressure]");
 await until(page, () => !document.getElementById("reference").hidden);
 await page.screenshot({ path: `${screenshots}-guide.png`, fullPage: true });
+
+// The link, lost and back; from when the board is gone.
+const plugged = (how) => execFileSync(thermyo, ["board", "emulated", how, "--quiet"], { env: { ...process.env, TMPDIR: place } });
+const link = async (shown) => {
+  const from = Date.now();
+  await until(page, (expected) => document.getElementById("link").textContent === expected, shown);
+  return Math.max(1, Date.now() - from);
+};
+plugged("unplug");
+const lost_ms = await link("link lost");
+await page.screenshot({ path: `${screenshots}-lost.png`, fullPage: true });
+plugged("plug");
+const back_ms = await link("connected");
 await browser.close();
-console.log(JSON.stringify({ problems, first, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, report, narrow_px }));
+console.log(JSON.stringify({ problems, first, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, back_ms, report, narrow_px }));

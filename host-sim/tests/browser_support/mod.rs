@@ -27,14 +27,15 @@ pub fn chromium() -> Option<PathBuf> {
 }
 
 /// What a script in `tests/browser` saw of a page, a file or an address. Its screenshots stay in the target folder's
-/// `tmp` under this name, to be looked at.
-pub fn look(script: &str, chromium: &Path, page: &OsStr, name: &str) -> Value {
+/// `tmp` under this name, to be looked at. `more` is what the script wants beside.
+pub fn look(script: &str, chromium: &Path, page: &OsStr, name: &str, more: &[&OsStr]) -> Value {
     let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
     prepare_node(&scripts).unwrap();
     let output = Command::new("node")
         .arg(scripts.join(script))
         .args([chromium.as_os_str(), page])
         .arg(Path::new(env!("CARGO_TARGET_TMPDIR")).join(name))
+        .args(more)
         .stdin(Stdio::null())
         .output()
         .unwrap();

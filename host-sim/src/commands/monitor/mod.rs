@@ -14,6 +14,7 @@ use crate::board::BoardError;
 use crate::files::input::InputError;
 use crate::files::output::OutputDir;
 use crate::scenario::{self, from_config};
+use crate::stop;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use std::io;
 use std::time::{Duration, Instant};
@@ -60,6 +61,9 @@ fn watch(
     let mut written = 0;
     loop {
         session.poll()?;
+        if stop::wanted() {
+            return Ok(());
+        }
         if session.told().len() > written {
             written = session.told().len();
             let json = serde_json::to_string_pretty(session.told()).expect("plain data") + "\n";
