@@ -420,6 +420,7 @@ fn the_page_in_a_browser() {
         "link lost: shown after {lost_ms:.0} ms, back {back_ms:.0} ms after it was plugged in"
     );
     assert!((1.0..1000.0).contains(&lost_ms), "{seen}");
+    assert_ne!(seen["lost_armed"].as_str().unwrap().find("armed up to"), Some(0), "{seen}");
     let vented = seen["vented_ms"].as_array().unwrap().iter().map(|ms| ms.as_f64().unwrap());
     let mut vented_ms: Vec<f64> = vented.collect();
     println!("vented by the space key, in the browser: {vented_ms:.0?} ms");

@@ -130,8 +130,9 @@ const link = async (shown) => {
 };
 plugged("unplug");
 const lost_ms = await link("link lost");
+const lost_armed = await text(page, "armed");
 await page.screenshot({ path: `${screenshots}-lost.png`, fullPage: true });
 plugged("plug");
 const back_ms = await link("connected");
 await browser.close();
-console.log(JSON.stringify({ problems, first, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, back_ms, report, narrow_px }));
+console.log(JSON.stringify({ problems, first, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, report, narrow_px }));

@@ -155,8 +155,10 @@ function showState() {
   const told = configuration.told, steers = own.steers, busy = Boolean(guide && !guide.over);
   $("target").textContent = state.target;
   document.title = `${state.link === "connected" ? "" : "⚠ "}Thermyo: ${state.target}`;
-  $("armed").textContent = armed_pa === null ? "not armed" : `armed up to ${(armed_pa / 1e3).toFixed(0)} kPa`;
-  $("armed").className = armed_pa === null ? "chip" : "chip good";
+  // Of a board that is not heard nobody knows.
+  const armed = armed_pa !== null && state.link === "connected";
+  $("armed").textContent = armed ? `armed up to ${(armed_pa / 1e3).toFixed(0)} kPa` : armed_pa === null ? "not armed" : "was armed";
+  $("armed").className = armed ? "chip good" : "chip";
   const wrong = faults.filter((fault) => fault !== "not configured");
   $("faults").hidden = !wrong.length;
   $("faults-text").textContent = wrong.length ? `${wrong.join(", ")}${vents ? ": the muscle vents. Remove the cause, clear, then arm." : ""}` : "";
