@@ -415,3 +415,28 @@ fn a_diverging_plant_stops_with_time_and_state() {
     assert!(said(&output).contains("a step before"), "{}", said(&output));
     assert!(!out.exists(), "half a result is left");
 }
+
+#[test]
+fn a_shipped_scenario_runs_where_its_file_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let check = |file: &str| {
+        Command::new(env!("CARGO_BIN_EXE_thermyo"))
+            .args(["check", file])
+            .current_dir(&folder)
+            .output()
+            .unwrap()
+    };
+    let inside = check("scenarios/bellows.toml");
+    assert!(inside.status.success(), "{}", said(&inside));
+    assert!(said(&inside).contains("scenarios/bellows.toml is not here"), "{}", said(&inside));
+    let unknown = check("scenarios/bellow.toml");
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(said(&unknown).contains("scenarios/bellow.toml: no such file"), "{}", said(&unknown));
+
+    // The user's own goes before it.
+    fs::create_dir(folder.path().join("scenarios")).unwrap();
+    fs::write(folder.path().join("scenarios/bellows.toml"), "[run]\nduration_s = 7.0\n").unwrap();
+    let own = check("scenarios/bellows.toml");
+    assert!(own.stderr.is_empty(), "{}", said(&own));
+    assert!(String::from_utf8(own.stdout).unwrap().contains("duration_s = 7.0"));
+}

@@ -2,7 +2,7 @@
 
 use super::log::LogArgs;
 use super::{
-    Failure, SaidArgs, calibrate, interrupt, print, progress_bar, publish, read_to_compare, tune,
+    Failure, SaidArgs, calibrate, interrupt, load, print, progress_bar, publish, read_to_compare, tune,
 };
 use crate::board::live::LiveBoard;
 use crate::board::{BoardError, port, service};
@@ -433,7 +433,7 @@ fn configure(
 ) -> Result<(), Failure> {
     match task {
         ConfigTask::Write { file } => {
-            let config = core_config(&scenario::load(&file)?.believed);
+            let config = core_config(&load(&file, err)?.believed);
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let status = board.configure(&config, &name)?;
             said.done(out, &configuration_json(&status), &format!("{}\n", configuration(&status)))

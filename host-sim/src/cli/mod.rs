@@ -32,6 +32,7 @@ use crate::files::input::InputError;
 use crate::files::logs::Logs;
 use crate::files::measured::Measured;
 use crate::files::output::OutputDir;
+use crate::files::shipped;
 use crate::files::summary::Summary;
 use crate::files::table::{self, Table};
 use crate::files::trace::{COMPARABLE, Row, TraceWriter};
@@ -284,9 +285,14 @@ fn check_command(
     said.done(out, &both, &scenario::render(&loaded))
 }
 
-/// Loads a scenario; says what of it makes no sense.
+/// Loads a scenario; says what of it makes no sense, and where it is the program's own.
 fn load(path: &Path, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
     let (loaded, warnings) = scenario::load_with_warnings(path)?;
+    if shipped::instead_of(path).is_some() {
+        let path = path.display();
+        let _ =
+            writeln!(stderr, "thermyo: {path} is not here: the one inside this program is used");
+    }
     for warning in warnings {
         let _ = writeln!(stderr, "thermyo: warning: {warning}");
     }

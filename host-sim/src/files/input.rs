@@ -1,6 +1,7 @@
 //! What is wrong with a user's input, said in one line: file, line, key, value found, what is
 //! allowed.
 
+use super::shipped;
 use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -302,11 +303,14 @@ impl fmt::Display for InputError {
     }
 }
 
-/// Reads a whole file.
+/// Reads a whole file; of the [shipped] ones what the program has, where they are not there.
 ///
 /// # Errors
 /// When it is missing, a folder or unreadable.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
+    if let Some(text) = shipped::instead_of(path) {
+        return Ok(text.into());
+    }
     std::fs::read(path).map_err(|error| {
         let problem = match error.kind() {
             io::ErrorKind::NotFound => Problem::NotFound,

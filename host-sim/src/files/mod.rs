@@ -9,6 +9,7 @@ pub mod mcap;
 pub mod measured;
 pub mod output;
 pub mod rows;
+pub mod shipped;
 pub mod sinks;
 #[cfg(feature = "command")]
 pub mod stream;
