@@ -1,6 +1,7 @@
 //! What the system tests share: running `thermyo` in this process and reading what it wrote.
 
 pub mod float_pairs;
+pub mod log;
 pub mod m33;
 pub mod parity;
 pub mod rig;

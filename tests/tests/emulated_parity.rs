@@ -2,8 +2,10 @@
 
 use host_sim::board::BoardError;
 use host_sim::board::emulated::EmulatedBoard;
+use host_sim::board::image::{Variant, firmware};
 use model_core::link::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
 use model_core::{Config, Sample};
+use system_tests::log::lines;
 use system_tests::parity::{self, STEPS};
 use system_tests::skip_emulator;
 
@@ -58,7 +60,8 @@ fn the_board_says_who_it_is_and_refuses_what_it_cannot_do() {
     if skip_emulator() {
         return;
     }
-    let mut board = EmulatedBoard::new().unwrap();
+    let image = firmware(Variant::Standard).unwrap();
+    let mut board = EmulatedBoard::with_image(&image).unwrap();
     let version = board.version().unwrap();
     assert_eq!((version.protocol, version.chip, version.hil), (PROTOCOL, Chip::Rp2040, false));
 
@@ -80,5 +83,5 @@ fn the_board_says_who_it_is_and_refuses_what_it_cannot_do() {
 
     // The configuration of before is still there, whole.
     assert_eq!(board.ask(HostCommand::ReadConfig).unwrap(), Answer::Config(Config::default()));
-    assert!(board.take_log().iter().any(|line| line.contains("thermyo firmware")));
+    assert!(lines(&image, &board.take_log()).iter().any(|line| line.contains("thermyo firmware")));
 }

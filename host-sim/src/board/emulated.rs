@@ -6,7 +6,6 @@
 //! 921600 baud a frame takes most of a millisecond, so that the telemetry of a step comes with the step after it.
 
 use super::link::Link;
-use super::log::LogDecoder;
 use super::{Board, BoardError, BoardStep, image};
 use crate::plant::Actuation;
 use model_core::control::Mode;
@@ -171,7 +170,7 @@ pub struct EmulatedBoard {
     enumerated: bool,
     open: bool,
     identities: Vec<String>,
-    log: Option<LogDecoder>,
+    log: Vec<u8>,
     /// What the board reads now.
     inputs: Sample,
     adc_stalled: bool,
@@ -245,7 +244,7 @@ impl EmulatedBoard {
             enumerated: false,
             open: false,
             identities: Vec::new(),
-            log: LogDecoder::of_image(path),
+            log: Vec::new(),
             inputs: IDLE,
             adc_stalled: false,
             part_fault: PartFault::None,
@@ -379,9 +378,9 @@ impl EmulatedBoard {
         }
     }
 
-    /// What the firmware has logged since the last call.
-    pub fn take_log(&mut self) -> Vec<String> {
-        self.log.as_mut().map(LogDecoder::take).unwrap_or_default()
+    /// What the firmware has logged since the last call: frames of defmt.
+    pub fn take_log(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.log)
     }
 
     /// Asks, and lets time pass until the answer is there; the inputs stay as they are.
@@ -513,9 +512,7 @@ impl EmulatedBoard {
         self.enumerated |= !said.is_empty();
         self.identities.extend(String::from_utf8_lossy(&said).lines().map(str::to_owned));
         let log = self.read_counted()?;
-        if let Some(decoder) = &mut self.log {
-            decoder.feed(&log);
-        }
+        self.log.extend(log);
         let [state] = state;
         Ok(Exchange {
             inlet_coil: f64::from(inlet_ns),

@@ -11,8 +11,6 @@ pub mod link;
 #[cfg(feature = "command")]
 pub mod live;
 #[cfg(feature = "command")]
-mod log;
-#[cfg(feature = "command")]
 pub mod port;
 #[cfg(all(unix, feature = "command"))]
 pub mod pty;
