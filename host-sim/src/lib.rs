@@ -10,6 +10,8 @@ pub mod cli;
 pub mod commands;
 pub mod files;
 pub mod fmu;
+#[cfg(feature = "command")]
+mod inside;
 mod math;
 pub mod plant;
 pub mod report;

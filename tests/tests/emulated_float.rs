@@ -1,6 +1,6 @@
 //! The arithmetic in the firmware's image, called on the emulated chip, against the host's FPU.
 
-use host_sim::board::image::{Variant, emulator_folder, firmware, prepare_emulator};
+use host_sim::board::image::{Variant, firmware, prepare_emulator};
 use object::{Object, ObjectSymbol};
 use std::io::{BufWriter, Read, Write};
 use std::path::PathBuf;
@@ -47,16 +47,17 @@ struct Outcome {
 
 /// The image and the addresses of what is in it.
 struct Image {
+    scripts: PathBuf,
     path: PathBuf,
     bytes: Vec<u8>,
 }
 
 impl Image {
     fn new() -> Self {
-        prepare_emulator().unwrap();
+        let scripts = prepare_emulator().unwrap();
         let path = firmware(Variant::Standard).unwrap();
         let bytes = std::fs::read(&path).unwrap();
-        Self { path, bytes }
+        Self { scripts, path, bytes }
     }
 
     fn call(&self, name: &str, calls: &[Call]) -> Vec<Outcome> {
@@ -64,7 +65,7 @@ impl Image {
         let symbol = file.symbols().find(|symbol| symbol.name() == Ok(name));
         let address = symbol.unwrap_or_else(|| panic!("no {name}")).address() as u32;
         let mut emulator = Command::new("node")
-            .arg(emulator_folder().join("call.mjs"))
+            .arg(self.scripts.join("call.mjs"))
             .arg(&self.path)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())

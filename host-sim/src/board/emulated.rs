@@ -190,13 +190,13 @@ pub struct EmulatedBoard {
 }
 
 impl EmulatedBoard {
-    /// A board with the firmware of this checkout, built when it is stale.
+    /// A board with the firmware of this program or its checkout.
     ///
     /// # Errors
     /// [`BoardError`]
     pub fn new() -> Result<Self, BoardError> {
-        image::prepare_emulator()?;
-        Self::with_image(&image::firmware(image::Variant::Standard)?)
+        let scripts = image::prepare_emulator()?;
+        Self::start_up(&scripts, &image::firmware(image::Variant::Standard)?, None)
     }
 
     /// ... whose flash is kept in a file between one board and the next, which is made when there is none.
@@ -204,8 +204,8 @@ impl EmulatedBoard {
     /// # Errors
     /// [`BoardError`]
     pub fn with_flash(file: &Path) -> Result<Self, BoardError> {
-        image::prepare_emulator()?;
-        Self::start_up(&image::firmware(image::Variant::Standard)?, Some(file))
+        let scripts = image::prepare_emulator()?;
+        Self::start_up(&scripts, &image::firmware(image::Variant::Standard)?, Some(file))
     }
 
     /// A board with an image, ELF or UF2, right after power came.
@@ -213,16 +213,15 @@ impl EmulatedBoard {
     /// # Errors
     /// [`BoardError`]
     pub fn with_image(path: &Path) -> Result<Self, BoardError> {
-        image::prepare_emulator()?;
-        Self::start_up(path, None)
+        Self::start_up(&image::prepare_emulator()?, path, None)
     }
 
-    fn start_up(path: &Path, flash: Option<&Path>) -> Result<Self, BoardError> {
+    fn start_up(scripts: &Path, path: &Path, flash: Option<&Path>) -> Result<Self, BoardError> {
         if !path.is_file() {
             return Err(BoardError::NoImage { path: path.to_path_buf() });
         }
         let mut process = Command::new("node")
-            .arg(image::emulator_folder().join("emulator.mjs"))
+            .arg(scripts.join("emulator.mjs"))
             .arg(path)
             .args(flash)
             .stdin(Stdio::piped())

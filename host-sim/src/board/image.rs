@@ -1,6 +1,7 @@
-//! The firmware of this checkout, built when it is stale, and what the emulator needs.
+//! The firmware and what the emulator needs: those inside this program, or those of its checkout, built when stale.
 
 use super::BoardError;
+use crate::inside;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
@@ -54,15 +55,13 @@ impl Variant {
     }
 }
 
+/// Folder of this crate. A program that is given away knows of none, and so is the same wherever it was built.
+const HOST_SIM: &str = if cfg!(feature = "release") { "" } else { env!("CARGO_MANIFEST_DIR") };
+
 /// Folder of the workspace that this program was built from.
 pub fn workspace() -> PathBuf {
-    let host_sim = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let host_sim = Path::new(HOST_SIM);
     host_sim.parent().unwrap_or(host_sim).to_path_buf()
-}
-
-/// Folder of the emulator's script.
-pub fn emulator_folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("emulator")
 }
 
 /// Why cargo has built nothing.
@@ -109,11 +108,14 @@ pub fn build(folder: &Path, arguments: &[&str]) -> Result<PathBuf, NotBuilt> {
     Err(NotBuilt::Failed(message))
 }
 
-/// The image of this checkout's firmware, up to date.
+/// The image of the firmware: this program's, or this checkout's, up to date.
 ///
 /// # Errors
-/// [`BoardError::NoTarget`], [`BoardError::Build`]
+/// [`BoardError::NotUnpacked`], [`BoardError::NoTarget`], [`BoardError::Build`]
 pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
+    if let Some(folder) = inside::emulator()? {
+        return Ok(folder.join(variant.file()));
+    }
     let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     let mut arguments = vec!["--release", "--target", variant.target()];
     arguments.extend(variant.arguments());
@@ -132,12 +134,30 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     Ok(image)
 }
 
-/// Sees to it that the emulator can start.
+/// Sees to it that the emulator can start; the folder of its scripts.
 ///
 /// # Errors
-/// As [`prepare_node`].
-pub fn prepare_emulator() -> Result<(), BoardError> {
-    prepare_node(&emulator_folder())
+/// [`BoardError::NotUnpacked`], or as [`prepare_node`].
+pub fn prepare_emulator() -> Result<PathBuf, BoardError> {
+    if let Some(folder) = inside::emulator()? {
+        check_node()?;
+        return Ok(folder);
+    }
+    let folder = Path::new(HOST_SIM).join("emulator");
+    prepare_node(&folder)?;
+    Ok(folder)
+}
+
+/// Whether Node.js is there, and new enough.
+fn check_node() -> Result<(), BoardError> {
+    let output = Command::new("node").arg("--version").output().map_err(|_| BoardError::NoNode)?;
+    let version = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    let major =
+        version.trim_start_matches('v').split('.').next().and_then(|text| text.parse().ok());
+    if major.is_none_or(|major: u32| major < NODE_MAJOR) {
+        return Err(BoardError::OldNode { version });
+    }
+    Ok(())
 }
 
 /// Sees to it that a folder's scripts can start: Node.js is there, and the packages of its lock file.
@@ -146,13 +166,7 @@ pub fn prepare_emulator() -> Result<(), BoardError> {
 /// [`BoardError::NoNode`], [`BoardError::OldNode`], [`BoardError::Npm`]
 pub fn prepare_node(folder: &Path) -> Result<(), BoardError> {
     let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let output = Command::new("node").arg("--version").output().map_err(|_| BoardError::NoNode)?;
-    let version = String::from_utf8_lossy(&output.stdout).trim().to_owned();
-    let major =
-        version.trim_start_matches('v').split('.').next().and_then(|text| text.parse().ok());
-    if major.is_none_or(|major: u32| major < NODE_MAJOR) {
-        return Err(BoardError::OldNode { version });
-    }
+    check_node()?;
     let npm_error = |message: String| BoardError::Npm { message };
     let lock = fs::read(folder.join("package-lock.json")).map_err(|e| npm_error(e.to_string()))?;
     // npm leaves no copy of the lock file that it worked by; this is one.

@@ -96,6 +96,13 @@ pub enum BoardError {
         /// What `node --version` says.
         version: String,
     },
+    /// The emulator and the images inside this program cannot be put where Node.js finds them.
+    NotUnpacked {
+        /// Where.
+        folder: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
     /// `npm ci` failed.
     Npm {
         /// What it said.
@@ -201,6 +208,12 @@ impl fmt::Display for BoardError {
                     "Node.js {version} is too old for the emulated board: install 18 or newer"
                 )
             }
+            Self::NotUnpacked { folder, reason } => write!(
+                f,
+                "{}: cannot be written ({reason}), and the emulated board wants its files there: set \
+                 XDG_CACHE_HOME to a folder that can be",
+                folder.display()
+            ),
             Self::Npm { message } => {
                 write!(f, "`npm ci` failed; it needs npm and its registry: {message}")
             }

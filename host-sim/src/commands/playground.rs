@@ -3,6 +3,7 @@
 use crate::board::image::{NotBuilt, build, workspace};
 use crate::files::input::InputError;
 use crate::files::output::OutputDir;
+use crate::inside;
 use crate::report::muscle::palette;
 use crate::report::page::DRAWING_STYLE;
 use crate::serve::page;
@@ -92,8 +93,11 @@ pub fn write(mut out: OutputDir) -> Result<Written, PlaygroundError> {
     Ok(Written { bytes: bytes as u64, earlier: out.publish()? })
 }
 
-/// The module of this checkout; cargo decides whether it is stale.
+/// The module of this program, or of this checkout; cargo decides whether that is stale.
 fn module() -> Result<Vec<u8>, PlaygroundError> {
+    if let Some(module) = inside::file(MODULE) {
+        return Ok(module);
+    }
     let root = workspace();
     if !root.join("Cargo.toml").is_file() {
         return Err(PlaygroundError::NoCheckout(root));

@@ -1,9 +1,12 @@
 //! The shared library that goes into a unit: the C interface of `host-sim/fmu`.
 //!
-//! A program that is given away has it inside (feature `fmu-inside`, which takes the file that the environment's
-//! `THERMYO_FMU_LIBRARY` names at compile time); one of a checkout has it built when it is stale, as the firmware is.
+//! A program that is given away has it inside; one of a checkout has it built when it is stale, as the firmware is.
 
-use std::borrow::Cow;
+use super::description::LIBRARY;
+use crate::board::image::workspace;
+use crate::inside;
+use std::process::{Command, Stdio};
+use std::{env, fs};
 
 /// Why there is none.
 #[derive(Debug, thiserror::Error)]
@@ -15,38 +18,27 @@ pub struct NoLibrary {
 
 /// The platform, as FMI writes it.
 pub fn platform() -> String {
-    let os = match std::env::consts::OS {
+    let os = match env::consts::OS {
         "macos" => "darwin",
         other => other,
     };
-    format!("{}-{os}", std::env::consts::ARCH)
+    format!("{}-{os}", env::consts::ARCH)
 }
 
 /// How the name of a shared library ends, as FMI has it.
 pub fn suffix() -> &'static str {
-    std::env::consts::DLL_SUFFIX
+    env::consts::DLL_SUFFIX
 }
 
-/// The library of this platform.
+/// The library of this platform: this program's, or this checkout's, up to date.
 ///
 /// # Errors
 /// [`NoLibrary`]
-#[cfg(feature = "fmu-inside")]
-pub fn library() -> Result<Cow<'static, [u8]>, NoLibrary> {
-    Ok(Cow::Borrowed(include_bytes!(env!("THERMYO_FMU_LIBRARY"))))
-}
-
-/// The library of this platform, of this checkout and up to date.
-///
-/// # Errors
-/// [`NoLibrary`]
-#[cfg(not(feature = "fmu-inside"))]
-pub fn library() -> Result<Cow<'static, [u8]>, NoLibrary> {
-    use super::description::LIBRARY;
-    use crate::board::image::workspace;
-    use std::process::{Command, Stdio};
-    use std::{env, fs};
-
+pub fn library() -> Result<Vec<u8>, NoLibrary> {
+    let name = format!("{}{LIBRARY}{}", env::consts::DLL_PREFIX, suffix());
+    if let Some(library) = inside::file(&name) {
+        return Ok(library);
+    }
     let root = workspace();
     let target = env::var_os("CARGO_TARGET_DIR")
         .map_or_else(|| root.join("target"), |folder| root.join(folder));
@@ -63,9 +55,6 @@ pub fn library() -> Result<Cow<'static, [u8]>, NoLibrary> {
     if !output.status.success() {
         return Err(no_library(String::from_utf8_lossy(&output.stderr).into_owned()));
     }
-    let name = format!("{}{LIBRARY}{}", env::consts::DLL_PREFIX, suffix());
     let file = target.join("release").join(name);
-    fs::read(&file)
-        .map(Cow::Owned)
-        .map_err(|error| no_library(format!("{}: {error}", file.display())))
+    fs::read(&file).map_err(|error| no_library(format!("{}: {error}", file.display())))
 }
