@@ -14,7 +14,7 @@ pub(super) struct BoardArgs {
     /// such as /dev/ttyACM0 (a flashed board with a muscle of its own; "port:emulated" tries that)
     #[arg(long, value_name = "BOARD", default_value = "core", value_parser = board_kind)]
     board: BoardKind,
-    /// Image for the emulated board, ELF or UF2 [default: the firmware of this checkout]
+    /// Image for the emulated board, ELF or UF2 [default: the firmware of this program, or of its checkout]
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 }

@@ -20,7 +20,7 @@ pub(super) struct FlashArgs {
     /// What the board must be
     #[arg(long, value_enum)]
     chip: Option<Model>,
-    /// Builds the firmware and finds the board, and writes nothing
+    /// Prepares the firmware and finds the board, and writes nothing
     #[arg(long)]
     dry_run: bool,
     #[command(flatten)]

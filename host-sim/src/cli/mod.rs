@@ -103,7 +103,7 @@ enum Task {
     EmulatedBoard(flashed::ServeArgs),
     /// The boards that are plugged in
     Ports(flash::PortsArgs),
-    /// Builds the firmware, makes the UF2 and puts it on a board
+    /// Makes the UF2 of the firmware and puts it on a board
     Flash(flash::FlashArgs),
     /// Measures the project's own targets and prints a table of target and figure
     Evaluate(evaluate::EvaluateArgs),

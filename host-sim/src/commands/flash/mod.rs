@@ -1,4 +1,4 @@
-//! `thermyo flash`: puts the firmware of this checkout on a board, through the boot loader that its chip is
+//! `thermyo flash`: puts the firmware of this program or its checkout on a board, through the boot loader that its chip is
 //! born with.
 
 mod drive;
@@ -243,7 +243,7 @@ pub fn run(
     if let Some(wanted) = request.model.filter(|wanted| *wanted != model) {
         return Err(FlashError::OtherChip { target: target.name(), found: model, wanted });
     }
-    say(&format!("building the firmware for {model}"));
+    say(&format!("preparing the firmware for {model}"));
     let image = image::firmware(model.variant())?;
     let damaged = |problem: String| FlashError::Image { path: image.clone(), problem };
     let elf = fs::read(&image).map_err(|error| damaged(error.to_string()))?;
