@@ -6,6 +6,7 @@ use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::{Heat, Wall};
+use crate::physics::leak::Leak;
 use crate::physics::valve::Valve;
 use crate::sensing::Sensors;
 
@@ -33,6 +34,8 @@ pub struct Config {
     pub supply: Supply,
     /// What holds the gas.
     pub chamber: ChamberConfig,
+    /// What it leaks.
+    pub leak: Leak,
     /// Heat transfer.
     pub heat: Heat,
     /// What holds the gas in, as a heat capacity.
@@ -178,6 +181,7 @@ impl Default for Config {
                 slack_m: 0.0,
                 dead_volume_m3: 5.0e-6,
             }),
+            leak: Leak::default(),
             heat: Heat::default(),
             wall: Wall::default(),
             friction: Friction::default(),
@@ -241,6 +245,7 @@ impl Config {
         self.ambient.check()?;
         self.supply.check()?;
         self.chamber.check()?;
+        self.leak.check()?;
         self.heat.check()?;
         self.wall.check()?;
         self.friction.check()?;

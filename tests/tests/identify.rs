@@ -158,6 +158,42 @@ fn the_result_runs_and_the_report_shows_it() {
     }
 }
 
+/// A muscle that is shut and leaks, as a monitor records it; and the scenario that asks for the leak, told five
+/// times too large.
+fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
+    let hold = format!(
+        "[run]\nduration_s = {seconds:?}\nlog_every = 100\n\
+         [plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 400e3\n\
+         [load]\nkind = \"isometric\"\nlength_m = 0.27\n[drive]\nkind = \"closed\"\n[leak]\n"
+    );
+    let run = run_text(&format!("{hold}conductance_m3_s_pa = {leak_m3_s_pa:?}\n"), &[]);
+    let columns = ["time_s", "measured_pressure_pa", "sensor_gas_k"].map(|name| run.column(name));
+    let mut text = "time_s,pressure_pa,sensor_gas_k\n".to_owned();
+    for i in 0..columns[0].len() {
+        let cells = columns.each_ref().map(|column| column[i].to_string());
+        text += &(cells.join(",") + "\n");
+    }
+    let told = format!("{hold}conductance_m3_s_pa = 1e-11\n");
+    identify_texts(&text, &asking_for(&told, &["leak.conductance_m3_s_pa"]))
+}
+
+#[test]
+fn a_hold_tells_the_leak_or_says_that_it_cannot() {
+    let found = held(20.0, 2.0e-12);
+    assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
+    let (value, error) = found.parameter("leak.conductance_m3_s_pa");
+    println!("leak {value:.4e} ± {error:.1e} m3/(s Pa)");
+    assert!(error > 0.0 && error < 0.01 * value, "{value} ± {error}");
+    assert!((value - 2.0e-12).abs() < 4.0 * error, "{value} ± {error}");
+    assert!(!found.outcome.out.contains("not determined"), "{}", found.outcome.out);
+    // Two seconds of it lose 9 Pa, of readings with a noise of 53 Pa.
+    let found = held(2.0, 2.0e-14);
+    let (out, value) =
+        (&found.outcome.out, &found.summary["parameters"]["leak.conductance_m3_s_pa"]);
+    let open = value["standard_error"].is_null() && out.contains("say nothing about it");
+    assert!(open || out.contains("is not determined"), "{out}");
+}
+
 /// A muscle's record as a board's monitor makes it, from some time on: 100 rows per second, its sensors'
 /// own noise and codes, no flow.
 fn monitored(model: &str, from_s: f64) -> String {

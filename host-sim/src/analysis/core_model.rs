@@ -3,13 +3,17 @@
 //! Pressure and length are given, smoothed; the state moves by the energy balance (3), (4):
 //!
 //! ```text
-//! H     = (V dP + k P dV)/(k-1) + s h A (T - T_w) dt      enthalpy through the port
-//! dm    = H/(cp T_in) inwards, H/(cp T) outwards, 0 while both valves are shut
+//! dm_l  = what leaks by ISO 6358 at P, T
+//! H     = (V dP + k P dV)/(k-1) + s h A (T - T_w) dt + cp T dm_l      enthalpy through the valves
+//! dm    = H/(cp T_in) inwards, H/(cp T) outwards, 0 while both valves are shut; less dm_l
 //! T     = P V/(m R)                                       (1)
 //! T_w'  = (s h A (T - T_w) + friction - h_o A (T_w - T_ambient))/C_w
 //! T_h'  = (T - T_h)/tau_h,  T_s' = (T_h - T_s)/tau
 //! ```
 
+use crate::plant::flow::Iso6358;
+use crate::plant::gas::IdealGas;
+use crate::scenario::Gas;
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::physics::heat::Heat;
@@ -61,12 +65,21 @@ pub struct Model {
     config: Config,
     chamber: AnyChamber,
     step_s: f64,
+    leak: Option<Iso6358>,
 }
 
 impl Model {
     /// The model of a configuration.
     pub fn new(config: &Config) -> Self {
+        let leak = &config.leak;
+        let gas = IdealGas::new(&Gas {
+            gas_constant_j_kg_k: config.gas.gas_constant_j_kg_k.into(),
+            heat_capacity_ratio: config.gas.heat_capacity_ratio.into(),
+        });
+        let conductance = f64::from(leak.conductance_m3_s_pa);
         Self {
+            leak: (conductance > 0.0)
+                .then(|| Iso6358::valve(conductance, leak.critical_ratio.into(), &gas)),
             config: *config,
             chamber: AnyChamber::new(&config.chamber),
             step_s: f64::from(config.step_s),
@@ -77,6 +90,14 @@ impl Model {
     pub fn gas_k(&self, known: &Known, state: &State) -> f64 {
         let gas_constant = f64::from(self.config.gas.gas_constant_j_kg_k);
         known.pressure_pa * known.volume_m3 / (state[MASS].exp() * gas_constant)
+    }
+
+    /// What leaks at a pressure \[Pa\] and gas temperature \[K\], by the plant's own law \[kg/s\].
+    fn leak_kg_s(&self, pressure_pa: f64, gas_k: f64) -> f64 {
+        let ambient_pa = f64::from(self.config.ambient.pressure_pa);
+        self.leak
+            .filter(|_| pressure_pa > ambient_pa)
+            .map_or(0.0, |leak| leak.mass_flow(pressure_pa, gas_k, ambient_pa))
     }
 
     /// ln m that gives a gas temperature.
@@ -120,12 +141,14 @@ impl Model {
                 * surface_m2
                 * (f64::from(inner_w_m2_k) + f64::from(inner_per_flow) * inflow_kg_s.max(0.0));
             let heat_j = inner_w_k * (gas_k - state[WALL]) * self.step_s;
+            let leaked_kg = self.leak_kg_s(before.pressure_pa, gas_k) * self.step_s;
             let mean_volume_m3 = 0.5 * (before.volume_m3 + now.volume_m3);
             let mean_pa = 0.5 * (before.pressure_pa + now.pressure_pa);
             let enthalpy_j = (mean_volume_m3 * (now.pressure_pa - before.pressure_pa)
                 + k * mean_pa * (now.volume_m3 - before.volume_m3))
                 / (k - 1.0)
-                + heat_j;
+                + heat_j
+                + cp * gas_k * leaked_kg;
             // One-sided duties say the direction; noise would be rectified otherwise.
             let entering = now.charging && (!now.discharging || enthalpy_j > 0.0);
             let port_k = if entering { f64::from(self.config.supply.temperature_k) } else { gas_k };
@@ -133,7 +156,7 @@ impl Model {
                 if now.charging || now.discharging { enthalpy_j / (cp * port_k) } else { 0.0 };
             let stirring_kg_s = if entering { change_kg / self.step_s } else { 0.0 };
             *inflow_kg_s += share(STIRRING_S) * (stirring_kg_s - *inflow_kg_s);
-            state[MASS] = (state[MASS].exp() + change_kg).ln();
+            state[MASS] = (state[MASS].exp() + change_kg - leaked_kg).ln();
             let gas_before_k = gas_k;
             gas_k = self.gas_k(now, &state);
             each(gas_k);

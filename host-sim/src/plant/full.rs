@@ -18,8 +18,8 @@ use super::pwm::PwmValve;
 use super::sensors::{Exposure, Sensors};
 use super::zones::Stirring;
 use super::{
-    Actuation, BuildError, Diverged, LEAK_TOO_LARGE, Ledger, Plant, Substeps, Truth, check_gas,
-    check_length, work_through,
+    Actuation, BuildError, Diverged, Ledger, Plant, Substeps, Truth, check_gas, check_length,
+    work_through,
 };
 use crate::math;
 use crate::scenario::{LoadKind, Scenario};
@@ -338,10 +338,10 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let bristle_rate = bristle.fastest_rate(mass_kg);
         let smallest = chamber.volume(rest_length).min(volume);
         let step = scenario.run.step_s;
-        let substeps = Substeps::new(scenario, &piping, |leak| {
+        let substeps = Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
             let leak_rate = leak * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
             let (fastest, because) = if leak_rate > tube_rate.max(bristle_rate) {
-                (leak_rate, LEAK_TOO_LARGE)
+                (leak_rate, leak_too_large)
             } else if tube_rate > bristle_rate {
                 (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube")
             } else {

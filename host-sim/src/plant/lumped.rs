@@ -15,8 +15,8 @@ use super::piping::{Disturbance, Piping};
 use super::pull::{Pull, Softening};
 use super::sensors::{Exposure, Sensors};
 use super::{
-    Actuation, BuildError, Diverged, LEAK_TOO_LARGE, Ledger, Plant, Substeps, Truth, check_gas,
-    check_length, work_through,
+    Actuation, BuildError, Diverged, Ledger, Plant, Substeps, Truth, check_gas, check_length,
+    work_through,
 };
 use crate::math;
 use crate::scenario::{LoadKind, Scenario};
@@ -238,10 +238,10 @@ impl<C: Chamber + Copy> Lumped<C> {
         let gas_k = scenario.plant.gas_k();
         let hottest = piping.supply().1.max(temperature).max(gas_k);
         let step = scenario.run.step_s;
-        let substeps = Substeps::new(scenario, &piping, |leak| {
+        let substeps = Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
             let rate = (2.0 + leak) * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
             let because = if leak > 2.0 {
-                LEAK_TOO_LARGE
+                leak_too_large
             } else {
                 "valve.conductance_m3_s_pa is too large for the gas's volume"
             };

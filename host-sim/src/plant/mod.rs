@@ -204,8 +204,9 @@ pub trait Plant: Send {
 /// minutes \[s\].
 const SHORTEST_STEP_S: f64 = 1.0e-7;
 
-/// The key that makes the plant too fast, where it is a hole.
-const LEAK_TOO_LARGE: &str =
+/// The key that makes the plant too fast, where it is what leaks, or a hole.
+const LEAK_TOO_LARGE: &str = "leak.conductance_m3_s_pa is too large for the gas's volume";
+const HOLE_TOO_LARGE: &str =
     "leak_conductance_m3_s_pa of [faults] is too large for the gas's volume";
 
 /// Why a scenario that passed validation still makes no plant.
@@ -324,14 +325,20 @@ struct Substeps {
 }
 
 impl Substeps {
-    /// `of` gives the number for a hole's conductance, in valves.
+    /// `of` gives the number for what leaks and a hole, in valves, and the key to name if they are too large.
+    /// `hottest_k`: the hottest that gas gets upstream \[K\].
     fn new(
         scenario: &Scenario,
         piping: &Piping,
-        of: impl Fn(f64) -> Result<u32, BuildError>,
+        hottest_k: f64,
+        of: impl Fn(f64, &'static str) -> Result<u32, BuildError>,
     ) -> Result<Self, BuildError> {
         let largest = piping.in_valves(scenario.faults.largest_leak_m3_s_pa());
-        Ok(Self { whole: of(0.0)?, holed: of(largest)? })
+        let always = piping.leak_in_valves(hottest_k);
+        Ok(Self {
+            whole: of(always, LEAK_TOO_LARGE)?,
+            holed: of(always + largest, HOLE_TOO_LARGE)?,
+        })
     }
 
     fn now(self, piping: &Piping) -> u32 {

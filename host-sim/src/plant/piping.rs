@@ -42,12 +42,14 @@ impl Default for Travel {
     }
 }
 
-/// Supply, inlet valve, outlet valve, ambient, and a hole if there is one. Gas flows through each of
+/// Supply, inlet valve, outlet valve, ambient, what leaks, and a hole if there is one. Gas flows through each of
 /// them in the direction that the pressures dictate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piping {
     valve: Iso6358,
     conductance_m3_s_pa: f64,
+    /// What leaks all the time, if anything does.
+    leak: Option<Iso6358>,
     supply: (f64, f64),
     ambient: (f64, f64),
     broken: Disturbance,
@@ -56,10 +58,12 @@ pub struct Piping {
 impl Piping {
     /// The piping of a scenario, whole.
     pub fn new(scenario: &Scenario, gas: &IdealGas) -> Self {
-        let valve = &scenario.valve;
+        let Scenario { valve, leak, .. } = scenario;
         Self {
             valve: Iso6358::valve(valve.conductance_m3_s_pa, valve.critical_ratio, gas),
             conductance_m3_s_pa: valve.conductance_m3_s_pa,
+            leak: (leak.conductance_m3_s_pa > 0.0)
+                .then(|| Iso6358::valve(leak.conductance_m3_s_pa, leak.critical_ratio, gas)),
             supply: (scenario.supply.pressure_pa, scenario.supply.temperature_k),
             ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
             broken: Disturbance::default(),
@@ -86,6 +90,11 @@ impl Piping {
         self.broken.leak_m3_s_pa > 0.0
     }
 
+    /// [`Iso6358::steepest`] of what leaks all the time, in open valves.
+    pub fn leak_in_valves(&self, upstream_k: f64) -> f64 {
+        self.leak.map_or(0.0, |leak| leak.steepest(upstream_k) / self.steepest(upstream_k))
+    }
+
     /// A hole's conductance, in valves.
     pub fn in_valves(&self, leak_m3_s_pa: f64) -> f64 {
         leak_m3_s_pa / self.conductance_m3_s_pa
@@ -109,8 +118,11 @@ impl Piping {
         self.add(streams, gas, self.ambient, self.broken.outlet.opening(driven));
     }
 
-    /// Adds the flow through the hole from gas (p, T).
+    /// Adds what leaks from gas (p, T), and the flow through the hole.
     pub fn add_leak(&self, streams: &mut Streams, gas: (f64, f64)) {
+        if let Some(leak) = &self.leak {
+            streams.add(gas, self.ambient, |p, t, q| leak.mass_flow(p, t, q));
+        }
         self.add(streams, gas, self.ambient, self.in_valves(self.broken.leak_m3_s_pa));
     }
 

@@ -110,6 +110,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         ambient: s.ambient.core(),
         supply: s.supply.core(),
         chamber,
+        leak: s.leak.core(),
         heat: Heat {
             inner_w_m2_k: inner_w_m2_k as f32,
             inner_per_flow: (one_zone.stirring * inner_per_flow) as f32,

@@ -131,6 +131,8 @@ fn scenario(config: &Config) -> Option<Scenario> {
         ("valve.critical_ratio", config.valve.critical_ratio),
         ("valve.switch_time_s", config.valve.switch_time_s),
         ("valve.dead_time_s", config.valve.dead_time_s),
+        ("leak.conductance_m3_s_pa", config.leak.conductance_m3_s_pa),
+        ("leak.critical_ratio", config.leak.critical_ratio),
         ("adc.wide_code_lsb", sensors.adc.wide_code_lsb),
         ("sensor.pressure.range_pa", sensors.pressure.range_pa),
         ("sensor.pressure.noise_pa", sensors.pressure.noise_pa),
@@ -175,7 +177,7 @@ mod tests {
             "[sensor.pressure]\nrange_pa = 689_476.0\ngain = 1.013\noffset_pa = -312.7\n\
              [load]\nkind = \"mass\"\nmass_kg = 7.3\n[heat]\nmodel = \"correlation\"\n",
             "[muscle]\nrest_length_m = 0.217\ndiameter_m = 0.0137\nbraid_angle_deg = 21.3\n\
-             [valve]\npwm_hz = 62.5\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
+             [valve]\npwm_hz = 62.5\n[leak]\nconductance_m3_s_pa = 3.7e-12\ncritical_ratio = 0.21\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
             "[muscle]\nbladder_saturation_n = 41.3\nbladder_strain = 0.031\nslack_m = 0.0043\n\
              [estimator]\nport_cooling = 0.15\n",
             "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3435.0\n",

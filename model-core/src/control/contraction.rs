@@ -286,7 +286,7 @@ impl ContractionLoop {
         let gain = self.gains.closes;
         let change_pa = self.pressure_pa - before_pa + gain * (before_pa - feedback.pressure_pa);
         let change_m3 = reference.volume_m3 - before_m3 + gain * missing_m3;
-        Some(port.mass_kg(change_pa, change_m3) - port.in_flight_kg)
+        Some(port.mass_kg(change_pa, change_m3) + port.leaked_kg - port.in_flight_kg)
     }
 }
 
@@ -323,6 +323,7 @@ mod tests {
             pressure_pa: feedback.pressure_pa,
             volume_m3: muscle().volume_m3(feedback.length_m),
             in_flight_kg: 0.0,
+            leaked_kg: 0.0,
             saturated: false,
             inflow_k: 298.0,
             gas_k: 298.0,

@@ -68,7 +68,7 @@ impl Cycle {
         let end = wrapped(self.phase + parts(coming_steps.into()), length);
         let change_kg = reference_kg(end) - now_kg;
         let error_kg = now_kg - port.gas_mass_kg() - port.in_flight_kg;
-        let wanted_kg = change_kg + CLOSES * error_kg;
+        let wanted_kg = change_kg + CLOSES * error_kg + port.leaked_kg;
         // A stroke goes one way: what is too much is waited for, not let out.
         if change_kg > 0.0 { limit(wanted_kg, 0.0, 1.0) } else { limit(wanted_kg, -1.0, 0.0) }
     }
@@ -161,6 +161,7 @@ mod tests {
             pressure_pa: mass_kg * 287.05 * 298.0 / VOLUME_M3,
             volume_m3: VOLUME_M3,
             in_flight_kg,
+            leaked_kg: 0.0,
             saturated: false,
             inflow_k: 298.0,
             gas_k: 298.0,

@@ -39,7 +39,6 @@ use crate::config::{Config, Load};
 use crate::control::valve_drive::FlowDrive;
 use crate::math::limit;
 use crate::physics::chamber::Chamber;
-use crate::physics::gas::Reservoir;
 use crate::sample::{Command, Duty};
 
 /// What the core is doing.
@@ -237,8 +236,7 @@ impl Controller {
     }
 
     fn period(&mut self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> Command {
-        let muscle =
-            Reservoir { pressure_pa: feedback.pressure_pa, temperature_k: feedback.estimate.gas_k };
+        let muscle = feedback.muscle();
         self.limited = false;
         let port = self.port(config, chamber, feedback);
         let mass_kg = match self.target.set_point() {
@@ -342,6 +340,12 @@ impl Controller {
             pressure_pa: feedback.pressure_pa,
             volume_m3,
             in_flight_kg: self.drive.in_flight_kg(),
+            leaked_kg: period_s
+                * config.leak.mass_flow_kg_s(
+                    &config.gas,
+                    feedback.muscle(),
+                    config.ambient.pressure_pa,
+                ),
             saturated: self.drive.saturated(),
             inflow_k: config.supply.temperature_k,
             gas_k: feedback.estimate.gas_k,

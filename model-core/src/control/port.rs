@@ -1,5 +1,6 @@
 //! What the loops see, and what they work with: readings, and the gas that a pulse moves.
 
+use crate::physics::gas::Reservoir;
 use crate::sample::Estimate;
 
 /// What the controller acts on.
@@ -11,6 +12,13 @@ pub struct Feedback {
     pub length_m: f32,
     /// The estimate of the step before.
     pub estimate: Estimate,
+}
+
+impl Feedback {
+    /// The gas in the muscle, as a valve sees it.
+    pub fn muscle(&self) -> Reservoir {
+        Reservoir { pressure_pa: self.pressure_pa, temperature_k: self.estimate.gas_k }
+    }
 }
 
 /// The gas at the valves' side of a loop, for one period.
@@ -26,6 +34,8 @@ pub struct Port {
     pub volume_m3: f32,
     /// Mass that the last pulse still moves, positive into the muscle \[kg\].
     pub in_flight_kg: f32,
+    /// Mass that leaks in the coming period \[kg\].
+    pub leaked_kg: f32,
     /// Whether the last period's valve could not pass what was asked.
     pub saturated: bool,
     /// Temperature of the gas that comes in \[K\] ...

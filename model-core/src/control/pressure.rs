@@ -10,7 +10,7 @@ use crate::math::{absolute, limit};
 pub struct PressureLoop {
     /// Set point after the rate limit \[Pa\].
     reference_pa: f32,
-    /// Flow that the loop has learnt to add: heat to the wall, a leak, a wrong conductance \[kg/s\].
+    /// Flow that the loop has learnt to add: heat to the wall, a leak that it is not told, a wrong conductance \[kg/s\].
     bias_kg_s: f32,
     holding: bool,
 }
@@ -65,7 +65,9 @@ impl PressureLoop {
                 limit_kg_s,
             );
         }
-        let wanted_kg = port.mass_kg(gain * error_pa, volume_change_m3) + self.bias_kg_s * period_s
+        let wanted_kg = port.mass_kg(gain * error_pa, volume_change_m3)
+            + self.bias_kg_s * period_s
+            + port.leaked_kg
             - port.in_flight_kg;
         Some(wanted_kg)
     }
@@ -98,6 +100,7 @@ mod tests {
             pressure_pa,
             volume_m3: VOLUME_M3,
             in_flight_kg: 0.0,
+            leaked_kg: 0.0,
             saturated: false,
             inflow_k: 298.0,
             gas_k: 298.0,
@@ -160,6 +163,17 @@ mod tests {
             }
             let most_pa = 3.0e5 * 0.01 * error_pa.signum();
             close(moved_pa(&mut active, &port(3.0e5), 3.0e5 + error_pa), GAIN * error_pa + most_pa);
+        }
+    }
+
+    #[test]
+    fn a_leak_that_is_told_is_made_up_for_at_once() {
+        let leaking = Port { leaked_kg: 500.0 * KG_PER_PA, ..port(3.0e5) };
+        for error_pa in [-1.0e4, 1.0e4] {
+            let mut active = PressureLoop::new(&feedback(3.0e5));
+            let learnt_pa = GAIN * error_pa * 0.01 / 0.3;
+            let moved_pa = moved_pa(&mut active, &leaking, 3.0e5 + error_pa);
+            close(moved_pa, GAIN * error_pa + learnt_pa + 500.0);
         }
     }
 

@@ -179,11 +179,9 @@ impl Data {
             DriveKind::Discharge | DriveKind::Fill => is_vessel,
             _ => false,
         };
-        let fits_valves = scenario
-            .identify
-            .parameters
-            .iter()
-            .any(|path| path.starts_with("valve.") || path == "supply.pressure_pa");
+        let fits_paths = scenario.identify.parameters.iter().any(|path| {
+            path.starts_with("valve.") || path.starts_with("leak.") || path == "supply.pressure_pa"
+        });
         let profile = |name: &str| -> Result<Profile, InputError> {
             let points = needed(name)?.points.clone();
             Profile::new(points).map_err(|error| unusable(name, &error.to_string()))
@@ -199,7 +197,7 @@ impl Data {
                 duties: pair(["duty_in", "duty_out"])?,
                 sensor_k: observed[0].points[0].1,
             })
-        } else if column("flow_in_kg_s").is_some() && !fits_valves {
+        } else if column("flow_in_kg_s").is_some() && !fits_paths {
             Input::Flows(pair(["flow_in_kg_s", "flow_out_kg_s"])?)
         } else {
             Input::Duties(pair(["duty_in", "duty_out"])?)

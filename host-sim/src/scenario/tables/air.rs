@@ -40,6 +40,14 @@ table! {
 }
 
 table! {
+    "leak", "what the chamber leaks to ambient all the time (ISO 6358)", believed, physical;
+    Leak as physics::leak::Leak {
+        core conductance_m3_s_pa;
+        core critical_ratio;
+    }
+}
+
+table! {
     "tube", "the tube between valves and muscle (full)", believed, physical;
     Tube {
         volume_m3: real 6.0e-6, "m3", 1.0e-9 to 0.05, "volume";

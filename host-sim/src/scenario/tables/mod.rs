@@ -63,6 +63,8 @@ pub struct Scenario {
     pub load: Load,
     /// Inlet and outlet valve (ISO 6358).
     pub valve: Valve,
+    /// What the chamber leaks.
+    pub leak: Leak,
     /// Tube between valve and muscle (`full` only).
     pub tube: Tube,
     /// Nozzle of a vessel.
@@ -102,6 +104,7 @@ pub static TABLES: &[Table] = &[
     Friction::TABLE,
     Load::TABLE,
     Valve::TABLE,
+    Leak::TABLE,
     Tube::TABLE,
     Orifice::TABLE,
     Drive::TABLE,
