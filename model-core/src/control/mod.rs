@@ -334,18 +334,19 @@ impl Controller {
     fn port(&self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> Port {
         let period_s = self.drive.period_s();
         let volume_m3 = chamber.volume_m3(feedback.length_m);
+        let leaked_kg = if config.leak.leaks() {
+            let Config { leak, gas, ambient, .. } = config;
+            period_s * leak.mass_flow_kg_s(gas, feedback.muscle(), ambient.pressure_pa)
+        } else {
+            0.0
+        };
         Port {
             period_s,
             pwm_hz: self.drive.pwm_hz(),
             pressure_pa: feedback.pressure_pa,
             volume_m3,
             in_flight_kg: self.drive.in_flight_kg(),
-            leaked_kg: period_s
-                * config.leak.mass_flow_kg_s(
-                    &config.gas,
-                    feedback.muscle(),
-                    config.ambient.pressure_pa,
-                ),
+            leaked_kg,
             saturated: self.drive.saturated(),
             inflow_k: config.supply.temperature_k,
             gas_k: feedback.estimate.gas_k,

@@ -238,6 +238,8 @@ pub struct Estimator {
     interval_s: f32,
     /// What leaks in a step, over the absolute pressure \[kg/Pa\]; nothing else of it changes within an interval.
     leak_kg_pa: f32,
+    /// Anything does: a comparison of numbers in every step is dear without an FPU.
+    leaks: bool,
     /// One over the configured lag \[1/s\].
     per_lag_s: f32,
     /// How much more of the covariance is stated where the foil is off the middle \[-\].
@@ -365,6 +367,7 @@ impl Estimator {
             per_cv: (k - 1.0) / config.gas.gas_constant_j_kg_k,
             interval_s,
             leak_kg_pa: 0.0,
+            leaks: config.leak.leaks(),
             per_lag_s: 1.0 / sensors.gas.time_constant_s,
             place: limit(sd.place_error_k / MIDDLE_PLACE_K, 1.0, MOST_PLACE),
             swing_window: interval_s * (1.0 / SWING_S),
@@ -618,7 +621,7 @@ impl Estimator {
         let heat_j = conductance * (self.gas_k - self.wall_k);
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
         let mut closed_j = self.energy.energy_j() - work_j - heat_j;
-        if self.leak_kg_pa > 0.0 {
+        if self.leaks {
             closed_j -= self.leak_j(pressure_pa);
         }
         let per_pa = volume_m3 * self.per_k_minus_1;
@@ -679,6 +682,9 @@ impl Estimator {
 
     /// What leaks in a step at that pressure \[Pa\].
     fn set_leak(&mut self, pressure_pa: f32) {
+        if !self.leaks {
+            return;
+        }
         let config = &self.config;
         let muscle = Reservoir { pressure_pa, temperature_k: self.gas_k };
         let flow_kg_s = config.leak.mass_flow_kg_s(&config.gas, muscle, config.ambient.pressure_pa);
@@ -739,11 +745,14 @@ impl Estimator {
         self.mix_port(&interval, gas_k, per_mass);
         let adiabatic_j = self.measured_j - interval.start_j + interval.work_j;
         let share = |enthalpy_j: f32| enthalpy_j * self.per_cp * per_mass / gas_k;
+        let mut most_j = adiabatic_j + limit(interval.heat_j, 0.0, f32::MAX);
+        if self.leaks {
+            most_j += interval.leaked_j;
+            self.pending.leaked = share(interval.leaked_j);
+        }
         self.balance = Some(Balance {
             least_gained: share(adiabatic_j + limit(interval.heat_j, f32::MIN, 0.0)),
-            most_gained: share(
-                adiabatic_j + limit(interval.heat_j, 0.0, f32::MAX) + interval.leaked_j,
-            ),
+            most_gained: share(most_j),
             pressure_pa: self.pressure_pa,
             mass_kg: self.mass_kg.value(),
         });
@@ -751,7 +760,6 @@ impl Estimator {
         let exchange = limit(inner_j_k * per_mass * self.per_cp * flowing, 0.0, 0.5);
         self.pending.gas_k = gas_k;
         self.pending.moved = interval.flowing_steps > 0;
-        self.pending.leaked = share(interval.leaked_j);
         self.pending.work = Work::Rows(Transition {
             gas_gas: -limit(exchange + interval.inflow_kg * per_mass, 0.0, 0.9),
             gas_wall: exchange / gas_k,
@@ -814,8 +822,8 @@ impl Estimator {
         let relative = drift.gas_drift_k / self.pending.gas_k;
         let p = &mut self.covariance;
         p.gas_gas += relative * relative * duration_s;
-        let leaked = self.pending.leaked;
-        if leaked > 0.0 {
+        if self.leaks {
+            let leaked = self.pending.leaked;
             p.gas_gas += LEAK_DOUBT_S * leaked * leaked / duration_s;
         }
         p.wall_wall += drift.wall_drift_k * drift.wall_drift_k * duration_s;

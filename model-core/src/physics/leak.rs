@@ -14,6 +14,11 @@ parameters! {
 }
 
 impl Leak {
+    /// Whether anything leaks: what is tight need not be worked out.
+    pub fn leaks(&self) -> bool {
+        self.conductance_m3_s_pa > 0.0
+    }
+
     /// Mass flow \[kg/s\] from the gas in the chamber to ambient; 0 where the gas is below it.
     ///
     /// ```
@@ -27,10 +32,6 @@ impl Leak {
     /// assert!((flow_kg_s / 5.942e-6 - 1.0).abs() < 1.0e-3);
     /// ```
     pub fn mass_flow_kg_s(&self, gas: &Gas, chamber: Reservoir, ambient_pa: f32) -> f32 {
-        // Kept from the arithmetic of a muscle that is tight.
-        if !(self.conductance_m3_s_pa > 0.0) {
-            return 0.0;
-        }
         let path = Valve {
             conductance_m3_s_pa: self.conductance_m3_s_pa,
             critical_ratio: self.critical_ratio,
