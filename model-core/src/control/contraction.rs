@@ -195,8 +195,8 @@ impl ContractionLoop {
         self.friction_n = limit(holds_n, -most_friction_n, most_friction_n);
         let length_m = feedback.length_m;
         if length_m > chamber.shortest_m() + STOP_M && length_m < chamber.longest_m() - STOP_M {
-            let most_n = config.controller.load_limit_n;
-            self.trim_n = limit(self.trim_n + holds_n - self.friction_n, -most_n, most_n);
+            let trim_n = self.trim_n + holds_n - self.friction_n;
+            self.trim_n = limited_trim_n(config, chamber, force_n, trim_n);
         }
         self.pressure_pa = feedback.pressure_pa;
     }
@@ -265,8 +265,7 @@ impl ContractionLoop {
             };
             let learns_m = limit(error_m + extra_m, -most_m, most_m);
             let learnt_n = tuning.load_gain_n_m_s * period_s * learns_m;
-            let most_n = tuning.load_limit_n;
-            self.trim_n = limit(self.trim_n + learnt_n, -most_n, most_n);
+            self.trim_n = limited_trim_n(config, chamber, load_n, self.trim_n + learnt_n);
         }
 
         let start_m = self.reference.length_m;
@@ -290,6 +289,13 @@ impl ContractionLoop {
     }
 }
 
+/// A learnt load within its limit; with what is told, no less than what the chamber can hold: what cannot push has no
+/// load that is lifted for it.
+fn limited_trim_n(config: &Config, chamber: &impl Chamber, load_n: f32, trim_n: f32) -> f32 {
+    let most_n = config.controller.load_limit_n;
+    limit(trim_n, limit(chamber.least_force_n() - load_n, -most_n, 0.0), most_n)
+}
+
 /// Friction after a way, `way_n` its stiffness times the way: it builds up along the way as the
 /// bristles of LuGre do (Canudas de Wit et al. 1995), f' = k (1 - f/F sgn x'), backward Euler.
 fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
@@ -300,7 +306,7 @@ fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::chamber::AnyChamber;
+    use crate::physics::chamber::{AnyChamber, ChamberConfig, Cylinder};
     use crate::sample::Estimate;
 
     const LENGTH_M: f32 = 0.27;
@@ -554,6 +560,23 @@ mod tests {
             let trim_n = sign * learnt_n(&little, sign * 9.0e-3, false, 0.0);
             assert!((trim_n - 0.3).abs() < 5e-3, "{trim_n} N");
         }
+    }
+
+    /// A muscle cannot push: what is learnt leaves a load that pulls, or none.
+    #[test]
+    fn no_load_is_learnt_that_a_slack_muscle_would_have_to_push() {
+        let config = Config::default();
+        let least_n = |load_n: f32| limited_trim_n(&config, &muscle(), load_n, -1.0e3);
+        assert_eq!([0.0, 20.0, 100.0, 1.0e3].map(least_n), [0.0, -20.0, -100.0, -300.0]);
+        assert_eq!(limited_trim_n(&config, &muscle(), 20.0, 1.0e3), 300.0);
+        let cylinder = AnyChamber::new(&ChamberConfig::Cylinder(Cylinder::default()));
+        assert_eq!(limited_trim_n(&config, &cylinder, -50.0, -1.0e3), -300.0, "it can");
+        // From the middle of its way, at ambient pressure, with 5 N to hold.
+        let gains = Gains::new(&config.controller, PERIOD_S);
+        let slack = feedback(AMBIENT_PA, 0.24);
+        assert!(muscle().force_n(0.0, 0.24) < -30.0);
+        let active = ContractionLoop::new(&config, &gains, &muscle(), &slack, 5.0, 1.0);
+        assert_eq!(active.trim_n, -5.0);
     }
 
     /// Friction against the motion, softened; viscous friction with the speed; the mass with the

@@ -164,6 +164,10 @@ impl Chamber for Muscle {
         self.zones
     }
 
+    fn only_pulls(&self) -> bool {
+        true
+    }
+
     fn told(&self, tube_m3: f64) -> ChamberConfig {
         ChamberConfig::Muscle(told::Muscle {
             braid: told::Braid {
