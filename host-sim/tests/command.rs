@@ -47,6 +47,11 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["evaluate", "tune", "--random", "3"], "--random goes with `evaluate estimator` only"),
         (vec!["evaluate", "estimator", "--random", "0"], "0 is not in 1..=10000"),
         (vec!["evaluate", "estimator", "--seed", "3"], "--random <N>"),
+        (
+            vec!["evaluate", "tune", "--recording", "."],
+            "--recording goes with `evaluate estimator` only",
+        ),
+        (vec!["evaluate", "estimator", "--reference-lag", "1"], "--recording <DIR>"),
         (vec!["evaluate", "tune"], "--out goes with `evaluate control` and `evaluate faults` only"),
     ] {
         let mut all = arguments.clone();
@@ -60,6 +65,61 @@ fn bad_input_is_one_line_and_exit_code_2() {
         assert!(output.stdout.is_empty());
         assert!(!out.exists(), "{arguments:?} left something");
     }
+}
+
+/// A run whose true gas temperature stands for a reference sensor.
+#[test]
+fn a_recording_is_judged_by_its_reference() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scenario(folder.path(), "[run]\nduration_s = 30\n");
+    let place = folder.path().join("record").display().to_string();
+    let run = thermyo(&["run", &file, "--quiet", "--out", &place]);
+    assert_eq!(run.status.code(), Some(0), "{}", said(&run));
+    let judge = |more: &[&str]| {
+        let all = ["evaluate", "estimator", "--quiet", "--recording", &place];
+        thermyo(&[&all[..], more].concat())
+    };
+    let without = judge(&[]);
+    assert_eq!(without.status.code(), Some(2));
+    assert!(
+        said(&without).contains("trace.csv: column reference_gas_k is missing"),
+        "{}",
+        said(&without)
+    );
+    assert_eq!(said(&without).trim_end().lines().count(), 1, "{}", said(&without));
+
+    let trace = folder.path().join("record/trace.csv");
+    let text = fs::read_to_string(&trace).unwrap();
+    let as_recorded = |name: &str| {
+        let header = text.lines().next().unwrap();
+        let renamed = header.replace("gas_temperature_k", "reference_gas_k");
+        let judged = text.replacen(header, &renamed.replace("estimate_k", name), 1);
+        fs::write(&trace, judged).unwrap();
+    };
+    as_recorded("estimate_k");
+    let judged = judge(&["--json"]);
+    let lines: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
+    let figure = |name: &str| {
+        let all = lines[0]["figures"].as_array().unwrap();
+        all.iter().find(|figure| figure["name"] == name).unwrap()["value"].as_f64().unwrap()
+    };
+    let summary = fs::read_to_string(folder.path().join("record/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    println!("{lines:#}");
+    assert!((0.02..0.4).contains(&figure("error_k")), "{}", figure("error_k"));
+    assert!((3.0..12.0).contains(&figure("bare_k")), "{}", figure("bare_k"));
+    let whole_k = summary["rmse_k"]["sensor_gas"].as_f64().unwrap();
+    assert!((figure("bare_k") / whole_k - 1.0).abs() < 0.2, "of the whole run: {whole_k}");
+    // 0, or 1 where the truth lies within two deviations too often.
+    let within = figure("within_2sd");
+    let code = i32::from(!(0.85..=0.99).contains(&within));
+    assert_eq!(judged.status.code(), Some(code), "{}", said(&judged));
+    let table = judge(&["--reference-lag", "0.1"]);
+    assert!(String::from_utf8_lossy(&table.stdout).contains("reference_lag_s 0.100"));
+    as_recorded("estimated_k");
+    let nameless = judge(&[]);
+    assert_eq!(nameless.status.code(), Some(2));
+    assert!(said(&nameless).contains("estimate_k"), "{}", said(&nameless));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
-use super::{Bar, Failure, interrupt, load, print, progress_bar, publish};
-use crate::commands::evaluate::{self, control_page, faults};
+use super::{Bar, Failure, interrupt, load, print, progress_bar, publish, read_record};
+use crate::commands::evaluate::{self, control_page, faults, recording};
 use crate::files::output::OutputDir;
 use clap::{Args, ValueEnum};
 use std::io::Write;
@@ -36,6 +36,17 @@ pub(super) struct EvaluateArgs {
     /// Other random muscles; with --random [default: 1]
     #[arg(long, value_name = "S", requires = "random")]
     seed: Option<u64>,
+    /// Judges a board's recording in this folder, with a reference sensor's column; of `estimator`
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]
+    recording: Option<PathBuf>,
+    /// Lag of that reference sensor in seconds [default: 0]
+    #[arg(long, value_name = "SECONDS", requires = "recording", value_parser = lag_s)]
+    reference_lag: Option<f64>,
+}
+
+fn lag_s(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| (0.0..=10.0).contains(value));
+    value.ok_or_else(|| "must be seconds from 0 to 10".to_owned())
 }
 
 fn hours(text: &str) -> Result<f64, String> {
@@ -62,8 +73,22 @@ pub(super) fn run(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let EvaluateArgs { what, data, scenario: path, out: folder, json, quiet, hours, random, seed } =
-        args;
+    let EvaluateArgs {
+        what,
+        data,
+        scenario: path,
+        out: folder,
+        json,
+        quiet,
+        hours,
+        random,
+        seed,
+        recording,
+        reference_lag,
+    } = args;
+    if recording.is_some() && !matches!(what, Subject::Estimator) {
+        return Err(Failure::Usage("--recording goes with `evaluate estimator` only".to_owned()));
+    }
     if random.is_some() && !matches!(what, Subject::Estimator) {
         return Err(Failure::Usage("--random goes with `evaluate estimator` only".to_owned()));
     }
@@ -90,11 +115,16 @@ pub(super) fn run(
     };
     let bar = Bar::new(*quiet);
     let lines = match what {
-        Subject::Estimator => match *random {
-            Some(count) => evaluate::estimator::random(seed.unwrap_or(1), count, &bar),
-            None => evaluate::estimator::evaluate(&nominal, &bar),
-        }
-        .map_err(Failure::Run)?,
+        Subject::Estimator => match (recording, *random) {
+            (Some(folder), _) => {
+                let recorded = read_record(&folder.join(recording::FILE), err)?;
+                vec![recording::evaluate(&recorded, reference_lag.unwrap_or(0.0))?]
+            }
+            (None, Some(count)) => {
+                evaluate::estimator::random(seed.unwrap_or(1), count, &bar).map_err(Failure::Run)?
+            }
+            (None, None) => evaluate::estimator::evaluate(&nominal, &bar).map_err(Failure::Run)?,
+        },
         Subject::Control => evaluate::control::evaluate(&nominal, &bar).map_err(Failure::Run)?,
         Subject::Truth => {
             let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());

@@ -2,7 +2,8 @@
 
 use super::log::LogArgs;
 use super::{
-    Failure, SaidArgs, calibrate, interrupt, load, print, progress_bar, publish, read_to_compare, tune,
+    Failure, SaidArgs, calibrate, interrupt, load, print, progress_bar, publish, read_to_compare,
+    tune,
 };
 use crate::board::live::LiveBoard;
 use crate::board::{BoardError, port, service};
