@@ -32,7 +32,7 @@ fn request(target: &str) -> Request {
 fn flash(request: &Request, mount: &Path) -> Result<Vec<String>, FlashError> {
     let mut said = Vec::new();
     run(request, &|| vec![mount.to_path_buf()], &mut |line| said.push(line.to_owned()))
-        .map(|()| said)
+        .map(|_| said)
 }
 
 #[test]
@@ -158,7 +158,7 @@ fn without_a_name_the_only_board_is_taken() {
         let mut said = Vec::new();
         let request = Request { dry_run: true, model: Some(Model::Pico), target: None };
         run(&request, &move || mounts.clone(), &mut |line| said.push(line.to_owned()))
-            .map(|()| said)
+            .map(|_| said)
     };
     let several = dry(vec![a.clone(), b]).unwrap_err();
     assert!(matches!(&several, FlashError::Several(names) if names.len() == 2), "{several}");
