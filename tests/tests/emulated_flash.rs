@@ -157,8 +157,7 @@ fn without_a_name_the_only_board_is_taken() {
     let dry = |mounts: Vec<PathBuf>| {
         let mut said = Vec::new();
         let request = Request { dry_run: true, model: Some(Model::Pico), target: None };
-        run(&request, &move || mounts.clone(), &mut |line| said.push(line.to_owned()))
-            .map(|_| said)
+        run(&request, &move || mounts.clone(), &mut |line| said.push(line.to_owned())).map(|_| said)
     };
     let several = dry(vec![a.clone(), b]).unwrap_err();
     assert!(matches!(&several, FlashError::Several(names) if names.len() == 2), "{several}");

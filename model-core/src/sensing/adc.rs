@@ -139,19 +139,19 @@ pub struct Point {
 
 /// A sensor that is linear in the reference: value = offset + slope code.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
+pub struct Characteristic {
     offset: f32,
     slope: f32,
 }
 
-impl Line {
-    /// The line through two points. Not inlined: three calls, each at a start.
+impl Characteristic {
+    /// The one through two points. Not inlined: three calls, each at a start.
     ///
     /// ```
-    /// use model_core::sensing::adc::{Line, Point};
+    /// use model_core::sensing::adc::{Characteristic, Point};
     ///
-    /// let line = Line::through(Point { share: 0.1, value: 0.0 }, Point { share: 0.9, value: 8.0e5 });
-    /// assert!((line.at(0.5 * 32_768.0) - 4.0e5).abs() < 200.0);
+    /// let sensor = Characteristic::through(Point { share: 0.1, value: 0.0 }, Point { share: 0.9, value: 8.0e5 });
+    /// assert!((sensor.at(0.5 * 32_768.0) - 4.0e5).abs() < 200.0);
     /// ```
     #[inline(never)]
     pub fn through(low: Point, high: Point) -> Self {

@@ -1,7 +1,7 @@
 //! Potentiometer: 5 to 95 % of the reference over its range.
 
 use super::Calibration;
-use super::adc::{Line, Point};
+use super::adc::{Characteristic, Point};
 use crate::parameter::parameters;
 
 parameters! {
@@ -15,10 +15,11 @@ parameters! {
 
 impl LengthSensor {
     /// Length over codes.
-    pub fn line(&self) -> Line {
+    pub fn characteristic(&self) -> Characteristic {
         let calibration = Calibration { gain: self.gain, offset: self.offset_m };
         let zero = Point { share: 0.05, value: 0.0 };
-        Line::through(zero, Point { share: 0.95, value: self.range_m }).calibrated(calibration)
+        Characteristic::through(zero, Point { share: 0.95, value: self.range_m })
+            .calibrated(calibration)
     }
 
     /// What one code of 12 bit is worth \[m\]. Eight conversions are summed, so that the noise of a reading is

@@ -7,7 +7,7 @@
 //! Without the last two it is the Beta equation. Steinhart and Hart's 1/T = A + B ln R + C ln^3 R is the same
 //! curve: 1/beta = B + 3 C ln^2 R_25, square = 3 C ln R_25, cube = C.
 
-use super::adc::{Line, Point};
+use super::adc::{Characteristic, Point};
 use super::gas::{Curve, Element};
 use super::pt1000::ratio_to_resistance;
 use crate::config::ConfigError;
@@ -41,7 +41,7 @@ impl Element for Ntc {
     fn curve(&self) -> Divider {
         let low = Point { share: 0.0, value: 0.0 };
         Divider {
-            ratio: Line::through(low, Point { share: 1.0, value: 1.0 }),
+            ratio: Characteristic::through(low, Point { share: 1.0, value: 1.0 }),
             series_share: self.series_ohm / self.resistance_ohm,
             slope_per_k: 1.0 / self.beta_k,
             square_per_k: self.square_per_k,
@@ -59,7 +59,7 @@ impl Element for Ntc {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Divider {
     /// R/(R + R_series) over codes.
-    ratio: Line,
+    ratio: Characteristic,
     /// R_series/R_25.
     series_share: f32,
     slope_per_k: f32,

@@ -2,7 +2,7 @@
 //! is read over a bus.
 
 use super::Calibration;
-use super::adc::{Line, Point};
+use super::adc::{Characteristic, Point};
 use super::part::Limits;
 use crate::config::ConfigError;
 use crate::parameter::parameters;
@@ -77,12 +77,15 @@ impl PressurePart {
     }
 
     /// Pressure of that sensor over codes.
-    pub(super) fn line(&self, sensor: &PressureSensor) -> Line {
+    pub(super) fn characteristic(&self, sensor: &PressureSensor) -> Characteristic {
         let calibration = Calibration { gain: sensor.gain, offset: sensor.offset_pa };
         let zero = Point { share: 0.1, value: 0.0 };
         let full = Point { share: 0.9, value: sensor.range_pa };
-        let line =
-            if self.is_digital() { Line::of_part(zero, full) } else { Line::through(zero, full) };
+        let line = if self.is_digital() {
+            Characteristic::of_part(zero, full)
+        } else {
+            Characteristic::through(zero, full)
+        };
         line.calibrated(calibration)
     }
 

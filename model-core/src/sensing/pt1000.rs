@@ -1,6 +1,6 @@
 //! Pt1000 in a half bridge, behind an amplifier. The circuit is in `docs/board.md`.
 
-use super::adc::{Line, Point};
+use super::adc::{Characteristic, Point};
 use super::gas::{Curve, Element};
 use super::platinum::{platinum_resistance_ohm, platinum_temperature_k};
 use crate::config::{ConfigError, within};
@@ -32,7 +32,7 @@ impl Element for Pt1000 {
     fn curve(&self) -> Bridge {
         let [low, high] = [(0.05, self.range_min_k), (0.95, self.range_max_k)]
             .map(|(share, temperature_k)| Point { share, value: bridge_ratio(temperature_k) });
-        Bridge { ratio: Line::through(low, high) }
+        Bridge { ratio: Characteristic::through(low, high) }
     }
 
     fn resolution_k(&self) -> f32 {
@@ -43,7 +43,7 @@ impl Element for Pt1000 {
 /// Bridge ratio over codes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bridge {
-    ratio: Line,
+    ratio: Characteristic,
 }
 
 impl Curve for Bridge {

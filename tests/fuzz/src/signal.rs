@@ -9,7 +9,7 @@ use rand_xoshiro::rand_core::Rng;
 
 /// How a channel's code goes on.
 #[derive(Debug, Clone, Copy)]
-enum Course {
+enum Waveform {
     /// It follows what the valves let in and out, by so much a step, and stays within a usual range.
     Follow(f32),
     Still,
@@ -24,7 +24,7 @@ enum Course {
 /// One channel.
 #[derive(Debug, Clone, Copy)]
 pub struct Signal {
-    course: Course,
+    waveform: Waveform,
     code: f32,
     /// Largest noise, either way.
     noise: u16,
@@ -34,18 +34,18 @@ pub struct Signal {
 impl Signal {
     /// One that stands at a usual code, with the noise of eight summed conversions.
     pub fn usual(code: u16) -> Self {
-        Self { course: Course::Still, code: f32::from(code), noise: 6, odd: false }
+        Self { waveform: Waveform::Still, code: f32::from(code), noise: 6, odd: false }
     }
 
-    /// Another course from here, or from elsewhere.
+    /// Another waveform from here, or from elsewhere.
     pub fn change(&mut self, bytes: &mut Unstructured) {
         let slope = (f32::from(byte(bytes)) - 128.0) / 4.0;
         match byte(bytes) % 16 {
-            0..=5 => self.course = Course::Follow(slope),
-            6..=8 => self.course = Course::Still,
-            9 | 10 => self.course = Course::Ramp(slope),
-            11 => self.course = Course::Toggle(bytes.whole(16) as u16),
-            12 => self.course = Course::Random,
+            0..=5 => self.waveform = Waveform::Follow(slope),
+            6..=8 => self.waveform = Waveform::Still,
+            9 | 10 => self.waveform = Waveform::Ramp(slope),
+            11 => self.waveform = Waveform::Toggle(bytes.whole(16) as u16),
+            12 => self.waveform = Waveform::Random,
             // From a rail, from beyond what eight conversions add up to, and from elsewhere.
             13 => self.code = if slope < 0.0 { 0.0 } else { f32::from(CODE_MAX) },
             14 => self.code = f32::from(u16::MAX),
@@ -63,16 +63,16 @@ impl Signal {
     pub fn next(&mut self, command: Command, random: &mut Xoshiro128PlusPlus) -> AdcCode {
         const USUAL: (f32, f32) = (3000.0, 29_000.0);
         self.odd = !self.odd;
-        let by = match self.course {
-            Course::Follow(slope) => {
+        let by = match self.waveform {
+            Waveform::Follow(slope) => {
                 let followed = self.code + slope * (command.inlet.share() - command.outlet.share());
                 followed.clamp(USUAL.0, USUAL.1) - self.code
             }
-            Course::Still => 0.0,
-            Course::Ramp(slope) => slope,
-            Course::Toggle(by) if self.odd => f32::from(by),
-            Course::Toggle(by) => -f32::from(by),
-            Course::Random => return AdcCode(random.next_u32() as u16),
+            Waveform::Still => 0.0,
+            Waveform::Ramp(slope) => slope,
+            Waveform::Toggle(by) if self.odd => f32::from(by),
+            Waveform::Toggle(by) => -f32::from(by),
+            Waveform::Random => return AdcCode(random.next_u32() as u16),
         };
         self.code = (self.code + by).clamp(0.0, f32::from(u16::MAX));
         let noise = random.next_u32() % (2 * u32::from(self.noise) + 1);

@@ -156,7 +156,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let sensors = &config.sensors;
     let flowing = flowing(config, run);
     let smoothed =
-        |value: fn(&Telemetry) -> f32, code: fn(&Telemetry) -> AdcCode, line: Channel| {
+        |value: fn(&Telemetry) -> f32, code: fn(&Telemetry) -> AdcCode, line: Converter| {
             let reading = |i: usize| Reading {
                 value: f64::from(value(&run[i])),
                 variance: line.variance(code(&run[i]), &sensors.adc),
@@ -167,10 +167,10 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
         };
     let noise_pa = f64::from(sensors.pressure.noise_pa);
     let pressure_code_pa = f64::from(sensors.pressure.resolution_pa());
-    let pressure = Channel { code: pressure_code_pa, noise: noise_pa };
+    let pressure = Converter { code: pressure_code_pa, noise: noise_pa };
     // The core is told no noise of the length; what a code's width hides is more than it.
     let length_code_m = f64::from(sensors.length.resolution_m());
-    let length = Channel { code: length_code_m, noise: 0.0 };
+    let length = Converter { code: length_code_m, noise: 0.0 };
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure, pressure);
     let length_m = smoothed(|t| t.length_m, |t| t.sample.length, length);
     let steps = flowing.iter().zip(pressure_pa.into_iter().zip(length_m));
@@ -205,14 +205,14 @@ fn flowing(config: &Config, run: &[Telemetry]) -> Vec<(bool, bool)> {
 
 /// An analog channel, in its own unit.
 #[derive(Debug, Clone, Copy)]
-struct Channel {
+struct Converter {
     /// Width of a code of 12 bit.
     code: f64,
     /// Noise of one conversion.
     noise: f64,
 }
 
-impl Channel {
+impl Converter {
     /// Of a sum of conversions: noise, and the width of the code that was read, uniformly filled.
     fn variance(&self, code: AdcCode, adc: &Adc) -> f64 {
         let conversions = f64::from(OVERSAMPLING);

@@ -1,7 +1,7 @@
 //! Whether the muscle goes where it is told: at rest, in motion, warm and cold, told wrong, and against
 //! the usual practice.
 
-use super::pid::{Gains, PidBoard};
+use super::pid::{PidBoard, PidGains};
 use super::{Figure, Line, finished};
 use crate::board::{Board, CoreBoard};
 use crate::commands::parallel::{self, Watch};
@@ -25,8 +25,8 @@ pub(super) const MIDDLE: f64 = 0.15;
 const BEFORE_S: f64 = 1.0;
 /// The least error on the slow sine of some 170 combinations, on the nominal muscle, that hunts by no
 /// more than 1 % of the stroke when it should rest.
-pub const USUAL_GAINS: Gains =
-    Gains { proportional_pa: 1.2e6, integral_pa_s: 6.0e7, derivative_pa_s: 2.0e4 };
+pub const USUAL_GAINS: PidGains =
+    PidGains { proportional_pa: 1.2e6, integral_pa_s: 6.0e7, derivative_pa_s: 2.0e4 };
 
 /// One row of what a control run is judged by.
 #[derive(Debug, Clone, Copy)]

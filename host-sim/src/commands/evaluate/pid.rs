@@ -6,7 +6,7 @@ use model_core::{Config, Sample, SetPoint};
 
 /// Gains of the PID.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gains {
+pub struct PidGains {
     /// Pressure per error of contraction \[Pa\].
     pub proportional_pa: f64,
     /// Pressure per error of contraction and time \[Pa/s\].
@@ -19,7 +19,7 @@ pub struct Gains {
 #[derive(Debug)]
 pub struct PidBoard {
     core: CoreBoard,
-    gains: Gains,
+    gains: PidGains,
     period_steps: u64,
     period_s: f64,
     rest_length_m: f64,
@@ -32,7 +32,7 @@ pub struct PidBoard {
 
 impl PidBoard {
     /// A PID for a muscle of that rest length \[m\].
-    pub fn new(gains: Gains, rest_length_m: f64) -> Self {
+    pub fn new(gains: PidGains, rest_length_m: f64) -> Self {
         Self {
             core: CoreBoard::default(),
             gains,
@@ -48,7 +48,7 @@ impl PidBoard {
     }
 
     fn pressure_pa(&mut self, contraction: f64) -> f64 {
-        let Gains { proportional_pa, integral_pa_s, derivative_pa_s } = self.gains;
+        let PidGains { proportional_pa, integral_pa_s, derivative_pa_s } = self.gains;
         let error = self.contraction - contraction;
         // On the measurement: a step of the set point gives no kick.
         let speed_s = (contraction - self.before) / self.period_s;

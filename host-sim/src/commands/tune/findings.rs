@@ -3,7 +3,7 @@
 use super::check::{Checked, Figures};
 use super::experiment::Record;
 use super::force::Force;
-use super::gains::{Basis, Gains};
+use super::gains::{Basis, LoopGains};
 use super::regression::Measure;
 use super::valve::Steps;
 use crate::plant::chamber::Tunable;
@@ -43,7 +43,7 @@ pub(super) struct Parts<'a> {
     pub switching: bool,
     pub switch_time_s: Option<Measure>,
     pub delay_s: Measure,
-    pub gains: &'a Gains,
+    pub gains: &'a LoopGains,
 }
 
 impl Parts<'_> {

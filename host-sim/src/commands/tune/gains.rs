@@ -59,7 +59,7 @@ pub struct Basis {
 
 /// The gains.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gains {
+pub struct LoopGains {
     /// Time in which both loops close an error \[s\].
     pub loop_s: Measure,
     /// Reset time of the pressure loop's integral \[s\].
@@ -72,7 +72,7 @@ pub struct Gains {
     pub contraction_dead_zone: f64,
 }
 
-impl Gains {
+impl LoopGains {
     /// For the muscle and valves of `config`, which has been tuned.
     pub fn new(basis: &Basis, config: &Config, chamber: &AnyChamber) -> Self {
         let told = &config.controller;

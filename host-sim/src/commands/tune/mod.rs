@@ -33,7 +33,7 @@ use crate::simulation::run::RunError;
 use check::Checked;
 use experiment::{Plan, Record, during};
 use force::Force;
-use gains::{Basis, Gains, Noise};
+use gains::{Basis, LoopGains, Noise};
 use model_core::Faults;
 use std::path::Path;
 use valve::{Direction, Gas};
@@ -286,7 +286,7 @@ fn tried(
         noise: Noise::new(during(&records, &plan.rest_s)),
         smallest: plan.contractions[0],
     };
-    let gains = Gains::new(&basis, &config, &chamber);
+    let gains = LoopGains::new(&basis, &config, &chamber);
     let parts = findings::Parts {
         told: loaded,
         force: &force,
