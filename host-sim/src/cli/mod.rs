@@ -670,6 +670,20 @@ mod tests {
     }
 
     #[test]
+    fn help_fits_a_narrow_terminal() {
+        let mut command = Cli::command();
+        command.build();
+        for task in command.get_subcommands() {
+            let help = task.clone().term_width(50).render_help().to_string();
+            // A usage is one line, and a word stays whole.
+            let lines = help.lines().filter(|line| !line.starts_with("Usage:"));
+            for line in lines.filter(|line| line.trim().contains(' ')) {
+                assert!(line.chars().count() <= 50, "{}: {line}", task.get_name());
+            }
+        }
+    }
+
+    #[test]
     fn every_command_takes_json_and_quiet() {
         let mut command = Cli::command();
         command.build();

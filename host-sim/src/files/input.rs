@@ -328,12 +328,13 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
 /// # Errors
 /// As [`read_bytes`], and when it is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
-    match String::from_utf8(read_bytes(path)?) {
+    let bytes = read_bytes(path)?;
+    if is_utf16(&bytes) {
+        return Err(InputError::file(path, Problem::Utf16));
+    }
+    match String::from_utf8(bytes) {
         Ok(text) => Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text)),
         Err(error) => {
-            if is_utf16(error.as_bytes()) {
-                return Err(InputError::file(path, Problem::Utf16));
-            }
             let valid = error.utf8_error().valid_up_to();
             let line = line_of(&error.as_bytes()[..valid]);
             Err(InputError::line(path, line, Problem::NotUtf8))
@@ -341,11 +342,11 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
     }
 }
 
-/// Whether bytes are text of two bytes a letter: by their byte order mark, or by a zero in the first letters, which no
-/// text in UTF-8 has.
+/// Whether bytes are text of two bytes a letter: by their byte order mark, or by a zero in the first line, which no text
+/// in UTF-8 has.
 pub fn is_utf16(bytes: &[u8]) -> bool {
     let marked = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
-    marked || bytes.iter().take(4).any(|byte| *byte == 0)
+    marked || bytes.iter().take_while(|byte| **byte != b'\n').any(|byte| *byte == 0)
 }
 
 /// Writes a file that does not exist yet, and the folder that it is in.

@@ -80,9 +80,6 @@ impl Table {
     /// # Errors
     /// As [`read_record`].
     pub fn parse_record(bytes: &[u8], file: &Path) -> Result<Self, InputError> {
-        if is_utf16(bytes) {
-            return Err(InputError::file(file, Problem::Utf16));
-        }
         // A number cut short is still a number: a line counts once it has its end.
         let whole =
             bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
@@ -100,6 +97,9 @@ impl Table {
 
     /// The rows up to the first line that is none, and what is wrong with that.
     fn rows_of(bytes: &[u8], file: &Path) -> Result<(Self, Option<InputError>), InputError> {
+        if is_utf16(bytes) {
+            return Err(InputError::file(file, Problem::Utf16));
+        }
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
@@ -405,7 +405,12 @@ mod tests {
         ] {
             let letters = "time_s,pressure_pa\n0,1e5\n".encode_utf16().flat_map(order);
             let bytes: Vec<u8> = mark.iter().copied().chain(letters).collect();
-            assert_eq!(record(&bytes), Err("t.csv: is UTF-16 text: must be UTF-8".to_owned()));
+            let message = "t.csv: is UTF-16 text: must be UTF-8".to_owned();
+            assert_eq!(record(&bytes), Err(message.clone()));
+            // Without the mark it may be read as text.
+            if let Ok(text) = str::from_utf8(&bytes) {
+                assert_eq!(parse(text), Err(message));
+            }
         }
     }
 

@@ -2,7 +2,7 @@
 //! its own too, and a page with all of them.
 
 use super::control::{self, Change, ambient, load, pressure_step_traces, sine_trace, told};
-use super::{Line, figures, tune};
+use super::{Line, figures, opened, tune};
 use crate::board::CoreBoard;
 use crate::commands::tune::{TuneError, check_chart};
 use crate::report::Colour;
@@ -49,7 +49,8 @@ pub fn page(nominal: &Loaded, lines: &[Line], plots: &[Plot]) -> String {
     let drawn = plots.iter().fold(Section::new("Plots"), |section, plot| {
         section.figure(plot.chart.figure(plot.title, plot.caption))
     });
-    Page::new("Control, evaluated", lead, &scenario::render(&control::full(nominal)))
+    let page = Page::new("Control, evaluated", lead, &scenario::render(&control::full(nominal)));
+    opened(page, lines)
         .section(drawn)
         .section(Section::new("Figures").table(figures(lines)))
         .render()

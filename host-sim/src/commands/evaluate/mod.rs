@@ -11,7 +11,7 @@ pub mod tune;
 
 use crate::files::input::InputError;
 use crate::report::number::significant;
-use crate::report::page::Table;
+use crate::report::page::{Page, Section, Table, Tile};
 use crate::scenario::{self, Loaded};
 use crate::stop;
 use serde::Serialize;
@@ -128,8 +128,48 @@ pub fn figures(lines: &[Line]) -> Table {
     }
 }
 
+/// The beginning of a page: how many targets are missed, and which.
+fn opened(page: Page, lines: &[Line]) -> Page {
+    let (count, all) = missed(lines);
+    let tile = Tile::new("Targets missed", count as f64, "");
+    let page = page.tile(tile.target(&format!("0 of {all}"), count == 0));
+    let missing: Vec<Line> = lines
+        .iter()
+        .map(|line| {
+            let figures = line.figures.iter().filter(|figure| !figure.holds());
+            Line { case: line.case.clone(), figures: figures.cloned().collect() }
+        })
+        .collect();
+    if count == 0 { page } else { page.section(Section::new("Missed").table(figures(&missing))) }
+}
+
 /// How many figures missed their target, of how many.
 pub fn missed(lines: &[Line]) -> (usize, usize) {
     let figures = lines.iter().flat_map(|line| &line.figures).filter(|f| f.has_target());
     (figures.clone().filter(|figure| !figure.holds()).count(), figures.count())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_begins_with_what_is_missed() {
+        let line = |case: &str, value| Line {
+            case: case.to_owned(),
+            figures: vec![Figure::at_most("error_k", value, 1.0), Figure::shown("other", value)],
+        };
+        let lines = [line("good", 0.5), line("bad", 1.5)];
+        let page = opened(Page::new("", "", ""), &lines).render();
+        assert!(
+            page.contains("✗ missed: <span>target 0 of 2<") && page.contains(">Missed</h2>"),
+            "{page}"
+        );
+        assert!(page.contains(">bad</td>") && !page.contains(">good</td>"), "{page}");
+        let page = opened(Page::new("", "", ""), &lines[..1]).render();
+        assert!(
+            page.contains("✓ met: <span>target 0 of 1<") && !page.contains(">Missed</h2>"),
+            "{page}"
+        );
+    }
 }

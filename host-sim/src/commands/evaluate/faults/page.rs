@@ -1,7 +1,7 @@
 //! The page of `thermyo evaluate faults`: what is injected, and what became of it.
 
 use super::cases::{self, Fault};
-use crate::commands::evaluate::{Line, figures};
+use crate::commands::evaluate::{Line, figures, opened};
 use crate::report::page::{Page, Section, Table};
 use crate::scenario::{self, Loaded};
 
@@ -15,7 +15,7 @@ pub fn page(nominal: &Loaded, lines: &[Line]) -> String {
         columns: columns.map(str::to_owned).to_vec(),
         rows: cases::all().iter().map(row).collect(),
     };
-    Page::new("Faults, evaluated", lead, &scenario::render(nominal))
+    opened(Page::new("Faults, evaluated", lead, &scenario::render(nominal)), lines)
         .section(Section::new("Figures").table(figures(lines)))
         .section(Section::new("Definitions").table(definitions))
         .render()
