@@ -9,7 +9,7 @@ use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
 use model_core::control::Mode;
 use model_core::link::{Phase, Refusal};
-use model_core::{Command, Core, Sample, SetPoint, SetPointError};
+use model_core::{Command, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
 
 /// Waits of [`Source::due`] without a sample after which the valves are not left as they are.
 const PATIENCE: u32 = 4;
@@ -20,151 +20,201 @@ const FLOODED_STEPS: u32 = 1000;
 /// Steps between two messages of what changes rarely: half a second.
 const STATUS_STEPS: u64 = 500;
 
-/// Runs for ever. `feed` feeds the watchdog: the supervisor's business, but while the flash is busy the thread
-/// stands still.
-pub async fn run<S: Source, V: Valves>(
-    core: &mut Core,
-    mut source: S,
-    mut valves: V,
+/// The core between its sensors and its valves.
+pub struct Control<'a, S, V> {
+    core: &'a mut Core,
+    source: S,
+    valves: V,
+    /// Feeds the watchdog: the supervisor's business, but while the flash is busy the thread stands still.
     feed: fn(),
     black_box: &'static BlackBox,
     shared: &'static Shared,
-) -> ! {
-    let mut tally = Tally::NONE;
-    let mut next_step = 0;
-    let mut fresh = true;
-    let mut silence = 0;
-    let mut dropped_requests = 0;
-    let mut flooded_steps = 0;
-    let mut latched = core.supervisor().latched();
-    shared.set_first_failure(core.supervisor().first_failure());
-    black_box.note(Phase::Starting);
-    loop {
-        black_box.note(Phase::Waiting);
-        let turn = select(source.due(), shared.orders.receive()).await;
-        shared.heartbeat.store(shared.heartbeat.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
-        match turn {
-            Either::First(Some((due, missed))) => {
-                silence = 0;
-                let start = Instant::now();
-                black_box.note(Phase::Sampling);
-                let dropped = shared.dropped_requests.load(Ordering::Relaxed);
-                if dropped != dropped_requests {
-                    dropped_requests = dropped;
-                    flooded_steps = FLOODED_STEPS;
-                }
-                flooded_steps = flooded_steps.saturating_sub(1);
-                let sample = Sample {
-                    heard: shared.take_heard(),
-                    flooded: flooded_steps > 0,
-                    missed_steps: missed.try_into().unwrap_or(u8::MAX),
-                    ..source.sample(&core.config().sensors)
-                };
-                if Shared::take(&shared.stop) {
-                    core.vent();
-                }
-                black_box.note(Phase::Stepping);
-                let before = Instant::now();
-                let telemetry = core.step(&sample);
-                let after = Instant::now();
-                black_box.note(Phase::Driving);
-                let judging = telemetry.mode == Mode::Judging;
-                if fresh && !judging {
-                    valves.restart(core.config().pwm_period_steps, telemetry.command);
-                    fresh = false;
-                } else {
-                    valves.drive(telemetry.command);
-                }
-                next_step = telemetry.step.wrapping_add(u32::from(!judging));
-                shared.faults.store(telemetry.faults.0, Ordering::Relaxed);
-                if core.supervisor().latched() != latched {
-                    latched = core.supervisor().latched();
-                    let first = core.supervisor().first_failure();
-                    black_box.record(first, latched);
-                    shared.set_first_failure(first);
-                    if let Some(first) = first {
-                        shared.failed.signal(first);
+    tally: Tally,
+    next_step: u32,
+    /// The core has started anew, and the PWM is to begin a period with its first step.
+    fresh: bool,
+    /// Waits in a row that ended without a sample.
+    silence: u32,
+    dropped_requests: u32,
+    flooded_steps: u32,
+    latched: Faults,
+}
+
+impl<'a, S: Source, V: Valves> Control<'a, S, V> {
+    /// Of a core that has not stepped yet.
+    pub fn new(
+        core: &'a mut Core,
+        source: S,
+        valves: V,
+        feed: fn(),
+        black_box: &'static BlackBox,
+        shared: &'static Shared,
+    ) -> Self {
+        let latched = core.supervisor().latched();
+        shared.set_first_failure(core.supervisor().first_failure());
+        black_box.note(Phase::Starting);
+        Self {
+            core,
+            source,
+            valves,
+            feed,
+            black_box,
+            shared,
+            tally: Tally::NONE,
+            next_step: 0,
+            fresh: true,
+            silence: 0,
+            dropped_requests: 0,
+            flooded_steps: 0,
+            latched,
+        }
+    }
+
+    /// Runs for ever.
+    pub async fn run(mut self) -> ! {
+        loop {
+            self.black_box.note(Phase::Waiting);
+            let turn = select(self.source.due(), self.shared.orders.receive()).await;
+            let heartbeat = &self.shared.heartbeat;
+            heartbeat.store(heartbeat.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
+            match turn {
+                Either::First(Some((due, missed))) => self.step(due, missed),
+                Either::First(None) => {
+                    self.silence += 1;
+                    if self.silence >= PATIENCE {
+                        self.valves.drive(Command::VENT);
                     }
                 }
-                // While the sensors are judged there may be a set point to come.
-                let vented = telemetry.set_point == SetPoint::Vent;
-                shared.vented.store(vented, Ordering::Relaxed);
-                let busy_steps = shared.flash_busy_steps.load(Ordering::Relaxed);
-                if busy_steps > 0 {
-                    shared.flash_busy_steps.store(busy_steps - 1, Ordering::Relaxed);
-                    feed();
-                }
-                if core.armed_pa() != shared.status().armed_pa {
-                    shared.change_status(|status| {
-                        (status.armed_pa, status.step) = (core.armed_pa(), next_step);
-                    });
-                } else if tally.steps.is_multiple_of(STATUS_STEPS) {
-                    shared.tell_status();
-                }
-                // While the sensors are judged the core's own count stands still.
-                let step = if judging { tally.steps as u32 } else { telemetry.step };
-                for line in shared.lines.iter().filter(|line| line.wants(step)) {
-                    line.post(Message::Telemetry(telemetry));
-                }
-                tally.missed_steps += missed;
-                tally.add(us(due, start), us(before, after), us(start, Instant::now()));
-                shared.set_tally(tally);
-            }
-            Either::First(None) => {
-                silence += 1;
-                if silence >= PATIENCE {
-                    valves.drive(Command::VENT);
-                }
-            }
-            Either::Second((asker, order)) => {
-                let outcome = match order {
-                    Order::Configure { .. } => {
-                        shared.prepared().map_or(Err(Refusal::NotConfigured), |other| {
-                            core.disarm();
-                            core.restart_as(other);
-                            Ok(())
-                        })
+                Either::Second((asker, order)) => {
+                    let answer = match self.obey(order) {
+                        Ok(()) => Answer::Done { step: self.next_step },
+                        Err(refusal) => Answer::Refused(refusal),
+                    };
+                    if let Some(asker) = asker {
+                        asker.line.answer(asker.sequence, answer);
                     }
-                    Order::Start(set_point) => start(core, shared.prepared(), set_point),
-                    Order::Arm(most_pa) => core.arm(most_pa).map_err(Refusal::from),
-                    Order::Set(set_point) => core.set(set_point).map_err(Refusal::from),
-                    Order::ClearFaults => {
-                        core.clear_faults();
-                        Ok(())
-                    }
-                };
-                let restarted =
-                    outcome.is_ok() && matches!(order, Order::Configure { .. } | Order::Start(_));
-                if restarted {
-                    next_step = 0;
-                    fresh = true;
-                    #[cfg(feature = "parts")]
-                    shared.parts.want(&core.config().sensors);
-                }
-                if restarted || core.armed_pa() != shared.status().armed_pa {
-                    shared.change_status(|status| {
-                        if let Order::Configure { checksum, source, name } = order {
-                            status.config_checksum = checksum;
-                            status.config_source = source;
-                            status.config_name = name;
-                        }
-                        status.starts = status.starts.wrapping_add(restarted.into());
-                        (status.armed_pa, status.step) = (core.armed_pa(), next_step);
-                    });
-                }
-                if outcome.is_ok() && matches!(order, Order::Start(_) | Order::Set(_)) {
-                    // Before the next step says so.
-                    shared.vented.store(false, Ordering::Relaxed);
-                }
-                let answer = match outcome {
-                    Ok(()) => Answer::Done { step: next_step },
-                    Err(refusal) => Answer::Refused(refusal),
-                };
-                if let Some(asker) = asker {
-                    asker.line.answer(asker.sequence, answer);
                 }
             }
         }
+    }
+
+    /// One step, which was due then; so many before it were missed.
+    fn step(&mut self, due: Instant, missed: u32) {
+        self.silence = 0;
+        let start = Instant::now();
+        self.black_box.note(Phase::Sampling);
+        let sample = self.sample(missed);
+        if Shared::take(&self.shared.stop) {
+            self.core.vent();
+        }
+        self.black_box.note(Phase::Stepping);
+        let before = Instant::now();
+        let telemetry = self.core.step(&sample);
+        let after = Instant::now();
+        self.black_box.note(Phase::Driving);
+        let judging = telemetry.mode == Mode::Judging;
+        if self.fresh && !judging {
+            self.valves.restart(self.core.config().pwm_period_steps, telemetry.command);
+            self.fresh = false;
+        } else {
+            self.valves.drive(telemetry.command);
+        }
+        self.next_step = telemetry.step.wrapping_add(u32::from(!judging));
+        self.tell(telemetry);
+        self.tally.missed_steps += missed;
+        self.tally.add(us(due, start), us(before, after), us(start, Instant::now()));
+        self.shared.set_tally(self.tally);
+    }
+
+    /// What the core is to know in this step.
+    fn sample(&mut self, missed: u32) -> Sample {
+        let dropped = self.shared.dropped_requests.load(Ordering::Relaxed);
+        if dropped != self.dropped_requests {
+            self.dropped_requests = dropped;
+            self.flooded_steps = FLOODED_STEPS;
+        }
+        self.flooded_steps = self.flooded_steps.saturating_sub(1);
+        Sample {
+            heard: self.shared.take_heard(),
+            flooded: self.flooded_steps > 0,
+            missed_steps: missed.try_into().unwrap_or(u8::MAX),
+            ..self.source.sample(&self.core.config().sensors)
+        }
+    }
+
+    /// Tells the other tasks, and by them the hosts, of a step.
+    fn tell(&mut self, telemetry: Telemetry) {
+        let Self { core, shared, .. } = self;
+        shared.faults.store(telemetry.faults.0, Ordering::Relaxed);
+        if core.supervisor().latched() != self.latched {
+            self.latched = core.supervisor().latched();
+            let first = core.supervisor().first_failure();
+            self.black_box.record(first, self.latched);
+            shared.set_first_failure(first);
+            if let Some(first) = first {
+                shared.failed.signal(first);
+            }
+        }
+        // While the sensors are judged there may be a set point to come.
+        let vented = telemetry.set_point == SetPoint::Vent;
+        shared.vented.store(vented, Ordering::Relaxed);
+        let busy_steps = shared.flash_busy_steps.load(Ordering::Relaxed);
+        if busy_steps > 0 {
+            shared.flash_busy_steps.store(busy_steps - 1, Ordering::Relaxed);
+            (self.feed)();
+        }
+        if core.armed_pa() != shared.status().armed_pa {
+            shared.change_status(|status| {
+                (status.armed_pa, status.step) = (core.armed_pa(), self.next_step);
+            });
+        } else if self.tally.steps.is_multiple_of(STATUS_STEPS) {
+            shared.tell_status();
+        }
+        // While the sensors are judged the core's own count stands still.
+        let judging = telemetry.mode == Mode::Judging;
+        let step = if judging { self.tally.steps as u32 } else { telemetry.step };
+        for line in shared.lines.iter().filter(|line| line.wants(step)) {
+            line.post(Message::Telemetry(telemetry));
+        }
+    }
+
+    /// Does what a host asks for, as a whole or not at all.
+    fn obey(&mut self, order: Order) -> Result<(), Refusal> {
+        let Self { core, shared, .. } = self;
+        match order {
+            Order::Configure { .. } => {
+                let other = shared.prepared().ok_or(Refusal::NotConfigured)?;
+                core.disarm();
+                core.restart_as(other);
+            }
+            Order::Start(set_point) => start(core, shared.prepared(), set_point)?,
+            Order::Arm(most_pa) => core.arm(most_pa)?,
+            Order::Set(set_point) => core.set(set_point)?,
+            Order::ClearFaults => core.clear_faults(),
+        }
+        let restarted = matches!(order, Order::Configure { .. } | Order::Start(_));
+        if restarted {
+            self.next_step = 0;
+            self.fresh = true;
+            #[cfg(feature = "parts")]
+            shared.parts.want(&core.config().sensors);
+        }
+        if restarted || core.armed_pa() != shared.status().armed_pa {
+            shared.change_status(|status| {
+                if let Order::Configure { checksum, source, name } = order {
+                    status.config_checksum = checksum;
+                    status.config_source = source;
+                    status.config_name = name;
+                }
+                status.starts = status.starts.wrapping_add(restarted.into());
+                (status.armed_pa, status.step) = (core.armed_pa(), self.next_step);
+            });
+        }
+        if matches!(order, Order::Start(_) | Order::Set(_)) {
+            // Before the next step says so.
+            shared.vented.store(false, Ordering::Relaxed);
+        }
+        Ok(())
     }
 }
 

@@ -27,6 +27,7 @@ mod usb;
 
 use black_box::{BlackBox, End};
 use board::{Board, Chosen, Parts};
+use control::Control;
 use core::panic::PanicInfo;
 use cortex_m_rt::ExceptionFrame;
 use defmt_rtt as _;
@@ -149,7 +150,7 @@ pub unsafe fn on_control_interrupt() {
 
 #[embassy_executor::task]
 async fn step(source: Source, valves: Valves, core: &'static mut Core) -> ! {
-    control::run(core, source, valves, Chosen::feed, &BLACK_BOX, &SHARED).await
+    Control::new(core, source, valves, Chosen::feed, &BLACK_BOX, &SHARED).run().await
 }
 
 #[embassy_executor::task]
