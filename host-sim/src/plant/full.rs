@@ -53,7 +53,7 @@ const ZONES: usize = 15;
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
-struct Config<C> {
+struct Constants<C> {
     step_s: f64,
     substeps: Substeps,
     zones: usize,
@@ -95,7 +95,7 @@ struct Drive {
     softening: f64,
 }
 
-impl<C: Chamber> Config<C> {
+impl<C: Chamber> Constants<C> {
     fn masses<'a>(&self, y: &'a [f64]) -> &'a [f64] {
         &y[ZONES..ZONES + self.zones]
     }
@@ -289,7 +289,7 @@ fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
 /// A full plant in operation.
 #[derive(Debug, Clone)]
 pub struct Full<C> {
-    config: Config<C>,
+    constants: Constants<C>,
     steps: u64,
     state: Vec<f64>,
     integrator: Rk4,
@@ -365,7 +365,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let per_zone = wall.heat_capacity_j_k / zones as f64;
         let diameter = chamber.diameter(rest_length);
         let sensor = &scenario.sensor;
-        let config = Config {
+        let constants = Constants {
             step_s: step,
             substeps,
             zones,
@@ -407,8 +407,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
             );
             state[BRISTLE] = held / scenario.friction.presliding_stiffness_n_m;
         }
-        state[TUBE_MASS] = pressure * config.tube_m3 / (gas.r * gas_k);
-        state[TUBE_ENERGY] = pressure * config.tube_m3 / (gas.k - 1.0);
+        state[TUBE_MASS] = pressure * constants.tube_m3 / (gas.r * gas_k);
+        state[TUBE_ENERGY] = pressure * constants.tube_m3 / (gas.k - 1.0);
         state[ZONES..ZONES + zones].fill(mass / zones as f64);
         let start =
             Exposure { gas_k, wall_k: temperature, pressure_pa: pressure, length_m: length };
@@ -419,7 +419,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
         };
         let mut full = Self {
             integrator: Rk4::new(state.len()),
-            config,
+            constants,
             steps: 0,
             state,
             power: LocalPower::new(-exponent, volume),
@@ -436,65 +436,65 @@ impl<C: Chamber + Copy + Send> Full<C> {
     }
 
     fn substep(&mut self, step: f64, drive: &Drive) {
-        let Self { config, integrator, state, power, .. } = self;
+        let Self { constants, integrator, state, power, .. } = self;
         let mut stage = 0;
         let mut middle = self.place;
         integrator.step(state, step, |y, rates| {
-            let place = config.rates(y, power, drive, rates);
+            let place = constants.rates(y, power, drive, rates);
             stage += 1;
             if stage == 3 {
                 middle = place;
             }
         });
-        let [shortest, longest] = config.pull.stops;
-        if state[LENGTH] > longest && !config.isometric {
+        let [shortest, longest] = constants.pull.stops;
+        if state[LENGTH] > longest && !constants.isometric {
             state[LENGTH] = longest;
             state[SPEED] = state[SPEED].max(0.0);
         }
-        if state[LENGTH] < shortest && !config.isometric {
+        if state[LENGTH] < shortest && !constants.isometric {
             state[LENGTH] = shortest;
             state[SPEED] = state[SPEED].min(0.0);
         }
-        let volume = config.pull.chamber.volume(state[LENGTH]);
+        let volume = constants.pull.chamber.volume(state[LENGTH]);
         let end = (state[W] * power.at(volume), volume);
         let work = work_through([self.place, middle, end]);
         self.place = end;
         self.work_j += work;
-        let heat = config.closure.heat_per_work() * work;
+        let heat = constants.closure.heat_per_work() * work;
         if heat != 0.0 {
             state[HEAT] += heat;
-            let warming = heat / (config.inner_j_k * config.zones as f64);
-            for inner in &mut state[ZONES + config.zones..ZONES + 2 * config.zones] {
+            let warming = heat / (constants.inner_j_k * constants.zones as f64);
+            for inner in &mut state[ZONES + constants.zones..ZONES + 2 * constants.zones] {
                 *inner += warming;
             }
         }
     }
 
     fn exposure(&self) -> Exposure {
-        let config = &self.config;
+        let constants = &self.constants;
         let gas = self.axial_gas_k();
         Exposure {
-            gas_k: gas.iter().zip(&config.foil).map(|(t, weight)| t * weight).sum(),
-            wall_k: config.wall_at_sensor(&self.state),
+            gas_k: gas.iter().zip(&constants.foil).map(|(t, weight)| t * weight).sum(),
+            wall_k: constants.wall_at_sensor(&self.state),
             pressure_pa: self.place.0,
             length_m: self.state[LENGTH],
         }
     }
 
     fn observe(&mut self) {
-        let Self { config, state, .. } = self;
+        let Self { constants, state, .. } = self;
         let (pressure, volume) = self.place;
-        let closure = &config.closure;
-        let mass: f64 = config.masses(state).iter().sum();
-        let port_volume = volume / config.zones as f64;
-        let port_k = closure.temperature(pressure, port_volume, config.masses(state)[0]);
-        let mut streams = config.port((pressure, port_k), config.tube_gas(state));
-        config.piping.add_leak(&mut streams, (pressure, port_k));
-        let wall_k = config.wall_k(state);
-        let softening = config.softening.factor(wall_k);
-        let drag = config.bristle.drag(state[SPEED], state[BRISTLE], softening);
+        let closure = &constants.closure;
+        let mass: f64 = constants.masses(state).iter().sum();
+        let port_volume = volume / constants.zones as f64;
+        let port_k = closure.temperature(pressure, port_volume, constants.masses(state)[0]);
+        let mut streams = constants.port((pressure, port_k), constants.tube_gas(state));
+        constants.piping.add_leak(&mut streams, (pressure, port_k));
+        let wall_k = constants.wall_k(state);
+        let softening = constants.softening.factor(wall_k);
+        let drag = constants.bristle.drag(state[SPEED], state[BRISTLE], softening);
         self.truth = Truth {
-            time_s: self.steps as f64 * config.step_s,
+            time_s: self.steps as f64 * constants.step_s,
             pressure_pa: pressure,
             volume_m3: volume,
             length_m: state[LENGTH],
@@ -513,20 +513,20 @@ impl<C: Chamber + Copy + Send> Full<C> {
 
 impl<C: Chamber + Copy + Send> Plant for Full<C> {
     fn follow_pins(&mut self) {
-        self.inlet.follow_pin(self.config.step_s);
-        self.outlet.follow_pin(self.config.step_s);
+        self.inlet.follow_pin(self.constants.step_s);
+        self.outlet.follow_pin(self.constants.step_s);
     }
 
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
-        let substeps = self.config.substeps.now(&self.config.piping);
-        let step = self.config.step_s / f64::from(substeps);
-        let start = self.steps as f64 * self.config.step_s;
+        let substeps = self.constants.substeps.now(&self.constants.piping);
+        let step = self.constants.step_s / f64::from(substeps);
+        let start = self.steps as f64 * self.constants.step_s;
         self.steps += 1;
-        let end = self.steps as f64 * self.config.step_s;
+        let end = self.steps as f64 * self.constants.step_s;
         self.inlet.latch(end, actuation.inlet);
         self.outlet.latch(end, actuation.outlet);
         // The wall warms by less than 0.01 K in a step.
-        let softening = self.config.softening.factor(self.truth.wall_temperature_k);
+        let softening = self.constants.softening.factor(self.truth.wall_temperature_k);
         for i in 0..substeps {
             let from = start + f64::from(i) * step;
             let drive = Drive {
@@ -538,25 +538,25 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
         }
         let exposure = self.exposure();
         let pressure = self.place.0;
-        let mass: f64 = self.config.masses(&self.state).iter().sum();
+        let mass: f64 = self.constants.masses(&self.state).iter().sum();
         for temperature in self.axial_gas_k() {
             check_gas(end, pressure, temperature, mass, &self.truth)?;
         }
-        check_length(end, self.state[LENGTH], &self.config.pull.chamber)?;
+        check_length(end, self.state[LENGTH], &self.constants.pull.chamber)?;
         self.sensors.advance(&exposure);
         self.observe();
         Ok(())
     }
 
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
-        let Self { config, sensors, .. } = Self::new(scenario, self.config.pull.chamber)?;
-        self.config = config;
+        let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
+        self.constants = constants;
         self.sensors.retune(&sensors);
         Ok(())
     }
 
     fn disturb(&mut self, disturbance: Disturbance) {
-        self.config.piping.disturb(disturbance);
+        self.constants.piping.disturb(disturbance);
     }
 
     fn truth(&self) -> Truth {
@@ -564,16 +564,16 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
     }
 
     fn ledger(&self) -> Ledger {
-        let config = &self.config;
+        let constants = &self.constants;
         let y = &self.state;
         let layer = |capacity: f64, temperatures: &[f64]| -> f64 {
-            temperatures.iter().map(|t| capacity * (t - config.initial_k)).sum()
+            temperatures.iter().map(|t| capacity * (t - constants.initial_k)).sum()
         };
         Ledger {
-            mass_kg: config.masses(y).iter().sum(),
+            mass_kg: constants.masses(y).iter().sum(),
             mass_in_kg: y[MASS_IN],
             mass_out_kg: y[MASS_OUT],
-            energy_j: config.closure.internal_energy(&self.truth),
+            energy_j: constants.closure.internal_energy(&self.truth),
             enthalpy_in_j: y[ENTHALPY_IN],
             enthalpy_out_j: y[ENTHALPY_OUT],
             heat_to_wall_j: y[HEAT],
@@ -581,23 +581,23 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
             friction_heat_j: y[FRICTION],
             friction_to_wall_j: y[FRICTION_TO_WALL],
             heat_to_ambient_j: y[TO_AMBIENT],
-            wall_energy_j: layer(config.inner_j_k, config.inner(y))
-                + layer(config.outer_j_k, config.outer(y)),
+            wall_energy_j: layer(constants.inner_j_k, constants.inner(y))
+                + layer(constants.outer_j_k, constants.outer(y)),
             ..self.initial
         }
     }
 
     fn axial_wall_k(&self) -> Vec<f64> {
-        self.config.outer(&self.state).to_vec()
+        self.constants.outer(&self.state).to_vec()
     }
 
     fn axial_gas_k(&self) -> Vec<f64> {
         let (pressure, volume) = self.place;
-        let zone_volume = volume / self.config.zones as f64;
-        self.config
+        let zone_volume = volume / self.constants.zones as f64;
+        self.constants
             .masses(&self.state)
             .iter()
-            .map(|mass| self.config.closure.temperature(pressure, zone_volume, *mass))
+            .map(|mass| self.constants.closure.temperature(pressure, zone_volume, *mass))
             .collect()
     }
 }

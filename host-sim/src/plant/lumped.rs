@@ -45,7 +45,7 @@ const STATES: usize = 11;
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
-struct Config<C> {
+struct Constants<C> {
     step_s: f64,
     substeps: Substeps,
     closure: Closure,
@@ -90,10 +90,10 @@ struct Play {
 
 impl Play {
     /// The place that w and the friction force \[N\] lead to, from the length held.
-    fn place<C: Chamber>(&mut self, config: &Config<C>, w: f64, friction: f64) -> Place {
-        let pull = &config.pull;
+    fn place<C: Chamber>(&mut self, constants: &Constants<C>, w: f64, friction: f64) -> Place {
+        let pull = &constants.pull;
         let mut place = Place { pressure: w * self.held.power, ..self.held };
-        if config.isometric {
+        if constants.isometric {
             return place;
         }
         let excess = pull.force(place.pressure, place.length) - pull.load_n;
@@ -109,7 +109,7 @@ impl Play {
         } else {
             return place;
         };
-        let exponent = config.closure.exponent();
+        let exponent = constants.closure.exponent();
         let length = pull.balance(force, self.guess, |length| {
             let volume = pull.chamber.volume(length);
             let pressure = w * self.power.at(volume);
@@ -129,7 +129,7 @@ impl Play {
     }
 }
 
-impl<C: Chamber> Config<C> {
+impl<C: Chamber> Constants<C> {
     fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
         if self.given_flows {
             return Streams::given(actuation.inlet, self.piping.supply().1, actuation.outlet);
@@ -199,7 +199,7 @@ impl<C: Chamber> Config<C> {
 /// A lumped plant in operation.
 #[derive(Debug, Clone)]
 pub struct Lumped<C> {
-    config: Config<C>,
+    constants: Constants<C>,
     steps: u64,
     state: [f64; STATES],
     play: Play,
@@ -251,7 +251,7 @@ impl<C: Chamber + Copy> Lumped<C> {
         let power = math::pow(volume, -exponent);
         let held =
             Place { may_contract: false, may_extend: false, length, volume, power, pressure };
-        let config = Config {
+        let constants = Constants {
             step_s: step,
             substeps,
             closure,
@@ -281,7 +281,7 @@ impl<C: Chamber + Copy> Lumped<C> {
             ..Ledger::default()
         };
         let mut lumped = Self {
-            config,
+            constants,
             steps: 0,
             state,
             play: Play { held, guess: length, power: LocalPower::new(-exponent, volume) },
@@ -296,55 +296,55 @@ impl<C: Chamber + Copy> Lumped<C> {
 
     /// The same without valves: from now on the actuation is the mass flows \[kg/s\].
     pub fn driven_by_flows(mut self) -> Self {
-        self.config.given_flows = true;
+        self.constants.given_flows = true;
         self
     }
 
     fn substep(&mut self, step: f64, actuation: Actuation) {
-        let Self { config, play, .. } = self;
-        let softening = config.softening.around(self.state[WALL]);
-        let friction_at = |wall_k: f64| config.friction_n * softening.factor(wall_k);
+        let Self { constants, play, .. } = self;
+        let softening = constants.softening.around(self.state[WALL]);
+        let friction_at = |wall_k: f64| constants.friction_n * softening.factor(wall_k);
         let mut stage = 0;
         let mut middle = play.held;
         let start = play.held;
         self.state = rk4(&self.state, step, |y| {
             let friction = friction_at(y[WALL]);
-            let place = play.place(config, y[W], friction);
+            let place = play.place(constants, y[W], friction);
             stage += 1;
             if stage == 3 {
                 middle = place;
             }
-            config.rates(y, &place, friction, actuation)
+            constants.rates(y, &place, friction, actuation)
         });
-        let end = play.place(config, self.state[W], friction_at(self.state[WALL]));
+        let end = play.place(constants, self.state[W], friction_at(self.state[WALL]));
         play.held = end;
         let work = work_through([start, middle, end].map(|place| (place.pressure, place.volume)));
         self.work_j += work;
-        let heat = config.closure.heat_per_work() * work;
+        let heat = constants.closure.heat_per_work() * work;
         self.state[HEAT] += heat;
-        self.state[WALL] += heat / config.wall_j_k;
+        self.state[WALL] += heat / constants.wall_j_k;
     }
 
     fn observe(&mut self, time: f64, actuation: Actuation) {
-        let Self { config, state, play, .. } = self;
+        let Self { constants, state, play, .. } = self;
         let place = &play.held;
-        let closure = &config.closure;
+        let closure = &constants.closure;
         let temperature = closure.temperature(place.pressure, place.volume, state[MASS]);
-        let limit = config.friction_n * config.softening.factor(state[WALL]);
-        let rates = config.rates(state, place, limit, actuation);
-        let excess = config.pull.force(place.pressure, place.length) - config.pull.load_n;
+        let limit = constants.friction_n * constants.softening.factor(state[WALL]);
+        let rates = constants.rates(state, place, limit, actuation);
+        let excess = constants.pull.force(place.pressure, place.length) - constants.pull.load_n;
         self.truth = Truth {
             time_s: time,
             pressure_pa: place.pressure,
             volume_m3: place.volume,
             length_m: place.length,
-            speed_m_s: config.speed(place, rates[W]),
+            speed_m_s: constants.speed(place, rates[W]),
             mass_kg: state[MASS],
             flow_in_kg_s: rates[MASS_IN],
             flow_out_kg_s: rates[MASS_OUT],
             gas_temperature_k: temperature,
             wall_temperature_k: state[WALL],
-            friction_n: if config.isometric { 0.0 } else { excess.clamp(-limit, limit) },
+            friction_n: if constants.isometric { 0.0 } else { excess.clamp(-limit, limit) },
             ..Truth::default()
         };
         self.sensors.read(&mut self.truth);
@@ -357,18 +357,18 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
     }
 
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
-        let substeps = self.config.substeps.now(&self.config.piping);
-        let step = self.config.step_s / f64::from(substeps);
+        let substeps = self.constants.substeps.now(&self.constants.piping);
+        let step = self.constants.step_s / f64::from(substeps);
         for _ in 0..substeps {
             self.substep(step, actuation);
         }
         self.steps += 1;
-        let time = self.steps as f64 * self.config.step_s;
+        let time = self.steps as f64 * self.constants.step_s;
         let place = &self.play.held;
-        let closure = &self.config.closure;
+        let closure = &self.constants.closure;
         let temperature = closure.temperature(place.pressure, place.volume, self.state[MASS]);
         check_gas(time, place.pressure, temperature, self.state[MASS], &self.truth)?;
-        check_length(time, place.length, &self.config.pull.chamber)?;
+        check_length(time, place.length, &self.constants.pull.chamber)?;
         self.sensors.advance(&Exposure {
             gas_k: temperature,
             wall_k: self.state[WALL],
@@ -380,14 +380,14 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
     }
 
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
-        let Self { config, sensors, .. } = Self::new(scenario, self.config.pull.chamber)?;
-        self.config = Config { given_flows: self.config.given_flows, ..config };
+        let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
+        self.constants = Constants { given_flows: self.constants.given_flows, ..constants };
         self.sensors.retune(&sensors);
         Ok(())
     }
 
     fn disturb(&mut self, disturbance: Disturbance) {
-        self.config.piping.disturb(disturbance);
+        self.constants.piping.disturb(disturbance);
     }
 
     fn truth(&self) -> Truth {
@@ -400,7 +400,7 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
             mass_kg: y[MASS],
             mass_in_kg: y[MASS_IN],
             mass_out_kg: y[MASS_OUT],
-            energy_j: self.config.closure.internal_energy(&self.truth),
+            energy_j: self.constants.closure.internal_energy(&self.truth),
             enthalpy_in_j: y[ENTHALPY_IN],
             enthalpy_out_j: y[ENTHALPY_OUT],
             heat_to_wall_j: y[HEAT],
@@ -408,7 +408,7 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
             friction_heat_j: y[FRICTION],
             friction_to_wall_j: y[FRICTION_TO_WALL],
             heat_to_ambient_j: y[TO_AMBIENT],
-            wall_energy_j: self.config.wall_j_k * (y[WALL] - self.config.initial_k),
+            wall_energy_j: self.constants.wall_j_k * (y[WALL] - self.constants.initial_k),
             ..self.initial
         }
     }

@@ -45,7 +45,7 @@ enum Ports {
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
-struct Config {
+struct Constants {
     step_s: f64,
     closure: Closure,
     volume: Profile,
@@ -67,7 +67,7 @@ struct Instant {
     streams: Streams,
 }
 
-impl Config {
+impl Constants {
     fn instant(&self, time: f64, y: &[f64; STATES], actuation: Actuation) -> Instant {
         let volume = self.volume.value(time);
         let pressure = y[W] * math::pow(volume, -self.closure.exponent());
@@ -131,7 +131,7 @@ impl Config {
 /// A vessel in operation.
 #[derive(Debug, Clone)]
 pub struct Vessel {
-    config: Config,
+    constants: Constants,
     integrator: DormandPrince,
     steps: u64,
     state: [f64; STATES],
@@ -167,7 +167,7 @@ impl Vessel {
             | DriveKind::Contraction => Ports::Valves,
         };
         let diameter = scenario.vessel.characteristic_length_m;
-        let config = Config {
+        let constants = Constants {
             step_s: scenario.run.step_s,
             ports,
             piping: Piping::new(scenario, gas),
@@ -182,12 +182,12 @@ impl Vessel {
         };
         let pressure = scenario.plant.initial_pressure_pa;
         let gas_k = scenario.plant.gas_k();
-        let volume = config.volume.value(0.0);
+        let volume = constants.volume.value(0.0);
         let mass = pressure * volume / (gas.r * gas_k);
         let mut state = [0.0; STATES];
         state[MASS] = mass;
         state[W] = pressure * math::pow(volume, closure.exponent());
-        state[WALL] = config.initial_k;
+        state[WALL] = constants.initial_k;
         let initial = Ledger {
             mass_initial_kg: mass,
             energy_initial_j: gas.cv * mass * gas_k,
@@ -195,14 +195,14 @@ impl Vessel {
         };
         let start = Exposure {
             gas_k,
-            wall_k: config.initial_k,
+            wall_k: constants.initial_k,
             pressure_pa: pressure,
-            length_m: volume / config.section_m2,
+            length_m: volume / constants.section_m2,
         };
         let mut vessel = Self {
             sensors: Sensors::new(scenario, 0.0, &start),
-            integrator: DormandPrince::new(TOLERANCE, 1e-3 * config.step_s),
-            config,
+            integrator: DormandPrince::new(TOLERANCE, 1e-3 * constants.step_s),
+            constants,
             steps: 0,
             state,
             truth: Truth::default(),
@@ -215,20 +215,20 @@ impl Vessel {
     /// The same vessel without valves: from now on the actuation is the mass flows \[kg/s\], the
     /// inflow at `inflow_k` \[K\].
     pub fn driven_by_flows(mut self, inflow_k: f64) -> Self {
-        self.config.ports = Ports::Given { inflow_k };
+        self.constants.ports = Ports::Given { inflow_k };
         self
     }
 
     fn observe(&mut self, actuation: Actuation) {
-        let config = &self.config;
-        let time = self.steps as f64 * config.step_s;
-        let now = config.instant(time, &self.state, actuation);
+        let constants = &self.constants;
+        let time = self.steps as f64 * constants.step_s;
+        let now = constants.instant(time, &self.state, actuation);
         self.truth = Truth {
             time_s: time,
             pressure_pa: now.pressure,
             volume_m3: now.volume,
-            length_m: now.volume / config.section_m2,
-            speed_m_s: config.volume.slope_after(time) / config.section_m2,
+            length_m: now.volume / constants.section_m2,
+            speed_m_s: constants.volume.slope_after(time) / constants.section_m2,
             mass_kg: self.state[MASS],
             flow_in_kg_s: now.streams.inflow,
             flow_out_kg_s: now.streams.outflow,
@@ -246,19 +246,19 @@ impl Plant for Vessel {
     }
 
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
-        let config = &self.config;
-        let mut start = self.steps as f64 * config.step_s;
+        let constants = &self.constants;
+        let mut start = self.steps as f64 * constants.step_s;
         self.steps += 1;
-        let end = self.steps as f64 * config.step_s;
+        let end = self.steps as f64 * constants.step_s;
         while start < end {
             // The slope of the volume jumps at a knot: no step reaches across one.
-            let stop = config.volume.knot_after(start).map_or(end, |knot| knot.min(end));
-            let slope = config.volume.slope_after(start);
-            let energy = config.closure.internal_energy(&self.truth);
+            let stop = constants.volume.knot_after(start).map_or(end, |knot| knot.min(end));
+            let slope = constants.volume.slope_after(start);
+            let energy = constants.closure.internal_energy(&self.truth);
             let scales = [self.state[MASS], self.state[W], self.state[WALL], energy];
             self.integrator
                 .advance(start, stop, &mut self.state, scales, |t, y| {
-                    config.rates(t, slope, y, actuation)
+                    constants.rates(t, slope, y, actuation)
                 })
                 .map_err(|_| Diverged {
                     time_s: start,
@@ -266,28 +266,28 @@ impl Plant for Vessel {
                 })?;
             start = stop;
         }
-        let now = config.instant(end, &self.state, actuation);
+        let now = constants.instant(end, &self.state, actuation);
         check_gas(end, now.pressure, now.temperature, self.state[MASS], &self.truth)?;
         self.sensors.advance(&Exposure {
             gas_k: now.temperature,
             wall_k: self.state[WALL],
             pressure_pa: now.pressure,
-            length_m: now.volume / config.section_m2,
+            length_m: now.volume / constants.section_m2,
         });
         self.observe(actuation);
         Ok(())
     }
 
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
-        let Self { config, sensors, .. } = Self::new(scenario, None)?;
-        let kept = &self.config;
-        self.config = Config { ports: kept.ports, volume: kept.volume.clone(), ..config };
+        let Self { constants, sensors, .. } = Self::new(scenario, None)?;
+        let kept = &self.constants;
+        self.constants = Constants { ports: kept.ports, volume: kept.volume.clone(), ..constants };
         self.sensors.retune(&sensors);
         Ok(())
     }
 
     fn disturb(&mut self, disturbance: Disturbance) {
-        self.config.piping.disturb(disturbance);
+        self.constants.piping.disturb(disturbance);
     }
 
     fn truth(&self) -> Truth {
@@ -300,13 +300,13 @@ impl Plant for Vessel {
             mass_kg: y[MASS],
             mass_in_kg: y[MASS_IN],
             mass_out_kg: y[MASS_OUT],
-            energy_j: self.config.closure.internal_energy(&self.truth),
+            energy_j: self.constants.closure.internal_energy(&self.truth),
             enthalpy_in_j: y[ENTHALPY_IN],
             enthalpy_out_j: y[ENTHALPY_OUT],
             heat_to_wall_j: y[HEAT],
             work_j: y[WORK],
             heat_to_ambient_j: y[TO_AMBIENT],
-            wall_energy_j: self.config.wall_j_k * (y[WALL] - self.config.initial_k),
+            wall_energy_j: self.constants.wall_j_k * (y[WALL] - self.constants.initial_k),
             ..self.initial
         }
     }

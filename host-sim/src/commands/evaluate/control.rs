@@ -2,7 +2,7 @@
 //! the usual practice.
 
 use super::pid::{PidBoard, PidGains};
-use super::{Figure, Line, finished};
+use super::{CaseFigures, Figure, finished};
 use crate::board::{Board, CoreBoard};
 use crate::commands::parallel::{self, Watch};
 use crate::files::trace::Row;
@@ -317,9 +317,9 @@ fn hold_line(
     loaded: &Loaded,
     strokes: u32,
     bound_percent: f64,
-) -> Result<Line, RunError> {
+) -> Result<CaseFigures, RunError> {
     let held = rest::hold(loaded, strokes, &mut CoreBoard::default())?;
-    Ok(Line {
+    Ok(CaseFigures {
         case,
         figures: vec![
             Figure::at_most("error_percent", held.error_percent, bound_percent),
@@ -337,7 +337,7 @@ pub fn full(nominal: &Loaded) -> Loaded {
     loaded
 }
 
-type Job<'a> = Box<dyn Fn() -> Result<Line, RunError> + Send + Sync + 'a>;
+type Job<'a> = Box<dyn Fn() -> Result<CaseFigures, RunError> + Send + Sync + 'a>;
 
 fn holding(full: &Loaded) -> Vec<Job<'_>> {
     let mut jobs: Vec<Job> = Vec::new();
@@ -407,7 +407,7 @@ fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
         jobs.push(Box::new(move || {
             let step = pressure_step(&loaded, &mut CoreBoard::default())?;
             let held = force_hold(&loaded, &mut CoreBoard::default())?;
-            Ok(Line {
+            Ok(CaseFigures {
                 case: format!("isometric, {:.0} mm", 1e3 * length_m),
                 figures: vec![
                     Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
@@ -441,7 +441,7 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
         jobs.push(Box::new(move || {
             let loaded = load(full.clone(), force_n);
             let step = pressure_step(&loaded, &mut CoreBoard::default())?;
-            Ok(Line {
+            Ok(CaseFigures {
                 case: format!("pressure 2 to 4 bar, {force_n} N"),
                 figures: vec![
                     Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
@@ -465,7 +465,7 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
                     bandwidth_hz = hz;
                 }
             }
-            Ok(Line {
+            Ok(CaseFigures {
                 case: format!("sine of 2.5 % of stroke, {force_n} N"),
                 figures: vec![
                     Figure::at_least("bandwidth_hz", bandwidth_hz, bandwidth_target_hz),
@@ -476,7 +476,7 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
         jobs.push(Box::new(move || {
             let loaded = load(full.clone(), force_n);
             let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default())?;
-            Ok(Line {
+            Ok(CaseFigures {
                 case: format!("0.5 Hz over 30 % of stroke, {force_n} N"),
                 figures: vec![Figure::at_most("rms_percent", slow.rms_percent, 2.0)],
             })
@@ -499,7 +499,7 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
                 let compensated = rms(&loaded, &mut CoreBoard::default())?;
                 let uncompensated = rms(&fixed, &mut CoreBoard::default())?;
                 let usual = rms(&loaded, &mut PidBoard::new(USUAL_GAINS, rest_m))?;
-                Ok(Line {
+                Ok(CaseFigures {
                     case: format!("0.5 Hz sine, {:.0} degC", temperature_k - 273.15),
                     figures: vec![
                         Figure::at_most("rms_percent", compensated, 2.0),
@@ -517,7 +517,7 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
 ///
 /// # Errors
 /// The first run that could not be finished.
-pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, RunError> {
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let full = &full(nominal);
     let jobs: Vec<Job> = [holding(full), other_loads(full), moving(full), compared(full)]
         .into_iter()

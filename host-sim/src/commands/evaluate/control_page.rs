@@ -2,7 +2,7 @@
 //! its own too, and a page with all of them.
 
 use super::control::{self, Change, ambient, load, pressure_step_traces, sine_trace, told};
-use super::{Line, figures, opened, tune};
+use super::{CaseFigures, figures, opened, tune};
 use crate::board::CoreBoard;
 use crate::commands::tune::{TuneError, check_chart};
 use crate::report::Colour;
@@ -43,7 +43,7 @@ pub fn plots(nominal: &Loaded) -> Result<Vec<Plot>, TuneError> {
 }
 
 /// The page.
-pub fn page(nominal: &Loaded, lines: &[Line], plots: &[Plot]) -> String {
+pub fn page(nominal: &Loaded, lines: &[CaseFigures], plots: &[Plot]) -> String {
     let lead = "Where the muscle goes when it is told to, on the plant with everything that the core \
                 leaves out.";
     let drawn = plots.iter().fold(Section::new("Plots"), |section, plot| {

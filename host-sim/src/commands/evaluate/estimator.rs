@@ -3,7 +3,7 @@
 //! same samples.
 
 use super::faults::muscle::{self, Draw, Spread, Task};
-use super::{Figure, Line, finished};
+use super::{CaseFigures, Figure, finished};
 use crate::analysis::smoother;
 use crate::board::CoreBoard;
 use crate::commands::parallel::{self, Watch};
@@ -215,7 +215,7 @@ fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
 ///
 /// # Errors
 /// The first run that could not be finished.
-pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, RunError> {
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let [lumped, full] =
         [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
     let cases = cases();
@@ -247,8 +247,10 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, RunErr
             let times = errors.bare_rms_k() / errors.rms_k();
             figures.push(Figure::at_least("times_better", times, [40.0, 15.0][plant]));
         }
-        lines
-            .push(Line { case: format!("{} {}", ["lumped", "full  "][plant], case.name), figures });
+        lines.push(CaseFigures {
+            case: format!("{} {}", ["lumped", "full  "][plant], case.name),
+            figures,
+        });
     }
     lines.sort_by_key(|line| line.case.starts_with("full"));
     Ok(lines)
@@ -285,7 +287,7 @@ pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
 ///
 /// # Errors
 /// The first run that could not be finished.
-pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<Line>, RunError> {
+pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let numbers: Vec<u64> = (0..count).collect();
     let results = parallel::map_watched(&numbers, watch, |&number| {
         let (case, loaded) = random_muscle(seed, number);
@@ -296,9 +298,9 @@ pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<Line>, Run
         return Ok(Vec::new());
     }
     let count = results.len();
-    let mut lines: Vec<Line> = results
+    let mut lines: Vec<CaseFigures> = results
         .iter()
-        .map(|(case, errors)| Line {
+        .map(|(case, errors)| CaseFigures {
             case: case.clone(),
             figures: vec![
                 Figure::at_most("error_k", errors.rms_k(), RANDOM_K),
@@ -314,7 +316,7 @@ pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<Line>, Run
         .collect();
     let errors_k = results.iter().map(|(_, errors)| errors.rms_k());
     let within = results.iter().map(|(_, errors)| errors.share_within());
-    lines.push(Line {
+    lines.push(CaseFigures {
         case: format!("{count} muscles of seed {seed}"),
         figures: vec![
             Figure::shown("mean_k", errors_k.clone().sum::<f64>() / count as f64),

@@ -33,7 +33,7 @@ fn finished<R, E>(results: impl IntoIterator<Item = Result<R, E>>) -> Result<Vec
 
 /// One line of the table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Line {
+pub struct CaseFigures {
     /// What was run.
     pub case: String,
     /// Figures: name, value, allowed range.
@@ -89,7 +89,7 @@ impl Figure {
 }
 
 /// The table, for a terminal.
-pub fn table(lines: &[Line]) -> String {
+pub fn table(lines: &[CaseFigures]) -> String {
     let width = lines.iter().map(|line| line.case.chars().count()).max().unwrap_or(0);
     lines
         .iter()
@@ -113,7 +113,7 @@ pub fn table(lines: &[Line]) -> String {
 }
 
 /// The table, for a page.
-pub fn figures(lines: &[Line]) -> Table {
+pub fn figures(lines: &[CaseFigures]) -> Table {
     let rows = lines.iter().flat_map(|line| {
         line.figures.iter().map(|figure| {
             let mark = if figure.holds() { "✓" } else { "✗ missed" };
@@ -129,22 +129,22 @@ pub fn figures(lines: &[Line]) -> Table {
 }
 
 /// The beginning of a page: how many targets are missed, and which.
-fn opened(page: Page, lines: &[Line]) -> Page {
+fn opened(page: Page, lines: &[CaseFigures]) -> Page {
     let (count, all) = missed(lines);
     let tile = Tile::new("Targets missed", count as f64, "");
     let page = page.tile(tile.target(&format!("0 of {all}"), count == 0));
-    let missing: Vec<Line> = lines
+    let missing: Vec<CaseFigures> = lines
         .iter()
         .map(|line| {
             let figures = line.figures.iter().filter(|figure| !figure.holds());
-            Line { case: line.case.clone(), figures: figures.cloned().collect() }
+            CaseFigures { case: line.case.clone(), figures: figures.cloned().collect() }
         })
         .collect();
     if count == 0 { page } else { page.section(Section::new("Missed").table(figures(&missing))) }
 }
 
 /// How many figures missed their target, of how many.
-pub fn missed(lines: &[Line]) -> (usize, usize) {
+pub fn missed(lines: &[CaseFigures]) -> (usize, usize) {
     let figures = lines.iter().flat_map(|line| &line.figures).filter(|f| f.has_target());
     (figures.clone().filter(|figure| !figure.holds()).count(), figures.count())
 }
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn a_page_begins_with_what_is_missed() {
-        let line = |case: &str, value| Line {
+        let line = |case: &str, value| CaseFigures {
             case: case.to_owned(),
             figures: vec![Figure::at_most("error_k", value, 1.0), Figure::shown("other", value)],
         };

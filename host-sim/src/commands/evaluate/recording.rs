@@ -1,7 +1,7 @@
 //! The estimate against a real muscle: a recording of a board, with the readings of a fast reference sensor in
 //! the gas beside it. `docs/measure-your-muscle.md` is how to make one.
 
-use super::{Figure, Line};
+use super::{CaseFigures, Figure};
 use crate::files::input::{InputError, Problem};
 use crate::files::table::Table;
 use crate::math;
@@ -23,7 +23,7 @@ const POSSIBLE: Limits = Limits { min: 100.0, max: 1000.0, unit: "K" };
 ///
 /// # Errors
 /// When a column is missing or holds what it cannot, or the reference says nothing after the first ten seconds.
-pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<Line, InputError> {
+pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, InputError> {
     let times_s = recording.filled("time_s")?;
     if let Some(row) = (1..times_s.len()).find(|row| times_s[*row] <= times_s[row - 1]) {
         let allowed = format!("more than {:?}, the time of the row before", times_s[row - 1]);
@@ -70,7 +70,7 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<Line, InputEr
     let (rms_k, bare_k) = ((square / rows).sqrt(), (bare_square / rows).sqrt());
     let mut within = Figure::at_least("within_2sd", f64::from(within) / rows, WITHIN[0]);
     within.maximum = WITHIN[1];
-    Ok(Line {
+    Ok(CaseFigures {
         case: format!("recording, {rows} rows"),
         figures: vec![
             Figure::at_most("error_k", rms_k, ERROR_K),

@@ -1,6 +1,6 @@
 //! What others have measured: every case whose data are at hand, with the figure that a peer reaches on it.
 
-use super::{Figure, Line};
+use super::{CaseFigures, Figure};
 use crate::board::CoreBoard;
 use crate::commands::identify::static_map::{self, Readings};
 use crate::commands::identify::{self, IdentifyError};
@@ -41,13 +41,13 @@ pub enum TruthError {
 ///
 /// # Errors
 /// When none does, or one cannot be used.
-pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<Line>, TruthError> {
+pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
     let maps = maps(&folder.join("muscle_static"));
     let spring = folder.join("gas_spring/upper_2022-01-28.csv");
     let discharge = folder.join("hyddown/air_discharge.csv");
     watch.parts(maps.len());
     let mut lines = Vec::new();
-    let mut add = |more: Result<Vec<Line>, TruthError>| match more {
+    let mut add = |more: Result<Vec<CaseFigures>, TruthError>| match more {
         // A search that was ended on its way found nothing.
         _ if stop::wanted() => Ok(()),
         Ok(more) => {
@@ -87,7 +87,7 @@ fn shipped(text: &str, name: &str) -> Result<(Loaded, PathBuf), InputError> {
     Ok((scenario::parse(text, &path)?, path))
 }
 
-fn static_map(file: &Path) -> Result<Line, TruthError> {
+fn static_map(file: &Path) -> Result<CaseFigures, TruthError> {
     let text = include_str!("../../../../scenarios/static_map.toml");
     let (loaded, config) = shipped(text, "static_map.toml")?;
     let readings = Readings::of(&read_table(file)?)?;
@@ -109,19 +109,19 @@ fn static_map(file: &Path) -> Result<Line, TruthError> {
     figures.extend(known.map(|(.., ideal_n)| Figure::shown("ideal_braid_n", *ideal_n)));
     let case =
         known.map_or_else(|| format!("static map, {stem}"), |(_, name, ..)| (*name).to_owned());
-    Ok(Line { case, figures })
+    Ok(CaseFigures { case, figures })
 }
 
 fn measured(file: &Path) -> Result<Measured, InputError> {
     Measured::new(&read_record(file)?, &COLUMNS)
 }
 
-fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<Line, TruthError> {
+fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<CaseFigures, TruthError> {
     let text = include_str!("../../../../scenarios/gas_spring.toml");
     let (loaded, config) = shipped(text, "gas_spring.toml")?;
     let identified = identify::identify(&loaded, &config, &measured(file)?, file, watch)?;
     let pressure_pa = identified.findings.rmse.pressure_pa.unwrap_or(f64::NAN);
-    Ok(Line {
+    Ok(CaseFigures {
         case: "gas spring, nitrogen".to_owned(),
         figures: vec![
             Figure::at_most("identified_kpa", pressure_pa / 1000.0, 3.5),
@@ -131,7 +131,7 @@ fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<Line, TruthError> {
     })
 }
 
-fn air_discharge(file: &Path, watch: &dyn Watch) -> Result<Vec<Line>, TruthError> {
+fn air_discharge(file: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
     let text = include_str!("../../../../scenarios/air_discharge.toml");
     let (loaded, config) = shipped(text, "air_discharge.toml")?;
     let measured = measured(file)?;
@@ -144,7 +144,7 @@ fn air_discharge(file: &Path, watch: &dyn Watch) -> Result<Vec<Line>, TruthError
     let identified = identify::identify(&loaded, &config, &measured, file, watch)?.findings.rmse;
     let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
     Ok(vec![
-        Line {
+        CaseFigures {
             case: "air discharge, lag fitted".to_owned(),
             figures: vec![
                 Figure::at_most("temperature_k", rmse("sensor_gas_k"), 3.5),
@@ -153,7 +153,7 @@ fn air_discharge(file: &Path, watch: &dyn Watch) -> Result<Vec<Line>, TruthError
                 Figure::shown("hyddown_kpa", 4.0),
             ],
         },
-        Line {
+        CaseFigures {
             case: "air discharge, identified".to_owned(),
             figures: vec![
                 Figure::at_most("temperature_k", or_nan(identified.temperature_k), 2.0),

@@ -2,7 +2,7 @@
 //! that is worth.
 
 use super::control::{Change, full, rest, sine, volume};
-use super::{Figure, Line, finished};
+use super::{CaseFigures, Figure, finished};
 use crate::board::CoreBoard;
 use crate::commands::parallel::{self, Watch};
 use crate::commands::tune::{self, HIGHEST_PA, TuneError, Tuned};
@@ -49,7 +49,7 @@ pub fn error_percent(tuned: &Tuned, truth: f64, path: &str) -> f64 {
     (value / truth - 1.0) * 100.0
 }
 
-fn line(nominal: &Loaded, name: &str, change: Change) -> Result<Line, TuneError> {
+fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, TuneError> {
     let loaded = told(nominal, change);
     let tuned = tuned(&loaded)?;
     let plant = &loaded.plant;
@@ -61,7 +61,7 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<Line, TuneError>
     let at_rest = |loaded: &Loaded| {
         rest::hold(loaded, 0, &mut CoreBoard::default()).map(|held| held.error_percent)
     };
-    Ok(Line {
+    Ok(CaseFigures {
         case: name.to_owned(),
         figures: vec![
             Figure::at_most(
@@ -89,7 +89,7 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<Line, TuneError>
 ///
 /// # Errors
 /// The first case that was refused or could not be finished.
-pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<Line>, TuneError> {
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TuneError> {
     let lines = parallel::map_watched(&CASES, watch, |(name, change)| line(nominal, name, *change));
     finished(lines)
 }

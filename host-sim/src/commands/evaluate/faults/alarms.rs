@@ -4,7 +4,7 @@
 use super::MUSCLES;
 use super::muscle::{self, Draw, Task};
 use crate::board::CoreBoard;
-use crate::commands::evaluate::{Figure, Line};
+use crate::commands::evaluate::{CaseFigures, Figure};
 use crate::files::trace::Row;
 use crate::scenario::{Loaded, PlantModel, parse};
 use crate::simulation::run::{self, RunError};
@@ -103,7 +103,7 @@ pub fn shown(healthy: &Healthy) -> Result<Faults, RunError> {
 }
 
 /// Hours run, and the runs that showed a fault, by kind.
-pub fn line(case: &str, runs: &[Healthy], shown: &[Faults]) -> Line {
+pub fn line(case: &str, runs: &[Healthy], shown: &[Faults]) -> CaseFigures {
     let seconds: f64 = runs.iter().map(|run| run.loaded.plant.run.duration_s).sum();
     let alarms = shown.iter().filter(|faults| **faults != Faults::NONE).count();
     let mut figures = vec![
@@ -116,5 +116,5 @@ pub fn line(case: &str, runs: &[Healthy], shown: &[Faults]) -> Line {
             figures.push(Figure::shown(name, count as f64));
         }
     }
-    Line { case: case.to_owned(), figures }
+    CaseFigures { case: case.to_owned(), figures }
 }

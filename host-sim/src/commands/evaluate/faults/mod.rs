@@ -10,7 +10,7 @@ pub mod vent;
 use self::alarms::Healthy;
 use self::cases::{Fault, Reaction};
 use self::trial::{COMES_S, Outcome, Trial};
-use super::{Figure, Line};
+use super::{CaseFigures, Figure};
 use crate::commands::parallel;
 use crate::scenario::Loaded;
 use crate::simulation::run::RunError;
@@ -32,7 +32,7 @@ const SUPPLY_BAR: f64 = 7.05;
 pub type Ended<'a> = &'a (dyn Fn() + Sync);
 
 /// How a fault did in all its runs.
-fn line(fault: &Fault, outcomes: &[Outcome]) -> Line {
+fn line(fault: &Fault, outcomes: &[Outcome]) -> CaseFigures {
     // Where no time is stated, every run counts.
     let seen_s = if fault.within_s.is_finite() { fault.within_s } else { 0.0 };
     let (judged, hidden): (Vec<_>, Vec<_>) =
@@ -69,14 +69,14 @@ fn line(fault: &Fault, outcomes: &[Outcome]) -> Line {
     if !hidden.is_empty() {
         figures.push(Figure::shown("hidden", hidden.len() as f64));
     }
-    Line { case: fault.name.to_owned(), figures }
+    CaseFigures { case: fault.name.to_owned(), figures }
 }
 
 /// Runs every fault, `runs` times each.
 ///
 /// # Errors
 /// The first run that could not be finished.
-pub fn table(faults: &[Fault], runs: u64, ended: Ended) -> Result<Vec<Line>, RunError> {
+pub fn table(faults: &[Fault], runs: u64, ended: Ended) -> Result<Vec<CaseFigures>, RunError> {
     let trials: Vec<Trial> = faults
         .iter()
         .flat_map(|fault| (0..runs).map(|number| Trial::random(fault, number, COMES_S)))
@@ -146,7 +146,7 @@ impl Evaluation {
     ///
     /// # Errors
     /// The first run that could not be finished.
-    pub fn evaluate(&self, ended: Ended) -> Result<Vec<Line>, RunError> {
+    pub fn evaluate(&self, ended: Ended) -> Result<Vec<CaseFigures>, RunError> {
         let mut lines = table(&self.faults, RUNS, ended)?;
         for (case, muscles) in &self.vented {
             let vented = whole(each(muscles, ended, vent::vent))?;

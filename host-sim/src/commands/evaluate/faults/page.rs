@@ -1,12 +1,12 @@
 //! The page of `thermyo evaluate faults`: what is injected, and what became of it.
 
 use super::cases::{self, Fault};
-use crate::commands::evaluate::{Line, figures, opened};
+use crate::commands::evaluate::{CaseFigures, figures, opened};
 use crate::report::page::{Page, Section, Table};
 use crate::scenario::{self, Loaded};
 
 /// The page.
-pub fn page(nominal: &Loaded, lines: &[Line]) -> String {
+pub fn page(nominal: &Loaded, lines: &[CaseFigures]) -> String {
     let lead =
         "What breaks, how soon it is found, what follows, and that what is healthy is left alone.";
     let columns = ["Fault", "Injected", "While", "Found as", "Within", "Then"];

@@ -4,7 +4,7 @@ use super::muscle::{self, Draw, Task};
 use super::trial::VENTED_PA;
 use super::{MUSCLES, VENTED_S};
 use crate::board::CoreBoard;
-use crate::commands::evaluate::{Figure, Line};
+use crate::commands::evaluate::{CaseFigures, Figure};
 use crate::files::trace::Row;
 use crate::scenario::{DriveKind, Loaded, PlantModel};
 use crate::simulation::run::{self, RunError};
@@ -78,10 +78,10 @@ pub fn muscles(nominal: &Loaded) -> Vec<(&'static str, Vec<Loaded>)> {
 }
 
 /// How venting some muscles went.
-pub fn line(case: &str, vented: &[Vented]) -> Line {
+pub fn line(case: &str, vented: &[Vented]) -> CaseFigures {
     let most = |figure: fn(&Vented) -> f64| vented.iter().map(figure).fold(0.0, f64::max);
     let worst_s = most(|vented| vented.time_s);
-    Line {
+    CaseFigures {
         case: case.to_owned(),
         figures: vec![
             match case {
