@@ -173,13 +173,13 @@ fn a_table_that_is_none_is_refused_by_cell() {
     assert!(err.contains("table.csv") && err.contains("needs it"), "{err}");
 }
 
-/// Its own trace, with friction and the heat transfer told wrong, gives both back.
+/// Its own trace, with friction and the heat transfer configured wrong, gives both back.
 #[test]
-fn identify_finds_what_was_told_wrong() {
+fn identify_finds_what_was_configured_wrong() {
     let cycle = "kind = \"mass-flow\"\nperiod_s = 3.0\nflow_kg_s = 1.5e-4\n";
     for (name, chamber, ..) in MOVING {
         let recorded = run(chamber, "lumped", cycle);
-        let file = recorded.path("told_wrong.toml");
+        let file = recorded.path("configured_wrong.toml");
         let text = format!(
             "[run]\nduration_s = 20.0\n{}{SMALL_VALVES}[drive]\n{cycle}[friction]\nforce_n = 12.0\n\
              [heat]\nscale = 0.7\n[identify]\nparameters = [\"friction.force_n\", \"heat.scale\"]\n\
@@ -198,7 +198,7 @@ fn identify_finds_what_was_told_wrong() {
             let value = found["parameters"][path]["value"].as_f64();
             let value = value.unwrap_or_else(|| panic!("{found}"));
             assert_within(&format!("{name} {path}"), value / truth, (0.97, 1.03));
-            assert!(value != truth, "fitted, not told");
+            assert!(value != truth, "fitted, not configured");
         }
     }
 }

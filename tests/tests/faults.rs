@@ -28,7 +28,7 @@ fn every_fault_is_found_in_time_and_what_has_to_follow_does() {
 fn without_its_fault_no_run_shows_it() {
     let mut trials: Vec<Trial> = cases::all()
         .iter()
-        // An inlet that is told open to 6 bar comes to no fault, nor to anything else.
+        // An inlet that is commanded open at 6 bar comes to no fault, nor to anything else.
         .filter(|fault| fault.tasks != [Task::Filling])
         .map(|fault| Trial::random(fault, 0, [2.0, 3.0]))
         .collect();
@@ -60,9 +60,9 @@ fn venting_takes_a_second_where_the_valve_is_large_enough() {
 
 #[test]
 fn what_is_healthy_is_left_alone() {
-    let told_wrong = alarms::told_wrong(0.2);
+    let configured_wrong = alarms::configured_wrong(0.2);
     let muscles = alarms::muscles();
-    let healthy: Vec<_> = told_wrong.iter().chain(&muscles[..6]).collect();
+    let healthy: Vec<_> = configured_wrong.iter().chain(&muscles[..6]).collect();
     for (healthy, shown) in healthy.iter().zip(parallel::map(&healthy, |run| alarms::shown(run))) {
         assert_eq!(shown.unwrap(), Faults::NONE, "{}", healthy.name);
     }

@@ -158,7 +158,7 @@ fn the_result_runs_and_the_report_shows_it() {
     }
 }
 
-/// A muscle that is shut and leaks, as a monitor records it; and the scenario that asks for the leak, told five
+/// A muscle that is shut and leaks, as a monitor records it; and the scenario that asks for the leak, configured five
 /// times too large.
 fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
     let hold = format!(
@@ -173,8 +173,8 @@ fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
         let cells = columns.each_ref().map(|column| column[i].to_string());
         text += &(cells.join(",") + "\n");
     }
-    let told = format!("{hold}conductance_m3_s_pa = 1e-11\n");
-    identify_texts(&text, &asking_for(&told, &["leak.conductance_m3_s_pa"]))
+    let configured = format!("{hold}conductance_m3_s_pa = 1e-11\n");
+    identify_texts(&text, &asking_for(&configured, &["leak.conductance_m3_s_pa"]))
 }
 
 #[test]
@@ -216,8 +216,8 @@ fn monitored(model: &str, from_s: f64) -> String {
     text
 }
 
-/// What the core is told of a muscle, up to half wrong.
-fn told(model: &str) -> String {
+/// What the core believes of a muscle, up to half wrong.
+fn configured(model: &str) -> String {
     format!(
         "[plant]\nmodel = {model:?}\n\
          [heat]\ninner_w_m2_k = 120.0\ninner_per_flow = 7e4\n\
@@ -232,7 +232,7 @@ fn told(model: &str) -> String {
 fn pressure_and_length_drive_where_only_the_sensor_is_compared() {
     // From rest, and from the middle of a stroke.
     for from_s in [0.0, 21.7] {
-        let found = identify_texts(&monitored("lumped", from_s), &told("lumped"));
+        let found = identify_texts(&monitored("lumped", from_s), &configured("lumped"));
         assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
         for (path, truth, certain) in [
             ("heat.inner_w_m2_k", 90.0, 0.01),
@@ -253,7 +253,7 @@ fn pressure_and_length_drive_where_only_the_sensor_is_compared() {
 #[test]
 fn the_core_works_with_the_effective_values_of_a_muscle_in_zones() {
     for from_s in [0.0, 21.7] {
-        let found = identify_texts(&monitored("full", from_s), &told("full"));
+        let found = identify_texts(&monitored("full", from_s), &configured("full"));
         assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
         let value = |path| found.parameter(path).0;
         let believed = format!(
@@ -287,7 +287,7 @@ fn a_monitors_record_of_a_board_that_restarted_is_taken() {
     };
     run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).expect("it runs");
     let record = String::from_utf8(recorder.finish().expect("memory takes it")).expect("text");
-    let found = identify_texts(&record, &told("lumped"));
+    let found = identify_texts(&record, &configured("lumped"));
     assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
     for (path, truth, certain) in
         [("heat.inner_w_m2_k", 90.0, 0.01), ("sensor.gas.time_constant_s", 3.0, 0.002)]
@@ -314,7 +314,7 @@ fn cooling_trace() -> String {
 }
 
 #[test]
-fn what_cannot_be_told_apart_is_said() {
+fn what_cannot_be_distinguished_is_said() {
     // Heat flow is coefficient times surface: pressure knows the product only.
     let config = asking_for(COOLING, &["heat.inner_w_m2_k", "heat.scale"]);
     let found = identify_texts(&cooling_trace(), &config);
@@ -374,12 +374,12 @@ fn bad_input_is_one_clear_message() {
         ),
         (
             "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.29,298\n1,1e5,0.28,299\n",
-            told("full"),
+            configured("full"),
             "2 measured values: must be more than the 4",
         ),
         (
             "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.3,298\n1,0,0.3,299\n2,2e5,0.3,298\n",
-            told("full").replace("\"heat.inner_per_flow\", \"wall.heat_capacity_j_k\", ", ""),
+            configured("full").replace("\"heat.inner_per_flow\", \"wall.heat_capacity_j_k\", ", ""),
             "data.csv:3: column pressure_pa = 0.0: must be a number from 1000 to 1e8 Pa",
         ),
     ] {

@@ -1,9 +1,9 @@
-//! `thermyo tune`: what it finds of a muscle that the core is told wrong, what that is worth, and when it
+//! `thermyo tune`: what it finds of a muscle that the core is configured wrong, what that is worth, and when it
 //! refuses. Bounds on both sides: a figure far better than it can be is a broken measurement.
 
 use host_sim::board::CoreBoard;
 use host_sim::commands::evaluate::control::sine;
-use host_sim::commands::evaluate::tune::{ALL_WRONG, error_percent, told, tuned};
+use host_sim::commands::evaluate::tune::{ALL_WRONG, configured, error_percent, tuned};
 use host_sim::scenario;
 use std::fs;
 use system_tests::{Outcome, thermyo};
@@ -14,8 +14,8 @@ fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
 }
 
 #[test]
-fn a_muscle_told_wrong_is_found() {
-    let loaded = told(&host_sim::commands::evaluate::nominal().unwrap(), ALL_WRONG.1);
+fn a_muscle_configured_wrong_is_found() {
+    let loaded = configured(&host_sim::commands::evaluate::nominal().unwrap(), ALL_WRONG.1);
     let tuned = tuned(&loaded).unwrap();
     let (plant, findings) = (&loaded.plant, &tuned.findings);
     let turns = plant.muscle.turns;
@@ -110,7 +110,7 @@ fn poor_data_is_refused_and_nothing_written() {
         ("[valve]\npwm_hz = 10.0\n".to_owned(), "at most 9.7 kPa are allowed"),
         ("[sensor.length]\nnoise_m = 0.015\n".to_owned(), "experiment: length sensor"),
         ("[believed.valve]\nconductance_m3_s_pa = 4e-10\n".to_owned(), "friction stands out of"),
-        ("[load]\nforce_n = 0.0\n".to_owned(), "the told load is 0"),
+        ("[load]\nforce_n = 0.0\n".to_owned(), "the configured load is 0"),
     ] {
         let (outcome, folder) = tune(&text, &[]);
         assert_eq!(outcome.code, 1, "{text}: {}{}", outcome.out, outcome.err);
@@ -138,9 +138,9 @@ fn what_cannot_be_tuned_is_bad_input() {
     }
 }
 
-/// A cylinder with a stiff spring, told 10 % less friction and area.
+/// A cylinder with a stiff spring, configured 10 % less friction and area.
 #[test]
-fn a_cylinder_told_wrong_is_found() {
+fn a_cylinder_configured_wrong_is_found() {
     for (acts, rest_m, load_n) in [("push", 0.25, -150.0), ("pull", 0.35, 150.0)] {
         let text = format!(
             "[plant]\nkind = \"cylinder\"\n[load]\nforce_n = {load_n}\n\

@@ -72,7 +72,7 @@ function turn(key, value, show) {
 
 function tell() {
   $("exported").textContent = untold
-    ? "What is set now, for thermyo run scenario.toml: a run that starts so, its core told what it is told here. The trace is that of such a run, to the bit."
+    ? "What is set now, for thermyo run scenario.toml: a run that starts so, its core configured as it is here. The trace is that of such a run, to the bit."
     : "What runs here, for thermyo run scenario.toml. The trace is that of such a run, to the bit.";
 }
 

@@ -60,7 +60,7 @@ enum Subject {
     Estimator,
     /// The muscle at rest, in motion, and against the usual practice
     Control,
-    /// What `thermyo tune` finds of a muscle told wrong, and what that is worth
+    /// What `thermyo tune` finds of a muscle configured wrong, and what that is worth
     Tune,
     /// What breaks, whether it is found in time, and what follows; and that nothing else is
     Faults,

@@ -27,7 +27,7 @@ const SCENARIOS: [(&str, &str); 4] = [
     ),
     ("contraction control, the full muscle", include_str!("../../../scenarios/contraction.toml")),
     (
-        "a working cycle, the full muscle, heat transfer told wrong",
+        "a working cycle, the full muscle, heat transfer configured wrong",
         include_str!("../../../scenarios/sensor.toml"),
     ),
 ];

@@ -16,7 +16,7 @@ pub enum Keep {
 
 /// The index ranges of `0..len` without gap, where `present` says which points are there.
 ///
-/// More than `most` ranges cannot be told apart in the drawing: then the points that are there are
+/// More than `most` ranges cannot be distinguished in the drawing: then the points that are there are
 /// taken as one curve, and `None` is returned.
 pub fn runs(len: usize, most: usize, present: impl Fn(usize) -> bool) -> Option<Vec<Range<usize>>> {
     let mut out: Vec<Range<usize>> = Vec::new();

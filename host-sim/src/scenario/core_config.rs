@@ -1,4 +1,4 @@
-//! What the core is told: a scenario (with `[believed]` applied) in the core's own terms.
+//! The core's configuration: a scenario (with `[believed]` applied) in the core's own terms.
 
 use crate::plant::chamber;
 use crate::plant::heat::InnerHeat;
@@ -15,7 +15,7 @@ use model_core::sensing::gas::GasSensor;
 /// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
 /// \[W/(m2 K)\].
 const ISOTHERMAL_W_M2_K: f64 = 2_000.0;
-/// Sensor lags that the core's filter works with; a sensor without lag is told as the shortest
+/// Sensor lags that the core's filter works with; a sensor without lag is configured as the shortest
 /// \[s\].
 const SHORTEST_LAG_S: f32 = 1.0e-3;
 const LONGEST_LAG_S: f32 = 1.0e3;
@@ -93,7 +93,9 @@ pub fn core_config(believed: &Scenario) -> Config {
     let one_zone = OneZone::of(s);
     let moving = chamber::of(s);
     let (chamber, wall_j_k) = match &moving {
-        Some(chamber) => (chamber.told(one_zone.tube_m3), one_zone.wall * s.wall.heat_capacity_j_k),
+        Some(chamber) => {
+            (chamber.configured(one_zone.tube_m3), one_zone.wall * s.wall.heat_capacity_j_k)
+        }
         None => {
             let vessel = Vessel {
                 section_m2: s.vessel.section_m2() as f32,
@@ -209,11 +211,11 @@ mod tests {
     #[test]
     fn the_defaults_agree() {
         let default = Config::default();
-        let told = |model| {
+        let configured = |model| {
             let loaded = scenario::parse("", "test".as_ref()).unwrap().with_model(model);
             core_config(&loaded.believed)
         };
-        let (lumped, full) = (told(PlantModel::Lumped), told(PlantModel::Full));
+        let (lumped, full) = (configured(PlantModel::Lumped), configured(PlantModel::Full));
         let (ChamberConfig::Muscle(a), ChamberConfig::Muscle(b)) =
             (lumped.chamber, default.chamber)
         else {

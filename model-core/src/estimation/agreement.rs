@@ -12,7 +12,7 @@ use crate::step_counts::StepCounts;
 /// Error of the gas, lasting for a second, at which the covariance is taken at its word \[K\].
 const AGREEMENT_K: f32 = 0.36;
 /// Readings that disagree count for no more than such an error: the covariance is cautious, and what they
-/// teach is in doubt by itself (`update_deviation`) \[K\].
+/// teach is uncertain by itself (`update_deviation`) \[K\].
 const DISAGREEMENT_K: f32 = 0.14;
 /// What innovations keep of the ADC's steps on a perfect model, a quarter of a code \[K\].
 const FLOOR_K: f32 = 0.004;

@@ -117,7 +117,7 @@ const MOST_PLACE: f32 = 6.6;
 const ZONES_NOW: f32 = 6.0e-5;
 const ZONES_LATER: f32 = 3.5e-4;
 /// Variance that a leak adds per second, in squares of its rate: told a tenth wrong, for five seconds \[s\].
-const LEAK_DOUBT_S: f32 = 0.1;
+const LEAK_UNCERTAINTY_S: f32 = 0.1;
 /// What averaging does not take of the variance of one pressure: the lag of its sensor \[-\].
 const NOT_AVERAGED: f32 = 0.1;
 
@@ -824,7 +824,7 @@ impl Estimator {
         p.gas_gas += relative * relative * duration_s;
         if self.leaks {
             let leaked = self.pending.leaked;
-            p.gas_gas += LEAK_DOUBT_S * leaked * leaked / duration_s;
+            p.gas_gas += LEAK_UNCERTAINTY_S * leaked * leaked / duration_s;
         }
         p.wall_wall += drift.wall_drift_k * drift.wall_drift_k * duration_s;
         // Rounding must not starve the sensor's own variance.

@@ -9,7 +9,7 @@
 //!
 //! Where it has more than the core: the future; pressure and length smoothed in both directions
 //! (`trend.rs`), pulse by pulse; an error of the housing; derivatives by differences instead of
-//! formulae. Where it has not: the plant's truth, and anything that the core is not told. Where the
+//! formulae. Where it has not: the plant's truth, and anything that the core does not know. Where the
 //! plant does not follow the model, it is wrong too, and may be more so than the core: it takes the
 //! model at its word over the whole run.
 
@@ -168,7 +168,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let noise_pa = f64::from(sensors.pressure.noise_pa);
     let pressure_code_pa = f64::from(sensors.pressure.resolution_pa());
     let pressure = Converter { code: pressure_code_pa, noise: noise_pa };
-    // The core is told no noise of the length; what a code's width hides is more than it.
+    // The core is configured with no noise of the length; what a code's width hides is more than it.
     let length_code_m = f64::from(sensors.length.resolution_m());
     let length = Converter { code: length_code_m, noise: 0.0 };
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure, pressure);

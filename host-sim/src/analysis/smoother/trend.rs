@@ -113,7 +113,7 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
     use rand_xoshiro::rand_core::SeedableRng;
 
-    /// RMS error of what is left of noise of deviation 1 on `truth`, which turns where told.
+    /// RMS error of what is left of noise of deviation 1 on `truth`, which turns where given.
     fn left(truth: impl Fn(usize) -> f64, turns: impl Fn(usize) -> bool) -> f64 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
         let readings: Vec<Reading> = (0..4000)

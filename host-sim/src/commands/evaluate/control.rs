@@ -1,4 +1,4 @@
-//! Whether the muscle goes where it is told: at rest, in motion, warm and cold, told wrong, and against
+//! Whether the muscle goes where it is asked to: at rest, in motion, warm and cold, configured wrong, and against
 //! the usual practice.
 
 use super::pid::{PidBoard, PidGains};
@@ -304,10 +304,10 @@ pub(super) fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
     loaded
 }
 
-/// What the core is told differently.
+/// What the core is configured with differently.
 pub type Change = fn(&mut Scenario);
 
-pub(super) fn told(mut loaded: Loaded, change: Change) -> Loaded {
+pub(super) fn configured(mut loaded: Loaded, change: Change) -> Loaded {
     change(&mut loaded.believed);
     loaded
 }
@@ -368,7 +368,7 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
     ];
     for (name, change) in wrong {
         jobs.push(Box::new(move || {
-            hold_line(format!("hold, {name}"), &told(full.clone(), change), 0, 2.0)
+            hold_line(format!("hold, {name}"), &configured(full.clone(), change), 0, 2.0)
         }));
     }
     jobs
@@ -491,7 +491,7 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
         .map(|temperature_k| -> Job {
             Box::new(move || {
                 let loaded = ambient(full.clone(), temperature_k);
-                let fixed = told(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
+                let fixed = configured(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
                 let rms = |loaded: &Loaded, board: &mut dyn Board| {
                     sine(loaded, 0.5, 0.15, board).map(|slow| slow.rms_percent)
                 };

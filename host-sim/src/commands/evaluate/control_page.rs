@@ -1,7 +1,7 @@
 //! What `thermyo evaluate control --out DIR` draws: the figures of `docs/control.md`, each as a file of
 //! its own too, and a page with all of them.
 
-use super::control::{self, Change, ambient, load, pressure_step_traces, sine_trace, told};
+use super::control::{self, Change, ambient, configured, load, pressure_step_traces, sine_trace};
 use super::{CaseFigures, figures, opened, tune};
 use crate::board::CoreBoard;
 use crate::commands::tune::{TuneError, check_chart};
@@ -44,7 +44,7 @@ pub fn plots(nominal: &Loaded) -> Result<Vec<Plot>, TuneError> {
 
 /// The page.
 pub fn page(nominal: &Loaded, lines: &[CaseFigures], plots: &[Plot]) -> String {
-    let lead = "Where the muscle goes when it is told to, on the plant with everything that the core \
+    let lead = "Where the muscle goes when it is asked to, on the plant with everything that the core \
                 leaves out.";
     let drawn = plots.iter().fold(Section::new("Plots"), |section, plot| {
         section.figure(plot.chart.figure(plot.title, plot.caption))
@@ -80,7 +80,7 @@ fn temperature(full: &Loaded) -> Result<Plot, TuneError> {
     let mut chart = Chart::new(Axis::new("Time", "s"));
     for (celsius, name) in [(10.0, "10 °C"), (25.0, "25 °C"), (40.0, "40 °C")] {
         let loaded = ambient(full.clone(), 273.15 + celsius);
-        let fixed = told(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
+        let fixed = configured(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
         let error = |loaded: &Loaded| -> Result<(Vec<f64>, Vec<f64>), TuneError> {
             let points = sine_trace(loaded, 0.5, 0.15, &mut CoreBoard::default())?;
             let share = |error: f64| 100.0 * error / control::STROKE;
@@ -98,7 +98,7 @@ fn temperature(full: &Loaded) -> Result<Plot, TuneError> {
     Ok(Plot {
         file: "control_temperature.svg",
         title: "Sine of 0.5 Hz over 30 % of the stroke, error with and without temperature compensation",
-        caption: "Friction is told at 25 °C. Without compensation the muscle leaves its turns late in the \
+        caption: "Friction is configured at 25 °C. Without compensation the muscle leaves its turns late in the \
                   cold and early in the warmth.",
         chart,
     })
@@ -139,10 +139,10 @@ const AMPLITUDE: f64 = 0.025;
 
 fn tuned(nominal: &Loaded) -> Result<Plot, TuneError> {
     let (_, change): (_, Change) = tune::ALL_WRONG;
-    let tuned = tune::tuned(&tune::told(nominal, change))?;
+    let tuned = tune::tuned(&tune::configured(nominal, change))?;
     Ok(Plot {
         file: "control_tuned.svg",
-        title: "Before and after thermyo tune: told friction −30 %, volume −20 %, conductance +30 %",
+        title: "Before and after thermyo tune: configured friction −30 %, volume −20 %, conductance +30 %",
         caption: "The check of a tuning: a sine of 0.5 Hz, then two steps.",
         chart: check_chart(&tuned),
     })

@@ -1,4 +1,4 @@
-//! How well the core knows the gas temperature: knowing the plant, told wrong, started wrong, and on
+//! How well the core knows the gas temperature: knowing the plant, configured wrong, started wrong, and on
 //! other motions than the one it was tuned on; and in errors of what could be known at best from the
 //! same samples.
 
@@ -282,7 +282,7 @@ pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
     (name, loaded)
 }
 
-/// So many random muscles on `full`, told what they are, in motion: where nothing moves every model agrees. Where it is
+/// So many random muscles on `full`, configured as what they are, in motion: where nothing moves every model agrees. Where it is
 /// stopped there are lines of the finished ones.
 ///
 /// # Errors

@@ -122,8 +122,8 @@ mod tests {
         for (figure, expected) in figures.iter().zip(expected) {
             assert!((figure - expected).abs() < 1e-12, "{figures:?}");
         }
-        let doubtful = rows.replace("17,297,1,", "17,297,0.49,");
-        assert!((judged(&doubtful, 0.0).unwrap()[1] - 2.0 / 3.0).abs() < 1e-12);
+        let invalid = rows.replace("17,297,1,", "17,297,0.49,");
+        assert!((judged(&invalid, 0.0).unwrap()[1] - 2.0 / 3.0).abs() < 1e-12);
     }
 
     /// A ramp of 2 K/s is read 0.05 s late: 0.1 K less; a rest as it is.

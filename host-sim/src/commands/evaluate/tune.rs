@@ -1,4 +1,4 @@
-//! Whether `thermyo tune` finds what the plant is when the core is told something else, and what
+//! Whether `thermyo tune` finds what the plant is when the core is configured as something else, and what
 //! that is worth.
 
 use super::control::{Change, full, rest, sine, volume};
@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// Every case: name and change.
 pub const CASES: [(&str, Change); 8] = [
-    ("all told right", |_| {}),
+    ("all configured right", |_| {}),
     ("friction 30 % low", |s| s.friction.force_n *= 0.7),
     ("friction 30 % high", |s| s.friction.force_n *= 1.3),
     ("volume 20 % low", |s| volume(s, 0.8)),
@@ -28,8 +28,8 @@ pub const ALL_WRONG: (&str, Change) = ("friction -30, volume -20, conductance +3
     s.valve.conductance_m3_s_pa *= 1.3;
 });
 
-/// The muscle with everything that the core leaves out, the core told a change of it.
-pub fn told(nominal: &Loaded, change: Change) -> Loaded {
+/// The muscle with everything that the core leaves out, the core configured with a change of it.
+pub fn configured(nominal: &Loaded, change: Change) -> Loaded {
     let mut loaded = full(nominal);
     change(&mut loaded.believed);
     loaded
@@ -50,7 +50,7 @@ pub fn error_percent(tuned: &Tuned, truth: f64, path: &str) -> f64 {
 }
 
 fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, TuneError> {
-    let loaded = told(nominal, change);
+    let loaded = configured(nominal, change);
     let tuned = tuned(&loaded)?;
     let plant = &loaded.plant;
     let turns = plant.muscle.turns;

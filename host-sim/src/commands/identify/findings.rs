@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Correlation from which on two parameters cannot be told apart.
+/// Correlation from which on two parameters cannot be distinguished.
 const INSEPARABLE: f64 = 0.95;
 /// Relative standard error from which on a parameter is not determined.
 const UNDETERMINED: f64 = 0.5;
@@ -205,7 +205,7 @@ impl Findings {
                 let pair = self.correlations.get(path).and_then(|row| row.get(&other.path));
                 if let Some(correlation) = pair.filter(|c| c.abs() > INSEPARABLE) {
                     remarks.push(format!(
-                        "{path} and {} cannot be told apart (correlation {correlation:.3}): the \
+                        "{path} and {} cannot be distinguished (correlation {correlation:.3}): the \
                          data determine a combination of them. Measure one of them otherwise, or fix \
                          it.",
                         other.path

@@ -113,7 +113,7 @@ pub fn identify(
         parameters.len(),
         parameters.iter().map(|parameter| parameter.place(parameter.given)),
     );
-    // A mistake in the scenario is told as one, not as a search without success.
+    // A mistake in the scenario is reported as one, not as a search without success.
     problem.residuals(&own).map_err(|failed| match failed {
         Failed::Build(error) => IdentifyError::Build(error),
         Failed::Diverged(error) => IdentifyError::Diverged(error),
@@ -206,8 +206,8 @@ fn dead_volume(scenario: &Scenario) -> String {
     format!("{}.dead_volume_m3", scenario.plant.kind.word())
 }
 
-/// The scenario with the fitted values, the core told so too. For `full` they are effective values of
-/// the core's own model: only the core is told.
+/// The scenario with the fitted values, the core configured so too. For `full` they are effective values of
+/// the core's own model: only the core is configured.
 fn adopted(
     loaded: &Loaded,
     data: &Data,
@@ -216,14 +216,14 @@ fn adopted(
 ) -> Loaded {
     let mut adopted = loaded.clone();
     let full = loaded.plant.moves_in_full();
-    let told = |path: &str| {
+    let configured = |path: &str| {
         fittable(path).is_some()
             && schema::key(path).is_some_and(|(table, _)| !full || table.believed)
     };
     let one_zone = OneZone::of(&loaded.plant);
     let backwards = in_zones(&loaded.plant, data);
     let dead_volume = dead_volume(&loaded.plant);
-    let values = values.iter().filter(|(path, _)| told(path)).map(|(path, value)| {
+    let values = values.iter().filter(|(path, _)| configured(path)).map(|(path, value)| {
         if !backwards {
             return (*path, *value);
         }

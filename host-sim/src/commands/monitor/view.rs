@@ -117,7 +117,7 @@ fn draw_muscle(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Tel
     }
     let estimate = &telemetry.estimate;
     let reading_k = Sensing::new(&session.config()).gas_k(telemetry.sample.gas);
-    let doubt = if estimate.valid { "" } else { " (not to be relied on)" };
+    let remark = if estimate.valid { "" } else { " (not to be relied on)" };
     let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
     let mode = mode.map_or("", |(_, name)| name);
     let limited = if telemetry.limited { ", limited" } else { "" };
@@ -127,7 +127,7 @@ fn draw_muscle(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Tel
     };
     let lines = vec![
         Line::raw(format!(
-            "gas {:.2} +- {:.2} K{doubt}, sensor {reading_k:.2} K, wall {:.2} K",
+            "gas {:.2} +- {:.2} K{remark}, sensor {reading_k:.2} K, wall {:.2} K",
             estimate.gas_k, estimate.gas_sd_k, estimate.wall_k,
         )),
         Line::styled(format!("{mode}{limited}: {faults}"), color),

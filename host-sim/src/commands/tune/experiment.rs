@@ -26,7 +26,7 @@ pub const HIGHEST_PA: f64 = 4.0e5;
 const SUPPLY_SHARE: f64 = 0.85;
 /// Share of the pressure at which the supervisor vents \[-\].
 const LIMIT_SHARE: f64 = 0.9;
-/// Contractions between which what is told is moved, either way, if its stroke is long enough \[-\].
+/// Contractions between which the configured muscle is moved, either way, if its stroke is long enough \[-\].
 const CONTRACTIONS: [f64; 2] = [0.03, 0.28];
 /// Shares of a shorter stroke \[-\].
 const OF_STROKE: [f64; 2] = [0.1, 0.8];
@@ -157,7 +157,7 @@ pub struct Ramp {
 pub struct Plan {
     /// Lowest and highest set point \[Pa\].
     pub pressures_pa: [f64; 2],
-    /// Contractions that the told muscle has there \[-\].
+    /// Contractions that the configured muscle has there \[-\].
     pub contractions: [f64; 2],
     /// Set points over time \[s, Pa\].
     pub profile: Vec<(f64, f64)>,
@@ -171,11 +171,11 @@ pub struct Plan {
     pub steps_s: Range<f64>,
 }
 
-/// The told chamber and the force of its load.
+/// The configured chamber and the force of its load.
 ///
 /// # Errors
 /// [`Refusal::NothingMoves`] where the load is a length.
-pub fn told(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
+pub fn configured(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
     match config.load {
         Load::Isotonic { force_n } => Ok((AnyChamber::new(&config.chamber), f64::from(force_n))),
         Load::Isometric { .. } => Err(Refusal::NothingMoves),
@@ -183,12 +183,12 @@ pub fn told(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
 }
 
 impl Plan {
-    /// The experiment for what the core is told, at no more than `highest_pa`.
+    /// The experiment for the core's configuration, at no more than `highest_pa`.
     ///
     /// # Errors
-    /// Where the pressures that are allowed do not move the told muscle.
+    /// Where the pressures that are allowed do not move the configured muscle.
     pub fn new(config: &Config, highest_pa: f64) -> Result<Self, Refusal> {
-        let (chamber, load_n) = told(config)?;
+        let (chamber, load_n) = configured(config)?;
         let supply_pa = f64::from(config.supply.pressure_pa);
         let limit_pa = f64::from(config.pressure_limit_pa);
         let highest_pa = highest_pa.min(SUPPLY_SHARE * supply_pa).min(LIMIT_SHARE * limit_pa);

@@ -20,9 +20,9 @@ const EQUAL: f64 = 0.1;
 pub struct Parameter {
     /// Path of its key.
     pub path: &'static str,
-    /// What the core was told \[unit\].
+    /// What the core was configured with \[unit\].
     pub before: f64,
-    /// What it is told from now on \[unit\].
+    /// What it is configured with from now on \[unit\].
     pub after: f64,
     /// Standard error \[unit\]; none where the value was kept or follows from a bound.
     pub standard_error: Option<f64>,
@@ -34,7 +34,7 @@ pub struct Parameter {
 
 /// What parameters are made of.
 pub(super) struct Parts<'a> {
-    pub told: &'a Loaded,
+    pub configured: &'a Loaded,
     pub force: &'a Force,
     pub tunable: Tunable,
     /// Inlet and outlet.
@@ -48,7 +48,7 @@ pub(super) struct Parts<'a> {
 
 impl Parts<'_> {
     fn before(&self, path: &str) -> f64 {
-        number(&self.told.believed, path).expect("a number of the scenario")
+        number(&self.configured.believed, path).expect("a number of the scenario")
     }
 
     fn measured(&self, path: &'static str, found: Measure, remark: &str) -> Parameter {
@@ -75,10 +75,10 @@ impl Parts<'_> {
     pub fn parameters(&self) -> Vec<Parameter> {
         let Self { force, gains, .. } = self;
         let [inlet, outlet] = &self.steps;
-        let full = self.told.believed.plant.model == PlantModel::Full;
+        let full = self.configured.believed.plant.model == PlantModel::Full;
         let area = force.area_scale;
         let (area_key, power) = self.tunable.area[0];
-        let told = self.before(area_key);
+        let configured = self.before(area_key);
         let mut all = vec![
             self.measured("friction.force_n", force.coulomb_n, "half of the hysteresis"),
             match force.softening_per_k {
@@ -108,10 +108,13 @@ impl Parts<'_> {
             self.measured(
                 area_key,
                 Measure {
-                    value: told * area.value.powf(power),
-                    error: told * (power * area.value.powf(power - 1.0)).abs() * area.error,
+                    value: configured * area.value.powf(power),
+                    error: configured * (power * area.value.powf(power - 1.0)).abs() * area.error,
                 },
-                &format!("force area and volume, {} of the told ones", significant(area.value, 4)),
+                &format!(
+                    "force area and volume, {} of the configured ones",
+                    significant(area.value, 4)
+                ),
             ),
             self.measured(self.tunable.stiffness, force.stiffness_n_m, "force over the way"),
             self.measured(
@@ -152,12 +155,12 @@ impl Parts<'_> {
             self.bound(
                 "controller.pressure_dead_zone_pa",
                 gains.pressure_dead_zone_pa,
-                "as told, at least 3 standard deviations of the noise",
+                "as configured, at least 3 standard deviations of the noise",
             ),
             self.bound(
                 "controller.contraction_dead_zone",
                 gains.contraction_dead_zone,
-                "as told, at least 3 standard deviations of the noise",
+                "as configured, at least 3 standard deviations of the noise",
             ),
         ]);
         all
@@ -173,7 +176,7 @@ impl Parameter {
 /// How the muscle followed with the values before and after.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Check {
-    /// With what was told.
+    /// With what was configured.
     pub before: Figures,
     /// With the tuned values.
     pub after: Figures,

@@ -1,18 +1,18 @@
 //! Friction, force area and bladder from even motion, up and down.
 //!
 //! Without acceleration, along L with x = L_0 - L and v the speed of contraction (Chou and Hannaford
-//! with friction; A = -dV/dL as told, the true one s times that):
+//! with friction; A = -dV/dL as configured, the true one s times that):
 //!
 //! ```text
 //! P_g A(L) = (1/s) (load + K(x)) + (k_b/s) x + (F/s) f(T_w) sgn v + (c/s) f(T_w) v
 //! ```
 //!
 //! linear in what stands before the load, the way, the direction and the speed. The load is what a
-//! scale says and is taken as told, and with it K, what is elastic beside k_b: a spring's preload, the part of a
-//! bladder that fills. f is the told softening at the estimated wall temperature.
+//! scale says and is taken as configured, and with it K, what is elastic beside k_b: a spring's preload, the part of a
+//! bladder that fills. f is the configured softening at the estimated wall temperature.
 
 use super::Refusal;
-use super::experiment::{Plan, Record, during, told};
+use super::experiment::{Plan, Record, configured, during};
 use super::regression::{Measure, least_squares};
 use model_core::config::Config;
 use model_core::physics::chamber::{Chamber, ChamberConfig};
@@ -39,7 +39,7 @@ pub const LEAST_SIGNAL: f64 = 20.0;
 /// What even motion tells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Force {
-    /// Force area and volume of the braid, over the told ones \[-\].
+    /// Force area and volume of the braid, over the configured ones \[-\].
     pub area_scale: Measure,
     /// Stiffness of what is elastic, bladder or spring \[N/m\].
     pub stiffness_n_m: Measure,
@@ -129,14 +129,14 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
 /// # Errors
 /// When too little slid evenly, or friction does not stand out of the scatter.
 pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Refusal> {
-    let (chamber, load_n) = told(config)?;
+    let (chamber, load_n) = configured(config)?;
     let rest_m = f64::from(chamber.rest_length_m());
     let stiffness_n_m = match config.chamber {
         ChamberConfig::Muscle(muscle) => muscle.bladder_stiffness_n_m,
         ChamberConfig::Cylinder(cylinder) => cylinder.spring_stiffness_n_m,
         ChamberConfig::Vessel(_) | ChamberConfig::Table(_) => 0.0,
     };
-    // With what is elastic and told.
+    // With what is elastic and configured.
     let held_n = |bin: &Bin| {
         let elastic_n = f64::from(chamber.force_n(0.0, bin.length_m as f32));
         let held_n = load_n - elastic_n - f64::from(stiffness_n_m) * (rest_m - bin.length_m);
@@ -222,9 +222,9 @@ mod tests {
     use model_core::Faults;
 
     /// Records of a muscle that slides evenly up and down, faster every second time, while its wall
-    /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is told 1 %/K.
+    /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is configured with 1 %/K.
     fn records(plan: &Plan, config: &Config, hottest_k: f64) -> Vec<Record> {
-        let (chamber, load_n) = told(config).unwrap();
+        let (chamber, load_n) = configured(config).unwrap();
         let rest_m = f64::from(chamber.rest_length_m());
         let duration_s = plan.ramps_s.end - plan.ramps_s.start;
         let (mut length_m, mut speed_m_s) = (0.98 * rest_m, 0.02);
@@ -247,7 +247,7 @@ mod tests {
                     step,
                     time_s: plan.ramps_s.start + since_s,
                     set_point: 0.0,
-                    // A force area of 90 % of the told one needs more pressure.
+                    // A force area of 90 % of the configured one needs more pressure.
                     pressure_pa: ambient_pa + pull_n / (0.9 * area_m2),
                     length_m,
                     gas_k: 298.0,

@@ -49,7 +49,7 @@ impl Noise {
 pub struct Basis {
     /// The valves' delay \[s\].
     pub delay_s: Measure,
-    /// Force area over the told one; stiffness goes with it \[-\].
+    /// Force area over the configured one; stiffness goes with it \[-\].
     pub area_scale: Measure,
     /// Noise at rest.
     pub noise: Noise,
@@ -75,7 +75,7 @@ pub struct LoopGains {
 impl LoopGains {
     /// For the muscle and valves of `config`, which has been tuned.
     pub fn new(basis: &Basis, config: &Config, chamber: &AnyChamber) -> Self {
-        let told = &config.controller;
+        let configured = &config.controller;
         let period_s = f64::from(config.pwm_period_steps) * f64::from(config.step_s);
         let twice = basis.delay_s.scaled(2.0, period_s);
         // Within less than one period nothing can be closed.
@@ -91,9 +91,9 @@ impl LoopGains {
             loop_s,
             reset_s,
             load_gain_n_m_s: Measure { value: load_gain, error: load_gain * relative },
-            pressure_dead_zone_pa: f64::from(told.pressure_dead_zone_pa)
+            pressure_dead_zone_pa: f64::from(configured.pressure_dead_zone_pa)
                 .max(DEVIATIONS * pressure_pa),
-            contraction_dead_zone: f64::from(told.contraction_dead_zone)
+            contraction_dead_zone: f64::from(configured.contraction_dead_zone)
                 .max(DEVIATIONS * length_m / rest_m),
         }
     }

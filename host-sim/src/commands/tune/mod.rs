@@ -1,7 +1,7 @@
 //! `thermyo tune`: a short experiment on a board, and from it friction, force area, valves and gains.
 //!
 //! ```text
-//! told scenario --experiment--> records --force--> friction, bladder, force area and volume
+//! configured scenario --experiment--> records --force--> friction, bladder, force area and volume
 //!                                       --valve--> conductance, delay, switching time
 //!                                                  --gains--> controller     --check--> before, after
 //! ```
@@ -59,9 +59,9 @@ pub enum Refusal {
          that is going to be moved"
     )]
     NothingMoves,
-    /// What is allowed does not move the told muscle.
+    /// What is allowed does not move the configured muscle.
     #[error(
-        "the told muscle needs {:.2} bar to move by 9 % against its load, and at most {:.2} bar are \
+        "the configured muscle needs {:.2} bar to move by 9 % against its load, and at most {:.2} bar are \
          allowed (--max-pressure, 85 % of the supply, 90 % of the sensor's limit)",
         needed_pa / 1e5, highest_pa / 1e5
     )]
@@ -113,7 +113,7 @@ pub enum Refusal {
     /// Too little of the motion was even.
     #[error(
         "the balance of forces cannot be fitted to the {points} stretches of 50 ms in which the muscle \
-         slid evenly: they are too few or too alike, or the told load is 0"
+         slid evenly: they are too few or too alike, or the configured load is 0"
     )]
     TooFew {
         /// Stretches.
@@ -187,7 +187,7 @@ impl From<RunError> for TuneError {
 pub struct Tuned {
     /// The figures.
     pub findings: Findings,
-    /// The scenario, the core told the tuned values.
+    /// The scenario, the core configured with the tuned values.
     pub scenario: Loaded,
     records: Vec<Record>,
     plan: Plan,
@@ -267,13 +267,13 @@ fn tried(
 
     let mut scenario = with_force(loaded, &force, &tunable);
     let config = core_config(&scenario.believed);
-    let (chamber, _) = experiment::told(&config)?;
+    let (chamber, _) = experiment::configured(&config)?;
     let gas = Gas::new(&config, &chamber);
     let steps =
         |direction, valve| gas.steps(&records, &plan, direction).ok_or(Refusal::NoSteps { valve });
     let [inlet, outlet] = [steps(Direction::In, "inlet")?, steps(Direction::Out, "outlet")?];
     let conductances = [inlet.conductance.value, outlet.conductance.value];
-    // Every other plant has ideal valves, and the core is told so.
+    // Every other plant has ideal valves, and the core is configured so.
     let switching = loaded.believed.plant.model == PlantModel::Full;
     let switch_time_s =
         switching.then(|| gas.switch_time_s(&records, &plan, conductances)).flatten();
@@ -288,7 +288,7 @@ fn tried(
     };
     let gains = LoopGains::new(&basis, &config, &chamber);
     let parts = findings::Parts {
-        told: loaded,
+        configured: loaded,
         force: &force,
         tunable,
         steps: [inlet, outlet],

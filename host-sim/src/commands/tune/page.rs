@@ -54,14 +54,14 @@ fn values(tuned: &Tuned) -> Section {
         ]
     });
     let table = Table {
-        caption: "What the core is told, in SI".to_owned(),
+        caption: "The core's configuration, in SI".to_owned(),
         columns: columns.map(str::to_owned).to_vec(),
         rows: rows.collect(),
     };
     Section::new("Values").table(table).paragraph(
         "Standard errors are of the scatter, correlated as it is. What the balance of forces leaves out \
          comes on top, some 0.5 % of them. The conductance is an effective one, with tube and regulator; \
-         heat transfer that is told 30 % wrong makes it 3 % wrong.",
+         heat transfer that is configured 30 % wrong makes it 3 % wrong.",
     )
 }
 

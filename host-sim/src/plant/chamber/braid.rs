@@ -3,7 +3,7 @@
 use super::{Chamber, Tunable};
 use crate::math;
 use crate::scenario;
-use model_core::physics::chamber::{self as told, ChamberConfig};
+use model_core::physics::chamber::{self as configured, ChamberConfig};
 use std::f64::consts::PI;
 
 /// A braid of inextensible threads around a cylinder.
@@ -168,9 +168,9 @@ impl Chamber for Muscle {
         true
     }
 
-    fn told(&self, tube_m3: f64) -> ChamberConfig {
-        ChamberConfig::Muscle(told::Muscle {
-            braid: told::Braid {
+    fn configured(&self, tube_m3: f64) -> ChamberConfig {
+        ChamberConfig::Muscle(configured::Muscle {
+            braid: configured::Braid {
                 thread_length_m: self.braid.thread_length_m as f32,
                 turns: self.braid.turns as f32,
             },

@@ -3,7 +3,7 @@
 
 use super::{Chamber, Tunable};
 use crate::scenario::declare::{choice, table};
-use model_core::physics::chamber::{self as told, ChamberConfig};
+use model_core::physics::chamber::{self as configured, ChamberConfig};
 use std::f64::consts::PI;
 
 choice! {
@@ -133,8 +133,8 @@ impl Chamber for Piston {
         self.zones
     }
 
-    fn told(&self, tube_m3: f64) -> ChamberConfig {
-        ChamberConfig::Cylinder(told::Cylinder {
+    fn configured(&self, tube_m3: f64) -> ChamberConfig {
+        ChamberConfig::Cylinder(configured::Cylinder {
             rest_length_m: self.rest_length_m as f32,
             stroke_m: (-self.per_way * self.stroke_m) as f32,
             area_m2: self.area_m2 as f32,

@@ -18,7 +18,7 @@ const LARGEST_LOAD_N: f64 = 1.0e6;
 /// Keys of the scenario that the balance of forces tells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tunable {
-    /// Those that the force area sets, and the power of it that each goes with; the first is told of.
+    /// Those that the force area sets, and the power of it that each goes with; the first is reported.
     pub area: &'static [(&'static str, f64)],
     /// The stiffness over the way.
     pub stiffness: &'static str,
@@ -72,8 +72,8 @@ pub trait Chamber: fmt::Debug {
         false
     }
 
-    /// What the core is told of it; the tube's volume \[m3\] is filled and emptied along.
-    fn told(&self, tube_m3: f64) -> ChamberConfig;
+    /// What the core is configured with of it; the tube's volume \[m3\] is filled and emptied along.
+    fn configured(&self, tube_m3: f64) -> ChamberConfig;
 
     /// What `thermyo tune` can find of it; nothing of what has been measured.
     fn tunable(&self) -> Option<Tunable> {

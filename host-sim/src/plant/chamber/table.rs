@@ -9,7 +9,7 @@ use crate::math;
 use crate::scenario::WrongCell;
 use crate::scenario::declare::table;
 use model_core::physics::chamber::ChamberConfig;
-use model_core::physics::chamber::table::{self as told, MOST_ROWS};
+use model_core::physics::chamber::table::{self as configured, MOST_ROWS};
 use std::f64::consts::PI;
 
 table! {
@@ -241,16 +241,16 @@ impl Chamber for Measured {
         self.zones
     }
 
-    fn told(&self, tube_m3: f64) -> ChamberConfig {
-        let mut rows = [told::Row::default(); MOST_ROWS];
+    fn configured(&self, tube_m3: f64) -> ChamberConfig {
+        let mut rows = [configured::Row::default(); MOST_ROWS];
         for (i, row) in rows.iter_mut().enumerate().take(self.count) {
-            *row = told::Row {
+            *row = configured::Row {
                 length_m: self.lengths[i] as f32,
                 volume_m3: (self.volumes[i].value + tube_m3) as f32,
                 force_n: self.forces[i].value as f32,
             };
         }
-        ChamberConfig::Table(told::Table {
+        ChamberConfig::Table(configured::Table {
             rows,
             count: self.count as u8,
             rest_length_m: self.rest_length_m as f32,

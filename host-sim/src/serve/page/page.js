@@ -125,7 +125,7 @@ function put(id, value, unit) {
 
 function showMode({ mode, limited, valid }) {
   $("mode").textContent = limited ? `${mode}, limited` : mode;
-  $("r-gas").className = valid ? "" : "doubtful";
+  $("r-gas").className = valid ? "" : "invalid";
   $("r-gas").title = valid ? "" : "Not to be relied on: its deviation is large";
 }
 

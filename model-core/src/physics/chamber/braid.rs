@@ -419,8 +419,8 @@ mod tests {
     #[test]
     fn a_slack_beyond_the_braid_is_refused() {
         let field = |slack_m: f32| {
-            let told = Muscle { slack_m, ..measured().muscle };
-            told.check().map_err(|error| error.field)
+            let configured = Muscle { slack_m, ..measured().muscle };
+            configured.check().map_err(|error| error.field)
         };
         for slack_m in [-0.005, 0.0, 0.002, 0.05] {
             assert_eq!(field(slack_m), Ok(()), "{slack_m} m");
@@ -505,14 +505,14 @@ mod tests {
             gauge_pa in 0.0_f32..8.0e5, contraction in 0.0_f32..0.25, saturation_n in 1.0_f32..2.0e3,
             strain in 1.0e-3_f32..1.0, stiffness_n_m in 0.0_f32..2.0e3, slack in -0.01_f32..0.02,
         ) {
-            let told = Muscle {
+            let configured = Muscle {
                 bladder_stiffness_n_m: stiffness_n_m,
                 bladder_saturation_n: saturation_n,
                 bladder_strain: strain,
                 slack_m: slack * 0.296,
                 ..measured().muscle
             };
-            let muscle = Geometry::from(told);
+            let muscle = Geometry::from(configured);
             let length_m = 0.296 * (1.0 - contraction);
             let force_n = muscle.force_n(gauge_pa, length_m);
             let back_n = muscle.force_n(gauge_pa, muscle.length_for_force_m(gauge_pa, force_n));

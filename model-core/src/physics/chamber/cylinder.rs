@@ -21,7 +21,7 @@ parameters! {
 /// cylinder that pushes is one that pulls, mirrored.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piston {
-    told: Cylinder,
+    configured: Cylinder,
     /// -dV/dL \[m2\].
     pull_area_m2: f32,
     per_pull_area: f32,
@@ -31,15 +31,15 @@ pub struct Piston {
 }
 
 impl From<Cylinder> for Piston {
-    fn from(told: Cylinder) -> Self {
-        let sign = if told.stroke_m < 0.0 { -1.0 } else { 1.0 };
-        let pull_area_m2 = sign * told.area_m2;
+    fn from(configured: Cylinder) -> Self {
+        let sign = if configured.stroke_m < 0.0 { -1.0 } else { 1.0 };
+        let pull_area_m2 = sign * configured.area_m2;
         Self {
-            told,
+            configured,
             pull_area_m2,
             per_pull_area: 1.0 / pull_area_m2,
-            spring_n: sign * told.spring_n,
-            per_hydraulic_m: 2.0 * sqrt(PI / told.area_m2),
+            spring_n: sign * configured.spring_n,
+            per_hydraulic_m: 2.0 * sqrt(PI / configured.area_m2),
         }
     }
 }
@@ -47,30 +47,30 @@ impl From<Cylinder> for Piston {
 impl Piston {
     /// From rest, positive into contraction \[m\].
     fn way_m(&self, length_m: f32) -> f32 {
-        self.told.rest_length_m - length_m
+        self.configured.rest_length_m - length_m
     }
 
     fn end_m(&self) -> f32 {
-        self.told.rest_length_m - self.told.stroke_m
+        self.configured.rest_length_m - self.configured.stroke_m
     }
 }
 
 impl Chamber for Piston {
     fn rest_length_m(&self) -> f32 {
-        self.told.rest_length_m
+        self.configured.rest_length_m
     }
 
     fn shortest_m(&self) -> f32 {
-        if self.told.stroke_m < 0.0 { self.told.rest_length_m } else { self.end_m() }
+        if self.configured.stroke_m < 0.0 { self.configured.rest_length_m } else { self.end_m() }
     }
 
     fn longest_m(&self) -> f32 {
-        if self.told.stroke_m < 0.0 { self.end_m() } else { self.told.rest_length_m }
+        if self.configured.stroke_m < 0.0 { self.end_m() } else { self.configured.rest_length_m }
     }
 
     /// V = V_dead + A way.
     fn volume_m3(&self, length_m: f32) -> f32 {
-        self.told.dead_volume_m3 + self.pull_area_m2 * self.way_m(length_m)
+        self.configured.dead_volume_m3 + self.pull_area_m2 * self.way_m(length_m)
     }
 
     fn volume_slope_m2(&self, _length_m: f32) -> f32 {
@@ -79,29 +79,29 @@ impl Chamber for Piston {
 
     /// Bore, piston and head, the dead volume being a piece of the bore.
     fn surface_m2(&self, length_m: f32) -> f32 {
-        self.per_hydraulic_m * self.volume_m3(length_m) + 2.0 * self.told.area_m2
+        self.per_hydraulic_m * self.volume_m3(length_m) + 2.0 * self.configured.area_m2
     }
 
     /// P_g A less the spring.
     fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
         gauge_pressure_pa * self.pull_area_m2
             - self.spring_n
-            - self.told.spring_stiffness_n_m * self.way_m(length_m)
+            - self.configured.spring_stiffness_n_m * self.way_m(length_m)
     }
 
     fn stiffness_n_m(&self, _gauge_pressure_pa: f32, _length_m: f32) -> f32 {
-        self.told.spring_stiffness_n_m
+        self.configured.spring_stiffness_n_m
     }
 
     /// Without a stiffness at one end or the other.
     fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
         let excess_n = gauge_pressure_pa * self.pull_area_m2 - self.spring_n - force_n;
-        let way_m = excess_n / self.told.spring_stiffness_n_m;
-        self.limit_length_m(self.told.rest_length_m - way_m)
+        let way_m = excess_n / self.configured.spring_stiffness_n_m;
+        self.limit_length_m(self.configured.rest_length_m - way_m)
     }
 
     fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {
-        let spring_n = self.spring_n + self.told.spring_stiffness_n_m * self.way_m(length_m);
+        let spring_n = self.spring_n + self.configured.spring_stiffness_n_m * self.way_m(length_m);
         (force_n + spring_n) * self.per_pull_area
     }
 }
@@ -148,8 +148,9 @@ mod tests {
 
     #[test]
     fn without_a_spring_it_lies_at_one_end_or_the_other() {
-        let told = Cylinder { spring_n: 0.0, spring_stiffness_n_m: 0.0, ..Cylinder::default() };
-        let cylinder = Piston::from(told);
+        let configured =
+            Cylinder { spring_n: 0.0, spring_stiffness_n_m: 0.0, ..Cylinder::default() };
+        let cylinder = Piston::from(configured);
         assert_eq!(cylinder.length_for_force_m(3.0e5, -374.0), cylinder.longest_m());
         assert_eq!(cylinder.length_for_force_m(3.0e5, -376.0), cylinder.shortest_m());
     }

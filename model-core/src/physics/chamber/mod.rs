@@ -11,7 +11,7 @@
 //!
 //! # How to add a chamber
 //!
-//! - Here a file: what it is told, with its `check`, and `From` that what implements [`Chamber`]. Its `mod`
+//! - Here a file: its configuration, with its `check`, and `From` that what implements [`Chamber`]. Its `mod`
 //!   and its line in `chambers!` below; `link::PROTOCOL` goes up, with its pinned bytes.
 //! - In the simulator a file in `host-sim/src/plant/chamber/`: its `table!` of keys and its law in f64,
 //!   derived apart from this one. Its arm in `with_chamber!`, its word in `PlantKind`, its field and its
@@ -102,15 +102,15 @@ pub trait Chamber {
     }
 }
 
-/// The chambers that there are: what each is told, checked and set up for work. Calls are dispatched
+/// The chambers that there are: what each is configured with, checked and set up for work. Calls are dispatched
 /// statically; the order is that of the bytes on the link.
 macro_rules! chambers {
-    ($($(#[$meaning:meta])* $name:ident: $told:ty => $chamber:ty,)*) => {
-        /// What the core is told of its chamber.
+    ($($(#[$meaning:meta])* $name:ident: $configured:ty => $chamber:ty,)*) => {
+        /// What the core is configured with of its chamber.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
         pub enum ChamberConfig {
-            $($(#[$meaning])* $name($told),)*
+            $($(#[$meaning])* $name($configured),)*
         }
 
         impl ChamberConfig {
@@ -120,7 +120,7 @@ macro_rules! chambers {
             /// The first value that is not a number or lies outside of its range.
             pub fn check(&self) -> Result<(), ConfigError> {
                 match self {
-                    $(Self::$name(told) => told.check(),)*
+                    $(Self::$name(configured) => configured.check(),)*
                 }
             }
         }
@@ -143,9 +143,9 @@ macro_rules! chambers {
             /// assert!(muscle.force_n(1.0e5, 0.28) > muscle.force_n(0.0, 0.28));
             /// ```
             #[cold] // Once at a start: as small as can be.
-            pub fn new(told: &ChamberConfig) -> Self {
-                match *told {
-                    $(ChamberConfig::$name(told) => Self::$name(told.into()),)*
+            pub fn new(configured: &ChamberConfig) -> Self {
+                match *configured {
+                    $(ChamberConfig::$name(configured) => Self::$name(configured.into()),)*
                 }
             }
         }

@@ -1,5 +1,5 @@
 //! What is healthy is left alone: the shipped scenarios, random muscles, and muscles that the core is
-//! told wrong.
+//! configured wrong.
 
 use super::MUSCLES;
 use super::muscle::{self, Draw, Task};
@@ -21,9 +21,9 @@ const SHIPPED: [(&str, &str); 6] = [
 ];
 /// One run of a random muscle on `full` \[s\].
 const MUSCLE_S: f64 = 30.0;
-/// One run of a muscle that the core is told wrong \[s\].
+/// One run of a muscle that the core is configured wrong \[s\].
 const RUN_S: f64 = 60.0;
-/// What the core is told may be so many times too much or too little \[-\].
+/// What the core is configured with may be so many times too much or too little \[-\].
 const WRONG: [f64; 2] = [0.5, 2.0];
 
 /// A healthy run.
@@ -46,7 +46,7 @@ pub fn shipped() -> Vec<Healthy> {
         .collect()
 }
 
-/// Random muscles on `full`, told right.
+/// Random muscles on `full`, configured right.
 pub fn muscles() -> Vec<Healthy> {
     let muscle = |number| {
         let mut draw = Draw::new(0x00FF_0000 + number);
@@ -57,9 +57,9 @@ pub fn muscles() -> Vec<Healthy> {
     (0..MUSCLES).map(muscle).collect()
 }
 
-/// Random muscles on `lumped` that the core is told wrong, for so many hours in all.
-pub fn told_wrong(hours: f64) -> Vec<Healthy> {
-    let told = |number| {
+/// Random muscles on `lumped` that the core is configured wrong, for so many hours in all.
+pub fn configured_wrong(hours: f64) -> Vec<Healthy> {
+    let configured = |number| {
         let mut draw = Draw::new(0x0F00_0000 + number);
         let task = draw.of(&Task::ALL);
         let mut loaded = muscle::random(&mut draw, PlantModel::Lumped, task, RUN_S);
@@ -78,12 +78,12 @@ pub fn told_wrong(hours: f64) -> Vec<Healthy> {
         let load = draw.factor(WRONG);
         s.load.force_n *= load;
         let name = format!(
-            "told wrong {number}, {task:?}, heat {heat:.2} lag {lag:.2} conductance \
+            "configured wrong {number}, {task:?}, heat {heat:.2} lag {lag:.2} conductance \
              {conductance:.2} friction {friction:.2} wall {wall:.2} load {load:.2}"
         );
         Healthy { name, loaded }
     };
-    (0..(hours * 3600.0 / RUN_S).ceil() as u64).map(told).collect()
+    (0..(hours * 3600.0 / RUN_S).ceil() as u64).map(configured).collect()
 }
 
 /// Every fault that a healthy run shows.

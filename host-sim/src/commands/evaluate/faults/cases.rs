@@ -330,7 +330,7 @@ pub fn all() -> Vec<Fault> {
             6.0,
             fault(
                 "overpressure",
-                "inlet told open, supply of 7.5 to 10 bar",
+                "inlet commanded open, supply of 7.5 to 10 bar",
                 |draw, _, w| w.supply_pressure_pa = Some(draw.between([7.5e5, 1.0e6])),
                 Faults::OVERPRESSURE,
                 0.015,

@@ -28,7 +28,7 @@ pub const HOURS: f64 = 1.0;
 /// What the pressure may be where nothing is stated: the supply's, and what the sensor's noise adds \[bar\].
 const SUPPLY_BAR: f64 = 7.05;
 
-/// What is told of every run that has ended.
+/// What is reported of every run that has ended.
 pub type Ended<'a> = &'a (dyn Fn() + Sync);
 
 /// How a fault did in all its runs.
@@ -130,7 +130,7 @@ impl Evaluation {
             healthy: vec![
                 ("healthy: shipped scenarios", alarms::shipped()),
                 ("healthy: random muscles, full", alarms::muscles()),
-                ("healthy: told wrong by up to two, lumped", alarms::told_wrong(hours)),
+                ("healthy: configured wrong by up to two, lumped", alarms::configured_wrong(hours)),
             ],
         }
     }

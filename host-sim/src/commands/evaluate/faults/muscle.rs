@@ -70,7 +70,7 @@ impl Draw {
     }
 }
 
-/// What a muscle is told to do.
+/// What a muscle is asked to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Task {
     /// One pressure, held.
@@ -109,12 +109,12 @@ impl Task {
             Self::ContractionHold => "contraction held",
             Self::ContractionSteps => "contraction steps",
             Self::Cycle => "working cycle",
-            Self::Filling => "inlet told open",
+            Self::Filling => "inlet commanded open",
         }
     }
 }
 
-/// A random muscle on `model`, told what it is, that does `task` for `duration_s`.
+/// A random muscle on `model`, configured as what it is, that does `task` for `duration_s`.
 pub fn random(draw: &mut Draw, model: PlantModel, task: Task, duration_s: f64) -> Loaded {
     random_within(&USUAL, draw, model, task, duration_s)
 }

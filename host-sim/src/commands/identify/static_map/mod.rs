@@ -23,9 +23,9 @@ const PLAN: [(f64, f64); FEWEST] =
     [(0.0, 1.0), (0.0, 0.35), (0.055, 1.0), (0.055, 0.5), (0.17, 1.0)];
 /// What the law may leave of the largest force before it is called the wrong one \[-\].
 const MOST_LEFT: f64 = 0.05;
-/// Share of what is usual alone from which on readings have told little.
+/// Share of what is usual alone from which on readings say little.
 const LITTLE_TOLD: f64 = 0.7;
-/// Correlation from which on two parameters cannot be told apart.
+/// Correlation from which on two parameters cannot be distinguished.
 const INSEPARABLE: f64 = 0.95;
 /// Gauge pressures and lengths at which the law's certainty is asked for.
 const GRID: usize = 12;
@@ -180,10 +180,10 @@ pub fn identify(
     findings.remarks = remarks(&findings, &readings, place.len(), &covariance);
 
     let mut scenario = loaded.clone();
-    for told in [&mut scenario.plant, &mut scenario.believed] {
-        told.muscle = found.clone();
+    for configured in [&mut scenario.plant, &mut scenario.believed] {
+        configured.muscle = found.clone();
         if let Some(friction_n) = problem.friction_n(place) {
-            told.friction.force_n = friction_n.max(0.0);
+            configured.friction.force_n = friction_n.max(0.0);
         }
     }
     Ok(Identified { findings, scenario, readings, residuals_n })
@@ -247,7 +247,7 @@ fn remarks(
             let correlation = covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
             if correlation.abs() > INSEPARABLE {
                 remarks.push(format!(
-                    "{key} and {other} cannot be told apart (correlation {correlation:.3}): the force is \
+                    "{key} and {other} cannot be distinguished (correlation {correlation:.3}): the force is \
                      known better than either."
                 ));
             }
@@ -255,7 +255,7 @@ fn remarks(
     }
     if !readings.go_both_ways() {
         remarks.push(
-            "Friction is not told: that takes readings come to by contracting (column direction, 1) and by \
+            "Friction is not found: that takes readings come to by contracting (column direction, 1) and by \
              lengthening (-1)."
                 .to_owned(),
         );

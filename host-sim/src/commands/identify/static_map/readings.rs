@@ -9,7 +9,7 @@ pub const COLUMNS: [&str; 4] = ["rest_length_m", "gauge_pressure_pa", "length_m"
 pub const DIRECTION: &str = "direction";
 /// Forces up to this share of the largest are those of a slack muscle.
 pub const LOADED: f64 = 0.01;
-/// Fewest loaded readings that a muscle is told from.
+/// Fewest loaded readings that a muscle is identified from.
 pub const FEWEST: usize = 5;
 /// Relative difference up to which rest lengths are one.
 const SAME_LENGTH: f64 = 1e-6;
