@@ -124,7 +124,7 @@ fn what_the_readings_cannot_tell_is_said() {
     let at_rest: Vec<_> = (1..=6).map(|bar| (0.0, f64::from(bar) * 1.0e5, 0.0)).collect();
     let found = identify(readings(&muscle, &at_rest, 0.5, 0.0, 1), None).findings;
     let said = found.remarks.join(" ");
-    for part in ["say little about muscle.braid_angle_deg", "Friction is not told", "a guess"] {
+    for part in ["say little about muscle.braid_angle_deg", "Friction is not found", "a guess"] {
         assert!(said.contains(part), "{part}: {said}");
     }
     // One number of forty in the wrong unit.
