@@ -114,7 +114,8 @@ fn poor_data_is_refused_and_nothing_written() {
     ] {
         let (outcome, folder) = tune(&text, &[]);
         assert_eq!(outcome.code, 1, "{text}: {}{}", outcome.out, outcome.err);
-        assert!(outcome.err.starts_with("thermyo: nothing was tuned: "), "{text}: {}", outcome.err);
+        let why = outcome.err.lines().last().unwrap();
+        assert!(why.starts_with("thermyo: nothing was tuned: "), "{text}: {}", outcome.err);
         assert!(outcome.err.contains(expected), "{text}: {}", outcome.err);
         assert!(outcome.out.is_empty() && !folder.path().join("out").exists(), "{text}");
     }

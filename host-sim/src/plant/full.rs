@@ -61,8 +61,6 @@ struct Constants<C> {
     pull: Pull<C>,
     isometric: bool,
     mass_kg: f64,
-    /// Smallest acceleration of a load that cannot be pushed: its own fall \[m/s2\].
-    falls_m_s2: f64,
     bristle: Bristle,
     softening: Softening,
     friction_to_wall: f64,
@@ -157,7 +155,7 @@ impl<C: Chamber> Constants<C> {
         let inside = y[LENGTH] <= shortest && speed >= 0.0 && net >= 0.0;
         if !(outside || inside) {
             rates[LENGTH] = -speed;
-            rates[SPEED] = (net / self.mass_kg).max(self.falls_m_s2);
+            rates[SPEED] = net / self.mass_kg;
             rates[BRISTLE] = drag.deflection_rate;
         }
         drag
@@ -319,13 +317,6 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let piping = Piping::new(scenario, gas);
         let tube = Iso6358::tube(scenario.tube.conductance_m3_s_pa, critical_ratio, gas);
         let mass_kg = scenario.load.mass_kg.max(OWN_MASS_KG);
-        let load_mass_kg = scenario.load.mass_kg;
-        // A force alone, without a mass, follows whatever the muscle's own mass does.
-        let falls_m_s2 = if chamber.only_pulls() && load_mass_kg > 0.0 {
-            -pull.load_n / load_mass_kg
-        } else {
-            f64::NEG_INFINITY
-        };
         let bristle = Bristle::new(&scenario.friction, mass_kg);
         let softening = Softening::new(&scenario.friction);
         let pressure = scenario.plant.initial_pressure_pa;
@@ -373,7 +364,6 @@ impl<C: Chamber + Copy + Send> Full<C> {
             pull,
             isometric,
             mass_kg,
-            falls_m_s2,
             bristle,
             softening,
             friction_to_wall: scenario.friction.heat_fraction,

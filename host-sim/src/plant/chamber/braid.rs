@@ -164,10 +164,6 @@ impl Chamber for Muscle {
         self.zones
     }
 
-    fn only_pulls(&self) -> bool {
-        true
-    }
-
     fn configured(&self, tube_m3: f64) -> ChamberConfig {
         ChamberConfig::Muscle(configured::Muscle {
             braid: configured::Braid {

@@ -67,11 +67,6 @@ pub trait Chamber: fmt::Debug {
     /// Axial zones of gas and wall (`full`).
     fn zones(&self) -> usize;
 
-    /// Whether it can only pull: it goes slack before it pushes its load.
-    fn only_pulls(&self) -> bool {
-        false
-    }
-
     /// What the core is configured with of it; the tube's volume \[m3\] is filled and emptied along.
     fn configured(&self, tube_m3: f64) -> ChamberConfig;
 
