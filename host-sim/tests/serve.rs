@@ -217,16 +217,15 @@ fn a_page_steers_and_another_watches() {
     assert!((second.pressure_pa() - 1.3e5).abs() < 2e3, "{}", second.frame);
 
     // From the page to the board and back.
-    let vented: Vec<Duration> = (0..5)
-        .map(|_| {
-            first.drive(1.3e5);
-            first.say(json!("vent"));
-            first.until("vent", 1.0, |page| page.frame["mode"] == "vent")
-        })
-        .collect();
-    println!("vented {vented:.0?} after the page said so");
-    // The machine may have others to serve: what it takes by itself is the shortest.
-    assert!(vented.iter().min().unwrap() < &Duration::from_millis(100), "{vented:?}");
+    let mut slowest = Duration::ZERO;
+    for _ in 0..5 {
+        first.drive(1.3e5);
+        first.say(json!("vent"));
+        let vented = first.until("vent", 1.0, |page| page.frame["mode"] == "vent");
+        slowest = slowest.max(vented);
+    }
+    println!("vented {slowest:?} after the page said so, at worst of five");
+    assert!(slowest < Duration::from_millis(100), "{slowest:?}");
 
     first.drive(1.3e5);
     // It is up to date before the other one goes.
@@ -426,9 +425,9 @@ fn the_page_in_a_browser() {
     let mut vented_ms: Vec<f64> = vented.collect();
     println!("vented by the space key, in the browser: {vented_ms:.0?} ms");
     vented_ms.sort_by(f64::total_cmp);
-    // What else the machine does delays a page now and then: what it takes by itself is the shortest.
-    assert!((1.0..100.0).contains(&vented_ms[0]), "{seen}");
-    assert!(vented_ms[4] < 1000.0, "{seen}");
+    // What else the machine does delays a page now and then.
+    assert!((1.0..100.0).contains(&vented_ms[2]), "{seen}");
+    assert!(vented_ms[3] < 250.0 && vented_ms[4] < 500.0, "{seen}");
     assert_eq!(seen["watching"], true, "{seen}");
     assert!(seen["report"].as_str().unwrap().contains("record-1"), "{seen}");
     assert_eq!(seen["narrow_px"], 390, "{seen}");

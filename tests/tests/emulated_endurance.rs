@@ -20,9 +20,11 @@ const SAFE_MS: f64 = 100.0;
 const JITTER_US: u32 = 20;
 /// That where nobody floods it \[us\].
 const QUIET_JITTER_US: u32 = 5;
-/// Mean and worst time of the core's step in contraction control: aimed at 75 and 200 us, reached 74.8 in the first
-/// five seconds and 76.3 over ten minutes, in which it moves more.
-const STEP_MEAN_NS: u32 = 76_500;
+/// Mean time of the core's step in contraction control: as aimed at, and what is reached over ten minutes, in which
+/// it moves more.
+const STEP_MEAN_NS: u32 = 75_000;
+const LONG_STEP_MEAN_NS: u32 = 76_500;
+/// Worst one.
 const STEP_WORST_US: u32 = 200;
 /// Longest PWM period of the board \[steps\].
 const LONGEST_PERIOD: u32 = 102;
@@ -394,7 +396,7 @@ fn assert_floods_change_nothing(period: u32, milliseconds: u32, each: bool) {
 }
 
 /// Contraction control with a muscle that has everything, its set point on the move.
-fn assert_no_step_is_missed(seconds: u32) {
+fn assert_no_step_is_missed(seconds: u32, mean_ns: u32) {
     let mut rig = Rig::new("[plant]\nmodel = \"full\"\n");
     let divider = 10;
     rig.start(SetPoint::Contraction { contraction: 0.05 });
@@ -419,7 +421,7 @@ fn assert_no_step_is_missed(seconds: u32) {
     assert_eq!((timing.missed_steps, timing.dropped_telemetry, timing.malformed_frames), (0, 0, 0));
     assert_eq!((worst, timing.dropped_requests), (Faults::NONE, 0));
     assert!(timing.jitter_worst_us <= QUIET_JITTER_US, "{timing:?}");
-    assert!((20_000..=STEP_MEAN_NS).contains(&timing.step_mean_ns), "{timing:?}");
+    assert!((20_000..=mean_ns).contains(&timing.step_mean_ns), "{timing:?}");
     assert!((50..=STEP_WORST_US).contains(&timing.step_worst_us), "{timing:?}");
     let due = seconds * 1000 / u32::from(divider);
     assert!((due - 10..=due + 60).contains(&frames), "{frames} frames of {due}");
@@ -453,7 +455,7 @@ fn floods_change_nothing() {
 #[test]
 fn contraction_control_is_on_time() {
     if !skip_emulator() {
-        assert_no_step_is_missed(5);
+        assert_no_step_is_missed(5, STEP_MEAN_NS);
     }
 }
 
@@ -488,6 +490,6 @@ fn long_floods_change_nothing() {
 #[ignore = "minutes, even in release: cargo test --release --test emulated_endurance -- --ignored --nocapture"]
 fn ten_minutes_of_contraction_control_miss_no_step() {
     if !skip_emulator() {
-        assert_no_step_is_missed(600);
+        assert_no_step_is_missed(600, LONG_STEP_MEAN_NS);
     }
 }

@@ -76,10 +76,8 @@ impl Model {
             gas_constant_j_kg_k: config.gas.gas_constant_j_kg_k.into(),
             heat_capacity_ratio: config.gas.heat_capacity_ratio.into(),
         });
-        let conductance = f64::from(leak.conductance_m3_s_pa);
         Self {
-            leak: (conductance > 0.0)
-                .then(|| Iso6358::valve(conductance, leak.critical_ratio.into(), &gas)),
+            leak: Iso6358::leak(leak.conductance_m3_s_pa.into(), leak.critical_ratio.into(), &gas),
             config: *config,
             chamber: AnyChamber::new(&config.chamber),
             step_s: f64::from(config.step_s),

@@ -3,6 +3,7 @@
 use crate::board::image::{NotBuilt, build, workspace};
 use crate::files::input::InputError;
 use crate::files::output::OutputDir;
+use crate::files::shipped;
 use crate::inside;
 use crate::report::muscle::palette;
 use crate::report::page::DRAWING_STYLE;
@@ -19,18 +20,19 @@ const PROFILE: &str = "playground";
 const MODULE: &str = "thermyo.wasm";
 
 /// What the page can run without a file.
-const SCENARIOS: [(&str, &str); 4] = [
-    ("a working cycle", include_str!("../../../scenarios/nominal.toml")),
-    (
-        "pressure control",
-        "[plant]\nmodel = \"lumped\"\n\n[drive]\nkind = \"pressure\"\npressure_pa = 250_000.0\n",
-    ),
-    ("contraction control, the full muscle", include_str!("../../../scenarios/contraction.toml")),
-    (
-        "a working cycle, the full muscle, heat transfer configured wrong",
-        include_str!("../../../scenarios/sensor.toml"),
-    ),
-];
+fn scenarios() -> [(&'static str, &'static str); 4] {
+    let pressure =
+        "[plant]\nmodel = \"lumped\"\n\n[drive]\nkind = \"pressure\"\npressure_pa = 250_000.0\n";
+    [
+        ("a working cycle", shipped::text("nominal.toml")),
+        ("pressure control", pressure),
+        ("contraction control, the full muscle", shipped::text("contraction.toml")),
+        (
+            "a working cycle, the full muscle, heat transfer configured wrong",
+            shipped::text("sensor.toml"),
+        ),
+    ]
+}
 
 /// Why there is no playground.
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +71,7 @@ pub fn write(mut out: OutputDir) -> Result<Written, PlaygroundError> {
     let module = module()?;
     let colours = json!(palette(page::PALETTE));
     let scenarios: Vec<_> =
-        SCENARIOS.iter().map(|(name, text)| json!({ "name": name, "text": text })).collect();
+        scenarios().map(|(name, text)| json!({ "name": name, "text": text })).to_vec();
     let texts = [
         ("index.html", include_str!("../../playground/page/index.html").to_owned()),
         ("playground.js", include_str!("../../playground/page/playground.js").to_owned()),

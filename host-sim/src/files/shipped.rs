@@ -1,5 +1,6 @@
 //! The repository's scenarios, for a program that is far from it.
 
+use std::ffi::OsStr;
 use std::path::{Component, Path};
 
 /// The files of its folder `scenarios/`.
@@ -15,6 +16,18 @@ const FILES: [(&str, &str); 9] = [
     ("static_map.toml", include_str!("../../../scenarios/static_map.toml")),
 ];
 
+/// One of them.
+///
+/// # Panics
+/// Where the repository has none of that name.
+pub fn text(name: &str) -> &'static str {
+    of_name(name.as_ref()).expect("the repository has that scenario")
+}
+
+fn of_name(name: &OsStr) -> Option<&'static str> {
+    FILES.iter().find(|(file, _)| name == *file).map(|(_, text)| *text)
+}
+
 /// What stands for a file that is not there: `scenarios/NAME`, seen from the working folder, where the repository
 /// has one of that name.
 pub fn instead_of(path: &Path) -> Option<&'static str> {
@@ -23,8 +36,7 @@ pub fn instead_of(path: &Path) -> Option<&'static str> {
     let mut parts = path.components().filter(|part| *part != Component::CurDir);
     let mut next = || parts.next().map(Component::as_os_str);
     let (Some(folder), Some(file), None) = (next(), next(), next()) else { return None };
-    let found = FILES.iter().find(|(name, _)| file == *name);
-    found.filter(|_| folder == "scenarios" && !path.exists()).map(|(_, text)| *text)
+    of_name(file).filter(|_| folder == "scenarios" && !path.exists())
 }
 
 #[cfg(test)]

@@ -31,6 +31,11 @@ impl Iso6358 {
         Self::new(sonic_conductance, critical_ratio, LINEAR_RATIO, gas)
     }
 
+    /// What leaks; none where nothing does.
+    pub fn leak(sonic_conductance: f64, critical_ratio: f64, gas: &IdealGas) -> Option<Self> {
+        (sonic_conductance > 0.0).then(|| Self::valve(sonic_conductance, critical_ratio, gas))
+    }
+
     /// A tube: linear up to a pressure drop of 2 %.
     pub fn tube(sonic_conductance: f64, critical_ratio: f64, gas: &IdealGas) -> Self {
         Self::new(sonic_conductance, critical_ratio, TUBE_LINEAR_RATIO, gas)

@@ -352,10 +352,6 @@ impl<C: Chamber + Copy> Lumped<C> {
 }
 
 impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
-    fn follow_pins(&mut self) {
-        // Its valves are ideal: their mean opening in a step is the share that it is given.
-    }
-
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         let substeps = self.constants.substeps.now(&self.constants.piping);
         let step = self.constants.step_s / f64::from(substeps);

@@ -175,8 +175,9 @@ impl std::error::Error for Diverged {}
 /// A simulated plant.
 pub trait Plant: Send {
     /// From the start on, an [`Actuation`] is what the pins of a board did in each step. Without this it is what
-    /// they are set to do, from which the plant makes its own pulses.
-    fn follow_pins(&mut self);
+    /// they are set to do, from which the plant makes its own pulses. To ideal valves both are the same: their mean
+    /// opening in a step.
+    fn follow_pins(&mut self) {}
     /// Advances by one exchange step (`[run] step_s`).
     ///
     /// # Errors

@@ -62,8 +62,7 @@ impl Piping {
         Self {
             valve: Iso6358::valve(valve.conductance_m3_s_pa, valve.critical_ratio, gas),
             conductance_m3_s_pa: valve.conductance_m3_s_pa,
-            leak: (leak.conductance_m3_s_pa > 0.0)
-                .then(|| Iso6358::valve(leak.conductance_m3_s_pa, leak.critical_ratio, gas)),
+            leak: Iso6358::leak(leak.conductance_m3_s_pa, leak.critical_ratio, gas),
             supply: (scenario.supply.pressure_pa, scenario.supply.temperature_k),
             ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
             broken: Disturbance::default(),

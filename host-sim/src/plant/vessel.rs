@@ -241,10 +241,6 @@ impl Vessel {
 }
 
 impl Plant for Vessel {
-    fn follow_pins(&mut self) {
-        // Its valves are ideal: their mean opening in a step is the share that it is given.
-    }
-
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         let constants = &self.constants;
         let mut start = self.steps as f64 * constants.step_s;

@@ -10,6 +10,7 @@ pub mod truth;
 pub mod tune;
 
 use crate::files::input::InputError;
+use crate::files::shipped;
 use crate::report::number::significant;
 use crate::report::page::{Page, Section, Table, Tile};
 use crate::scenario::{self, Loaded};
@@ -21,8 +22,7 @@ use serde::Serialize;
 /// # Errors
 /// None in a sane build: the file is part of the program and tested.
 pub fn nominal() -> Result<Loaded, InputError> {
-    let text = include_str!("../../../../scenarios/nominal.toml");
-    scenario::parse(text, "scenarios/nominal.toml".as_ref())
+    scenario::parse(shipped::text("nominal.toml"), "scenarios/nominal.toml".as_ref())
 }
 
 /// What all jobs gave; where they were stopped ([`crate::stop`]) what the finished ones gave.

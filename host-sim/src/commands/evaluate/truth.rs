@@ -7,6 +7,7 @@ use crate::commands::identify::{self, IdentifyError};
 use crate::commands::parallel::Watch;
 use crate::files::input::{InputError, Problem};
 use crate::files::measured::Measured;
+use crate::files::shipped;
 use crate::files::table::{read_record, read_table};
 use crate::files::trace::{COLUMNS, Row};
 use crate::scenario::{self, Loaded};
@@ -82,14 +83,13 @@ fn maps(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// A scenario of the repository.
-fn shipped(text: &str, name: &str) -> Result<(Loaded, PathBuf), InputError> {
+fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {
     let path = Path::new("scenarios").join(name);
-    Ok((scenario::parse(text, &path)?, path))
+    Ok((scenario::parse(shipped::text(name), &path)?, path))
 }
 
 fn static_map(file: &Path) -> Result<CaseFigures, TruthError> {
-    let text = include_str!("../../../../scenarios/static_map.toml");
-    let (loaded, config) = shipped(text, "static_map.toml")?;
+    let (loaded, config) = shipped("static_map.toml")?;
     let readings = Readings::of(&read_table(file)?)?;
     let largest_n = readings.largest_n();
     let [five, others] = static_map::planned(&readings);
@@ -117,8 +117,7 @@ fn measured(file: &Path) -> Result<Measured, InputError> {
 }
 
 fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<CaseFigures, TruthError> {
-    let text = include_str!("../../../../scenarios/gas_spring.toml");
-    let (loaded, config) = shipped(text, "gas_spring.toml")?;
+    let (loaded, config) = shipped("gas_spring.toml")?;
     let identified = identify::identify(&loaded, &config, &measured(file)?, file, watch)?;
     let pressure_pa = identified.findings.rmse.pressure_pa.unwrap_or(f64::NAN);
     Ok(CaseFigures {
@@ -132,8 +131,7 @@ fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<CaseFigures, TruthError>
 }
 
 fn air_discharge(file: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
-    let text = include_str!("../../../../scenarios/air_discharge.toml");
-    let (loaded, config) = shipped(text, "air_discharge.toml")?;
+    let (loaded, config) = shipped("air_discharge.toml")?;
     let measured = measured(file)?;
     let mut observer = |_: &Row| Ok(());
     let summary = run::run(&loaded, &mut CoreBoard::default(), Some(&measured), &mut observer)?;

@@ -11,6 +11,7 @@ pub use page::page;
 use crate::analysis::signals::{harmonic, harmonic_delay_s, mean, rms_difference, time_shift};
 use crate::board::CoreBoard;
 use crate::files::input::InputError;
+use crate::files::shipped;
 use crate::files::summary::Summary;
 use crate::files::trace::Row;
 use crate::plant::Ledger;
@@ -18,8 +19,6 @@ use crate::scenario::{self, HeatModel, Loaded, Paper, PlantModel};
 use crate::simulation::run::{self, RunError};
 use std::thread;
 
-/// The paper's experiment, as a scenario file of the repository.
-const SCENARIO: &str = include_str!("../../../../scenarios/reproduce.toml");
 /// Largest time shift that is searched \[s\].
 const MOST_SHIFT_S: f64 = 2.5;
 
@@ -28,7 +27,7 @@ const MOST_SHIFT_S: f64 = 2.5;
 /// # Errors
 /// None in a sane build: the file is part of the program and tested.
 pub fn scenario() -> Result<Loaded, InputError> {
-    scenario::parse(SCENARIO, "scenarios/reproduce.toml".as_ref())
+    scenario::parse(shipped::text("reproduce.toml"), "scenarios/reproduce.toml".as_ref())
 }
 
 /// One signal over the run.

@@ -5,19 +5,20 @@ use super::MUSCLES;
 use super::muscle::{self, Draw, Task};
 use crate::board::CoreBoard;
 use crate::commands::evaluate::{CaseFigures, Figure};
+use crate::files::shipped;
 use crate::files::trace::Row;
 use crate::scenario::{Loaded, PlantModel, parse};
 use crate::simulation::run::{self, RunError};
 use model_core::Faults;
 
 /// The shipped scenarios.
-const SHIPPED: [(&str, &str); 6] = [
-    ("air_discharge.toml", include_str!("../../../../../scenarios/air_discharge.toml")),
-    ("contraction.toml", include_str!("../../../../../scenarios/contraction.toml")),
-    ("gas_spring.toml", include_str!("../../../../../scenarios/gas_spring.toml")),
-    ("nominal.toml", include_str!("../../../../../scenarios/nominal.toml")),
-    ("reproduce.toml", include_str!("../../../../../scenarios/reproduce.toml")),
-    ("sensor.toml", include_str!("../../../../../scenarios/sensor.toml")),
+const SHIPPED: [&str; 6] = [
+    "air_discharge.toml",
+    "contraction.toml",
+    "gas_spring.toml",
+    "nominal.toml",
+    "reproduce.toml",
+    "sensor.toml",
 ];
 /// One run of a random muscle on `full` \[s\].
 const MUSCLE_S: f64 = 30.0;
@@ -39,8 +40,9 @@ pub struct Healthy {
 pub fn shipped() -> Vec<Healthy> {
     SHIPPED
         .iter()
-        .map(|(name, text)| {
-            let loaded = parse(text, name.as_ref()).expect("the file is part of the program");
+        .map(|name| {
+            let loaded = parse(shipped::text(name), name.as_ref());
+            let loaded = loaded.expect("the file is part of the program");
             Healthy { name: (*name).to_owned(), loaded }
         })
         .collect()
