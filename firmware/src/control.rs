@@ -18,7 +18,7 @@ const PATIENCE: u32 = 4;
 const FLOODED_STEPS: u32 = 1000;
 
 /// Steps between two messages of what changes rarely: half a second.
-const STATUS_STEPS: u64 = 500;
+const STATUS_STEPS: u32 = 500;
 
 /// The core between its sensors and its valves.
 pub struct Control<'a, S, V> {
@@ -167,7 +167,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             shared.change_status(|status| {
                 (status.armed_pa, status.step) = (core.armed_pa(), self.next_step);
             });
-        } else if self.tally.steps.is_multiple_of(STATUS_STEPS) {
+        } else if (self.tally.steps as u32).is_multiple_of(STATUS_STEPS) {
             shared.tell_status();
         }
         // While the sensors are judged the core's own count stands still.

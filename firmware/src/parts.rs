@@ -1,11 +1,11 @@
 //! Digital sensors: each has a task in the thread that reads it whenever it has converted. Control, which interrupts
 //! both, finds the last reading in place and waits for nothing.
 
-use crate::source::STEP;
+use crate::source::{STEP, into_step};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::signal::Signal;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Instant, Timer};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::i2c::I2c;
 use embedded_hal_async::spi::SpiDevice;
@@ -76,9 +76,10 @@ impl Parts {
 
 /// Waits for the middle of a step, when control is done.
 async fn middle_of_a_step() {
-    let into = Duration::from_micros(Instant::now().as_micros() % STEP.as_micros());
+    let now = Instant::now();
+    let into = into_step(now);
     let middle = STEP / 2;
-    let start = Instant::now() - into;
+    let start = now - into;
     Timer::at(if into < middle { start + middle } else { start + middle + STEP }).await;
 }
 

@@ -1,6 +1,6 @@
 //! What the tasks have in common.
 
-use crate::source::STEP;
+use crate::source::{STEP, into_step};
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
@@ -365,7 +365,7 @@ impl Shared {
     /// How the steps were timed.
     pub fn timing(&self) -> Timing {
         let tally = self.tally();
-        let mean_ns = |sum_us: u64| (sum_us * 1000 / tally.steps.max(1)) as u32;
+        let mean_ns = |sum_us: u64| (1000.0 * (sum_us as f32 / tally.steps.max(1) as f32)) as u32;
         let sum = |count: fn(&Line) -> &AtomicU32| {
             let counts = self.lines.iter().map(|line| count(line).load(Ordering::Relaxed));
             counts.fold(0, u32::wrapping_add)
@@ -391,9 +391,9 @@ const RESTARTING: Duration = Duration::from_micros(500);
 /// Waits until the core can be restarted before the next step is due.
 async fn time_to_restart() {
     let now = Instant::now();
-    let into_us = now.as_micros() % STEP.as_micros();
-    if into_us + RESTARTING.as_micros() > STEP.as_micros() {
-        Timer::at(now + STEP - Duration::from_micros(into_us)).await;
+    let into = into_step(now);
+    if into + RESTARTING > STEP {
+        Timer::at(now + STEP - into).await;
     }
 }
 

@@ -203,7 +203,7 @@ impl Default for Config {
 #[cfg_attr(feature = "link", derive(serde::Serialize))]
 pub struct ConfigError {
     /// The key of the scenario that says it; in brackets what the core makes of it, where that is another
-    /// number.
+    /// number. Empty without the feature `keys`.
     pub field: &'static str,
     /// What it is.
     pub value: f32,
@@ -276,6 +276,11 @@ impl Config {
     }
 }
 
+/// A key, where somebody reads it.
+pub(crate) const fn named(key: &'static str) -> &'static str {
+    if cfg!(feature = "keys") { key } else { "" }
+}
+
 /// Not inlined: some eighty calls.
 #[inline(never)]
 pub(crate) fn within(
@@ -287,7 +292,7 @@ pub(crate) fn within(
     if value >= minimum && value <= maximum {
         Ok(())
     } else {
-        Err(ConfigError { field, value, minimum, maximum })
+        Err(ConfigError { field: named(field), value, minimum, maximum })
     }
 }
 

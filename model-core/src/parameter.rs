@@ -10,7 +10,7 @@
 //! has the rest of this list. The bytes of the configuration on the wire change: raise `PROTOCOL` in
 //! `link` and pin the new ones there.
 
-use crate::config::{ConfigError, within};
+use crate::config::{ConfigError, named, within};
 
 /// What is known of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,7 +39,7 @@ pub(crate) struct Limit {
 
 impl Limit {
     pub(crate) const fn new(key: &'static str, minimum: f32, maximum: f32) -> Self {
-        Self { key, minimum, maximum }
+        Self { key: named(key), minimum, maximum }
     }
 }
 

@@ -14,7 +14,7 @@
 use super::rp_bus::{I2C_HZ, I2cBus, SpiDevice};
 use super::rp_flash::StoreFlash;
 use super::{Adc, Board, Channel, PWM_DELAY, Parts, Reset, Valves, WATCHDOG};
-use crate::source::STEP;
+use crate::source::STEP_US;
 use core::marker::PhantomData;
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_rp::adc::{self, Blocking};
@@ -246,9 +246,9 @@ const OUTLET_PIN: usize = 17;
 
 /// Divider of the system clock, in sixteenths, with which the counter takes `steps`. Exact for
 /// every whole number of milliseconds at 125 MHz and at 150 MHz.
-fn divider_sixteenths(steps: u16) -> u64 {
-    let clocks = u64::from(clk_sys_freq()) * STEP.as_micros() * u64::from(steps) / 1_000_000;
-    16 * clocks / u64::from(Duty::FULL.ticks())
+fn divider_sixteenths(steps: u16) -> u32 {
+    let clocks = clk_sys_freq() / 1_000_000 * STEP_US * u32::from(steps);
+    16 * clocks / u32::from(Duty::FULL.ticks())
 }
 
 impl Slice {
@@ -275,9 +275,10 @@ impl Valves for Slice {
         self.config.enable = false;
         self.pwm.set_config(&self.config);
         self.config.divider = fixed::FixedU16::from_bits(divider_sixteenths(period_steps) as u16);
-        let delay = u64::from(Duty::FULL.ticks()) * PWM_DELAY.as_micros()
-            / (u64::from(period_steps.max(1)) * STEP.as_micros());
-        self.pwm.set_counter((u64::from(Duty::FULL.ticks()) - delay.max(1)) as u16);
+        let period_us = u32::from(period_steps.max(1)) * STEP_US;
+        let ticks = u32::from(Duty::FULL.ticks());
+        let delay = ticks * PWM_DELAY.as_micros() as u32 / period_us;
+        self.pwm.set_counter((ticks - delay.max(1)) as u16);
         self.config.enable = true;
         self.pwm.set_config(&self.config);
         self.drive(command);

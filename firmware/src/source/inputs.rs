@@ -1,6 +1,6 @@
 //! The board's own inputs, at every whole millisecond.
 
-use super::{STEP, Source};
+use super::{STEP, Source, into_step};
 use crate::board::{Adc, Channel};
 use crate::shared::Shared;
 use embassy_time::{Duration, Instant, Timer};
@@ -55,7 +55,10 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
         let now = Instant::now();
         let mut due = match self.due {
             Some(due) => due,
-            None => Instant::from_millis((now + LEAD).as_millis() + 1),
+            None => {
+                let earliest = now + LEAD;
+                earliest - into_step(earliest) + STEP
+            }
         };
         while due + STEP <= now {
             due += STEP;

@@ -15,7 +15,19 @@ use model_core::Sample;
 use model_core::sensing::Sensors;
 
 /// Step of the board.
-pub const STEP: Duration = Duration::from_millis(1);
+pub const STEP: Duration = Duration::from_micros(STEP_US as u64);
+/// The same \[us\].
+pub const STEP_US: u32 = 1000;
+
+/// How far into a step a time is. In 32 bits: a division of 64 takes a kilobyte of flash.
+pub fn into_step(time: Instant) -> Duration {
+    let us = time.as_micros();
+    let (high, low) = ((us >> 32) as u32, us as u32);
+    // 2^32 us are some steps and this.
+    const REST_US: u32 = (u32::MAX % STEP_US + 1) % STEP_US;
+    let rest_us = high % STEP_US * REST_US + low % STEP_US;
+    Duration::from_micros((rest_us % STEP_US).into())
+}
 
 /// Where samples come from.
 pub trait Source {

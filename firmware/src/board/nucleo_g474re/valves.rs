@@ -3,7 +3,7 @@
 
 use super::CLOCK_HZ;
 use crate::board::{PWM_DELAY, Valves};
-use crate::source::STEP;
+use crate::source::STEP_US;
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::OutputType;
 use embassy_stm32::pac::GPIOA;
@@ -16,7 +16,7 @@ use model_core::{Command, Duty};
 
 /// Clocks of the timer in a tick of the counter, per step of the period.
 const CLOCKS_PER_STEP: u32 = {
-    let clocks = CLOCK_HZ / 1_000_000 * STEP.as_micros() as u32;
+    let clocks = CLOCK_HZ / 1_000_000 * STEP_US;
     let ticks = Duty::FULL.ticks() as u32;
     assert!(clocks.is_multiple_of(ticks));
     clocks / ticks
@@ -80,13 +80,13 @@ impl Valves for Timer3 {
     fn restart(&mut self, period_steps: u16, command: Command) {
         let steps = u32::from(period_steps.max(1));
         let full = u32::from(Duty::FULL.ticks());
-        let delay = u64::from(full) * PWM_DELAY.as_micros() / (u64::from(steps) * STEP.as_micros());
+        let delay = full * PWM_DELAY.as_micros() as u32 / (steps * STEP_US);
         let registers = self.timer.regs_core();
         self.timer.stop();
         registers.psc().write_value((CLOCKS_PER_STEP * steps - 1) as u16);
         // Takes over the divider, and sets the counter to zero.
         self.timer.generate_update_event();
-        registers.cnt().write(|counter| counter.set_cnt((full - delay.max(1) as u32) as u16));
+        registers.cnt().write(|counter| counter.set_cnt((full - delay.max(1)) as u16));
         self.timer.start();
         self.drive(command);
     }
