@@ -109,8 +109,25 @@ fn scenario(config: &Config) -> Option<Scenario> {
     if let PressurePart::Mpr(is) = config.sensors.pressure_part {
         (s.sensor.pressure.kind, s.sensor.mpr) = (PressureKind::Mpr, is);
     }
+    let core = numbers_of_the_core(config, pt1000);
+    let numbers = core.into_iter().map(|(path, value)| (path, short(value))).chain([
+        ("run.step_s", step_s),
+        ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
+        ("heat.inner_per_flow", short(config.heat.inner_per_flow) / one_zone.stirring),
+        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / one_zone.wall),
+    ]);
+    let mut s = with_numbers(&s, numbers);
+    s.estimator = config.estimator;
+    let own = short(config.estimator.port_cooling) - one_zone.port_cooling;
+    s.estimator.port_cooling = own.max(0.0) as f32;
+    s.controller = config.controller;
+    Some(s)
+}
+
+/// Keys of the scenario that the core has as they are.
+fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f32)> {
     let sensors = &config.sensors;
-    let core = [
+    vec![
         ("gas.gas_constant_j_kg_k", config.gas.gas_constant_j_kg_k),
         ("gas.heat_capacity_ratio", config.gas.heat_capacity_ratio),
         ("ambient.pressure_pa", config.ambient.pressure_pa),
@@ -138,9 +155,15 @@ fn scenario(config: &Config) -> Option<Scenario> {
         ("sensor.pressure.noise_pa", sensors.pressure.noise_pa),
         ("sensor.pressure.gain", sensors.pressure.gain),
         ("sensor.pressure.offset_pa", sensors.pressure.offset_pa),
+        ("sensor.pressure.correction_25", sensors.pressure.correction_25),
+        ("sensor.pressure.correction_50", sensors.pressure.correction_50),
+        ("sensor.pressure.correction_75", sensors.pressure.correction_75),
         ("sensor.length.range_m", sensors.length.range_m),
         ("sensor.length.gain", sensors.length.gain),
         ("sensor.length.offset_m", sensors.length.offset_m),
+        ("sensor.length.correction_25", sensors.length.correction_25),
+        ("sensor.length.correction_50", sensors.length.correction_50),
+        ("sensor.length.correction_75", sensors.length.correction_75),
         ("sensor.gas.time_constant_s", sensors.gas.time_constant_s),
         ("sensor.gas.housing_time_constant_s", sensors.gas.housing_time_constant_s),
         ("sensor.gas.noise_k", sensors.gas.noise_k),
@@ -149,19 +172,7 @@ fn scenario(config: &Config) -> Option<Scenario> {
         ("sensor.gas.range_min_k", pt1000.range_min_k),
         ("sensor.gas.range_max_k", pt1000.range_max_k),
         ("link.timeout_s", config.link.timeout_s),
-    ];
-    let numbers = core.map(|(path, value)| (path, short(value))).into_iter().chain([
-        ("run.step_s", step_s),
-        ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
-        ("heat.inner_per_flow", short(config.heat.inner_per_flow) / one_zone.stirring),
-        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / one_zone.wall),
-    ]);
-    let mut s = with_numbers(&s, numbers);
-    s.estimator = config.estimator;
-    let own = short(config.estimator.port_cooling) - one_zone.port_cooling;
-    s.estimator.port_cooling = own.max(0.0) as f32;
-    s.controller = config.controller;
-    Some(s)
+    ]
 }
 
 #[cfg(test)]
@@ -174,7 +185,8 @@ mod tests {
         for text in [
             "",
             "[plant]\nmodel = \"lumped\"\n",
-            "[sensor.pressure]\nrange_pa = 689_476.0\ngain = 1.013\noffset_pa = -312.7\n\
+            "[sensor.pressure]\nrange_pa = 689_476.0\ngain = 1.013\noffset_pa = -312.7\ncorrection_25 = 0.0013\n\
+             [sensor.length]\ncorrection_50 = -0.01\ncorrection_75 = 0.002\n\
              [load]\nkind = \"mass\"\nmass_kg = 7.3\n[heat]\nmodel = \"correlation\"\n",
             "[muscle]\nrest_length_m = 0.217\ndiameter_m = 0.0137\nbraid_angle_deg = 21.3\n\
              [valve]\npwm_hz = 62.5\n[leak]\nconductance_m3_s_pa = 3.7e-12\ncritical_ratio = 0.21\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",

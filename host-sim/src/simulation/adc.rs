@@ -82,9 +82,7 @@ struct Channel {
     sensor: f64,
     /// Deviation of the converter's noise in a sum of conversions, as a share of the reference.
     converter: f64,
-    /// What puts the sensor right: value = gain reading + offset.
-    gain: f64,
-    offset: f64,
+    error: SensorError,
     part: Option<Part>,
 }
 
@@ -126,16 +124,49 @@ impl Part {
     }
 }
 
+/// How wrong a sensor is that its calibration puts right: value = gain (reading + correction) + offset.
+#[derive(Debug, Clone, Copy)]
+struct SensorError {
+    gain: f64,
+    offset: f64,
+    /// (reading, reading + correction) at the quarters of the range.
+    quarters: [[f64; 2]; 5],
+}
+
+impl SensorError {
+    fn new([gain, offset]: [f64; 2], range: f64, [quarter, half, three]: [f64; 3]) -> Self {
+        let quarters = [(0.0, 0.0), (0.25, quarter), (0.5, half), (0.75, three), (1.0, 0.0)]
+            .map(|(place, correction)| [range * place, range * (place + correction)]);
+        Self { gain, offset, quarters }
+    }
+
+    /// What the sensor makes of a value.
+    fn reading(&self, value: f64) -> f64 {
+        let corrected = (value - self.offset) / self.gain;
+        let between = self.quarters.windows(2).find(|pair| {
+            let [_, low] = pair[0];
+            let [_, high] = pair[1];
+            (low..high).contains(&corrected)
+        });
+        match between {
+            Some(&[[low, from], [high, to]]) => {
+                low + (corrected - from) / (to - from) * (high - low)
+            }
+            // Beyond its range nothing is corrected.
+            _ => corrected,
+        }
+    }
+}
+
 impl Channel {
-    fn new(noise: Noise, per_conversion: f64, gain: f64, offset: f64, part: Option<Part>) -> Self {
+    fn new(noise: Noise, per_conversion: f64, error: SensorError, part: Option<Part>) -> Self {
         let averaging = f64::from(OVERSAMPLING).sqrt();
         Self {
             noise,
             sensor: if part.is_some() { per_conversion } else { per_conversion / averaging },
             part,
             converter: CONVERTER_NOISE_LSB / FULL_SCALE / averaging,
-            gain,
-            offset,
+            error,
         }
     }
 
@@ -143,11 +174,6 @@ impl Channel {
     fn sense(&mut self, value: f64) -> f64 {
         let value = self.part.as_mut().map_or(value, |part| part.mean(value));
         value + self.noise.sample(self.sensor)
-    }
-
-    /// What a sensor that its calibration would put right makes of a value.
-    fn uncalibrated(&self, value: f64) -> f64 {
-        (value - self.offset) / self.gain
     }
 
     /// The code for a share of the reference, of a converter whose wide codes are wider by `excess_lsb`; that of a
@@ -192,22 +218,35 @@ impl VirtualAdc {
             pressure: Channel::new(
                 stream(),
                 sensor.pressure.noise_pa,
-                sensor.pressure.gain,
-                sensor.pressure.offset_pa,
+                SensorError::new(
+                    [sensor.pressure.gain, sensor.pressure.offset_pa],
+                    sensor.pressure.range_pa,
+                    [
+                        sensor.pressure.correction_25,
+                        sensor.pressure.correction_50,
+                        sensor.pressure.correction_75,
+                    ],
+                ),
                 on_i2c.then(|| Part::every(MPR_S)),
             ),
             gas: Channel::new(
                 stream(),
                 sensor.gas.noise_k,
-                sensor.gas.gain,
-                sensor.gas.offset_k,
+                SensorError::new([sensor.gas.gain, sensor.gas.offset_k], 1.0, [0.0; 3]),
                 on_spi.then(|| Part::every(MAX31865_S)),
             ),
             length: Channel::new(
                 stream(),
                 sensor.length.noise_m,
-                sensor.length.gain,
-                sensor.length.offset_m,
+                SensorError::new(
+                    [sensor.length.gain, sensor.length.offset_m],
+                    sensor.length.range_m,
+                    [
+                        sensor.length.correction_25,
+                        sensor.length.correction_50,
+                        sensor.length.correction_75,
+                    ],
+                ),
                 None,
             ),
             wall: stream(),
@@ -225,10 +264,10 @@ impl VirtualAdc {
         let length = self.length.sense(truth.sensor_length_m);
         self.gas_reading_k = self.gas.sense(truth.sensor_gas_k);
         self.wall_reading_k = truth.sensor_wall_k + self.wall.sample(self.wall_noise_k);
-        let gas_k = self.gas.uncalibrated(self.gas_reading_k);
+        let gas_k = self.gas.error.reading(self.gas_reading_k);
         let gas_share = elements::gas_share(&self.sensors, gas_k);
-        let pressure_share = self.pressure.uncalibrated(pressure) / self.sensors.pressure.range_pa;
-        let length_share = self.length.uncalibrated(length) / self.sensors.length.range_m;
+        let pressure_share = self.pressure.error.reading(pressure) / self.sensors.pressure.range_pa;
+        let length_share = self.length.error.reading(length) / self.sensors.length.range_m;
         let (time_s, wide) = (truth.time_s, self.wide_code_lsb);
         Codes {
             pressure: self.pressure.convert(time_s, 0.1 + 0.8 * pressure_share, wide),
@@ -252,6 +291,8 @@ impl VirtualAdc {
 mod tests {
     use super::*;
     use crate::math;
+    use crate::scenario::core_config::core_config;
+    use model_core::sensing::Sensing;
 
     const RP2040_LSB: f64 = 8.9;
 
@@ -304,6 +345,39 @@ mod tests {
         }
         // 300 K is in the middle of 270 to 330 K; the bridge bends by less than 2 %.
         assert!((f64::from(codes.gas) / 32760.0 - 0.5).abs() < 0.02);
+    }
+
+    /// What the sensor gets wrong is what the core puts right, at any pressure and length.
+    #[test]
+    fn the_core_corrects_what_the_sensor_bends() {
+        let mut scenario = Scenario::default();
+        let sensor = &mut scenario.sensor;
+        (sensor.pressure.gain, sensor.pressure.offset_pa) = (1.03, -2000.0);
+        (sensor.pressure.correction_25, sensor.pressure.correction_75) = (0.03, -0.02);
+        (sensor.length.correction_50, sensor.length.offset_m) = (-0.04, 0.002);
+        (sensor.pressure.noise_pa, sensor.length.noise_m) = (0.0, 0.0);
+        scenario.adc.wide_code_lsb = 0.0;
+        let mut adc = VirtualAdc::new(&scenario);
+        let sensing = Sensing::new(&core_config(&scenario));
+        let straight = Sensing::new(&core_config(&Scenario::default()));
+        let mut bent_pa: f64 = 0.0;
+        for i in 1..50 {
+            let share = f64::from(i) / 50.0;
+            let (pressure_pa, length_m) = (690_000.0 * share, 0.39 * share);
+            let codes = adc.convert(&Truth {
+                sensor_pressure_pa: pressure_pa,
+                sensor_length_m: length_m,
+                ..truth()
+            });
+            let read_pa = f64::from(sensing.pressure_pa(AdcCode(codes.pressure)));
+            let read_m = f64::from(sensing.length_m(AdcCode(codes.length)));
+            // A code of 12 bit is 214 Pa and 0.11 mm; the converter has its noise.
+            assert!((read_pa - pressure_pa).abs() < 214.0, "{read_pa} for {pressure_pa}");
+            assert!((read_m - length_m).abs() < 1.1e-4, "{read_m} for {length_m}");
+            let off_pa = f64::from(straight.pressure_pa(AdcCode(codes.pressure))) - pressure_pa;
+            bent_pa = bent_pa.max(off_pa.abs());
+        }
+        assert!((15_000.0..40_000.0).contains(&bent_pa), "{bent_pa}");
     }
 
     #[test]

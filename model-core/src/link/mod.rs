@@ -19,7 +19,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 12;
+pub const PROTOCOL: u16 = 13;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -670,7 +670,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "0a070dda3cce7ccdb90102010105c930c05400"),
-            (answer(Answer::Version(version)), "030107020c0201010105eaaec93400"),
+            (answer(Answer::Version(version)), "030107020d02010101054f7d95ff00"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -691,7 +691,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (317, 2_471_449_282)), (encode(&telemetry), (78, 3_172_555_875))]
+            [(encode(&config), (341, 2_316_422_654)), (encode(&telemetry), (78, 3_172_555_875))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);

@@ -3,7 +3,6 @@
 //! Every channel is ratiometric: sensor, bridge and ADC share one reference, so that only fractions
 //! of it matter. The arithmetic of the circuits is in `docs/board.md`.
 
-use super::Calibration;
 use crate::parameter::parameters;
 use crate::sample::{AdcCode, CODE_MAX, OVERSAMPLING};
 
@@ -171,8 +170,8 @@ impl Characteristic {
         Self { offset: low.value + slope * (half - low.share), slope: slope * per_code }
     }
 
-    /// The same, its values put right.
-    pub fn calibrated(self, Calibration { gain, offset }: Calibration) -> Self {
+    /// The same with other values: `gain` times as large, and that much more.
+    pub fn scaled(self, gain: f32, offset: f32) -> Self {
         Self { offset: gain * self.offset + offset, slope: gain * self.slope }
     }
 

@@ -1,25 +1,32 @@
 //! Potentiometer: 5 to 95 % of the reference over its range.
 
-use super::Calibration;
 use super::adc::{Characteristic, Point};
+use super::calibration::{Calibrated, Calibration};
 use crate::parameter::parameters;
 
 parameters! {
     /// Length potentiometer.
     "sensor.length": LengthSensor {
         range_m: 0.4, "m", 0.001 to 100.0, "full scale; the range starts at 0";
-        gain: 1.0, "", 0.5 to 2.0, "calibration: length = gain reading + offset_m";
-        offset_m: 0.0, "m", -100.0 to 100.0, "calibration: length = gain reading + offset_m";
+        gain: 1.0, "", 0.5 to 2.0, "calibration: length = gain (reading + correction) + offset_m";
+        offset_m: 0.0, "m", -100.0 to 100.0, "calibration: length = gain (reading + correction) + offset_m";
+        correction_25: 0.0, "", -0.05 to 0.05, "calibration: correction at a quarter of the range, as a share of it";
+        correction_50: 0.0, "", -0.05 to 0.05, "at half of the range; linear between, none at both ends";
+        correction_75: 0.0, "", -0.05 to 0.05, "at three quarters of the range";
     }
 }
 
 impl LengthSensor {
     /// Length over codes.
-    pub fn characteristic(&self) -> Characteristic {
-        let calibration = Calibration { gain: self.gain, offset: self.offset_m };
+    pub fn calibrated(&self) -> Calibrated {
         let zero = Point { share: 0.05, value: 0.0 };
-        Characteristic::through(zero, Point { share: 0.95, value: self.range_m })
-            .calibrated(calibration)
+        let line = Characteristic::through(zero, Point { share: 0.95, value: self.range_m });
+        let calibration = Calibration {
+            gain: self.gain,
+            offset: self.offset_m,
+            corrections: [self.correction_25, self.correction_50, self.correction_75],
+        };
+        Calibrated::new(line, self.range_m, calibration)
     }
 
     /// What one code of 12 bit is worth \[m\]. Eight conversions are summed, so that the noise of a reading is

@@ -9,6 +9,7 @@
 //! part gives one at its own rate: until the next one comes, a pressure stays what it was.
 
 pub mod adc;
+pub mod calibration;
 pub mod gas;
 mod health;
 pub mod length;
@@ -19,7 +20,8 @@ pub mod platinum;
 pub mod pressure;
 pub mod pt1000;
 
-use self::adc::{Adc, Characteristic, CodeSum, Linearisation};
+use self::adc::{Adc, CodeSum, Linearisation};
+use self::calibration::Calibrated;
 use self::gas::{GasElement, GasLine, GasSensor};
 pub use self::health::FROZEN_CODES;
 use self::health::{Health, Stillness};
@@ -61,15 +63,6 @@ impl Sensors {
         self.gas_element.check()?;
         self.pressure_part.check()
     }
-}
-
-/// What puts a sensor right: value = gain reading + offset.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Calibration {
-    /// Factor \[-\].
-    pub gain: f32,
-    /// In the sensor's unit.
-    pub offset: f32,
 }
 
 /// How far a reading may be used.
@@ -135,7 +128,7 @@ pub struct Readings {
 /// A line of the converter with a sensor that has a reading in every step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Channel {
-    characteristic: Characteristic,
+    sensor: Calibrated,
     /// Half the width of its widest codes.
     wide: f32,
     health: Health,
@@ -150,13 +143,13 @@ impl Channel {
         if let Some((part, value)) = &mut self.part {
             let validity = part.add(&mut self.health, code, usual);
             if code.is_fresh() && validity == Validity::Valid {
-                *value = self.characteristic.at(f32::from(code.stale().0));
+                *value = self.sensor.at(f32::from(code.stale().0));
             }
             return Reading { value: *value, wide: 0.0, validity };
         }
         let widened = linearisation.widens(code);
         Reading {
-            value: self.characteristic.at(linearisation.ideal(code)),
+            value: self.sensor.at(linearisation.ideal(code)),
             wide: if widened { self.wide } else { 0.0 },
             validity: self.health.add(code, if widened { Stillness::Wide } else { usual }),
         }
@@ -210,7 +203,7 @@ impl Sensing {
             // One disturbed pressure is no fault, ten milliseconds of them are. Without length or gas
             // temperature the model goes on, so that there is nothing to wait for.
             pressure: Channel {
-                characteristic: pressure_part.characteristic(pressure),
+                sensor: pressure_part.calibrated(pressure),
                 wide: adc.half_width(pressure.resolution_pa()),
                 health: Health::new(if part.is_some() { part::PATIENCE } else { patience_steps }),
                 // None yet: nothing that could be taken for gas.
@@ -220,7 +213,7 @@ impl Sensing {
                 }),
             },
             length: Channel {
-                characteristic: length.characteristic(),
+                sensor: length.calibrated(),
                 wide: adc.half_width(length.resolution_m()),
                 health: Health::new(1),
                 part: None,
@@ -270,12 +263,12 @@ impl Sensing {
 
     /// Absolute pressure \[Pa\] by one code.
     pub fn pressure_pa(&self, code: AdcCode) -> f32 {
-        self.pressure.characteristic.at(self.ideal(self.pressure.part.is_some(), code))
+        self.pressure.sensor.at(self.ideal(self.pressure.part.is_some(), code))
     }
 
     /// Length \[m\] by one code.
     pub fn length_m(&self, code: AdcCode) -> f32 {
-        self.length.characteristic.at(self.linearisation.ideal(code))
+        self.length.sensor.at(self.linearisation.ideal(code))
     }
 
     /// A digital part has no converter between.

@@ -1,8 +1,8 @@
 //! Pressure sensor: 10 to 90 % of the reference over its range, ratiometric on the converter or by a part that
 //! is read over a bus.
 
-use super::Calibration;
 use super::adc::{Characteristic, Point};
+use super::calibration::{Calibrated, Calibration};
 use super::part::Limits;
 use crate::config::ConfigError;
 use crate::parameter::parameters;
@@ -16,8 +16,11 @@ parameters! {
     "sensor.pressure": PressureSensor {
         range_pa: 700_000.0, "Pa", 1.0e3 to 1.0e9, "full scale; the range starts at 0";
         noise_pa: 150.0, "Pa", 0.0 to 1.0e8, "noise of one conversion, standard deviation";
-        gain: 1.0, "", 0.5 to 2.0, "calibration: pressure = gain reading + offset_pa";
-        offset_pa: 0.0, "Pa", -1.0e8 to 1.0e8, "calibration: pressure = gain reading + offset_pa";
+        gain: 1.0, "", 0.5 to 2.0, "calibration: pressure = gain (reading + correction) + offset_pa";
+        offset_pa: 0.0, "Pa", -1.0e8 to 1.0e8, "calibration: pressure = gain (reading + correction) + offset_pa";
+        correction_25: 0.0, "", -0.05 to 0.05, "calibration: correction at a quarter of the range, as a share of it";
+        correction_50: 0.0, "", -0.05 to 0.05, "at half of the range; linear between, none at both ends";
+        correction_75: 0.0, "", -0.05 to 0.05, "at three quarters of the range";
     }
 }
 
@@ -77,8 +80,7 @@ impl PressurePart {
     }
 
     /// Pressure of that sensor over codes.
-    pub(super) fn characteristic(&self, sensor: &PressureSensor) -> Characteristic {
-        let calibration = Calibration { gain: sensor.gain, offset: sensor.offset_pa };
+    pub(super) fn calibrated(&self, sensor: &PressureSensor) -> Calibrated {
         let zero = Point { share: 0.1, value: 0.0 };
         let full = Point { share: 0.9, value: sensor.range_pa };
         let line = if self.is_digital() {
@@ -86,7 +88,12 @@ impl PressurePart {
         } else {
             Characteristic::through(zero, full)
         };
-        line.calibrated(calibration)
+        let calibration = Calibration {
+            gain: sensor.gain,
+            offset: sensor.offset_pa,
+            corrections: [sensor.correction_25, sensor.correction_50, sensor.correction_75],
+        };
+        Calibrated::new(line, sensor.range_pa, calibration)
     }
 
     /// Variance of the noise of one reading, with what is left of linearising the converter \[Pa2\].

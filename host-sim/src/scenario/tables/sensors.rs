@@ -117,6 +117,9 @@ table! {
         core range_pa;
         core gain;
         core offset_pa;
+        core correction_25;
+        core correction_50;
+        core correction_75;
     }
 }
 
@@ -128,5 +131,8 @@ table! {
         core range_m;
         core gain;
         core offset_m;
+        core correction_25;
+        core correction_50;
+        core correction_75;
     }
 }
