@@ -27,8 +27,8 @@ use model_core::link::{Chip, PROTOCOL, Refusal, Timing};
 use model_core::{
     Command, Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry,
 };
+use std::io;
 use std::path::PathBuf;
-use std::{fmt, io};
 
 /// A board: raw samples in, openings and telemetry out, once per step.
 pub trait Board {
@@ -81,22 +81,34 @@ pub struct BoardStep {
 }
 
 /// A board that cannot be used, or no longer.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum BoardError {
     /// The core refuses its configuration.
+    #[error("the core refuses its configuration: {0}")]
     Config(ConfigError),
     /// The core refuses a set point.
+    #[error("the core refuses the set point: {0}")]
     SetPoint(SetPointError),
     /// A step was asked for before the board was started.
+    #[error("the board was asked for a step before it was started")]
     NotStarted,
     /// Node.js is not there.
+    #[error(
+        "Node.js was not found: install Node.js 18 or newer for the emulated board, or set \
+         THERMYO_SKIP_EMULATOR=1 to skip its tests"
+    )]
     NoNode,
     /// Node.js is older than the emulator needs.
+    #[error("Node.js {version} is too old for the emulated board: install 18 or newer")]
     OldNode {
         /// What `node --version` says.
         version: String,
     },
     /// The emulator and the images inside this program cannot be put where Node.js finds them.
+    #[error(
+        "{folder}: cannot be written ({reason}), and the emulated board wants its files there: set \
+         XDG_CACHE_HOME to a folder that can be"
+    )]
     NotUnpacked {
         /// Where.
         folder: PathBuf,
@@ -104,36 +116,46 @@ pub enum BoardError {
         reason: String,
     },
     /// `npm ci` failed.
+    #[error("`npm ci` failed; it needs npm and its registry: {message}")]
     Npm {
         /// What it said.
         message: String,
     },
     /// The compiler's target for the chip is not installed.
+    #[error("the compiler's target for the chip is missing: run `rustup target add {target}`")]
     NoTarget {
         /// Name of the target.
         target: &'static str,
     },
     /// The firmware did not build.
+    #[error("the firmware did not build:\n{message}")]
     Build {
         /// What cargo said.
         message: String,
     },
     /// There is no file where the image should be.
+    #[error("{path}: no such image: give the ELF or UF2 file that a build of the firmware left")]
     NoImage {
         /// Where.
         path: PathBuf,
     },
     /// The emulator cannot run the image.
+    #[error("{message}")]
     Image {
         /// What it said.
         message: String,
     },
     /// The emulator ended.
+    #[error("the emulated board stopped: {message}")]
     Emulator {
         /// What it said.
         message: String,
     },
     /// The serial port cannot be opened.
+    #[error(
+        "{port}: {reason}: connect the board and name its port (Linux /dev/ttyACM0 or \
+         /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
+    )]
     NoPort {
         /// Name of the port.
         port: String,
@@ -141,175 +163,103 @@ pub enum BoardError {
         reason: String,
     },
     /// The user may not open the port.
+    #[error(
+        "{port}: no permission to open it: on Linux `sudo usermod -aG dialout $USER`, then log in \
+         again (Arch: the group uucp)"
+    )]
     NoPermission {
         /// Name of the port.
         port: String,
     },
     /// Another program has the port.
+    #[error("{port}: another program has it open: close that one, then try again")]
     Taken {
         /// Name of the port.
         port: String,
     },
     /// The line to the board broke.
-    Line(io::Error),
+    #[error("the line to the board broke ({0}): check its cable and start again")]
+    Line(#[from] io::Error),
     /// The board does not answer.
+    #[error(
+        "the board does not answer ({asked}): check power and wiring (GP0, GP1, 921600 baud), \
+         and that this project's firmware is flashed"
+    )]
     Silent {
         /// What was asked.
         asked: &'static str,
     },
     /// The board speaks another version of the protocol.
+    #[error(
+        "the board's firmware speaks protocol {board}, this program {PROTOCOL}: flash the \
+         firmware of the same version"
+    )]
     Protocol {
         /// Its version.
         board: u16,
     },
     /// The board samples its own inputs.
+    #[error(
+        "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
+         built with `--features hil`"
+    )]
     NotHil {
         /// The chip.
         chip: Chip,
     },
     /// The board wants its samples from here.
+    #[error(
+        "the board ({chip:?}) waits for simulated samples: to drive a muscle flash the firmware built \
+         without the feature `hil`"
+    )]
     Hil {
         /// The chip.
         chip: Chip,
     },
     /// The configuration is one for the converter of another chip.
+    #[error(
+        "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
+         ({chip:?}) has none: [adc] wide_code_lsb = 0"
+    )]
     OtherChip {
         /// That of the board.
         chip: Chip,
     },
     /// The board has not the configuration that it was sent.
+    #[error("the board's configuration is not the one that was sent: another program talks to it")]
     Damaged,
     /// The user has ended it; the board vents.
+    #[error("ended by Ctrl-C; the board vents")]
     Interrupted,
     /// Faults vent the muscle.
+    #[error("the board vents: {0}. Remove the cause, then `thermyo board PORT clear` and `arm`")]
     Vented(Faults),
     /// The board refused a request.
+    #[error("{}", refused(.0))]
     Refused(Refusal),
     /// The board restarted in the middle of a run.
+    #[error("the board restarted in the middle of the run: `thermyo monitor` shows the reason")]
     Restarted,
     /// Nothing here can restart the board.
+    #[error(
+        "faults.board_restart: nothing here can restart this board; leave it out, or run in \
+         process or on the emulated board"
+    )]
     NoRestart,
 }
 
-impl fmt::Display for BoardError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
-            Self::SetPoint(error) => write!(f, "the core refuses the set point: {error}"),
-            Self::NotStarted => write!(f, "the board was asked for a step before it was started"),
-            Self::NoNode => write!(
-                f,
-                "Node.js was not found: install Node.js 18 or newer for the emulated board, or set \
-                 THERMYO_SKIP_EMULATOR=1 to skip its tests"
-            ),
-            Self::OldNode { version } => {
-                write!(
-                    f,
-                    "Node.js {version} is too old for the emulated board: install 18 or newer"
-                )
-            }
-            Self::NotUnpacked { folder, reason } => write!(
-                f,
-                "{}: cannot be written ({reason}), and the emulated board wants its files there: set \
-                 XDG_CACHE_HOME to a folder that can be",
-                folder.display()
-            ),
-            Self::Npm { message } => {
-                write!(f, "`npm ci` failed; it needs npm and its registry: {message}")
-            }
-            Self::NoTarget { target } => {
-                write!(
-                    f,
-                    "the compiler's target for the chip is missing: run `rustup target add {target}`"
-                )
-            }
-            Self::Build { message } => write!(f, "the firmware did not build:\n{message}"),
-            Self::NoImage { path } => write!(
-                f,
-                "{}: no such image: give the ELF or UF2 file that a build of the firmware left",
-                path.display()
-            ),
-            Self::Image { message } => write!(f, "{message}"),
-            Self::Emulator { message } => write!(f, "the emulated board stopped: {message}"),
-            Self::NoPort { port, reason } => write!(
-                f,
-                "{port}: {reason}: connect the board and name its port (Linux /dev/ttyACM0 or \
-                 /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
-            ),
-            Self::NoPermission { port } => write!(
-                f,
-                "{port}: no permission to open it: on Linux `sudo usermod -aG dialout $USER`, then log in \
-                 again (Arch: the group uucp)"
-            ),
-            Self::Taken { port } => {
-                write!(f, "{port}: another program has it open: close that one, then try again")
-            }
-            Self::Line(error) => {
-                write!(f, "the line to the board broke ({error}): check its cable and start again")
-            }
-            Self::Silent { asked } => write!(
-                f,
-                "the board does not answer ({asked}): check power and wiring (GP0, GP1, 921600 baud), \
-                 and that this project's firmware is flashed"
-            ),
-            Self::Protocol { board } => write!(
-                f,
-                "the board's firmware speaks protocol {board}, this program {PROTOCOL}: flash the \
-                 firmware of the same version"
-            ),
-            Self::NotHil { chip } => write!(
-                f,
-                "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
-                 built with `--features hil`"
-            ),
-            Self::Hil { chip } => write!(
-                f,
-                "the board ({chip:?}) waits for simulated samples: to drive a muscle flash the firmware built \
-                 without the feature `hil`"
-            ),
-            Self::OtherChip { chip } => write!(
-                f,
-                "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
-                 ({chip:?}) has none: [adc] wide_code_lsb = 0"
-            ),
-            Self::Damaged => write!(
-                f,
-                "the board's configuration is not the one that was sent: another program talks to it"
-            ),
-            Self::Interrupted => write!(f, "ended by Ctrl-C; the board vents"),
-            Self::Vented(faults) => write!(
-                f,
-                "the board vents: {faults}. Remove the cause, then `thermyo board PORT clear` and `arm`"
-            ),
-            Self::Refused(Refusal::NotConfigured)
-            | Self::Refused(Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED))) => {
-                write!(
-                    f,
-                    "the board does not know its muscle yet: `thermyo board PORT config write SCENARIO.toml`"
-                )
-            }
-            Self::Refused(Refusal::SetPoint(SetPointError::NotArmed)) => {
-                write!(f, "the board is not armed: `thermyo board PORT arm`, or `--arm`")
-            }
-            Self::Refused(refusal) => write!(f, "the board refused: {refusal}"),
-            Self::Restarted => write!(
-                f,
-                "the board restarted in the middle of the run: `thermyo monitor` shows the reason"
-            ),
-            Self::NoRestart => write!(
-                f,
-                "faults.board_restart: nothing here can restart this board; leave it out, or run in \
-                 process or on the emulated board"
-            ),
+/// What a board says no to, and where there is a command for it, which.
+fn refused(refusal: &Refusal) -> String {
+    match refusal {
+        Refusal::NotConfigured
+        | Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED)) => {
+            "the board does not know its muscle yet: `thermyo board PORT config write SCENARIO.toml`"
+                .to_owned()
         }
-    }
-}
-
-impl std::error::Error for BoardError {}
-
-impl From<io::Error> for BoardError {
-    fn from(error: io::Error) -> Self {
-        Self::Line(error)
+        Refusal::SetPoint(SetPointError::NotArmed) => {
+            "the board is not armed: `thermyo board PORT arm`, or `--arm`".to_owned()
+        }
+        refusal => format!("the board refused: {refusal}"),
     }
 }
 

@@ -1,8 +1,9 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
 use super::{Bar, Failure, interrupt, load, print, progress_bar, publish, read_record};
-use crate::commands::evaluate::{self, control_page, faults, recording};
+use crate::commands::evaluate::{self, CaseFigures, control_page, faults, recording};
 use crate::files::output::OutputDir;
+use crate::scenario::Loaded;
 use clap::{Args, ValueEnum};
 use std::io::Write;
 use std::path::PathBuf;
@@ -68,80 +69,56 @@ enum Subject {
     Truth,
 }
 
+/// What goes with what.
+fn check(args: &EvaluateArgs) -> Result<(), Failure> {
+    let EvaluateArgs { what, data, scenario, out, hours, random, recording, .. } = args;
+    let wrong = [
+        (
+            recording.is_some() && !matches!(what, Subject::Estimator),
+            "--recording goes with `evaluate estimator` only",
+        ),
+        (
+            random.is_some() && !matches!(what, Subject::Estimator),
+            "--random goes with `evaluate estimator` only",
+        ),
+        (
+            random.is_some() && scenario.is_some(),
+            "--random draws its own scenarios: leave out --scenario",
+        ),
+        (
+            out.is_some() && !matches!(what, Subject::Control | Subject::Faults),
+            "--out goes with `evaluate control` and `evaluate faults` only",
+        ),
+        (
+            hours.is_some() && !matches!(what, Subject::Faults),
+            "--hours goes with `evaluate faults` only",
+        ),
+        (
+            data.is_some() && !matches!(what, Subject::Truth),
+            "a folder of data goes with `evaluate truth` only",
+        ),
+    ];
+    match wrong.iter().find(|(found, _)| *found) {
+        None => Ok(()),
+        Some((_, why)) => Err(Failure::Usage((*why).to_owned())),
+    }
+}
+
 pub(super) fn run(
     args: &EvaluateArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let EvaluateArgs {
-        what,
-        data,
-        scenario: path,
-        out: folder,
-        json,
-        quiet,
-        hours,
-        random,
-        seed,
-        recording,
-        reference_lag,
-    } = args;
-    if recording.is_some() && !matches!(what, Subject::Estimator) {
-        return Err(Failure::Usage("--recording goes with `evaluate estimator` only".to_owned()));
-    }
-    if random.is_some() && !matches!(what, Subject::Estimator) {
-        return Err(Failure::Usage("--random goes with `evaluate estimator` only".to_owned()));
-    }
-    if random.is_some() && path.is_some() {
-        return Err(Failure::Usage(
-            "--random draws its own scenarios: leave out --scenario".to_owned(),
-        ));
-    }
-    if folder.is_some() && !matches!(what, Subject::Control | Subject::Faults) {
-        let usage = "--out goes with `evaluate control` and `evaluate faults` only";
-        return Err(Failure::Usage(usage.to_owned()));
-    }
-    if hours.is_some() && !matches!(what, Subject::Faults) {
-        return Err(Failure::Usage("--hours goes with `evaluate faults` only".to_owned()));
-    }
-    if data.is_some() && !matches!(what, Subject::Truth) {
-        return Err(Failure::Usage("a folder of data goes with `evaluate truth` only".to_owned()));
-    }
+    check(args)?;
     interrupt::watch();
-    let drawn = folder.as_deref().map(OutputDir::create).transpose()?;
-    let nominal = match path {
+    let drawn = args.out.as_deref().map(OutputDir::create).transpose()?;
+    let nominal = match &args.scenario {
         Some(path) => load(path, err)?,
         None => evaluate::nominal()?,
     };
-    let bar = Bar::new(*quiet);
-    let lines = match what {
-        Subject::Estimator => match (recording, *random) {
-            (Some(folder), _) => {
-                let recorded = read_record(&folder.join(recording::FILE), err)?;
-                vec![recording::evaluate(&recorded, reference_lag.unwrap_or(0.0))?]
-            }
-            (None, Some(count)) => {
-                evaluate::estimator::random(seed.unwrap_or(1), count, &bar).map_err(Failure::Run)?
-            }
-            (None, None) => evaluate::estimator::evaluate(&nominal, &bar).map_err(Failure::Run)?,
-        },
-        Subject::Control => evaluate::control::evaluate(&nominal, &bar).map_err(Failure::Run)?,
-        Subject::Truth => {
-            let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());
-            evaluate::truth::evaluate(data.as_deref().ok_or_else(missing)?, &bar)?
-        }
-        Subject::Tune => evaluate::tune::evaluate(&nominal, &bar)?,
-        Subject::Faults => {
-            let evaluation = faults::Evaluation::new(&nominal, hours.unwrap_or(faults::HOURS));
-            let bar = progress_bar(evaluation.runs(), *quiet);
-            let lines = evaluation.evaluate(&|| bar.inc(1)).map_err(Failure::Run)?;
-            bar.finish_and_clear();
-            lines
-        }
-    };
-    drop(bar);
+    let lines = evaluated(args, &nominal, err)?;
     let stopped = interrupt::wanted();
-    if *json {
+    if args.json {
         let json = serde_json::to_string_pretty(&lines).expect("a table is plain data") + "\n";
         print(out, &json)?;
     } else {
@@ -157,21 +134,67 @@ pub(super) fn run(
         };
         return Err(Failure::Interrupted);
     }
-    if let Some(mut files) = drawn {
-        let page = if let Subject::Faults = what {
-            faults::page::page(&nominal, &lines)
-        } else {
-            let plots = control_page::plots(&nominal)?;
-            for plot in &plots {
-                files.text(plot.file, &plot.svg())?;
-            }
-            control_page::page(&nominal, &lines, &plots)
-        };
-        files.text("report.html", &page)?;
-        publish(files, err)?;
+    if let Some(files) = drawn {
+        report(args.what, &nominal, &lines, files, err)?;
     }
     match evaluate::missed(&lines) {
         (0, _) => Ok(()),
         (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),
     }
+}
+
+/// The figures that were asked for.
+fn evaluated(
+    args: &EvaluateArgs,
+    nominal: &Loaded,
+    err: &mut dyn Write,
+) -> Result<Vec<CaseFigures>, Failure> {
+    let bar = Bar::new(args.quiet);
+    Ok(match args.what {
+        Subject::Estimator => match (&args.recording, args.random) {
+            (Some(folder), _) => {
+                let recorded = read_record(&folder.join(recording::FILE), err)?;
+                vec![recording::evaluate(&recorded, args.reference_lag.unwrap_or(0.0))?]
+            }
+            (None, Some(count)) => {
+                let seed = args.seed.unwrap_or(1);
+                evaluate::estimator::random(seed, count, &bar).map_err(Failure::Run)?
+            }
+            (None, None) => evaluate::estimator::evaluate(nominal, &bar).map_err(Failure::Run)?,
+        },
+        Subject::Control => evaluate::control::evaluate(nominal, &bar).map_err(Failure::Run)?,
+        Subject::Truth => {
+            let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());
+            evaluate::truth::evaluate(args.data.as_deref().ok_or_else(missing)?, &bar)?
+        }
+        Subject::Tune => evaluate::tune::evaluate(nominal, &bar)?,
+        Subject::Faults => {
+            let evaluation = faults::Evaluation::new(nominal, args.hours.unwrap_or(faults::HOURS));
+            let bar = progress_bar(evaluation.runs(), args.quiet);
+            let lines = evaluation.evaluate(&|| bar.inc(1)).map_err(Failure::Run)?;
+            bar.finish_and_clear();
+            lines
+        }
+    })
+}
+
+/// The page, and of `control` its plots.
+fn report(
+    what: Subject,
+    nominal: &Loaded,
+    lines: &[CaseFigures],
+    mut files: OutputDir,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    let page = if let Subject::Faults = what {
+        faults::page::page(nominal, lines)
+    } else {
+        let plots = control_page::plots(nominal)?;
+        for plot in &plots {
+            files.text(plot.file, &plot.svg())?;
+        }
+        control_page::page(nominal, lines, &plots)
+    };
+    files.text("report.html", &page)?;
+    publish(files, err)
 }

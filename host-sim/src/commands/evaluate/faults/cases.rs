@@ -4,6 +4,7 @@
 use super::muscle::{Draw, Task};
 use crate::plant::Truth;
 use crate::scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
+use Reaction::{NotStated, Shown, ShownOrVents, Vents, VentsInVain};
 use model_core::{Command, Duty, Faults, Telemetry};
 
 /// What has to follow.
@@ -130,10 +131,16 @@ const FLOW: Faults =
 /// Gas that leaves and does not come back.
 const LOST: Faults = Faults::LEAK.with(BURST).with(Faults::NO_INFLOW);
 
-/// Every fault.
-pub fn all() -> Vec<Fault> {
-    use Reaction::{NotStated, Shown, ShownOrVents, Vents, VentsInVain};
-    let fault = |name, size, inject, found, within_s, reaction| Fault {
+/// A fault that is found whatever the muscle does, and at once.
+fn fault(
+    name: &'static str,
+    size: &'static str,
+    inject: fn(&mut Draw, &Scenario, &mut FaultWindow),
+    found: Faults,
+    within_s: f64,
+    reaction: Reaction,
+) -> Fault {
+    Fault {
         name,
         size,
         tasks: &Task::ALL,
@@ -143,10 +150,31 @@ pub fn all() -> Vec<Fault> {
         within_s,
         reaction,
         observed_s: 1.0,
-    };
-    let at = |counted, tasks, observed_s, fault| Fault { counted, tasks, observed_s, ..fault };
-    let moving = &Task::MOVING[..];
-    let holding = &Task::HOLDING[..];
+    }
+}
+
+impl Fault {
+    /// One that shows only then, or not so soon.
+    fn seen(self, counted: Counted, tasks: &'static [Task], observed_s: f64) -> Self {
+        Self { counted, tasks, observed_s, ..self }
+    }
+}
+
+/// Every fault.
+pub fn all() -> Vec<Fault> {
+    [
+        of_the_pressure_sensor(),
+        of_the_gas_sensor(),
+        of_the_length_sensor(),
+        of_the_valves(),
+        of_the_gas(),
+        of_the_board(),
+    ]
+    .concat()
+}
+
+/// Those of the pressure sensor.
+fn of_the_pressure_sensor() -> Vec<Fault> {
     vec![
         fault(
             "pressure sensor open",
@@ -164,19 +192,15 @@ pub fn all() -> Vec<Fault> {
             0.011,
             Vents,
         ),
-        at(
-            Counted::Driven,
-            moving,
-            6.0,
-            fault(
-                "pressure sensor frozen",
-                "the code of that moment",
-                |_, _, w| w.pressure = ChannelFault::Frozen,
-                PRESSURE.with(FLOW),
-                0.1,
-                Vents,
-            ),
-        ),
+        fault(
+            "pressure sensor frozen",
+            "the code of that moment",
+            |_, _, w| w.pressure = ChannelFault::Frozen,
+            PRESSURE.with(FLOW),
+            0.1,
+            Vents,
+        )
+        .seen(Counted::Driven, &Task::MOVING, 6.0),
         fault(
             "pressure sensor noisy",
             "5 % of the range",
@@ -185,38 +209,36 @@ pub fn all() -> Vec<Fault> {
             0.05,
             Vents,
         ),
-        at(
-            Counted::Always,
-            &Task::ALL,
-            42.0,
-            fault(
-                "pressure sensor drifting up",
-                "10 to 30 kPa/s",
-                |draw, _, w| {
-                    let rate_per_s = draw.factor([1.0e4, 3.0e4]);
-                    w.pressure = ChannelFault::Drifting { rate_per_s };
-                },
-                PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE),
-                40.0,
-                Vents,
-            ),
-        ),
-        at(
-            Counted::Always,
-            &Task::ALL,
-            32.0,
-            fault(
-                "pressure sensor drifting down",
-                "10 to 30 kPa/s",
-                |draw, _, w| {
-                    let rate_per_s = -draw.factor([1.0e4, 3.0e4]);
-                    w.pressure = ChannelFault::Drifting { rate_per_s };
-                },
-                PRESSURE.with(FLOW).with(FORCE),
-                f64::INFINITY,
-                NotStated,
-            ),
-        ),
+        fault(
+            "pressure sensor drifting up",
+            "10 to 30 kPa/s",
+            |draw, _, w| {
+                let rate_per_s = draw.factor([1.0e4, 3.0e4]);
+                w.pressure = ChannelFault::Drifting { rate_per_s };
+            },
+            PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE),
+            40.0,
+            Vents,
+        )
+        .seen(Counted::Always, &Task::ALL, 42.0),
+        fault(
+            "pressure sensor drifting down",
+            "10 to 30 kPa/s",
+            |draw, _, w| {
+                let rate_per_s = -draw.factor([1.0e4, 3.0e4]);
+                w.pressure = ChannelFault::Drifting { rate_per_s };
+            },
+            PRESSURE.with(FLOW).with(FORCE),
+            f64::INFINITY,
+            NotStated,
+        )
+        .seen(Counted::Always, &Task::ALL, 32.0),
+    ]
+}
+
+/// Those of the gas sensor.
+fn of_the_gas_sensor() -> Vec<Fault> {
+    vec![
         fault(
             "gas sensor open",
             "code 32760",
@@ -233,19 +255,15 @@ pub fn all() -> Vec<Fault> {
             0.001,
             Shown,
         ),
-        at(
-            Counted::Always,
-            moving,
-            14.0,
-            fault(
-                "gas sensor frozen",
-                "the code of that moment",
-                |_, _, w| w.gas = ChannelFault::Frozen,
-                GAS,
-                12.0,
-                Shown,
-            ),
-        ),
+        fault(
+            "gas sensor frozen",
+            "the code of that moment",
+            |_, _, w| w.gas = ChannelFault::Frozen,
+            GAS,
+            12.0,
+            Shown,
+        )
+        .seen(Counted::Always, &Task::MOVING, 14.0),
         fault(
             "gas sensor noisy",
             "5 % of the range",
@@ -254,22 +272,24 @@ pub fn all() -> Vec<Fault> {
             0.05,
             Shown,
         ),
-        at(
-            Counted::Always,
-            &Task::ALL,
-            22.0,
-            fault(
-                "gas sensor drifting",
-                "0.5 to 3 K/s, up or down",
-                |draw, _, w| {
-                    let rate_per_s = draw.sign() * draw.factor([0.5, 3.0]);
-                    w.gas = ChannelFault::Drifting { rate_per_s };
-                },
-                GAS,
-                20.0,
-                Shown,
-            ),
-        ),
+        fault(
+            "gas sensor drifting",
+            "0.5 to 3 K/s, up or down",
+            |draw, _, w| {
+                let rate_per_s = draw.sign() * draw.factor([0.5, 3.0]);
+                w.gas = ChannelFault::Drifting { rate_per_s };
+            },
+            GAS,
+            20.0,
+            Shown,
+        )
+        .seen(Counted::Always, &Task::ALL, 22.0),
+    ]
+}
+
+/// Those of the length sensor.
+fn of_the_length_sensor() -> Vec<Fault> {
+    vec![
         fault(
             "length sensor open",
             "code 32760",
@@ -286,19 +306,15 @@ pub fn all() -> Vec<Fault> {
             0.001,
             Shown,
         ),
-        at(
-            Counted::Moving,
-            moving,
-            6.0,
-            fault(
-                "length sensor frozen",
-                "the code of that moment",
-                |_, _, w| w.length = ChannelFault::Frozen,
-                LENGTH,
-                0.2,
-                Shown,
-            ),
-        ),
+        fault(
+            "length sensor frozen",
+            "the code of that moment",
+            |_, _, w| w.length = ChannelFault::Frozen,
+            LENGTH,
+            0.2,
+            Shown,
+        )
+        .seen(Counted::Moving, &Task::MOVING, 6.0),
         fault(
             "length sensor noisy",
             "5 % of the range",
@@ -307,165 +323,139 @@ pub fn all() -> Vec<Fault> {
             0.05,
             Shown,
         ),
-        at(
-            Counted::Always,
-            &Task::ALL,
-            22.0,
-            fault(
-                "length sensor drifting",
-                "2 to 10 % of the rest length per second, up or down",
-                |draw, s, w| {
-                    let rest_m = s.muscle.rest_length_m;
-                    let rate_per_s = draw.sign() * draw.factor([0.02, 0.1]) * rest_m;
-                    w.length = ChannelFault::Drifting { rate_per_s };
-                },
-                LENGTH.with(FORCE).with(FLOW),
-                20.0,
-                ShownOrVents,
-            ),
-        ),
-        at(
-            Counted::Above,
-            &[Task::Filling],
-            6.0,
-            fault(
-                "overpressure",
-                "inlet commanded open, supply of 7.5 to 10 bar",
-                |draw, _, w| w.supply_pressure_pa = Some(draw.between([7.5e5, 1.0e6])),
-                Faults::OVERPRESSURE,
-                0.015,
-                Vents,
-            ),
-        ),
-        at(
-            Counted::Always,
-            &Task::ALL,
-            3.0,
-            fault(
-                "inlet stuck open",
-                "its full conductance",
-                |_, _, w| w.inlet = ValveFault::Open,
-                FLOW.with(Faults::OVERPRESSURE),
-                1.0,
-                VentsInVain,
-            ),
-        ),
-        at(
-            Counted::Inlet,
-            moving,
-            8.0,
-            fault(
-                "inlet stuck shut",
-                "no flow",
-                |_, _, w| w.inlet = ValveFault::Shut,
-                Faults::NO_INFLOW,
-                2.0,
-                Vents,
-            ),
-        ),
-        at(
-            Counted::Always,
-            holding,
-            22.0,
-            fault(
-                "inlet leaking",
-                "5 to 20 % of its conductance",
-                |draw, _, w| {
-                    let share = draw.factor([0.05, 0.2]);
-                    w.inlet = ValveFault::Leaking { share };
-                },
-                FLOW.with(Faults::OVERPRESSURE),
-                20.0,
-                VentsInVain,
-            ),
-        ),
-        at(
-            Counted::Always,
-            &Task::ALL,
-            3.0,
-            fault(
-                "outlet stuck open",
-                "its full conductance",
-                |_, _, w| w.outlet = ValveFault::Open,
-                FLOW,
-                2.0,
-                Vents,
-            ),
-        ),
-        at(
-            Counted::Outlet,
-            moving,
-            8.0,
-            fault(
-                "outlet stuck shut",
-                "no flow",
-                |_, _, w| w.outlet = ValveFault::Shut,
-                Faults::NO_OUTFLOW,
-                2.0,
-                VentsInVain,
-            ),
-        ),
-        at(
-            Counted::Always,
-            holding,
-            32.0,
-            fault(
-                "outlet leaking",
-                "5 to 20 % of its conductance",
-                |draw, _, w| {
-                    let share = draw.factor([0.05, 0.2]);
-                    w.outlet = ValveFault::Leaking { share };
-                },
-                LOST,
-                30.0,
-                ShownOrVents,
-            ),
-        ),
-        at(
-            Counted::Always,
-            holding,
-            32.0,
-            fault(
-                "muscle leaks",
-                "a hole of 5 to 20 % of a valve",
-                |draw, s, w| {
-                    let share = draw.factor([0.05, 0.2]);
-                    w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
-                },
-                LOST,
-                30.0,
-                ShownOrVents,
-            ),
-        ),
-        at(
-            Counted::Always,
-            &Task::ALL,
-            3.0,
-            fault(
-                "muscle bursts",
-                "a hole of two to five valves",
-                |draw, s, w| {
-                    let share = draw.factor([2.0, 5.0]);
-                    w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
-                },
-                FLOW,
-                2.0,
-                Vents,
-            ),
-        ),
-        at(
-            Counted::Inlet,
-            moving,
-            8.0,
-            fault(
-                "supply lost",
-                "the ambient's pressure in its place",
-                |_, s, w| w.supply_pressure_pa = Some(s.ambient.pressure_pa),
-                Faults::NO_INFLOW.with(BURST),
-                1.0,
-                Vents,
-            ),
-        ),
+        fault(
+            "length sensor drifting",
+            "2 to 10 % of the rest length per second, up or down",
+            |draw, s, w| {
+                let rest_m = s.muscle.rest_length_m;
+                let rate_per_s = draw.sign() * draw.factor([0.02, 0.1]) * rest_m;
+                w.length = ChannelFault::Drifting { rate_per_s };
+            },
+            LENGTH.with(FORCE).with(FLOW),
+            20.0,
+            ShownOrVents,
+        )
+        .seen(Counted::Always, &Task::ALL, 22.0),
+    ]
+}
+
+/// Those of the valves, and of the pressure that they let in.
+fn of_the_valves() -> Vec<Fault> {
+    vec![
+        fault(
+            "overpressure",
+            "inlet commanded open, supply of 7.5 to 10 bar",
+            |draw, _, w| w.supply_pressure_pa = Some(draw.between([7.5e5, 1.0e6])),
+            Faults::OVERPRESSURE,
+            0.015,
+            Vents,
+        )
+        .seen(Counted::Above, &[Task::Filling], 6.0),
+        fault(
+            "inlet stuck open",
+            "its full conductance",
+            |_, _, w| w.inlet = ValveFault::Open,
+            FLOW.with(Faults::OVERPRESSURE),
+            1.0,
+            VentsInVain,
+        )
+        .seen(Counted::Always, &Task::ALL, 3.0),
+        fault(
+            "inlet stuck shut",
+            "no flow",
+            |_, _, w| w.inlet = ValveFault::Shut,
+            Faults::NO_INFLOW,
+            2.0,
+            Vents,
+        )
+        .seen(Counted::Inlet, &Task::MOVING, 8.0),
+        fault(
+            "inlet leaking",
+            "5 to 20 % of its conductance",
+            |draw, _, w| {
+                let share = draw.factor([0.05, 0.2]);
+                w.inlet = ValveFault::Leaking { share };
+            },
+            FLOW.with(Faults::OVERPRESSURE),
+            20.0,
+            VentsInVain,
+        )
+        .seen(Counted::Always, &Task::HOLDING, 22.0),
+        fault(
+            "outlet stuck open",
+            "its full conductance",
+            |_, _, w| w.outlet = ValveFault::Open,
+            FLOW,
+            2.0,
+            Vents,
+        )
+        .seen(Counted::Always, &Task::ALL, 3.0),
+        fault(
+            "outlet stuck shut",
+            "no flow",
+            |_, _, w| w.outlet = ValveFault::Shut,
+            Faults::NO_OUTFLOW,
+            2.0,
+            VentsInVain,
+        )
+        .seen(Counted::Outlet, &Task::MOVING, 8.0),
+        fault(
+            "outlet leaking",
+            "5 to 20 % of its conductance",
+            |draw, _, w| {
+                let share = draw.factor([0.05, 0.2]);
+                w.outlet = ValveFault::Leaking { share };
+            },
+            LOST,
+            30.0,
+            ShownOrVents,
+        )
+        .seen(Counted::Always, &Task::HOLDING, 32.0),
+    ]
+}
+
+/// Those of what the gas leaves by, or does not come from.
+fn of_the_gas() -> Vec<Fault> {
+    vec![
+        fault(
+            "muscle leaks",
+            "a hole of 5 to 20 % of a valve",
+            |draw, s, w| {
+                let share = draw.factor([0.05, 0.2]);
+                w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
+            },
+            LOST,
+            30.0,
+            ShownOrVents,
+        )
+        .seen(Counted::Always, &Task::HOLDING, 32.0),
+        fault(
+            "muscle bursts",
+            "a hole of two to five valves",
+            |draw, s, w| {
+                let share = draw.factor([2.0, 5.0]);
+                w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
+            },
+            FLOW,
+            2.0,
+            Vents,
+        )
+        .seen(Counted::Always, &Task::ALL, 3.0),
+        fault(
+            "supply lost",
+            "the ambient's pressure in its place",
+            |_, s, w| w.supply_pressure_pa = Some(s.ambient.pressure_pa),
+            Faults::NO_INFLOW.with(BURST),
+            1.0,
+            Vents,
+        )
+        .seen(Counted::Inlet, &Task::MOVING, 8.0),
+    ]
+}
+
+/// Those of the board, its button and its link.
+fn of_the_board() -> Vec<Fault> {
+    vec![
         fault(
             "emergency stop",
             "pressed for 1 to 100 ms",
