@@ -279,14 +279,14 @@ fn assert_worth(plant: Plant, most_k: f64, most_bare: f64, least_within: f64) {
 
 #[test]
 fn two_walls_where_one_is_told() {
-    assert_worth(TOLD, 0.8, 0.2, 0.6);
-    assert_worth(Plant { inner: 0.2, ..TOLD }, 1.7, 0.35, 0.35);
+    assert_worth(TOLD, 0.8, 0.2, 0.85);
+    assert_worth(Plant { inner: 0.2, ..TOLD }, 1.7, 0.35, 0.85);
 }
 
 #[test]
 fn heat_transfer_off_by_two() {
-    assert_worth(Plant { heat: 0.5, ..TOLD }, 2.8, 0.2, 0.4);
-    assert_worth(Plant { heat: 2.0, ..TOLD }, 5.0, 0.6, 0.1);
+    assert_worth(Plant { heat: 0.5, ..TOLD }, 2.8, 0.2, 0.85);
+    assert_worth(Plant { heat: 2.0, ..TOLD }, 5.0, 0.6, 0.85);
 }
 
 #[test]

@@ -62,7 +62,7 @@ impl Agreement {
         self.smoother_k * self.smoother_k
     }
 
-    /// Share of the covariance to be stated, from 0 (readings and model agree) to 1.
+    /// How far they disagree, from 0 (readings and model agree) to 1: that share of the deviation is to be stated.
     pub fn share(&self, lag_s: f32) -> f32 {
         limit((self.mean_square_k2 - FLOOR_K * FLOOR_K) / unknown_k2(lag_s), 0.0, 1.0)
     }

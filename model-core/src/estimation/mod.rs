@@ -95,27 +95,25 @@ const PORT_MIXING_S: f32 = 2.0;
 /// By how much the gas around the foil is warmer than the mean, for each kelvin by which that near the port is
 /// colder \[-\].
 const FOIL_WARMER: f32 = 0.08;
-/// Variance of the gas temperature for a scale or a lag that is not the configured one, in squares of
-/// its relative change and of the swing \[-\].
-const LEARNT: f32 = 0.63;
-/// Squares of relative changes that are learnt where all is told right \[-\].
-const LEARNT_FLOOR: f32 = 2.0e-5;
-/// Most that counts of them: of more, much has been learnt rightly \[-\].
-const LEARNT_MOST: f32 = 0.006;
-/// Beyond that all counts: so far off, nothing that is told can be relied on \[-\].
-const LEARNT_FAR: f32 = 0.17;
-/// The mean square of the swing counts by that much, beside the square of this instant \[-\].
-const LEARNT_LATER: f32 = 0.04;
-/// Over which that mean is taken \[s\].
+/// Variance of the gas temperature for a lag and a heat transfer that both are not the configured ones, in the
+/// product of the relative changes of their time constants and squares of the swing \[-\].
+const LEARNT: f32 = 1.3;
+/// Such a product that is learnt where all is told right \[-\].
+const LEARNT_FLOOR: f32 = 5.0e-6;
+/// Change of the lag that zones alone make, with all of their gas at the port \[-\].
+const ZONES_LAG: f32 = 0.025;
+/// Variance for readings that disagree as far as can be, in squares of the swing \[-\].
+const DISAGREED: f32 = 2.2e-3;
+/// Over which the mean square of the swing is taken \[s\].
 const SWING_S: f32 = 8.0;
 /// `place_error_k` of a foil in the middle, which what is stated was found with \[K\].
 const MIDDLE_PLACE_K: f32 = 0.87;
 /// Largest factor for a foil off it: nearly all of the covariance, however little of it the agreement leaves \[-\].
 const MOST_PLACE: f32 = 6.6;
-/// Variance that zones leave, with all of their gas at the port: in squares of the swing now, and in its mean
-/// squares \[-\].
-const ZONES_NOW: f32 = 6.0e-5;
-const ZONES_LATER: f32 = 3.5e-4;
+/// Variance that zones leave, with all of their gas at the port: in squares of the swing \[-\] ...
+const ZONES: f32 = 4.3e-4;
+/// ... and where nothing swings \[K2\].
+const ZONES_K2: f32 = 7.0e-3;
 /// Variance that a leak adds per second, in squares of its rate: told a tenth wrong, for five seconds \[s\].
 const LEAK_UNCERTAINTY_S: f32 = 0.1;
 /// What averaging does not take of the variance of one pressure: the lag of its sensor \[-\].
@@ -872,28 +870,27 @@ impl Estimator {
     /// What is stated: the covariance, as far as readings and model disagree, the noise of one pressure, and
     /// what cannot be seen.
     ///
-    /// A foil slower than a stroke sees the product of lag and scale, not each of them: what has been learnt of
-    /// one may belong to the other, and readings that agree prove nothing.
+    /// A foil slower than a stroke sees the product of lag and scale, not each of them. Where one alone was told
+    /// wrong, one alone is learnt; that both change says that neither is sure, and readings that agree prove nothing.
+    ///
+    /// The swing is the mean one and not that of this instant: errors return with the stroke, but not in its phase.
     fn update_deviation(&mut self) {
         let noise = self.pressure_sd_pa / self.pressure_pa;
         let left = self.energy.noise_left() + NOT_AVERAGED;
         let share = limit(self.place * self.agreement.share(self.lag_s), 0.0, 1.0);
         let swing_k = self.gas_k - self.wall_k;
-        let swing_k2 = swing_k * swing_k;
-        self.swing_k2 += self.swing_window * (swing_k2 - self.swing_k2);
-        let lag = limit(self.lag_s * self.per_lag_s - 1.0, -1.0, 1.0);
-        let scale = limit(self.scale - 1.0, -1.0, 1.0);
-        let changed = lag * lag + scale * scale;
-        let learnt = LEARNT
-            * (limit(changed - LEARNT_FLOOR, 0.0, LEARNT_MOST)
-                + limit(changed - LEARNT_FAR, 0.0, 1.0));
+        self.swing_k2 += self.swing_window * (swing_k * swing_k - self.swing_k2);
         let port = self.config.estimator.port_cooling;
-        let now = learnt + ZONES_NOW * port;
-        let later = LEARNT_LATER * learnt + ZONES_LATER * port;
-        let unseen_k2 = now * swing_k2 + later * self.swing_k2;
+        let lag = absolute(self.lag_s * self.per_lag_s - 1.0) - ZONES_LAG * port;
+        let wall = absolute(1.0 / self.scale - 1.0);
+        let both = limit(lag, 0.0, 1.0) * limit(wall, 0.0, 1.0);
+        let learnt = LEARNT * limit(both - LEARNT_FLOOR, 0.0, 1.0);
+        let swings = learnt + ZONES * port + DISAGREED * share;
+        let unseen_k2 = swings * self.swing_k2 + ZONES_K2 * port;
         let per_gas = 1.0 / self.gas_k;
-        let variance =
-            share * self.covariance.gas_gas + left * noise * noise + unseen_k2 * per_gas * per_gas;
+        let variance = share * share * self.covariance.gas_gas
+            + left * noise * noise
+            + unseen_k2 * per_gas * per_gas;
         self.gas_sd_k = self.gas_k * limit(sqrt(variance), 1.0e-6, 1.0);
     }
 }
