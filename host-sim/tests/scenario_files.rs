@@ -83,7 +83,8 @@ fn unknown_names_get_a_suggestion() {
         ),
         (
             "[tube]\ncolour = 1",
-            "scenario.toml:2: unknown key tube.colour; known here: volume_m3, conductance_m3_s_pa",
+            "scenario.toml:2: unknown key tube.colour; known here: volume_m3, conductance_m3_s_pa, length_m, \
+             diameter_m",
         ),
         (
             "[estimator]\nturns = 3",
@@ -288,6 +289,14 @@ fn keys_have_to_fit_each_other() {
         (
             "drive.kind = \"duty\"",
             "scenario.toml:1: drive.profile_csv is missing: drive.kind = \"duty\" needs it",
+        ),
+        (
+            "tube.length_m = 4.0",
+            "scenario.toml:1: tube.diameter_m is missing: tube.length_m needs it",
+        ),
+        (
+            "believed.tube.diameter_m = 0.004",
+            "scenario.toml:1: believed.tube.length_m is missing: tube.diameter_m needs it",
         ),
         (
             "drive.period_s = 0.001",
@@ -569,6 +578,10 @@ fn what_makes_no_sense_is_said() {
         (
             "[plant]\nmodel = \"lumped\"\n[tube]\nvolume_m3 = 1e-5\n",
             "scenario.toml:4: [tube] is not used: plant.model is not \"full\"",
+        ),
+        (
+            "[tube]\nlength_m = 0\ndiameter_m = 0.004",
+            "scenario.toml:3: tube.diameter_m = 0.004: not used: tube.length_m is 0",
         ),
         (
             "[drive]\npressure_pa = 4e5",

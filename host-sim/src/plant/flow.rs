@@ -2,6 +2,7 @@
 
 use super::gas::IdealGas;
 use crate::math;
+use crate::scenario::Tube;
 use std::f64::consts::PI;
 
 /// Standard reference atmosphere of ISO 8778 (ANR), pressure \[Pa\].
@@ -39,6 +40,17 @@ impl Iso6358 {
     /// A tube: linear up to a pressure drop of 2 %.
     pub fn tube(sonic_conductance: f64, critical_ratio: f64, gas: &IdealGas) -> Self {
         Self::new(sonic_conductance, critical_ratio, TUBE_LINEAR_RATIO, gas)
+    }
+
+    /// What connects tube and muscle. Behind a line it passes no more than a loss-free nozzle of the line's bore: there
+    /// the gas flows as fast as sound.
+    pub fn port(tube: &Tube, critical_ratio: f64, gas: &IdealGas) -> Self {
+        let bore = tube.line().map_or(f64::INFINITY, |[_, diameter_m]| {
+            0.25 * PI * diameter_m * diameter_m * choked_flow_function(gas.k) / gas.r.sqrt()
+        });
+        // In C, from the choked flow by p1/sqrt(T1).
+        let bore = bore * gas.r * ANR_TEMPERATURE_K.sqrt() / ANR_PRESSURE_PA;
+        Self::tube(tube.conductance_m3_s_pa.min(bore), critical_ratio, gas)
     }
 
     fn new(sonic_conductance: f64, critical_ratio: f64, linear_ratio: f64, gas: &IdealGas) -> Self {
@@ -220,6 +232,21 @@ mod tests {
         // m sqrt(T)/(A p) = 0.040418 s sqrt(K)/m for air (Anderson, Modern Compressible Flow).
         let flow = Nozzle::new((4.0 / PI).sqrt(), 1.0, &air()).mass_flow(1.0, 1.0, 0.1);
         assert!((flow - 0.040_415).abs() < 1e-5, "{flow}");
+    }
+
+    #[test]
+    fn a_line_passes_no_more_than_its_bore() {
+        let gas = air();
+        let tube = |conductance_m3_s_pa, length_m| {
+            let tube =
+                Tube { conductance_m3_s_pa, length_m, diameter_m: Some(0.004), ..Tube::default() };
+            Iso6358::port(&tube, 0.3, &gas)
+        };
+        let flow = |path: Iso6358| path.mass_flow(5e5, 300.0, 1e5);
+        let nozzle = Nozzle::new(0.004, 1.0, &gas).mass_flow(5e5, 300.0, 1e5);
+        assert!((flow(tube(1.0e-6, Some(4.0))) / nozzle - 1.0).abs() < 1e-12);
+        assert_eq!(tube(1.0e-9, Some(4.0)), Iso6358::tube(1.0e-9, 0.3, &gas));
+        assert_eq!(tube(1.0e-6, None), Iso6358::tube(1.0e-6, 0.3, &gas));
     }
 
     #[test]

@@ -10,6 +10,7 @@ use super::chamber::Chamber;
 use super::closure::Closure;
 use super::flow::{Iso6358, Streams};
 use super::heat::InnerHeat;
+use super::line::Line;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
 use super::piping::{Disturbance, Piping};
@@ -33,7 +34,7 @@ const OWN_MASS_KG: f64 = 0.05;
 /// Response of the pressure regulator to a change of flow \[s\].
 const REGULATOR_TIME_CONSTANT_S: f64 = 0.02;
 
-// Places in the state vector; masses, inner and outer wall temperatures of the zones follow.
+// Places in the state vector; masses, inner and outer wall temperatures of the zones follow, then a line.
 const W: usize = 0;
 const LENGTH: usize = 1;
 const SPEED: usize = 2;
@@ -67,6 +68,7 @@ struct Constants<C> {
     piping: Piping,
     tube: Iso6358,
     tube_m3: f64,
+    line: Option<Line>,
     droop_pa_s_kg: f64,
     heat: InnerHeat,
     stirring: Stirring,
@@ -103,7 +105,12 @@ impl<C: Chamber> Constants<C> {
     }
 
     fn outer<'a>(&self, y: &'a [f64]) -> &'a [f64] {
-        &y[ZONES + 2 * self.zones..]
+        &y[ZONES + 2 * self.zones..self.line_at()]
+    }
+
+    /// Place of a line's first state.
+    fn line_at(&self) -> usize {
+        ZONES + 3 * self.zones
     }
 
     /// Tube pressure \[Pa\] and temperature \[K\].
@@ -112,20 +119,20 @@ impl<C: Chamber> Constants<C> {
         ((gas.k - 1.0) * y[TUBE_ENERGY] / self.tube_m3, y[TUBE_ENERGY] / (gas.cv * y[TUBE_MASS]))
     }
 
-    /// Flow between tube and muscle, seen from the muscle.
-    fn port(&self, gas: (f64, f64), tube: (f64, f64)) -> Streams {
+    /// Flow between tube, or line, and muscle, seen from the muscle.
+    fn port(&self, y: &[f64], gas: (f64, f64), tube: (f64, f64)) -> Streams {
+        let outside = self.line.as_ref().map_or(tube, |line| line.end(&y[self.line_at()..]));
         let mut streams = Streams::default();
-        streams.add(gas, tube, |p, t, q| self.tube.mass_flow(p, t, q));
+        streams.add(gas, outside, |p, t, q| self.tube.mass_flow(p, t, q));
         streams
     }
 
-    /// Rates of tube and regulator.
+    /// Rates of tube and regulator; `leaving` the tube, a mass flow and its enthalpy over cp.
     fn tube_rates(
         &self,
         y: &[f64],
         tube: (f64, f64),
-        port: &Streams,
-        port_k: f64,
+        leaving: (f64, f64),
         drive: &Drive,
         rates: &mut [f64],
     ) {
@@ -134,10 +141,9 @@ impl<C: Chamber> Constants<C> {
         self.piping.add_inlet(&mut from_supply, tube, droop_pa, drive.inlet);
         let mut valves = from_supply;
         self.piping.add_outlet(&mut valves, tube, drive.outlet);
-        let into_muscle = port.inflow_temperature - port.outflow * port_k;
-        rates[TUBE_MASS] = valves.net() - port.net();
+        rates[TUBE_MASS] = valves.net() - leaving.0;
         rates[TUBE_ENERGY] =
-            self.closure.gas.cp * (valves.net_enthalpy_over_cp(tube.1) - into_muscle);
+            self.closure.gas.cp * (valves.net_enthalpy_over_cp(tube.1) - leaving.1);
         rates[REGULATOR] = (from_supply.inflow - y[REGULATOR]) / REGULATOR_TIME_CONSTANT_S;
     }
 
@@ -184,8 +190,14 @@ impl<C: Chamber> Constants<C> {
 
         let tube = self.tube_gas(y);
         let port_k = closure.temperature(pressure, zone_volume, masses[0]);
-        let port = self.port((pressure, port_k), tube);
-        self.tube_rates(y, tube, &port, port_k, drive, rates);
+        let port = self.port(y, (pressure, port_k), tube);
+        let into_muscle = (port.net(), port.net_enthalpy_over_cp(port_k));
+        let (rates, line_rates) = rates.split_at_mut(self.line_at());
+        let leaving = match &self.line {
+            Some(line) => line.rates(&y[self.line_at()..], tube, into_muscle, line_rates),
+            None => into_muscle,
+        };
+        self.tube_rates(y, tube, leaving, drive, rates);
         let mut streams = port;
         self.piping.add_leak(&mut streams, (pressure, port_k));
 
@@ -315,7 +327,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let gas = &closure.gas;
         let critical_ratio = scenario.valve.critical_ratio;
         let piping = Piping::new(scenario, gas);
-        let tube = Iso6358::tube(scenario.tube.conductance_m3_s_pa, critical_ratio, gas);
+        let line = Line::new(scenario, gas);
+        let tube = Iso6358::port(&scenario.tube, critical_ratio, gas);
         let mass_kg = scenario.load.mass_kg.max(OWN_MASS_KG);
         let bristle = Bristle::new(&scenario.friction, mass_kg);
         let softening = Softening::new(&scenario.friction);
@@ -333,15 +346,28 @@ impl<C: Chamber + Copy + Send> Full<C> {
         // muscle through its largest hole.
         let gas_k = scenario.plant.gas_k();
         let hottest = piping.supply().1.max(temperature).max(gas_k);
-        let steepest = 2.0 * piping.steepest(hottest) + tube.steepest(hottest);
-        let tube_rate = gas.k * gas.r * hottest * steepest / scenario.tube.volume_m3;
+        let valves = 2.0 * piping.steepest(hottest);
+        let tube_m3 = scenario.tube.volume_m3 + line.as_ref().map_or(0.0, Line::half_cell_m3);
+        let (steepest, line_rate) = match &line {
+            None => (valves + tube.steepest(hottest), 0.0),
+            Some(line) => {
+                let least_pa = piping.ambient().0.min(pressure).min(piping.supply().0);
+                (valves, line.fastest_rate(tube.steepest(hottest), least_pa, hottest))
+            }
+        };
+        let tube_rate = gas.k * gas.r * hottest * steepest / tube_m3;
         let bristle_rate = bristle.fastest_rate(mass_kg);
         let smallest = chamber.volume(rest_length).min(volume);
         let step = scenario.run.step_s;
         let substeps = Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
             let leak_rate = leak * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
-            let (fastest, because) = if leak_rate > tube_rate.max(bristle_rate) {
+            let (fastest, because) = if leak_rate > tube_rate.max(bristle_rate).max(line_rate) {
                 (leak_rate, leak_too_large)
+            } else if line_rate > tube_rate.max(bristle_rate) {
+                (
+                    line_rate,
+                    "tube.length_m is too short, or tube.diameter_m too small, for a line in cells",
+                )
             } else if tube_rate > bristle_rate {
                 (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube")
             } else {
@@ -369,7 +395,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
             friction_to_wall: scenario.friction.heat_fraction,
             piping,
             tube,
-            tube_m3: scenario.tube.volume_m3,
+            tube_m3,
+            line,
             droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
             heat: InnerHeat::of(scenario, diameter),
             stirring: Stirring::new(zones, chamber.gas_length(rest_length), diameter),
@@ -384,7 +411,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
         };
         let exponent = closure.exponent();
         let mass = pressure * volume / (gas.r * gas_k);
-        let mut state = vec![temperature; ZONES + 3 * zones];
+        let line_states = constants.line.as_ref().map_or(0, Line::states);
+        let mut state = vec![temperature; constants.line_at() + line_states];
         state[..ZONES].fill(0.0);
         state[W] = pressure * math::pow(volume, exponent);
         state[LENGTH] = length;
@@ -400,6 +428,9 @@ impl<C: Chamber + Copy + Send> Full<C> {
         state[TUBE_MASS] = pressure * constants.tube_m3 / (gas.r * gas_k);
         state[TUBE_ENERGY] = pressure * constants.tube_m3 / (gas.k - 1.0);
         state[ZONES..ZONES + zones].fill(mass / zones as f64);
+        if let Some(line) = &constants.line {
+            line.fill(pressure, gas_k, &mut state[constants.line_at()..]);
+        }
         let start =
             Exposure { gas_k, wall_k: temperature, pressure_pa: pressure, length_m: length };
         let initial = Ledger {
@@ -478,7 +509,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let mass: f64 = constants.masses(state).iter().sum();
         let port_volume = volume / constants.zones as f64;
         let port_k = closure.temperature(pressure, port_volume, constants.masses(state)[0]);
-        let mut streams = constants.port((pressure, port_k), constants.tube_gas(state));
+        let tube = constants.tube_gas(state);
+        let mut streams = constants.port(state, (pressure, port_k), tube);
         constants.piping.add_leak(&mut streams, (pressure, port_k));
         let wall_k = constants.wall_k(state);
         let softening = constants.softening.factor(wall_k);

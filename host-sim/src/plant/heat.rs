@@ -66,7 +66,7 @@ impl InnerHeat {
                 return Self::new(&scenario.heat, &gas, diameter_m, orifice_m);
             }
             (kind, PlantModel::Full, _) if kind != PlantKind::Vessel => {
-                Iso6358::tube(scenario.tube.conductance_m3_s_pa, ratio, &gas)
+                Iso6358::port(&scenario.tube, ratio, &gas)
             }
             _ => Iso6358::valve(scenario.valve.conductance_m3_s_pa, ratio, &gas),
         };

@@ -13,6 +13,7 @@ mod full;
 pub mod gas;
 pub mod heat;
 mod lag;
+mod line;
 mod local_power;
 mod lumped;
 mod ode;

@@ -1,8 +1,10 @@
 //! The core's configuration: a scenario (with `[believed]` applied) in the core's own terms.
 
 use crate::plant::chamber;
+use crate::plant::gas::IdealGas;
 use crate::plant::heat::InnerHeat;
 use crate::plant::load_n;
+use crate::scenario::schema::limits;
 use crate::scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 use model_core::config::{Config, EstimatorConfig, Load};
 use model_core::physics::chamber::{ChamberConfig, Vessel};
@@ -32,7 +34,8 @@ const WORKING_FLOW_KG_S: f64 = 3.6e-4;
 /// What the plant `full` is to a model of one zone; nothing changes for the others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OneZone {
-    /// Volume of the tube, which is filled and emptied along \[m3\].
+    /// Volume of the tube, which is filled and emptied along \[m3\]. That of a line is not: its gas keeps the temperature
+    /// of its wall. Counted too, 4 m of 4 mm make the nominal cycle's estimate wrong by 0.33 K instead of 0.22 K.
     pub tube_m3: f64,
     /// Share of the jet's stirring that counts for the mean of the gas: the jet stirs the zones near
     /// the port, which hold the fresh gas. Identified on `full`.
@@ -135,7 +138,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
         valve: if s.moves_in_full() {
-            s.valve.core()
+            Valve { dead_time_s: dead_time_s(s) as f32, ..s.valve.core() }
         } else {
             // Every other plant has ideal valves.
             Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() }
@@ -191,6 +194,18 @@ fn inner_heat(s: &Scenario) -> (f64, f64) {
     }
 }
 
+/// Dead time of a valve at the muscle's end of a line \[s\]: sound takes its time. The core makes up for one that ends within a
+/// period.
+fn dead_time_s(s: &Scenario) -> f64 {
+    let valve = &s.valve;
+    let Some([length_m, _]) = s.tube.line() else { return valve.dead_time_s };
+    let gas = IdealGas::new(&s.gas);
+    let sound_m_s = (gas.k * gas.r * s.ambient.temperature_k).sqrt();
+    let period_s = f64::from(pwm_period_steps(s)) * s.run.step_s;
+    let longest_s = (period_s - valve.switch_time_s).min(limits("valve.dead_time_s").max);
+    (valve.dead_time_s + length_m / sound_m_s).min(longest_s.max(valve.dead_time_s))
+}
+
 /// The PWM's period, in steps of the core.
 pub fn pwm_period_steps(s: &Scenario) -> u16 {
     (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16
@@ -206,6 +221,23 @@ pub fn pressure_limit_pa(s: &Scenario) -> f64 {
 mod tests {
     use super::*;
     use crate::scenario;
+
+    #[test]
+    fn a_line_is_dead_time_within_a_period() {
+        let dead_time_s = |tube: &str| {
+            let text = format!("[tube]\nvolume_m3 = 1e-6\n{tube}");
+            let config = core_config(&scenario::parse(&text, "test".as_ref()).unwrap().believed);
+            let ChamberConfig::Muscle(muscle) = config.chamber else { panic!("it is a muscle") };
+            assert!((muscle.dead_volume_m3 - 6.0e-6).abs() < 1e-9, "a line's gas is not counted");
+            config.valve.dead_time_s
+        };
+        assert_eq!(dead_time_s(""), 0.001);
+        let line =
+            |length_m: f64| dead_time_s(&format!("length_m = {length_m:?}\ndiameter_m = 0.004\n"));
+        // 346 m/s at 298 K; 10 ms less 2 ms of closing.
+        assert!((line(1.0) - 0.001 - 1.0 / 346.1).abs() < 1e-6, "{}", line(1.0));
+        assert_eq!(line(8.0), 0.008);
+    }
 
     /// Scenario and core state the same nominal muscle, each in its own words.
     #[test]

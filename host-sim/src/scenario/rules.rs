@@ -3,7 +3,7 @@
 use super::fault_rules;
 use super::number::number;
 use super::schema::{Limits, fittable, fittable_paths, limits};
-use super::tables::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario};
+use super::tables::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Tube};
 use super::violation::{Violation, within};
 use crate::files::input::nearest;
 use crate::plant::chamber;
@@ -76,6 +76,7 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
         let why = "at most a period of valve.pwm_hz, or both valves would be open together";
         within("valve.switch_time_s", scenario.valve.switch_time_s, (0.0, slowest), why)?;
     }
+    check_line(&scenario.tube)?;
     let heat = &scenario.heat;
     let largest = limits("heat.scale")
         .max
@@ -118,6 +119,17 @@ pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
             within("load.force_n", scenario.load.force_n, (least, most), why)
         }
         LoadKind::Mass => Ok(()),
+    }
+}
+
+fn check_line(tube: &Tube) -> Result<(), Violation> {
+    let [length, bore] = ["tube.length_m", "tube.diameter_m"];
+    match (tube.length_m, tube.diameter_m) {
+        (None, Some(_)) => Err(Violation::missing(length, bore, "tube.diameter_m needs it")),
+        (Some(length_m), None) if length_m > 0.0 => {
+            Err(Violation::missing(bore, length, "tube.length_m needs it"))
+        }
+        _ => Ok(()),
     }
 }
 

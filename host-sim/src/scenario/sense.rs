@@ -91,6 +91,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
             (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
         }
         "heat.scale" if none => Some("heat.model says it"),
+        "tube.diameter_m" if scenario.tube.line().is_none() => Some("tube.length_m is 0"),
         path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
             Some("plant.model is not \"full\", or it is a vessel")
         }

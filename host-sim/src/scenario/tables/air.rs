@@ -50,8 +50,17 @@ table! {
 table! {
     "tube", "the tube between valves and muscle (full)", believed, physical;
     Tube {
-        volume_m3: real 6.0e-6, "m3", 1.0e-9 to 0.05, "volume";
-        conductance_m3_s_pa: real 3.0e-8, "m3/(s Pa)", 1.0e-13 to 1.0e-3, "sonic conductance of tube and port";
+        volume_m3: real 6.0e-6, "m3", 1.0e-9 to 0.05, "volume, at the valves where there is a line";
+        conductance_m3_s_pa: real 3.0e-8, "m3/(s Pa)", 1.0e-13 to 1.0e-3, "sonic conductance of tube and port, of the port where there is a line";
+        length_m: optional "m", 0.0 to 10.0, "length of a line between that volume and the port, with diameter_m: sound and friction along it";
+        diameter_m: optional "m", 5.0e-4 to 0.02, "bore of that line";
+    }
+}
+
+impl Tube {
+    /// Length and bore of the line \[m\], if there is one.
+    pub fn line(&self) -> Option<[f64; 2]> {
+        Some([self.length_m.filter(|length_m| *length_m > 0.0)?, self.diameter_m?])
     }
 }
 
