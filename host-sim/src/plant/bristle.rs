@@ -51,7 +51,8 @@ impl Bristle {
     /// Friction at a speed \[m/s\] and deflection \[m\], all its parts scaled by `softening`.
     pub fn drag(&self, speed: f64, deflection: f64, softening: f64) -> Drag {
         let ratio = speed / self.stribeck_m_s;
-        let still = math::exp(-ratio * ratio);
+        // Beyond 6 Stribeck speeds nothing that it is added to would notice.
+        let still = if ratio.abs() > 6.5 { 0.0 } else { math::exp(-ratio * ratio) };
         let sliding = softening * (self.coulomb_n + self.stribeck_n * still);
         let spring = self.stiffness_n_m * deflection;
         // No friction at all: the bristles follow without force.

@@ -21,6 +21,8 @@ pub struct Iso6358 {
     /// C rho0 sqrt(T0): choked mass flow is this times p1/sqrt(T1).
     choked: f64,
     critical_ratio: f64,
+    /// 1 over what is left of the ratio above the critical one.
+    per_subsonic: f64,
     linear_ratio: f64,
     /// phi at `linear_ratio` over `1 - linear_ratio`.
     linear_slope: f64,
@@ -55,11 +57,13 @@ impl Iso6358 {
 
     fn new(sonic_conductance: f64, critical_ratio: f64, linear_ratio: f64, gas: &IdealGas) -> Self {
         let linear_ratio = linear_ratio.max(0.5 * (1.0 + critical_ratio));
-        let position = (linear_ratio - critical_ratio) / (1.0 - critical_ratio);
+        let per_subsonic = 1.0 / (1.0 - critical_ratio);
+        let position = (linear_ratio - critical_ratio) * per_subsonic;
         Self {
             choked: sonic_conductance * ANR_PRESSURE_PA / (gas.r * ANR_TEMPERATURE_K)
                 * ANR_TEMPERATURE_K.sqrt(),
             critical_ratio,
+            per_subsonic,
             linear_ratio,
             linear_slope: (1.0 - position * position).sqrt() / (1.0 - linear_ratio),
         }
@@ -73,7 +77,7 @@ impl Iso6358 {
         if ratio <= self.critical_ratio {
             choked
         } else if ratio < self.linear_ratio {
-            let position = (ratio - self.critical_ratio) / (1.0 - self.critical_ratio);
+            let position = (ratio - self.critical_ratio) * self.per_subsonic;
             choked * (1.0 - position * position).sqrt()
         } else {
             choked * self.linear_slope * (1.0 - ratio)

@@ -61,7 +61,7 @@ struct Constants<C> {
     closure: Closure,
     pull: Pull<C>,
     isometric: bool,
-    mass_kg: f64,
+    per_mass_kg: f64,
     bristle: Bristle,
     softening: Softening,
     friction_to_wall: f64,
@@ -69,14 +69,20 @@ struct Constants<C> {
     tube: Iso6358,
     tube_m3: f64,
     line: Option<Line>,
+    /// Pressure per energy of the tube's gas \[Pa/J\].
+    tube_pa_j: f64,
     droop_pa_s_kg: f64,
     heat: InnerHeat,
     stirring: Stirring,
     outer_w_m2_k: f64,
     outer_per_speed: f64,
-    /// Heat capacity of one zone's inner and outer layer \[J/K\].
+    /// 1 over the number of zones.
+    share: f64,
+    /// Heat capacity of one zone's inner and outer layer \[J/K\], and 1 over it.
     inner_j_k: f64,
     outer_j_k: f64,
+    inner_k_j: f64,
+    outer_k_j: f64,
     /// Conductance between the layers of one zone \[W/K\].
     layers_w_k: f64,
     initial_k: f64,
@@ -116,7 +122,7 @@ impl<C: Chamber> Constants<C> {
     /// Tube pressure \[Pa\] and temperature \[K\].
     fn tube_gas(&self, y: &[f64]) -> (f64, f64) {
         let gas = &self.closure.gas;
-        ((gas.k - 1.0) * y[TUBE_ENERGY] / self.tube_m3, y[TUBE_ENERGY] / (gas.cv * y[TUBE_MASS]))
+        (self.tube_pa_j * y[TUBE_ENERGY], y[TUBE_ENERGY] / (gas.cv * y[TUBE_MASS]))
     }
 
     /// Flow between tube, or line, and muscle, seen from the muscle.
@@ -144,11 +150,12 @@ impl<C: Chamber> Constants<C> {
         rates[TUBE_MASS] = valves.net() - leaving.0;
         rates[TUBE_ENERGY] =
             self.closure.gas.cp * (valves.net_enthalpy_over_cp(tube.1) - leaving.1);
-        rates[REGULATOR] = (from_supply.inflow - y[REGULATOR]) / REGULATOR_TIME_CONSTANT_S;
+        rates[REGULATOR] = (from_supply.inflow - y[REGULATOR]) * (1.0 / REGULATOR_TIME_CONSTANT_S);
     }
 
     /// Friction, and the rates of length, speed and bristles.
     fn mechanics(&self, y: &[f64], pressure: f64, softening: f64, rates: &mut [f64]) -> Drag {
+        rates[LENGTH..=BRISTLE].fill(0.0);
         if self.isometric {
             return Drag::default();
         }
@@ -161,7 +168,7 @@ impl<C: Chamber> Constants<C> {
         let inside = y[LENGTH] <= shortest && speed >= 0.0 && net >= 0.0;
         if !(outside || inside) {
             rates[LENGTH] = -speed;
-            rates[SPEED] = net / self.mass_kg;
+            rates[SPEED] = net * self.per_mass_kg;
             rates[BRISTLE] = drag.deflection_rate;
         }
         drag
@@ -175,11 +182,9 @@ impl<C: Chamber> Constants<C> {
         drive: &Drive,
         rates: &mut [f64],
     ) -> (f64, f64) {
-        rates.fill(0.0);
         let closure = &self.closure;
         let gas = &closure.gas;
-        let zones = self.zones;
-        let share = 1.0 / zones as f64;
+        let Self { zones, share, .. } = *self;
         let length = y[LENGTH];
         let volume = self.pull.chamber.volume(length);
         let inverse_power = power.at(volume);
@@ -225,22 +230,25 @@ impl<C: Chamber> Constants<C> {
         let gain = share * (gas.cp * streams.net_enthalpy_over_cp(port_k) - convective);
         let volume_inflow = streams.inflow_temperature * gas.r / pressure;
         let background = self.stirring.background(volume, gas_length);
-        let mut enthalpy = 0.0;
+        // One over cp T is the mass times this; eq. (1).
+        let per_enthalpy = gas.r / (gas.cp * pressure * zone_volume);
+        let per_zone_m3 = 1.0 / zone_volume;
+        let (mut enthalpy, mut beyond) = (0.0, 0.0);
         for i in (1..zones).rev() {
             enthalpy += gain + inner_rates[i];
-            let upwind = zones_k[if enthalpy > 0.0 { i - 1 } else { i }];
-            let exchange = self.stirring.exchange(i - 1, volume_inflow, background);
-            let mixing = exchange * (masses[i - 1] - masses[i]) / zone_volume;
             let flow = if closure.is_isothermal() {
                 // Equal temperatures: equal masses, so that each zone takes its share.
                 share * (zones - i) as f64 * streams.net()
             } else {
-                enthalpy / (gas.cp * upwind) + mixing
+                let upwind = masses[if enthalpy > 0.0 { i - 1 } else { i }];
+                let exchange = self.stirring.exchange(i - 1, volume_inflow, background);
+                let mixing = exchange * (masses[i - 1] - masses[i]) * per_zone_m3;
+                enthalpy * upwind * per_enthalpy + mixing
             };
-            zone_rates[i] += flow;
-            zone_rates[i - 1] -= flow;
+            zone_rates[i] = flow - beyond;
+            beyond = flow;
         }
-        zone_rates[0] += streams.net();
+        zone_rates[0] = streams.net() - beyond;
 
         // Walls: friction heats the braid, the outer layer.
         let speed = if self.isometric { 0.0 } else { y[SPEED].abs() };
@@ -252,8 +260,8 @@ impl<C: Chamber> Constants<C> {
             let through = self.layers_w_k * (inner_k - outer_k);
             let lost = outer_coefficient * surface * (outer_k - self.piping.ambient().1);
             to_ambient += lost;
-            *inner_rate = (*inner_rate + implied - through) / self.inner_j_k;
-            *outer_rate = (through + share * friction_to_wall - lost) / self.outer_j_k;
+            *inner_rate = (*inner_rate + implied - through) * self.inner_k_j;
+            *outer_rate = (through + share * friction_to_wall - lost) * self.outer_k_j;
         }
         rates[W] = closure.rate(1.0 / (inverse_power * volume), &streams, port_k, convective);
         rates[MASS_IN] = streams.inflow;
@@ -379,7 +387,9 @@ impl<C: Chamber + Copy + Send> Full<C> {
         })?;
 
         let wall = &scenario.wall;
-        let per_zone = wall.heat_capacity_j_k / zones as f64;
+        let share = 1.0 / zones as f64;
+        let inner_j_k = share * wall.heat_capacity_j_k * (1.0 - wall.outer_fraction);
+        let outer_j_k = share * wall.heat_capacity_j_k * wall.outer_fraction;
         let diameter = chamber.diameter(rest_length);
         let sensor = &scenario.sensor;
         let constants = Constants {
@@ -389,22 +399,26 @@ impl<C: Chamber + Copy + Send> Full<C> {
             closure,
             pull,
             isometric,
-            mass_kg,
+            per_mass_kg: 1.0 / mass_kg,
             bristle,
             softening,
             friction_to_wall: scenario.friction.heat_fraction,
             piping,
             tube,
             tube_m3,
+            tube_pa_j: (gas.k - 1.0) / tube_m3,
             line,
             droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
             heat: InnerHeat::of(scenario, diameter),
             stirring: Stirring::new(zones, chamber.gas_length(rest_length), diameter),
             outer_w_m2_k: scenario.heat.outer_w_m2_k,
             outer_per_speed: scenario.heat.outer_per_speed,
-            inner_j_k: per_zone * (1.0 - wall.outer_fraction),
-            outer_j_k: per_zone * wall.outer_fraction,
-            layers_w_k: wall.conductance_w_k / zones as f64,
+            share,
+            inner_j_k,
+            outer_j_k,
+            inner_k_j: 1.0 / inner_j_k,
+            outer_k_j: 1.0 / outer_j_k,
+            layers_w_k: share * wall.conductance_w_k,
             initial_k: temperature,
             foil: foil_weights(zones, sensor.gas.position, sensor.gas.span),
             wall_sensor_position: sensor.wall.position,

@@ -20,8 +20,7 @@ pub fn rk4<const N: usize>(
 /// The classical fourth-order step for a system whose size is known at run time only.
 #[derive(Debug, Clone)]
 pub struct Rk4 {
-    rates: Vec<f64>,
-    sum: Vec<f64>,
+    rates: [Vec<f64>; 4],
     trial: Vec<f64>,
 }
 
@@ -29,7 +28,7 @@ impl Rk4 {
     /// For that many states.
     pub fn new(states: usize) -> Self {
         let zeros = vec![0.0; states];
-        Self { rates: zeros.clone(), sum: zeros.clone(), trial: zeros }
+        Self { rates: from_fn(|_| zeros.clone()), trial: zeros }
     }
 
     /// One step of an autonomous system; `rates` writes the derivatives into its second argument.
@@ -39,22 +38,26 @@ impl Rk4 {
         step: f64,
         mut rates: impl FnMut(&[f64], &mut [f64]),
     ) {
-        let Self { rates: k, sum, trial } = self;
-        trial.copy_from_slice(state);
-        sum.fill(0.0);
-        // Weight of the stage in the sum, and where the next stage is evaluated.
-        for (weight, next) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
-            rates(trial, k);
-            for (((sum, trial), k), y) in
-                sum.iter_mut().zip(trial.iter_mut()).zip(k.iter()).zip(state.iter())
-            {
-                *sum += weight * k;
-                *trial = y + next * step * k;
-            }
+        let Self { rates: [k1, k2, k3, k4], trial } = self;
+        rates(state, k1);
+        ahead(trial, state, 0.5 * step, k1);
+        rates(trial, k2);
+        ahead(trial, state, 0.5 * step, k2);
+        rates(trial, k3);
+        ahead(trial, state, step, k3);
+        rates(trial, k4);
+        let sixth = step / 6.0;
+        let stages = k1.iter().zip(k2.iter()).zip(k3.iter()).zip(k4.iter());
+        for (y, (((k1, k2), k3), k4)) in state.iter_mut().zip(stages) {
+            *y += sixth * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
         }
-        for (y, sum) in state.iter_mut().zip(sum.iter()) {
-            *y += step / 6.0 * sum;
-        }
+    }
+}
+
+/// Where those rates lead from `state` in that time.
+fn ahead(trial: &mut [f64], state: &[f64], step: f64, rates: &[f64]) {
+    for ((trial, y), rate) in trial.iter_mut().zip(state).zip(rates) {
+        *trial = y + step * rate;
     }
 }
 

@@ -53,6 +53,8 @@ pub struct Piping {
     supply: (f64, f64),
     ambient: (f64, f64),
     broken: Disturbance,
+    /// The hole's conductance, in valves.
+    hole: f64,
 }
 
 impl Piping {
@@ -66,12 +68,14 @@ impl Piping {
             supply: (scenario.supply.pressure_pa, scenario.supply.temperature_k),
             ambient: (scenario.ambient.pressure_pa, scenario.ambient.temperature_k),
             broken: Disturbance::default(),
+            hole: 0.0,
         }
     }
 
     /// What is broken from now on.
     pub fn disturb(&mut self, disturbance: Disturbance) {
         self.broken = disturbance;
+        self.hole = self.in_valves(disturbance.leak_m3_s_pa);
     }
 
     /// Pressure \[Pa\] and temperature \[K\] of the supply at no flow.
@@ -122,7 +126,7 @@ impl Piping {
         if let Some(leak) = &self.leak {
             streams.add(gas, self.ambient, |p, t, q| leak.mass_flow(p, t, q));
         }
-        self.add(streams, gas, self.ambient, self.in_valves(self.broken.leak_m3_s_pa));
+        self.add(streams, gas, self.ambient, self.hole);
     }
 
     fn add(&self, streams: &mut Streams, gas: (f64, f64), reservoir: (f64, f64), valves: f64) {

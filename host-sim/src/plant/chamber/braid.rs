@@ -133,13 +133,20 @@ impl Chamber for Muscle {
 
     /// A spring, and a rubber that gives way: the slope of its force falls with the force that is there already, dF/dx = (K1 - F)/filling.
     fn elastic(&self, length: f64) -> f64 {
+        let spring = self.bladder_n_m * (length - self.slack_m - self.rest_length_m);
+        // No rubber, no exponential: most muscles have none.
+        if self.saturation_n == 0.0 {
+            return spring;
+        }
         let filled = self.filled(length);
         let saturating = if filled > 0.0 { -math::expm1(-filled) } else { filled };
-        self.bladder_n_m * (length - self.slack_m - self.rest_length_m)
-            - self.saturation_n * saturating
+        spring - self.saturation_n * saturating
     }
 
     fn elastic_slope(&self, length: f64) -> f64 {
+        if self.saturation_n == 0.0 {
+            return self.bladder_n_m;
+        }
         let left = math::exp(-self.filled(length).max(0.0));
         self.bladder_n_m + self.saturation_n / self.filling_m * left
     }
