@@ -1,6 +1,6 @@
 //! Simulated time per wall-clock time, with the core in the loop at 1 kHz and the trace written.
 //!
-//! `item/s` is the factor: simulated seconds per second, on one core. Targets: lumped 1000, full 50.
+//! `item/s` is the factor: simulated seconds per second, on one core. Targets: lumped 2000, full 300.
 
 use divan::Bencher;
 use divan::counter::ItemsCount;

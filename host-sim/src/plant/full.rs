@@ -1,8 +1,8 @@
 //! What moves, in full: axial zones, two wall layers, moving mass and bristle friction, switching valves,
 //! tube, regulator, sensor housing.
 //!
-//! Integration is of fourth order while the valves stand still. While they move, their opening is
-//! its exact mean over each substep of at most 0.1 ms, so that no part of a pulse is lost.
+//! Integration is of fourth order. It stops at every kink of the valves' openings, so that each of its steps sees
+//! them move straight. While both are shut its steps are longer: the tube is slower, and no flow law's kink matters.
 //! Books are kept at the chamber's port: the tube is outside. A hole in it is beside the port.
 
 use super::bristle::{Bristle, Drag};
@@ -20,13 +20,13 @@ use super::sensors::{Exposure, Sensors};
 use super::zones::Stirring;
 use super::{
     Actuation, BuildError, Diverged, Ledger, Plant, Substeps, Truth, check_gas, check_length,
-    work_through,
 };
 use crate::math;
 use crate::scenario::{LoadKind, Scenario};
 
-/// Longest integration step \[s\].
-const LONGEST_STEP_S: f64 = 1.0e-4;
+/// Longest integration step while a valve is open, and while both are shut \[s\].
+const LONGEST_OPEN_S: f64 = 1.0e-4;
+const LONGEST_SHUT_S: f64 = 2.5e-4;
 /// Integration step times the fastest rate, at most; RK4 is stable to 2.8.
 const STEP_TIMES_RATE: f64 = 2.0;
 /// What moves with the muscle's end when no load does: fitting and half of the muscle \[kg\].
@@ -50,13 +50,16 @@ const HEAT: usize = 11;
 const TO_AMBIENT: usize = 12;
 const FRICTION: usize = 13;
 const FRICTION_TO_WALL: usize = 14;
-const ZONES: usize = 15;
+const WORK: usize = 15;
+const ZONES: usize = 16;
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
 struct Constants<C> {
     step_s: f64,
-    substeps: Substeps,
+    /// While a valve is open, and while both are shut.
+    open: Substeps,
+    shut: Substeps,
     zones: usize,
     closure: Closure,
     pull: Pull<C>,
@@ -91,7 +94,7 @@ struct Constants<C> {
     wall_sensor_position: f64,
 }
 
-/// What acts during one integration step.
+/// What acts at one instant.
 #[derive(Debug, Clone, Copy)]
 struct Drive {
     /// Opening of the valves \[-\].
@@ -99,6 +102,18 @@ struct Drive {
     outlet: f64,
     /// Factor on friction \[-\].
     softening: f64,
+}
+
+impl Drive {
+    /// That share of the way to another one.
+    fn towards(&self, end: &Self, share: f64) -> Self {
+        let between = |from: f64, to: f64| from + share * (to - from);
+        Self {
+            inlet: between(self.inlet, end.inlet),
+            outlet: between(self.outlet, end.outlet),
+            softening: self.softening,
+        }
+    }
 }
 
 impl<C: Chamber> Constants<C> {
@@ -174,14 +189,40 @@ impl<C: Chamber> Constants<C> {
         drag
     }
 
-    /// All rates, and the pressure and volume of this instant.
-    fn rates(
-        &self,
-        y: &[f64],
-        power: &mut LocalPower,
-        drive: &Drive,
-        rates: &mut [f64],
-    ) -> (f64, f64) {
+    /// Pressure \[Pa\] and volume \[m3\].
+    fn place(&self, y: &[f64], power: &mut LocalPower) -> (f64, f64) {
+        let volume = self.pull.chamber.volume(y[LENGTH]);
+        (y[W] * power.at(volume), volume)
+    }
+
+    /// Sets what has gone beyond a stop back onto it.
+    fn stop(&self, y: &mut [f64], power: &mut LocalPower) {
+        let [shortest, longest] = self.pull.stops;
+        let beyond = y[LENGTH] > longest || y[LENGTH] < shortest;
+        if !beyond || self.isometric {
+            return;
+        }
+        let (before_pa, before_m3) = self.place(y, power);
+        if y[LENGTH] > longest {
+            y[LENGTH] = longest;
+            y[SPEED] = y[SPEED].max(0.0);
+        } else {
+            y[LENGTH] = shortest;
+            y[SPEED] = y[SPEED].min(0.0);
+        }
+        let (pressure, volume) = self.place(y, power);
+        // The way is 0.1 % of the length at most: the trapezium's error is below rounding of the books.
+        let work = 0.5 * (before_pa + pressure) * (volume - before_m3);
+        let heat = self.closure.heat_per_work() * work;
+        y[WORK] += work;
+        y[HEAT] += heat;
+        for inner in &mut y[ZONES + self.zones..ZONES + 2 * self.zones] {
+            *inner += self.share * heat * self.inner_k_j;
+        }
+    }
+
+    /// All rates.
+    fn rates(&self, y: &[f64], power: &mut LocalPower, drive: &Drive, rates: &mut [f64]) {
         let closure = &self.closure;
         let gas = &closure.gas;
         let Self { zones, share, .. } = *self;
@@ -206,6 +247,7 @@ impl<C: Chamber> Constants<C> {
         let mut streams = port;
         self.piping.add_leak(&mut streams, (pressure, port_k));
 
+        let length_rate = rates[LENGTH];
         let (zone_rates, wall_rates) = rates[ZONES..].split_at_mut(zones);
         let (inner_rates, outer_rates) = wall_rates.split_at_mut(zones);
         let gas_length = self.pull.chamber.gas_length(length);
@@ -222,7 +264,10 @@ impl<C: Chamber> Constants<C> {
             *rate = coefficient * surface * (zone_k - inner_k);
         }
         let convective = inner_rates.iter().fold(0.0, |sum, heat| sum + heat);
-        let heat = closure.heat_of_streams(&streams, port_k, convective);
+        // dV/dL is -force_area.
+        let work = -pressure * self.pull.chamber.force_area(length) * length_rate;
+        let heat =
+            closure.heat_of_streams(&streams, port_k, convective) + closure.heat_per_work() * work;
         // What a closure adds to convection spreads evenly.
         let implied = share * (heat - convective);
 
@@ -272,7 +317,7 @@ impl<C: Chamber> Constants<C> {
         rates[TO_AMBIENT] = to_ambient;
         rates[FRICTION] = drag.heat;
         rates[FRICTION_TO_WALL] = friction_to_wall;
-        (pressure, volume)
+        rates[WORK] = work;
     }
 
     /// Mean wall temperature \[K\], weighted by heat capacity.
@@ -314,8 +359,7 @@ pub struct Full<C> {
     power: LocalPower,
     inlet: PwmValve,
     outlet: PwmValve,
-    work_j: f64,
-    /// Pressure \[Pa\] and volume \[m3\] at the end of the last integration step.
+    /// Pressure \[Pa\] and volume \[m3\] now.
     place: (f64, f64),
     truth: Truth,
     initial: Ledger,
@@ -354,37 +398,44 @@ impl<C: Chamber + Copy + Send> Full<C> {
         // muscle through its largest hole.
         let gas_k = scenario.plant.gas_k();
         let hottest = piping.supply().1.max(temperature).max(gas_k);
-        let valves = 2.0 * piping.steepest(hottest);
         let tube_m3 = scenario.tube.volume_m3 + line.as_ref().map_or(0.0, Line::half_cell_m3);
-        let (steepest, line_rate) = match &line {
-            None => (valves + tube.steepest(hottest), 0.0),
+        // The port is at the tube, or at the other end of a line.
+        let port = tube.steepest(hottest);
+        let (beside_tube, line_rate) = match &line {
+            None => (port, 0.0),
             Some(line) => {
                 let least_pa = piping.ambient().0.min(pressure).min(piping.supply().0);
-                (valves, line.fastest_rate(tube.steepest(hottest), least_pa, hottest))
+                (0.0, line.fastest_rate(port, least_pa, hottest))
             }
         };
-        let tube_rate = gas.k * gas.r * hottest * steepest / tube_m3;
-        let bristle_rate = bristle.fastest_rate(mass_kg);
         let smallest = chamber.volume(rest_length).min(volume);
         let step = scenario.run.step_s;
-        let substeps = Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
-            let leak_rate = leak * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
-            let (fastest, because) = if leak_rate > tube_rate.max(bristle_rate).max(line_rate) {
-                (leak_rate, leak_too_large)
-            } else if line_rate > tube_rate.max(bristle_rate) {
+        let substeps = |longest: f64, valves: f64| {
+            let steepest = valves * piping.steepest(hottest) + beside_tube;
+            let tube_rate = gas.k * gas.r * hottest * steepest / tube_m3;
+            let rates = [
+                (
+                    bristle.fastest_rate(mass_kg),
+                    "load.mass_kg is too small for the stiffness and viscosity of friction",
+                ),
+                (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
                 (
                     line_rate,
                     "tube.length_m is too short, or tube.diameter_m too small, for a line in cells",
-                )
-            } else if tube_rate > bristle_rate {
-                (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube")
-            } else {
-                let because =
-                    "load.mass_kg is too small for the stiffness and viscosity of friction";
-                (bristle_rate, because)
-            };
-            super::substeps(step, LONGEST_STEP_S.min(STEP_TIMES_RATE / fastest), because)
-        })?;
+                ),
+            ];
+            Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
+                let leak_rate =
+                    leak * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
+                let (fastest, because) =
+                    rates.into_iter().fold((leak_rate, leak_too_large), |most, rate| {
+                        if rate.0 >= most.0 { rate } else { most }
+                    });
+                super::substeps(step, longest.min(STEP_TIMES_RATE / fastest), because)
+            })
+        };
+        let open = substeps(LONGEST_OPEN_S, 2.0)?;
+        let shut = substeps(LONGEST_SHUT_S, 0.0)?;
 
         let wall = &scenario.wall;
         let share = 1.0 / zones as f64;
@@ -394,7 +445,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let sensor = &scenario.sensor;
         let constants = Constants {
             step_s: step,
-            substeps,
+            open,
+            shut,
             zones,
             closure,
             pull,
@@ -460,7 +512,6 @@ impl<C: Chamber + Copy + Send> Full<C> {
             power: LocalPower::new(-exponent, volume),
             inlet: PwmValve::new(&scenario.valve),
             outlet: PwmValve::new(&scenario.valve),
-            work_j: 0.0,
             place: (pressure, volume),
             truth: Truth::default(),
             initial,
@@ -470,38 +521,22 @@ impl<C: Chamber + Copy + Send> Full<C> {
         Ok(full)
     }
 
-    fn substep(&mut self, step: f64, drive: &Drive) {
+    /// From one instant to another, between which the valves move straight.
+    fn stretch(&mut self, duration: f64, start: &Drive, end: &Drive) {
         let Self { constants, integrator, state, power, .. } = self;
-        let mut stage = 0;
-        let mut middle = self.place;
-        integrator.step(state, step, |y, rates| {
-            let place = constants.rates(y, power, drive, rates);
-            stage += 1;
-            if stage == 3 {
-                middle = place;
-            }
-        });
-        let [shortest, longest] = constants.pull.stops;
-        if state[LENGTH] > longest && !constants.isometric {
-            state[LENGTH] = longest;
-            state[SPEED] = state[SPEED].max(0.0);
-        }
-        if state[LENGTH] < shortest && !constants.isometric {
-            state[LENGTH] = shortest;
-            state[SPEED] = state[SPEED].min(0.0);
-        }
-        let volume = constants.pull.chamber.volume(state[LENGTH]);
-        let end = (state[W] * power.at(volume), volume);
-        let work = work_through([self.place, middle, end]);
-        self.place = end;
-        self.work_j += work;
-        let heat = constants.closure.heat_per_work() * work;
-        if heat != 0.0 {
-            state[HEAT] += heat;
-            let warming = heat / (constants.inner_j_k * constants.zones as f64);
-            for inner in &mut state[ZONES + constants.zones..ZONES + 2 * constants.zones] {
-                *inner += warming;
-            }
+        let opening = |drive: &Drive| constants.piping.openings(drive.inlet, drive.outlet);
+        let open = opening(start) > 0.0 || opening(end) > 0.0;
+        let substeps = if open { &constants.open } else { &constants.shut };
+        let longest = constants.step_s / f64::from(substeps.now(&constants.piping));
+        // As in `substeps`.
+        let count = (duration / longest - 1e-9).ceil().max(1.0);
+        let step = duration / count;
+        for i in 0..count as u32 {
+            integrator.step(state, step, |share, y, rates| {
+                let drive = start.towards(end, (f64::from(i) + share) / count);
+                constants.rates(y, power, &drive, rates);
+            });
+            constants.stop(state, power);
         }
     }
 
@@ -554,24 +589,23 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
     }
 
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
-        let substeps = self.constants.substeps.now(&self.constants.piping);
-        let step = self.constants.step_s / f64::from(substeps);
-        let start = self.steps as f64 * self.constants.step_s;
+        let mut time = self.steps as f64 * self.constants.step_s;
         self.steps += 1;
         let end = self.steps as f64 * self.constants.step_s;
         self.inlet.latch(end, actuation.inlet);
         self.outlet.latch(end, actuation.outlet);
         // The wall warms by less than 0.01 K in a step.
         let softening = self.constants.softening.factor(self.truth.wall_temperature_k);
-        for i in 0..substeps {
-            let from = start + f64::from(i) * step;
-            let drive = Drive {
-                inlet: self.inlet.advance(from, from + step),
-                outlet: self.outlet.advance(from, from + step),
-                softening,
-            };
-            self.substep(step, &drive);
+        while time < end {
+            let until = self.inlet.kink(time, end).min(self.outlet.kink(time, end));
+            let [inlet, outlet] =
+                [&mut self.inlet, &mut self.outlet].map(|valve| valve.advance(time, until));
+            let [from, to] =
+                [0, 1].map(|at| Drive { inlet: inlet[at], outlet: outlet[at], softening });
+            self.stretch(until - time, &from, &to);
+            time = until;
         }
+        self.place = self.constants.place(&self.state, &mut self.power);
         let exposure = self.exposure();
         let pressure = self.place.0;
         let mass: f64 = self.constants.masses(&self.state).iter().sum();
@@ -613,7 +647,7 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
             enthalpy_in_j: y[ENTHALPY_IN],
             enthalpy_out_j: y[ENTHALPY_OUT],
             heat_to_wall_j: y[HEAT],
-            work_j: self.work_j,
+            work_j: y[WORK],
             friction_heat_j: y[FRICTION],
             friction_to_wall_j: y[FRICTION_TO_WALL],
             heat_to_ambient_j: y[TO_AMBIENT],

@@ -31,21 +31,22 @@ impl Rk4 {
         Self { rates: from_fn(|_| zeros.clone()), trial: zeros }
     }
 
-    /// One step of an autonomous system; `rates` writes the derivatives into its second argument.
+    /// One step; `rates` gets the share of the step that has passed, and the state then, and writes the derivatives
+    /// into its last argument.
     pub fn step(
         &mut self,
         state: &mut [f64],
         step: f64,
-        mut rates: impl FnMut(&[f64], &mut [f64]),
+        mut rates: impl FnMut(f64, &[f64], &mut [f64]),
     ) {
         let Self { rates: [k1, k2, k3, k4], trial } = self;
-        rates(state, k1);
+        rates(0.0, state, k1);
         ahead(trial, state, 0.5 * step, k1);
-        rates(trial, k2);
+        rates(0.5, trial, k2);
         ahead(trial, state, 0.5 * step, k2);
-        rates(trial, k3);
+        rates(0.5, trial, k3);
         ahead(trial, state, step, k3);
-        rates(trial, k4);
+        rates(1.0, trial, k4);
         let sixth = step / 6.0;
         let stages = k1.iter().zip(k2.iter()).zip(k3.iter()).zip(k4.iter());
         for (y, (((k1, k2), k3), k4)) in state.iter_mut().zip(stages) {
@@ -191,7 +192,7 @@ mod tests {
     fn both_forms_of_rk4_agree() {
         let mut state = [1.0, 2.0];
         let fixed = rk4(&state, 0.1, |y| [-y[0] * y[1], y[0]]);
-        Rk4::new(2).step(&mut state, 0.1, |y, rates| {
+        Rk4::new(2).step(&mut state, 0.1, |_, y, rates| {
             rates[0] = -y[0] * y[1];
             rates[1] = y[0];
         });

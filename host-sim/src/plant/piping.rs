@@ -108,6 +108,11 @@ impl Piping {
         self.valve.steepest(upstream_k)
     }
 
+    /// By how much the two valves are open, together, while they are driven that much \[-\].
+    pub fn openings(&self, inlet: f64, outlet: f64) -> f64 {
+        self.broken.inlet.opening(inlet) + self.broken.outlet.opening(outlet)
+    }
+
     /// Adds the flow through the inlet valve to gas (p, T), with the supply that far below its pressure
     /// at no flow.
     pub fn add_inlet(&self, streams: &mut Streams, gas: (f64, f64), drop_pa: f64, driven: f64) {

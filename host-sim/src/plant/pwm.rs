@@ -1,5 +1,8 @@
 //! A fast switching valve behind a PWM output: latched duty, dead time, finite slew. Or behind a pin that
 //! somebody else switches, of whom each step's share is known.
+//!
+//! Between its kinks the opening is straight, so that an integrator that stops at each of them sees nothing but
+//! smooth motion.
 
 use crate::scenario::Valve;
 use std::collections::VecDeque;
@@ -10,6 +13,8 @@ const EDGE_TOLERANCE_S: f64 = 1e-9;
 /// A pin that was high for more than this share of a step's end is high at its end: a counted time may miss by
 /// some cycles.
 const HIGH: f64 = 0.999;
+/// Pulses of shorter periods are averaged: their kinks would cost more steps than they are worth \[s\].
+const SHORTEST_PERIOD_S: f64 = 5.0e-4;
 
 /// The valve's opening under PWM.
 ///
@@ -96,14 +101,42 @@ impl PwmValve {
         }
     }
 
+    /// Where the opening's next kink after `time` is, at most `until`: an edge that reaches the poppet, or the end
+    /// of its stroke \[s\].
+    pub fn kink(&mut self, time_s: f64, until_s: f64) -> f64 {
+        if self.period_s < SHORTEST_PERIOD_S {
+            return until_s;
+        }
+        let (on, edge) = self.pin(time_s);
+        let arrival = time_s + (f64::from(u8::from(on)) - self.opening).abs() / self.slew;
+        let arrives = arrival > time_s + EDGE_TOLERANCE_S && arrival < edge;
+        let kink = if arrives { arrival } else { edge };
+        // An edge within rounding of either end is no stretch of its own.
+        let within = kink > time_s + EDGE_TOLERANCE_S && kink < until_s - EDGE_TOLERANCE_S;
+        if within { kink } else { until_s }
+    }
+
+    /// Opening at `start` and at `end` \[-\], straight in between where no kink is; its mean over all of it is
+    /// exact in any case. Moves the poppet.
+    pub fn advance(&mut self, start_s: f64, end_s: f64) -> [f64; 2] {
+        let mean = self.mean(start_s, end_s);
+        if self.period_s < SHORTEST_PERIOD_S {
+            return [mean; 2];
+        }
+        // Of an ideal valve the start is after its jump.
+        [2.0 * mean - self.opening, self.opening]
+    }
+
     /// Mean opening from `start` to `end` \[-\]; moves the poppet.
-    pub fn advance(&mut self, start_s: f64, end_s: f64) -> f64 {
+    fn mean(&mut self, start_s: f64, end_s: f64) -> f64 {
         let mut time = start_s;
         let mut integral = 0.0;
         while time < end_s {
             let (on, edge) = self.pin(time);
-            // An edge within rounding of `time` must not stall the loop.
-            let stop = edge.max(time + EDGE_TOLERANCE_S).min(end_s);
+            // An edge within rounding of `time` must not stall the loop, one within rounding of the end is the next
+            // stretch's: an ideal valve would be shut at the end of a pulse.
+            let early = edge < end_s - EDGE_TOLERANCE_S;
+            let stop = if early { edge.max(time + EDGE_TOLERANCE_S) } else { end_s };
             integral += self.travel(on, stop - time);
             time = stop;
         }
@@ -140,7 +173,7 @@ mod tests {
         for i in 0..200 {
             let (start, end) = (f64::from(i) * 0.001, f64::from(i + 1) * 0.001);
             valve.latch(end, duty);
-            let opening = valve.advance(start, end);
+            let opening = valve.mean(start, end);
             if i >= 100 {
                 sum += opening / 100.0;
             }
@@ -175,11 +208,53 @@ mod tests {
             let (start, end) = (f64::from(i) * 0.001, f64::from(i + 1) * 0.001);
             // Raised at 3 ms: the next period starts at 10 ms, the poppet moves from 11 ms.
             valve.latch(end, if i < 3 { 0.0 } else { 1.0 });
-            if valve.advance(start, end) > 0.0 && opened.is_none() {
+            if valve.mean(start, end) > 0.0 && opened.is_none() {
                 opened = Some(i);
             }
         }
         assert_eq!(opened, Some(11));
+    }
+
+    /// 20 ms in stretches: from kink to kink the opening is straight, and goes on where it was.
+    #[test]
+    fn between_kinks_the_opening_is_straight() {
+        let mut valve = PwmValve::new(&valve());
+        let (mut time, mut kinks, mut integral) = (0.0, Vec::new(), 0.0);
+        for step in 1..=20 {
+            let until = f64::from(step) * 0.001;
+            valve.latch(until, 0.333);
+            while time < until {
+                let end = valve.kink(time, until);
+                let before = valve.opening;
+                let mut twin = valve.clone();
+                let [from, to] = valve.advance(time, end);
+                assert!((from - before).abs() < 1e-9 && to == valve.opening, "{from} for {before}");
+                let middle = twin.mean(time, 0.5 * (time + end)) - 0.25 * (3.0 * from + to);
+                assert!(middle.abs() < 1e-9, "at {time} s: {middle}");
+                integral += 0.5 * (from + to) * (end - time);
+                if end < until {
+                    kinks.push(end);
+                }
+                time = end;
+            }
+        }
+        // The pin falls 3.33 ms after it rises; the poppet feels it 1 ms later, and takes 2 ms.
+        let expected = [0.00433, 0.00633, 0.01433, 0.01633];
+        assert!(kinks.iter().zip(expected).all(|(kink, at)| (kink - at).abs() < 1e-9), "{kinks:?}");
+        assert_eq!(kinks.len(), expected.len());
+        assert!((integral - 0.00666).abs() < 1e-9, "{integral}");
+    }
+
+    #[test]
+    fn an_ideal_valve_that_stays_open_is_open_all_the_time() {
+        let ideal = Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..valve() };
+        let mut valve = PwmValve::new(&ideal);
+        for step in 0..1000 {
+            let (start, end) = (f64::from(step) * 0.001, f64::from(step + 1) * 0.001);
+            valve.latch(end, 1.0);
+            assert_eq!(valve.kink(start, end), end);
+            assert_eq!(valve.advance(start, end), [1.0; 2], "step {step}");
+        }
     }
 
     /// A pulse from 3.25 to 7.5 ms: as long, and at the same time, as the pin was high.
@@ -198,7 +273,7 @@ mod tests {
                         (f64::from(quarter / 4) + 1.0) * 0.001,
                         shares[quarter as usize / 4],
                     );
-                    valve.advance(start_s, start_s + 0.25e-3)
+                    valve.mean(start_s, start_s + 0.25e-3)
                 })
                 .collect()
         };
