@@ -217,7 +217,7 @@ mod tests {
         let steps = (seconds / step).ceil();
         let mut integrator = Rk4::new(state.len());
         for _ in 0..steps as usize {
-            integrator.step(state, seconds / steps, |y, rates| {
+            integrator.step(state, seconds / steps, |_, y, rates| {
                 line.rates(y, (tube_pa, AIR_K), (flow, flow * line.end(y).1), rates);
             });
         }
@@ -328,7 +328,7 @@ mod tests {
         assert!((0.05..0.15).contains(&time_constant), "{time_constant} s");
         let mut integrator = Rk4::new(3);
         for _ in 0..1000 {
-            integrator.step(&mut state, 0.001 * time_constant, |y, rates| {
+            integrator.step(&mut state, 0.001 * time_constant, |_, y, rates| {
                 line.rates(y, line.end(y), (0.0, 0.0), rates);
             });
         }

@@ -257,6 +257,17 @@ mod tests {
         }
     }
 
+    /// Ten periods in a step: no kinks, and the same share of the step.
+    #[test]
+    fn pulses_of_a_short_period_are_averaged() {
+        let fast = Valve { switch_time_s: 0.0, dead_time_s: 0.0, pwm_hz: 10_000.0, ..valve() };
+        let mut valve = PwmValve::new(&fast);
+        valve.latch(0.001, 0.3);
+        assert_eq!(valve.kink(0.0, 0.001), 0.001);
+        let [from, to] = valve.advance(0.0, 0.001);
+        assert!(from == to && (from - 0.3).abs() < 1e-5, "{from}, {to}");
+    }
+
     /// A pulse from 3.25 to 7.5 ms: as long, and at the same time, as the pin was high.
     #[test]
     fn a_pin_is_followed_within_its_steps() {
