@@ -9,6 +9,7 @@ use super::bristle::{Bristle, Drag};
 use super::chamber::Chamber;
 use super::closure::Closure;
 use super::flow::{Iso6358, Streams};
+use super::gas::IdealGas;
 use super::heat::InnerHeat;
 use super::line::Line;
 use super::local_power::LocalPower;
@@ -116,7 +117,180 @@ impl Drive {
     }
 }
 
+/// Where a run starts.
+struct Start {
+    pressure: f64,
+    gas_k: f64,
+    wall_k: f64,
+    length: f64,
+    volume: f64,
+    /// Deflection of the bristles \[m\].
+    deflection: f64,
+}
+
+impl Start {
+    fn new<C: Chamber>(scenario: &Scenario, pull: &Pull<C>) -> Self {
+        let Scenario { friction, load, plant, .. } = scenario;
+        let pressure = plant.initial_pressure_pa;
+        let wall_k = plant.initial_temperature_k;
+        let coulomb = friction.force_n * Softening::new(friction).factor(wall_k);
+        let isometric = load.kind == LoadKind::Isometric;
+        let length = if isometric { load.length_m } else { pull.start_length(pressure, coulomb) };
+        let mut deflection = 0.0;
+        if !isometric && friction.presliding_stiffness_n_m > 0.0 {
+            // What a stop carries, friction need not.
+            let [shortest, longest] = pull.stops;
+            let excess = pull.force(pressure, length) - pull.load_n;
+            let held = excess.clamp(
+                if length < longest { -coulomb } else { 0.0 },
+                if length > shortest { coulomb } else { 0.0 },
+            );
+            deflection = held / friction.presliding_stiffness_n_m;
+        }
+        Self {
+            pressure,
+            gas_k: plant.gas_k(),
+            wall_k,
+            length,
+            volume: pull.chamber.volume(length),
+            deflection,
+        }
+    }
+
+    fn mass(&self, gas: &IdealGas) -> f64 {
+        self.pressure * self.volume / (gas.r * self.gas_k)
+    }
+}
+
+/// Where the gas flows: from the valves to the muscle.
+struct Way<'a> {
+    piping: &'a Piping,
+    tube: &'a Iso6358,
+    tube_m3: f64,
+    line: Option<&'a Line>,
+}
+
+/// Substeps of a step, while a valve is open, and while both are shut.
+///
+/// Fastest are the tube between open valves and muscle, or the line; the bristles, at `bristle_rate` \[1/s\]; the muscle
+/// of `smallest` volume \[m3\] through its largest hole.
+fn substeps(
+    scenario: &Scenario,
+    gas: &IdealGas,
+    way: &Way<'_>,
+    bristle_rate: f64,
+    smallest: f64,
+) -> Result<[Substeps; 2], BuildError> {
+    let Way { piping, tube, tube_m3, line } = way;
+    let plant = &scenario.plant;
+    let supply = piping.supply();
+    let hottest = supply.1.max(plant.initial_temperature_k).max(plant.gas_k());
+    let per_flow = gas.k * gas.r * hottest;
+    let port = tube.steepest(hottest);
+    // The port is at the tube, or at the other end of a line.
+    let (beside_tube, line_rate) = match line {
+        None => (port, 0.0),
+        Some(line) => {
+            let least_pa = piping.ambient().0.min(plant.initial_pressure_pa).min(supply.0);
+            (0.0, line.fastest_rate(port, least_pa, hottest))
+        }
+    };
+    let of = |longest: f64, valves: f64| {
+        let tube_rate = per_flow * (valves * piping.steepest(hottest) + beside_tube) / tube_m3;
+        let rates = [
+            (bristle_rate, "load.mass_kg is too small for the stiffness and viscosity of friction"),
+            (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
+            (
+                line_rate,
+                "tube.length_m is too short, or tube.diameter_m too small, for a line in cells",
+            ),
+        ];
+        Substeps::new(scenario, piping, hottest, |leak, leak_too_large| {
+            let leak_rate = per_flow * leak * piping.steepest(hottest) / smallest;
+            let (fastest, because) =
+                rates.into_iter().fold((leak_rate, leak_too_large), |most, rate| {
+                    if rate.0 >= most.0 { rate } else { most }
+                });
+            super::substeps(scenario.run.step_s, longest.min(STEP_TIMES_RATE / fastest), because)
+        })
+    };
+    Ok([of(LONGEST_OPEN_S, 2.0)?, of(LONGEST_SHUT_S, 0.0)?])
+}
+
 impl<C: Chamber> Constants<C> {
+    fn new(scenario: &Scenario, pull: Pull<C>, start: &Start) -> Result<Self, BuildError> {
+        let chamber = &pull.chamber;
+        let rest_length = chamber.rest_length();
+        let diameter = chamber.diameter(rest_length);
+        let zones = chamber.zones().max(1);
+        let closure = Closure::new(scenario);
+        let gas = closure.gas;
+        let piping = Piping::new(scenario, &gas);
+        let line = Line::new(scenario, &gas);
+        let tube = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, &gas);
+        let tube_m3 = scenario.tube.volume_m3 + line.as_ref().map_or(0.0, Line::half_cell_m3);
+        let mass_kg = scenario.load.mass_kg.max(OWN_MASS_KG);
+        let bristle = Bristle::new(&scenario.friction, mass_kg);
+        let way = Way { piping: &piping, tube: &tube, tube_m3, line: line.as_ref() };
+        let smallest = chamber.volume(rest_length).min(start.volume);
+        let [open, shut] = substeps(scenario, &gas, &way, bristle.fastest_rate(mass_kg), smallest)?;
+        let Scenario { wall, sensor, heat, .. } = scenario;
+        let share = 1.0 / zones as f64;
+        let inner_j_k = share * wall.heat_capacity_j_k * (1.0 - wall.outer_fraction);
+        let outer_j_k = share * wall.heat_capacity_j_k * wall.outer_fraction;
+        Ok(Self {
+            step_s: scenario.run.step_s,
+            open,
+            shut,
+            zones,
+            closure,
+            isometric: scenario.load.kind == LoadKind::Isometric,
+            per_mass_kg: 1.0 / mass_kg,
+            bristle,
+            softening: Softening::new(&scenario.friction),
+            friction_to_wall: scenario.friction.heat_fraction,
+            piping,
+            tube,
+            tube_m3,
+            tube_pa_j: (gas.k - 1.0) / tube_m3,
+            line,
+            droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
+            heat: InnerHeat::of(scenario, diameter),
+            stirring: Stirring::new(zones, chamber.gas_length(rest_length), diameter),
+            outer_w_m2_k: heat.outer_w_m2_k,
+            outer_per_speed: heat.outer_per_speed,
+            share,
+            inner_j_k,
+            outer_j_k,
+            inner_k_j: 1.0 / inner_j_k,
+            outer_k_j: 1.0 / outer_j_k,
+            layers_w_k: share * wall.conductance_w_k,
+            initial_k: start.wall_k,
+            foil: foil_weights(zones, sensor.gas.position, sensor.gas.span),
+            wall_sensor_position: sensor.wall.position,
+            pull,
+        })
+    }
+
+    /// The state at the start.
+    fn state(&self, start: &Start) -> Vec<f64> {
+        let Start { pressure, gas_k, .. } = *start;
+        let gas = &self.closure.gas;
+        let line_states = self.line.as_ref().map_or(0, Line::states);
+        let mut state = vec![start.wall_k; self.line_at() + line_states];
+        state[..ZONES].fill(0.0);
+        state[W] = pressure * math::pow(start.volume, self.closure.exponent());
+        state[LENGTH] = start.length;
+        state[BRISTLE] = start.deflection;
+        state[TUBE_MASS] = pressure * self.tube_m3 / (gas.r * gas_k);
+        state[TUBE_ENERGY] = pressure * self.tube_m3 / (gas.k - 1.0);
+        state[ZONES..ZONES + self.zones].fill(start.mass(gas) / self.zones as f64);
+        if let Some(line) = &self.line {
+            line.fill(pressure, gas_k, &mut state[self.line_at()..]);
+        }
+        state
+    }
+
     fn masses<'a>(&self, y: &'a [f64]) -> &'a [f64] {
         &y[ZONES..ZONES + self.zones]
     }
@@ -372,150 +546,35 @@ impl<C: Chamber + Copy + Send> Full<C> {
     /// # Errors
     /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
-        let rest_length = chamber.rest_length();
-        let zones = chamber.zones().max(1);
         let pull = Pull::new(scenario, chamber);
-        let closure = Closure::new(scenario);
-        let gas = &closure.gas;
-        let critical_ratio = scenario.valve.critical_ratio;
-        let piping = Piping::new(scenario, gas);
-        let line = Line::new(scenario, gas);
-        let tube = Iso6358::port(&scenario.tube, critical_ratio, gas);
-        let mass_kg = scenario.load.mass_kg.max(OWN_MASS_KG);
-        let bristle = Bristle::new(&scenario.friction, mass_kg);
-        let softening = Softening::new(&scenario.friction);
-        let pressure = scenario.plant.initial_pressure_pa;
-        let temperature = scenario.plant.initial_temperature_k;
-
-        let coulomb = scenario.friction.force_n * softening.factor(temperature);
-        let isometric = scenario.load.kind == LoadKind::Isometric;
-        let length =
-            if isometric { scenario.load.length_m } else { pull.start_length(pressure, coulomb) };
-        let excess = pull.force(pressure, length) - pull.load_n;
-        let volume = chamber.volume(length);
-
-        // Fastest: the tube between open valves and muscle; the bristles with the moving mass; the
-        // muscle through its largest hole.
-        let gas_k = scenario.plant.gas_k();
-        let hottest = piping.supply().1.max(temperature).max(gas_k);
-        let tube_m3 = scenario.tube.volume_m3 + line.as_ref().map_or(0.0, Line::half_cell_m3);
-        // The port is at the tube, or at the other end of a line.
-        let port = tube.steepest(hottest);
-        let (beside_tube, line_rate) = match &line {
-            None => (port, 0.0),
-            Some(line) => {
-                let least_pa = piping.ambient().0.min(pressure).min(piping.supply().0);
-                (0.0, line.fastest_rate(port, least_pa, hottest))
-            }
-        };
-        let smallest = chamber.volume(rest_length).min(volume);
-        let step = scenario.run.step_s;
-        let substeps = |longest: f64, valves: f64| {
-            let steepest = valves * piping.steepest(hottest) + beside_tube;
-            let tube_rate = gas.k * gas.r * hottest * steepest / tube_m3;
-            let rates = [
-                (
-                    bristle.fastest_rate(mass_kg),
-                    "load.mass_kg is too small for the stiffness and viscosity of friction",
-                ),
-                (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
-                (
-                    line_rate,
-                    "tube.length_m is too short, or tube.diameter_m too small, for a line in cells",
-                ),
-            ];
-            Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
-                let leak_rate =
-                    leak * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
-                let (fastest, because) =
-                    rates.into_iter().fold((leak_rate, leak_too_large), |most, rate| {
-                        if rate.0 >= most.0 { rate } else { most }
-                    });
-                super::substeps(step, longest.min(STEP_TIMES_RATE / fastest), because)
-            })
-        };
-        let open = substeps(LONGEST_OPEN_S, 2.0)?;
-        let shut = substeps(LONGEST_SHUT_S, 0.0)?;
-
-        let wall = &scenario.wall;
-        let share = 1.0 / zones as f64;
-        let inner_j_k = share * wall.heat_capacity_j_k * (1.0 - wall.outer_fraction);
-        let outer_j_k = share * wall.heat_capacity_j_k * wall.outer_fraction;
-        let diameter = chamber.diameter(rest_length);
-        let sensor = &scenario.sensor;
-        let constants = Constants {
-            step_s: step,
-            open,
-            shut,
-            zones,
-            closure,
-            pull,
-            isometric,
-            per_mass_kg: 1.0 / mass_kg,
-            bristle,
-            softening,
-            friction_to_wall: scenario.friction.heat_fraction,
-            piping,
-            tube,
-            tube_m3,
-            tube_pa_j: (gas.k - 1.0) / tube_m3,
-            line,
-            droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
-            heat: InnerHeat::of(scenario, diameter),
-            stirring: Stirring::new(zones, chamber.gas_length(rest_length), diameter),
-            outer_w_m2_k: scenario.heat.outer_w_m2_k,
-            outer_per_speed: scenario.heat.outer_per_speed,
-            share,
-            inner_j_k,
-            outer_j_k,
-            inner_k_j: 1.0 / inner_j_k,
-            outer_k_j: 1.0 / outer_j_k,
-            layers_w_k: share * wall.conductance_w_k,
-            initial_k: temperature,
-            foil: foil_weights(zones, sensor.gas.position, sensor.gas.span),
-            wall_sensor_position: sensor.wall.position,
-        };
-        let exponent = closure.exponent();
-        let mass = pressure * volume / (gas.r * gas_k);
-        let line_states = constants.line.as_ref().map_or(0, Line::states);
-        let mut state = vec![temperature; constants.line_at() + line_states];
-        state[..ZONES].fill(0.0);
-        state[W] = pressure * math::pow(volume, exponent);
-        state[LENGTH] = length;
-        if !isometric && scenario.friction.presliding_stiffness_n_m > 0.0 {
-            // What a stop carries, friction need not.
-            let [shortest, longest] = chamber.stops();
-            let held = excess.clamp(
-                if length < longest { -coulomb } else { 0.0 },
-                if length > shortest { coulomb } else { 0.0 },
-            );
-            state[BRISTLE] = held / scenario.friction.presliding_stiffness_n_m;
-        }
-        state[TUBE_MASS] = pressure * constants.tube_m3 / (gas.r * gas_k);
-        state[TUBE_ENERGY] = pressure * constants.tube_m3 / (gas.k - 1.0);
-        state[ZONES..ZONES + zones].fill(mass / zones as f64);
-        if let Some(line) = &constants.line {
-            line.fill(pressure, gas_k, &mut state[constants.line_at()..]);
-        }
-        let start =
-            Exposure { gas_k, wall_k: temperature, pressure_pa: pressure, length_m: length };
-        let initial = Ledger {
-            mass_initial_kg: mass,
-            energy_initial_j: gas.cv * mass * gas_k,
-            ..Ledger::default()
+        let start = Start::new(scenario, &pull);
+        let constants = Constants::new(scenario, pull, &start)?;
+        let state = constants.state(&start);
+        let closure = &constants.closure;
+        let mass = start.mass(&closure.gas);
+        let housing_s = scenario.sensor.gas.housing_time_constant_s;
+        let exposure = Exposure {
+            gas_k: start.gas_k,
+            wall_k: start.wall_k,
+            pressure_pa: start.pressure,
+            length_m: start.length,
         };
         let mut full = Self {
             integrator: Rk4::new(state.len()),
-            constants,
             steps: 0,
             state,
-            power: LocalPower::new(-exponent, volume),
+            power: LocalPower::new(-closure.exponent(), start.volume),
             inlet: PwmValve::new(&scenario.valve),
             outlet: PwmValve::new(&scenario.valve),
-            place: (pressure, volume),
+            place: (start.pressure, start.volume),
             truth: Truth::default(),
-            initial,
-            sensors: Sensors::new(scenario, sensor.gas.housing_time_constant_s, &start),
+            initial: Ledger {
+                mass_initial_kg: mass,
+                energy_initial_j: closure.gas.cv * mass * start.gas_k,
+                ..Ledger::default()
+            },
+            sensors: Sensors::new(scenario, housing_s, &exposure),
+            constants,
         };
         full.observe();
         Ok(full)
