@@ -303,7 +303,7 @@ impl Shared {
         }
     }
 
-    /// The configuration that the host has told; nothing since the start of the board.
+    /// The configuration that the host has sent; nothing since the start of the board.
     pub fn config(&self) -> Option<Config> {
         match &*self.next_core.try_lock().ok()? {
             Slot::Empty => None,

@@ -54,7 +54,7 @@ export class UsbHost {
     this.ready = ready;
     this.plugged = false;
     this.open = false; // a program has the port open
-    this.told = false; // ... as the device knows it
+    this.announced = false; // ... as the device knows it
     this.pulledUp = false; // the device is there
     this.armed = new Map(); // buffers that the firmware gave the controller: endpoint and direction, control word
     this.bus = chip.clock.createAlarm(() => this.transact());
@@ -103,7 +103,7 @@ export class UsbHost {
 
   forget() {
     this.configured = false;
-    this.told = false;
+    this.announced = false;
     this.controls = [];
     this.control = null;
     this.identity = [];
@@ -173,8 +173,8 @@ export class UsbHost {
 
   /** Tells the device whether its port is open, once it has one. */
   tellLines() {
-    if (this.configured && this.told !== this.open) {
-      this.told = this.open;
+    if (this.configured && this.announced !== this.open) {
+      this.announced = this.open;
       this.controls.push(setControlLineState(this.open));
       if (this.control === null) {
         this.next.schedule(BETWEEN_REQUESTS_NANOS);
@@ -259,7 +259,7 @@ export class UsbHost {
         if (this.control !== null && (this.control.stage === 'data') === (this.control.in !== out)) {
           return key;
         }
-      } else if (this.configured && this.told && this.endpointControl(key) & ENABLED) {
+      } else if (this.configured && this.announced && this.endpointControl(key) & ENABLED) {
         if (out ? endpoint === this.bulkOut && this.queue.length > 0 : endpoint === this.bulkIn) {
           return key;
         }

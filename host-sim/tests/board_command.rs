@@ -35,7 +35,7 @@ fn a_board_is_told_armed_driven_and_asked() {
         "{info}"
     );
 
-    // What it was told comes back, to the bit.
+    // What it was configured with comes back, to the bit.
     let json = |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap();
     let checksum = |bench: &Bench| {
         json(bench.ok("thermyo board emulated info --json"))["status"]["config_checksum"].clone()

@@ -31,7 +31,7 @@ fn message(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-fn told() -> Bench {
+fn configured() -> Bench {
     let bench = Bench::new();
     bench.ok("thermyo board emulated config write scenarios/contraction.toml");
     bench
@@ -51,7 +51,7 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     if skip_emulator() {
         return;
     }
-    let bench = told();
+    let bench = configured();
     let calibrate = "thermyo board emulated calibrate pressure --hold 250000";
     // Nothing is armed by the way.
     let refused = typed(&bench, calibrate, "101325\n252500\n");
@@ -100,7 +100,7 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
     if skip_emulator() {
         return;
     }
-    let bench = told();
+    let bench = configured();
     let rows = (0..=40).map(|i| {
         let time_s = f64::from(i) * 0.1;
         format!("{time_s},{}\n", 1.3e5 + 1.0e4 * (3.0 * time_s).sin())
@@ -132,7 +132,7 @@ fn a_calibration_that_is_interrupted_vents() {
     if skip_emulator() {
         return;
     }
-    let bench = told();
+    let bench = configured();
     let mut command = bench.command("thermyo board emulated calibrate gas");
     let child = command
         .stdin(Stdio::piped())
@@ -155,7 +155,7 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     if skip_emulator() {
         return;
     }
-    let bench = told();
+    let bench = configured();
     let mut command = bench.command(
         "thermyo tune scenarios/contraction.toml --board port:emulated --out out/tune --quiet",
     );
@@ -206,7 +206,7 @@ fn the_monitors_keys_arm_drive_and_vent() {
     if skip_emulator() {
         return;
     }
-    let bench = told();
+    let bench = configured();
     let mut monitor = AtTerminal::new(bench.command("thermyo monitor emulated --out out/monitor"));
     let unfinished = bench.path("out/monitor/unfinished-1/trace.csv");
     let rows = |monitor: &mut AtTerminal, holds: &dyn Fn(&[Vec<String>]) -> bool, what: &str| {
@@ -251,7 +251,7 @@ fn a_disk_that_fills_up_while_it_drives_vents_and_is_told() {
     if skip_emulator() {
         return;
     }
-    let bench = told();
+    let bench = configured();
     let mut command = std::process::Command::new("bash");
     command
         .arg("-c")
@@ -282,8 +282,8 @@ fn a_profile_for_another_chamber_is_refused() {
     bench.ok(&format!("thermyo board emulated config write {vessel}"));
     let refused =
         bench.refused("thermyo board emulated drive scenarios/contraction.toml --arm --quiet");
-    let told = "plant.kind = \"muscle\": must be what the board was told, \"vessel\"";
-    assert!(refused.contains(told), "{refused}");
+    let wrong = "plant.kind = \"muscle\": must be what the board was configured with, \"vessel\"";
+    assert!(refused.contains(wrong), "{refused}");
     let refused = bench.refused("thermyo board emulated set contraction 0.1 --arm");
     assert!(refused.contains("this chamber does not move"), "{refused}");
     assert!(bench.ok("thermyo board emulated info").contains("vent"));

@@ -371,16 +371,16 @@ fn shells_and_readers_are_told_of_every_command() {
         assert!(page.contains(".SH NAME"), "{name}");
     }
     let output = thermyo(&["man", "--out", &out, "--json"]);
-    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert!(told["page"].as_str().unwrap().ends_with("thermyo.1"), "{told}");
+    let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(printed["page"].as_str().unwrap().ends_with("thermyo.1"), "{printed}");
     assert!(thermyo(&["man", "--out", &out, "--quiet"]).stdout.is_empty());
     for shell in ["bash", "zsh", "fish"] {
         let output = thermyo(&["completions", shell]);
         let script = String::from_utf8(output.stdout).unwrap();
         assert!(script.contains("compare") && script.contains("max-pressure"), "{shell}");
         let output = thermyo(&["completions", shell, "--json", "--quiet"]);
-        let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!((&told["shell"], &told["script"]), (&shell.into(), &script.into()));
+        let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!((&printed["shell"], &printed["script"]), (&shell.into(), &script.into()));
     }
 }
 

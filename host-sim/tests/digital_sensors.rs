@@ -52,7 +52,7 @@ fn the_estimate_is_as_good_from_a_max31865() {
         println!("{found} K with {noise_k} K of noise, {analog} K from the converter");
         assert!(allowed.contains(&(found / analog)), "{found} K, {analog} K from the converter");
     }
-    // Told another resistor, it reads what is not there.
+    // Given another resistor, it reads what is not there.
     let believed = "[believed.sensor.max31865]\nreference_ohm = 425.0\n";
     let wrong = run_with(&format!("{MAX31865}noise_k = 0.004\n{believed}"));
     assert!(wrong.summary.rmse_k.estimate > 10.0 * analog);

@@ -74,7 +74,7 @@ fn what_is_no_window_is_refused() {
         ),
         (
             "[believed.faults.a]\n",
-            "1: believed.faults: the core is not told about it, so that it cannot believe otherwise",
+            "1: believed.faults: the core does not know of it, so that it cannot believe otherwise",
         ),
         ("[faults]\nemergency_stop = 1", "2: faults.emergency_stop = 1: must be true or false"),
         (
@@ -338,7 +338,7 @@ fn a_run_with_several_windows() {
     assert!(!bad[2999].telemetry.faults.intersects(Faults::EMERGENCY_STOP));
 }
 
-/// It vents at once, is not what it was told to be, and rows go on at their own time.
+/// It vents at once, is not what it was configured to be, and rows go on at their own time.
 #[test]
 fn a_board_that_restarts_vents_and_counts_anew() {
     let text = |windows: &str| {
@@ -353,14 +353,21 @@ fn a_board_that_restarts_vents_and_counts_anew() {
     ));
     assert_eq!(rows.len(), 2001);
     for (step, row) in rows.iter().enumerate() {
-        let told = row.telemetry;
+        let telemetry = row.telemetry;
         assert!((row.truth.time_s - 0.001 * step as f64).abs() < 1e-9);
         let restarted = step >= 1200;
-        assert_eq!(told.mode == Mode::Judging, (1200..1249).contains(&step), "{step}");
-        assert_eq!(told.step as usize, if restarted { step.saturating_sub(1249) } else { step });
-        assert_eq!(told.faults.intersects(Faults::NOT_CONFIGURED), restarted, "{step}");
-        assert_eq!(told.faults.intersects(Faults::EMERGENCY_STOP), step >= 1000, "{step}: latched");
-        assert!(step < 1000 || told.command == Command::VENT, "{step}");
+        assert_eq!(telemetry.mode == Mode::Judging, (1200..1249).contains(&step), "{step}");
+        assert_eq!(
+            telemetry.step as usize,
+            if restarted { step.saturating_sub(1249) } else { step }
+        );
+        assert_eq!(telemetry.faults.intersects(Faults::NOT_CONFIGURED), restarted, "{step}");
+        assert_eq!(
+            telemetry.faults.intersects(Faults::EMERGENCY_STOP),
+            step >= 1000,
+            "{step}: latched"
+        );
+        assert!(step < 1000 || telemetry.command == Command::VENT, "{step}");
     }
     // Nobody can do that to a board behind a line.
     let message = BoardError::NoRestart.to_string();

@@ -1,5 +1,5 @@
 //! What a chamber leaks all the time: in the plant against the closed form, in the estimate, the pressure loop
-//! and the supervisor that are told of it or not.
+//! and the supervisor that know of it or not.
 
 use host_sim::board::CoreBoard;
 use host_sim::files::trace::Row;
@@ -104,14 +104,14 @@ fn rows(text: &str) -> Vec<Row> {
 
 /// 1e-11 m3/(s Pa) takes half a percent of the gas in a second.
 const LEAKS: &str = "[leak]\nconductance_m3_s_pa = 1e-11\n";
-const UNTOLD: &str =
+const UNCONFIGURED: &str =
     "[leak]\nconductance_m3_s_pa = 1e-11\n[believed.leak]\nconductance_m3_s_pa = 0.0\n";
 
 fn rms(of: impl Iterator<Item = f64> + Clone) -> f64 {
     (of.clone().map(|x| x * x).sum::<f64>() / of.count() as f64).sqrt()
 }
 
-/// A shut muscle that leaks: what is told of it is no change of temperature. RMS error from 10 s on \[K\].
+/// A shut muscle that leaks: what is configured of it is no change of temperature. RMS error from 10 s on \[K\].
 fn held_error_k(model: &str, leak: &str) -> f64 {
     let text = format!(
         "run = {{ duration_s = 60, log_every = 10 }}\n\
@@ -126,10 +126,11 @@ fn held_error_k(model: &str, leak: &str) -> f64 {
 #[test]
 fn the_estimate_of_a_hold_takes_the_leak_along() {
     for model in ["lumped", "full"] {
-        let [told_k, untold_k] = [LEAKS, UNTOLD].map(|leak| held_error_k(model, leak));
-        println!("{model}: {told_k:.3} K told, {untold_k:.3} K not");
-        assert!(told_k < 0.3, "{model}: {told_k} K");
-        assert!((2.0..40.0).contains(&untold_k), "{model}: {untold_k} K");
+        let [configured_k, unconfigured_k] =
+            [LEAKS, UNCONFIGURED].map(|leak| held_error_k(model, leak));
+        println!("{model}: {configured_k:.3} K configured, {unconfigured_k:.3} K not");
+        assert!(configured_k < 0.3, "{model}: {configured_k} K");
+        assert!((2.0..40.0).contains(&unconfigured_k), "{model}: {unconfigured_k} K");
     }
 }
 
@@ -151,11 +152,13 @@ fn the_pressure_loop_feeds_a_leak_that_it_is_told() {
         late.clone().map(|row| 3.0e5 - row.truth.pressure_pa).sum::<f64>() / late.count() as f64
     };
     let leak = LEAKS.replace("1e-11", "1e-10");
-    let untold = UNTOLD.replace("1e-11", "1e-10");
-    let [tight_pa, told_pa, untold_pa] = ["", &leak, &untold].map(low_pa);
-    println!("low by {tight_pa:.0} Pa tight, {told_pa:.0} Pa told, {untold_pa:.0} Pa not");
-    assert!((told_pa - tight_pa).abs() < 60.0, "{told_pa} Pa, tight {tight_pa} Pa");
-    assert!((untold_pa - tight_pa) > 120.0, "{untold_pa} Pa, tight {tight_pa} Pa");
+    let unconfigured = UNCONFIGURED.replace("1e-11", "1e-10");
+    let [tight_pa, configured_pa, unconfigured_pa] = ["", &leak, &unconfigured].map(low_pa);
+    println!(
+        "low by {tight_pa:.0} Pa tight, {configured_pa:.0} Pa configured, {unconfigured_pa:.0} Pa not"
+    );
+    assert!((configured_pa - tight_pa).abs() < 60.0, "{configured_pa} Pa, tight {tight_pa} Pa");
+    assert!((unconfigured_pa - tight_pa) > 120.0, "{unconfigured_pa} Pa, tight {tight_pa} Pa");
 }
 
 /// When a leak is found first \[s\], in a muscle that is shut; from 3 s on a hole is added to what leaks.
@@ -177,21 +180,21 @@ fn found_s(leak: &str, hole_m3_s_pa: f64) -> Option<f64> {
 #[test]
 fn a_leak_counts_as_far_as_it_is_more_than_what_is_told() {
     // 8 % of the gas in a second.
-    let leak = |told: &str| {
+    let leak = |configured: &str| {
         format!(
-            "[leak]\nconductance_m3_s_pa = 1.4e-10\n[believed.leak]\nconductance_m3_s_pa = {told}\n"
+            "[leak]\nconductance_m3_s_pa = 1.4e-10\n[believed.leak]\nconductance_m3_s_pa = {configured}\n"
         )
     };
-    let untold_s = found_s(&leak("0.0"), 0.0).unwrap();
-    assert!((3.0..9.0).contains(&untold_s), "{untold_s} s");
+    let unconfigured_s = found_s(&leak("0.0"), 0.0).unwrap();
+    assert!((3.0..9.0).contains(&unconfigured_s), "{unconfigured_s} s");
     assert_eq!(found_s(&leak("1.4e-10"), 0.0), None);
-    // Nor is it gas gained where a leak that is told has been mended.
+    // Nor is it gas gained where a leak that is configured has been mended.
     let mended = "[believed.leak]\nconductance_m3_s_pa = 1.4e-10\n";
     assert_eq!(found_s(mended, 0.0), None);
     // It grows to three times that.
     let grown_s = found_s(&leak("1.4e-10"), 2.8e-10).unwrap();
     println!(
-        "found after {untold_s:.2} s where nothing is told, {:.2} s after it grew",
+        "found after {unconfigured_s:.2} s where nothing is configured, {:.2} s after it grew",
         grown_s - 3.0
     );
     assert!((5.0..12.0).contains(&grown_s), "{grown_s} s");

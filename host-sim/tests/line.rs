@@ -326,10 +326,10 @@ fn pressure_and_position_are_held_through_a_line() {
 /// Its gas keeps the temperature of its wall: it is no dead volume of the muscle.
 #[test]
 fn the_estimate_does_not_count_the_gas_in_a_line() {
-    let error_k = |told: &str| {
+    let error_k = |believed: &str| {
         let text = format!(
             "run = {{ duration_s = 40, log_every = 10 }}\nplant.model = \"full\"\n\
-             tube = {{ volume_m3 = 1e-6, length_m = 4.0, diameter_m = {BORE_M:?} }}\n{told}"
+             tube = {{ volume_m3 = 1e-6, length_m = 4.0, diameter_m = {BORE_M:?} }}\n{believed}"
         );
         let rows = rows(&text);
         let late = rows.iter().filter(|row| row.truth.time_s > 10.0);
@@ -337,7 +337,7 @@ fn the_estimate_does_not_count_the_gas_in_a_line() {
     };
     let volume_m3 = 1.0e-6 + 0.25 * PI * BORE_M * BORE_M * 4.0;
     let [told_k, counted_k] = ["".to_owned(), format!("believed.tube.volume_m3 = {volume_m3}\n")]
-        .map(|told| error_k(&told));
+        .map(|believed| error_k(&believed));
     println!("{told_k:.3} K, {counted_k:.3} K where it is counted");
     assert!((0.05..0.3).contains(&told_k), "{told_k} K");
     assert!((1.3..4.0).contains(&(counted_k / told_k)), "{counted_k} K");

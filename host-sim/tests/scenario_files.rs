@@ -184,7 +184,7 @@ fn the_first_mistake_of_the_file_is_named() {
 
 #[test]
 fn what_the_core_is_never_told_cannot_be_believed() {
-    let reason = "the core is not told about it, so that it cannot believe otherwise";
+    let reason = "the core does not know of it, so that it cannot believe otherwise";
     for table in ["run", "plant", "drive", "faults", "paper"] {
         let message = format!("scenario.toml:2: believed.{table}: {reason}");
         assert_eq!(parse(&format!("\n[believed.{table}]\n")), Err(message));
@@ -412,23 +412,23 @@ fn geometry_that_is_none_is_refused() {
 
 #[test]
 fn the_core_can_be_told_another_geometry() {
-    let told = |believed: &str| {
+    let believing = |believed: &str| {
         let loaded = valid(&format!("[believed.muscle]\n{believed}"));
         assert_eq!(loaded.plant, valid("").plant);
         loaded.believed.muscle
     };
     let plant = valid("").plant.muscle;
-    let thicker = told("diameter_m = 0.025");
+    let thicker = believing("diameter_m = 0.025");
     assert_eq!(thicker.thread_length_m, plant.thread_length_m);
     assert!((thicker.turns / plant.turns - 0.8).abs() < 1e-12);
-    let more_turns = told("turns = 2.5");
+    let more_turns = believing("turns = 2.5");
     assert_eq!(more_turns.rest_length_m, plant.rest_length_m);
     assert!((more_turns.diameter_m - 0.02 * plant.turns / 2.5).abs() < 1e-12);
     // The plant's file speaks of diameter and angle, so these stay.
-    let longer = told("rest_length_m = 0.33");
+    let longer = believing("rest_length_m = 0.33");
     assert_eq!(longer.braid_angle_deg, plant.braid_angle_deg);
     assert!((longer.thread_length_m / plant.thread_length_m - 1.1).abs() < 1e-12);
-    assert_eq!(told("zones = 3").turns, plant.turns);
+    assert_eq!(believing("zones = 3").turns, plant.turns);
 }
 
 #[test]
@@ -662,7 +662,7 @@ fn the_print_explains_every_key() {
     let believed = text.split_once("\n[believed.").unwrap().1;
     assert_eq!(
         believed,
-        "heat]  # what the core is told instead\n\
+        "heat]  # what the core is configured with instead\n\
          outer_w_m2_k = 5.0  # W/(m2 K), 0 to 1e5: wall to ambient, at rest\n"
     );
 }

@@ -94,7 +94,7 @@ impl Drop for Served {
     }
 }
 
-/// A page, and what it was told last.
+/// A page, and what it has heard last.
 struct Page {
     socket: WebSocket<TcpStream>,
     received: u64,
@@ -153,10 +153,10 @@ impl Page {
     /// Tells the muscle, arms and holds a pressure.
     fn drive(&mut self, pressure_pa: f64) {
         self.until("a state", 5.0, |page| page.state.is_object() && page.own["steers"] == true);
-        if self.state["configuration"]["told"] == false {
+        if self.state["configuration"]["configured"] == false {
             self.order(json!({ "configure": null }));
         }
-        self.until("configuration", 5.0, |page| page.state["configuration"]["told"] == true);
+        self.until("configuration", 5.0, |page| page.state["configuration"]["configured"] == true);
         self.order(json!({ "arm": { "most_pa": null } }));
         self.until("armed", 5.0, |page| page.state["armed_pa"].is_number());
         self.order(json!({ "set": { "Pressure": { "pressure_pa": pressure_pa } } }));
@@ -343,7 +343,7 @@ fn a_muscle_is_tuned_from_the_page() {
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.until("a state", 5.0, |page| page.state.is_object() && page.own["steers"] == true);
-    page.until("told", 5.0, |page| page.state["configuration"]["told"] == true);
+    page.until("configured", 5.0, |page| page.state["configuration"]["configured"] == true);
     let checksum = page.state["configuration"]["checksum"].clone();
     let progress = |page: &Page| page.state["guide"]["progress"].as_f64().unwrap_or(0.0);
     let text = |page: &Page| page.state["guide"]["text"].as_str().unwrap_or("").to_owned();

@@ -51,7 +51,7 @@ impl Recorded {
     }
 }
 
-/// Told right, the estimator is as good as what knows the future.
+/// Configured right, the estimator is as good as what knows the future.
 #[test]
 fn it_is_as_good_as_the_estimator_where_the_model_holds() {
     let recorded = Recorded::new(1.0);

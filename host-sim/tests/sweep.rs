@@ -241,7 +241,7 @@ fn bad_arguments_are_named_and_nothing_is_written() {
         ("muscle.zones=1:2:3", "muscle.zones = 1.5: must be a whole number from 1 to 64"),
         ("plant.model=full,fall", "plant.model = fall: must be one of"),
         ("sensor.gas.span=wide,narrow", "sensor.gas.span = wide: must be a number from 0 to 1"),
-        ("believed.run.seed=1:2:2", "believed.run.seed: the core is not told"),
+        ("believed.run.seed=1:2:2", "believed.run.seed: the core does not know"),
         (
             "sensor.gas.range_min_k=200:400:2",
             "--vary sensor.gas.range_min_k=200:400:2: at sensor.gas.range_min_k = 400: ",

@@ -1,4 +1,4 @@
-//! Everything that the core is told before it starts, and what each value may be.
+//! Everything that the core is configured with before it starts, and what each value may be.
 
 use crate::math::limit;
 use crate::parameter::{Parameter, parameters};

@@ -201,7 +201,7 @@ impl Faults {
     pub const LINK_LOST: Self = Self(1 << 5);
     /// The board leaves out steps.
     pub const MISSED_STEPS: Self = Self(1 << 6);
-    /// The core runs on defaults: since the board started nobody has told it its configuration.
+    /// The core runs on defaults: since the board started nobody has configured it.
     pub const NOT_CONFIGURED: Self = Self(1 << 7);
     /// The host asks more than the board carries out.
     pub const LINK_FLOODED: Self = Self(1 << 8);

@@ -71,7 +71,7 @@ impl Core {
         })
     }
 
-    /// The core of a board that nobody has told its configuration: it has the default one, and vents
+    /// The core of a board that nobody has configured: it has the default one, and vents
     /// until it is [restarted](Self::restart_as) as one that is configured, and armed.
     ///
     /// ```

@@ -1,6 +1,6 @@
 //! The estimate on a plant from the textbook, written for this test alone: a muscle whose gas is one body, whose wall
 //! is two, fed through isentropic nozzles that open gradually, moved against a dashpot, sensed through a
-//! converter without erratum and with uniform noise. The core is told its defaults, whatever the plant has.
+//! converter without erratum and with uniform noise. the core has its defaults, whatever the plant has.
 
 use model_core::{AdcCode, Config, Core, Sample, SetPoint};
 use std::f64::consts::PI;
@@ -42,10 +42,10 @@ const RANGE_K: [f64; 2] = [230.0, 390.0];
 const FROM_S: f64 = 10.0;
 const UNTIL_S: f64 = 90.0;
 
-/// What the plant has, where that is not what the core is told.
+/// What the plant has, where that is not what the core is configured with.
 #[derive(Debug, Clone, Copy)]
 struct Plant {
-    /// Heat transfer, in those that the core is told [-].
+    /// Heat transfer, in those that the core is configured with [-].
     heat: f64,
     /// Lag of the sensor [s].
     lag_s: f64,
@@ -57,7 +57,7 @@ struct Plant {
     steps: bool,
 }
 
-const TOLD: Plant = Plant { heat: 1.0, lag_s: 3.0, inner: 0.4, period_s: 5.0, steps: false };
+const CONFIGURED: Plant = Plant { heat: 1.0, lag_s: 3.0, inner: 0.4, period_s: 5.0, steps: false };
 
 /// Gas mass [kg], its energy [J], length [m], inner and outer wall, housing, element [K], inlet, outlet [-].
 type State = [f64; 9];
@@ -279,25 +279,25 @@ fn assert_worth(plant: Plant, most_k: f64, most_bare: f64, least_within: f64) {
 
 #[test]
 fn two_walls_where_one_is_told() {
-    assert_worth(TOLD, 0.8, 0.2, 0.85);
-    assert_worth(Plant { inner: 0.2, ..TOLD }, 1.7, 0.35, 0.85);
+    assert_worth(CONFIGURED, 0.8, 0.2, 0.85);
+    assert_worth(Plant { inner: 0.2, ..CONFIGURED }, 1.7, 0.35, 0.85);
 }
 
 #[test]
 fn heat_transfer_off_by_two() {
-    assert_worth(Plant { heat: 0.5, ..TOLD }, 2.8, 0.2, 0.85);
-    assert_worth(Plant { heat: 2.0, ..TOLD }, 5.0, 0.6, 0.85);
+    assert_worth(Plant { heat: 0.5, ..CONFIGURED }, 2.8, 0.2, 0.85);
+    assert_worth(Plant { heat: 2.0, ..CONFIGURED }, 5.0, 0.6, 0.85);
 }
 
 #[test]
 fn lag_off_by_three() {
-    assert_worth(Plant { lag_s: 1.0, ..TOLD }, 1.5, 0.2, 0.85);
-    assert_worth(Plant { lag_s: 9.0, ..TOLD }, 1.5, 0.2, 0.85);
+    assert_worth(Plant { lag_s: 1.0, ..CONFIGURED }, 1.5, 0.2, 0.85);
+    assert_worth(Plant { lag_s: 9.0, ..CONFIGURED }, 1.5, 0.2, 0.85);
 }
 
 /// And never worse than the bare sensor.
 #[test]
 fn lag_off_by_six() {
-    assert_worth(Plant { lag_s: 0.5, ..TOLD }, 2.0, 0.3, 0.85);
-    assert_worth(Plant { lag_s: 18.0, ..TOLD }, 3.0, 0.45, 0.85);
+    assert_worth(Plant { lag_s: 0.5, ..CONFIGURED }, 2.0, 0.3, 0.85);
+    assert_worth(Plant { lag_s: 18.0, ..CONFIGURED }, 3.0, 0.45, 0.85);
 }

@@ -25,7 +25,7 @@ fn with_faults(step: u32, sample: Sample) -> Sample {
 /// What a board has made of its samples.
 #[derive(Debug)]
 pub struct Record {
-    /// What it was told.
+    /// What it was configured with.
     pub config: Config,
     /// Every step.
     pub rows: Vec<Row>,

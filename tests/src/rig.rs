@@ -30,7 +30,7 @@ impl Muscle {
         Self { plant, adc, config: core_config(&loaded.believed) }
     }
 
-    /// What a board is told of it.
+    /// What a board is configured with of it.
     pub fn config(&self) -> &Config {
         &self.config
     }

@@ -10,7 +10,7 @@ fn nominal() -> Loaded {
     full(&host_sim::commands::evaluate::nominal().unwrap())
 }
 
-/// Changes what the plant is and what the core is told.
+/// Changes what the plant is and what the core is configured with.
 fn both(mut loaded: Loaded, change: impl Fn(&mut Scenario)) -> Loaded {
     change(&mut loaded.plant);
     change(&mut loaded.believed);

@@ -50,7 +50,7 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     terminal.draw(|frame| draw(frame, &session)).unwrap();
     let screen = terminal.backend().to_string();
     let parts = ["connected", "Rp2040, firmware", "pressure", "kPa", "+-", "[K]"];
-    // Nobody has told the board its configuration.
+    // Nobody has configured the board.
     for text in parts.into_iter().chain(["not configured"]) {
         assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
     }
@@ -107,6 +107,6 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     assert_eq!(times[0], 0.0);
     assert!(times.is_sorted_by(|a, b| a < b), "time falls");
     assert_eq!(steps.windows(2).filter(|pair| pair[1] < pair[0]).count(), 1, "no restart");
-    assert_eq!(session.told().len(), 1, "both boards were told the same");
+    assert_eq!(session.configurations().len(), 1, "both boards were configured the same");
     std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -266,7 +266,7 @@ fn a_hang_of_the_control_task_ends_in_the_watchdog() {
     let reason = rig.board.last_reset().unwrap();
     assert!(matches!(reason, LastReset::Watchdog { .. }), "{reason:?}");
     assert_eq!(rig.exchange().restarts, 1);
-    // It runs again, on defaults that nobody has told it, and takes no set point.
+    // It runs again, on defaults that nobody has configured, and takes no set point.
     let refused = |answer| match answer {
         Err(BoardError::Refused(refusal)) => refusal,
         other => panic!("{other:?}"),
@@ -371,16 +371,16 @@ fn missed_steps_are_counted_and_vent_when_they_come_together() {
         }
         let counts = rig.board.take_telemetry().iter().map(|t| t.sample.missed_steps).collect();
         let counts: Vec<u8> = counts;
-        let told: u32 = counts.into_iter().map(u32::from).sum();
-        (told, rig.board.timing().unwrap().missed_steps)
+        let reported: u32 = counts.into_iter().map(u32::from).sum();
+        (reported, rig.board.timing().unwrap().missed_steps)
     };
     rig.board.take_telemetry();
     assert_eq!(overrun(&mut rig, 5), (4, 4));
     mean_shares(&mut rig, 90, 20);
     assert_eq!(last_telemetry(&mut rig, AS_IT_IS).faults, Faults::NONE);
     assert!(mean_shares(&mut rig, 20, 20).0 > 0.49, "it goes on");
-    let (told, counted) = overrun(&mut rig, 6);
-    assert_eq!((told, counted), (5, 9));
+    let (reported, counted) = overrun(&mut rig, 6);
+    assert_eq!((reported, counted), (5, 9));
     assert_eq!(last_telemetry(&mut rig, AS_IT_IS).faults, Faults::MISSED_STEPS);
     assert_eq!(mean_shares(&mut rig, 20, 20), (0.0, 0.0));
     assert_eq!(rig.exchange().restarts, 0);

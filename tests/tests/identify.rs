@@ -266,7 +266,7 @@ fn the_core_works_with_the_effective_values_of_a_muscle_in_zones() {
             value("wall.heat_capacity_j_k"),
             value("sensor.gas.time_constant_s"),
         );
-        // Told the plant's own values: 0.35 K.
+        // Given the plant's own values: 0.35 K.
         let error_k = run_text(&believed, &[]).figure("rmse_k.estimate");
         println!("record from {from_s} s: the core is wrong by {error_k:.3} K");
         assert!((0.2..0.4).contains(&error_k), "from {from_s} s: {error_k} K");

@@ -213,8 +213,8 @@ pub unsafe extern "C" fn fmi3DoStep(
     unsafe {
         guarded(instance, |model| {
             let done = model.step(from_s, length_s);
-            for told in [event_handling_needed, terminate, early_return] {
-                tell(told, false);
+            for flag in [event_handling_needed, terminate, early_return] {
+                tell(flag, false);
             }
             tell(last_successful_s, model.time_s());
             done

@@ -39,10 +39,10 @@ export class Simulation {
     this.good(this.module.start());
   }
 
-  /** Sets a number of the plant; `told` starts again, with a core that is told too. */
-  turn(key, value, told = false) {
+  /** Sets a number of the plant; `configured` starts again, with a core that knows it too. */
+  turn(key, value, configured = false) {
     this.give(key);
-    this.good(this.module.turn(value, told));
+    this.good(this.module.turn(value, configured));
   }
 
   /** Goes on; gives the cells of every so many steps, row after row. */

@@ -78,13 +78,13 @@ pub extern "C" fn start() -> bool {
     })
 }
 
-/// Sets the number of the text's key, such as `supply.pressure_pa`: of the plant, while it runs; or, `told`, of the
-/// plant and of what the core is told, and everything starts again.
+/// Sets the number of the text's key, such as `supply.pressure_pa`: of the plant, while it runs; or, `configured`, of the
+/// plant and of what the core is configured with, and everything starts again.
 #[unsafe(no_mangle)]
-pub extern "C" fn turn(value: f64, told: bool) -> bool {
+pub extern "C" fn turn(value: f64, configured: bool) -> bool {
     with(|playground| {
         let key = playground.taken();
-        let outcome = key.and_then(|key| playground.live()?.turn(&key, value, told));
+        let outcome = key.and_then(|key| playground.live()?.turn(&key, value, configured));
         playground.say(outcome.map(|()| Vec::new()))
     })
 }

@@ -74,18 +74,18 @@ impl Live {
     }
 
     /// Sets a key's number.
-    pub fn turn(&mut self, key: &str, value: f64, told: bool) -> Result<(), String> {
+    pub fn turn(&mut self, key: &str, value: f64, configured: bool) -> Result<(), String> {
         let mut turned = self.loaded.clone();
         let known = scenario::number(&turned.believed, key) == scenario::number(&turned.plant, key);
         turned.plant = scenario::with_numbers(&turned.plant, [(key, value)]);
-        if told && known {
+        if configured && known {
             turned.believed = scenario::with_numbers(&turned.believed, [(key, value)]);
         }
-        // There is nothing that the core could be told of these apart from the plant's.
+        // There is nothing that the core could be configured with of these apart from the plant's.
         turned.believed.drive = turned.plant.drive.clone();
         // By every rule of a file, and with its messages.
         let turned = parsed(&scenario::render(&turned))?;
-        if told {
+        if configured {
             *self = Self::of(turned)?;
             return Ok(());
         }

@@ -13,7 +13,7 @@ use model_core::{Duty, Faults, Telemetry};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Model, estimator, controller and supervisor, told what the scenario believes.
+/// Model, estimator, controller and supervisor, configured with what the scenario believes.
 #[pyclass(module = "thermyo")]
 pub struct Core {
     board: CoreBoard,

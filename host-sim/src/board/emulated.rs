@@ -599,7 +599,7 @@ impl Board for EmulatedBoard {
         let restarted = self.restarted;
         let link = &mut self.wire().link;
         let mut telemetry = std::iter::from_fn(|| link.take_telemetry());
-        let telemetry = telemetry.find(|told| restarted || told.mode != Mode::Judging);
+        let telemetry = telemetry.find(|seen| restarted || seen.mode != Mode::Judging);
         Ok(BoardStep { telemetry, actuation: exchange.set_duty() })
     }
 

@@ -51,7 +51,7 @@ pub trait Board {
     /// # Errors
     /// [`BoardError`]
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError>;
-    /// Restarts the board: it has forgotten what it was told and remembers what was latched. In the steps
+    /// Restarts the board: it has forgotten its configuration and remembers what was latched. In the steps
     /// that follow it judges its sensors, and then counts from 0 again.
     ///
     /// # Errors

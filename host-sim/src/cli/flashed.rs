@@ -500,8 +500,8 @@ fn drive_profile(
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let config = board.config()?;
-    let told = from_config::say(&config)?;
-    let driven = drive::plan(&args.profile, &told)?;
+    let configured = from_config::say(&config)?;
+    let driven = drive::plan(&args.profile, &configured)?;
     let duration_s = driven.plant.run.duration_s;
     let measured =
         args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 /// Arguments of `thermyo tune`.
 #[derive(Debug, Args)]
 pub(super) struct TuneArgs {
-    /// Scenario file (TOML): muscle, load, and what the core is told so far
+    /// Scenario file (TOML): muscle, load, and what the core is configured with so far
     scenario: PathBuf,
     /// Highest absolute pressure of the experiment, in Pa
     #[arg(long, value_name = "PA", default_value_t = tune::HIGHEST_PA, value_parser = pressure)]

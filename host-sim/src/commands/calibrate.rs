@@ -19,7 +19,7 @@ pub enum Sensor {
 const READINGS: usize = 100;
 /// Least distance of the points, share of the sensor's range.
 const LEAST_SPAN: f64 = 0.05;
-/// Most that a gain may be off 1; what is further off is no sensor of the range that the board was told.
+/// Most that a gain may be off 1; what is further off is no sensor of the range that the board was configured with.
 const MOST_GAIN: f64 = 0.1;
 /// Most that is put right at any point between, share of the range.
 const MOST_SHIFT: f64 = 0.1;

@@ -108,19 +108,19 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), In
     let [inlet, outlet, faults] = [column("duty_in")?, column("duty_out")?, column("faults")?];
     let [valid, mode] = [column("estimate_valid")?, column("mode")?];
     let limited = column("limited")?;
-    let told = told_set_points(table)?;
+    let logged = logged_set_points(table)?;
     let mut held = SetPoint::Vent;
     let rows = (0..steps.len())
         .map(|i| {
             let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
                 estimate.each_ref().map(|values| values[i] as f32);
-            let set_point = match &told {
+            let set_point = match &logged {
                 // What vents by a fault, vents by itself.
-                Some(told) if Faults(faults[i] as u16).intersects(VENTING) => {
-                    held = told[i];
+                Some(logged) if Faults(faults[i] as u16).intersects(VENTING) => {
+                    held = logged[i];
                     None
                 }
-                Some(told) => (i == 0 || told[i] != held).then_some(told[i]),
+                Some(logged) => (i == 0 || logged[i] != held).then_some(logged[i]),
                 None if i == 0 => Some(drive.at(0.0)),
                 None => drive.acting_from(i as u64, &loaded),
             };
@@ -164,17 +164,17 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), In
 }
 
 /// The set point of every row, where a board has recorded it; a simulated run's follow from its scenario.
-fn told_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError> {
+fn logged_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError> {
     if !table.columns().iter().any(|column| column.name == "set_point_kind") {
         return Ok(None);
     }
     let [kinds, values, seconds] =
         ["set_point_kind", "set_point_value", "set_point_second"].map(|name| table.filled(name));
     let values = values?.into_iter().zip(seconds?);
-    let told = kinds?.into_iter().zip(values).map(|(kind, (value, second))| {
+    let logged = kinds?.into_iter().zip(values).map(|(kind, (value, second))| {
         board_trace::set_point(kind as u8, value as f32, second as f32)
     });
-    Ok(Some(told.collect()))
+    Ok(Some(logged.collect()))
 }
 
 /// Equal to the bit: a NaN is equal to itself, and the two zeros differ.

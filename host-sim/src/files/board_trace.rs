@@ -1,5 +1,5 @@
 //! `trace.csv` of a real board: the columns of every trace, empty where only a plant would know, and behind them
-//! what was told to the core.
+//! what the core was configured with.
 
 use crate::files::rows::Rows;
 use crate::files::sinks::Sinks;
@@ -152,15 +152,15 @@ impl<W: Write> Recorder<W> {
         self.rows += 1;
         let row = row(time_s, config, telemetry);
         let (kind, value, second) = kind_and_values(telemetry.set_point);
-        let told = |value: fn(&Status) -> f64| status.map_or(f64::NAN, value);
+        let stated = |value: fn(&Status) -> f64| status.map_or(f64::NAN, value);
         let more: [f64; MORE_COLUMNS.len()] = [
             f64::from(kind),
             f64::from(value),
             f64::from(second),
-            told(|status| f64::from(status.armed_pa.unwrap_or_default())),
-            told(|status| f64::from(status.restarts)),
-            told(|status| f64::from(status.starts)),
-            told(|status| f64::from(status.config_checksum)),
+            stated(|status| f64::from(status.armed_pa.unwrap_or_default())),
+            stated(|status| f64::from(status.restarts)),
+            stated(|status| f64::from(status.starts)),
+            stated(|status| f64::from(status.config_checksum)),
         ];
         let cells: Vec<f64> = row.cells().into_iter().chain(more).collect();
         self.out.push(&cells_text(cells.iter().copied()))?;
@@ -260,7 +260,7 @@ mod tests {
 
     #[test]
     fn a_set_point_reads_back() {
-        for told in [
+        for asked in [
             SetPoint::Vent,
             SetPoint::Duty { inlet: 0.25, outlet: 0.5 },
             SetPoint::MassFlow { flow_kg_s: -1.0e-4 },
@@ -268,8 +268,8 @@ mod tests {
             SetPoint::Pressure { pressure_pa: 1.3e5 },
             SetPoint::Contraction { contraction: 0.1 },
         ] {
-            let (kind, value, second) = kind_and_values(told);
-            assert_eq!(set_point(kind, value, second), told);
+            let (kind, value, second) = kind_and_values(asked);
+            assert_eq!(set_point(kind, value, second), asked);
         }
     }
 
@@ -291,7 +291,7 @@ mod tests {
         ] {
             assert_eq!(times_ms(steps), expected, "{what}");
         }
-        // Told how long a step is only after some rows.
+        // It knows how long a step is only after some rows.
         let mut clock = Clock::default();
         let times = [(0, 0.001), (10, 0.001), (20, 0.002), (30, 0.002)];
         let times = times.map(|(step, step_s)| (clock.time_s(step, step_s) * 1e3).round() as u64);

@@ -98,8 +98,8 @@ pub enum Problem {
         /// What needs it.
         why: String,
     },
-    /// Something that the core is never told.
-    #[error("{key}: the core is not told about it, so that it cannot believe otherwise")]
+    /// Something that the core is never configured with.
+    #[error("{key}: the core does not know of it, so that it cannot believe otherwise")]
     NotBelieved {
         /// Its whole path.
         key: String,

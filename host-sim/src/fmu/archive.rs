@@ -43,18 +43,18 @@ pub fn archive(
 fn resources(loaded: &Loaded, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, InputError> {
     let mut loaded = loaded.clone();
     let mut files = Vec::new();
-    let mut moved = |path: &mut Option<PathBuf>, told: &mut Option<PathBuf>, name: &str| {
+    let mut moved = |path: &mut Option<PathBuf>, believed: &mut Option<PathBuf>, name: &str| {
         if let Some(path) = path {
             files.push((format!("resources/{name}"), read_bytes(path)?));
             *path = PathBuf::from(name);
-            *told = Some(path.clone());
+            *believed = Some(path.clone());
         }
         Ok::<(), InputError>(())
     };
-    let (plant, told) = (&mut loaded.plant, &mut loaded.believed);
-    moved(&mut plant.vessel.volume_csv, &mut told.vessel.volume_csv, "volume.csv")?;
-    moved(&mut plant.drive.profile_csv, &mut told.drive.profile_csv, "profile.csv")?;
-    moved(&mut plant.table.csv, &mut told.table.csv, "table.csv")?;
+    let (plant, believed) = (&mut loaded.plant, &mut loaded.believed);
+    moved(&mut plant.vessel.volume_csv, &mut believed.vessel.volume_csv, "volume.csv")?;
+    moved(&mut plant.drive.profile_csv, &mut believed.drive.profile_csv, "profile.csv")?;
+    moved(&mut plant.table.csv, &mut believed.table.csv, "table.csv")?;
     let scenario = Path::new("resources").join(kind.scenario_file());
     files.push((scenario.to_string_lossy().replace('\\', "/"), render(&loaded).into_bytes()));
     Ok(files)

@@ -26,7 +26,7 @@ pub enum ModelError {
     /// It makes no plant.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// The core refuses what it is told or asked.
+    /// The core refuses its configuration or a set point.
     #[error(transparent)]
     Core(#[from] BoardError),
     /// The plant left the range of its equations.

@@ -45,7 +45,7 @@ pub fn render(loaded: &Loaded) -> String {
         let differs = |key: &&Key| {
             !same(value(&plant, table.name, key.name), value(&believed, table.name, key.name))
         };
-        // The core is told all of them or none: any of them alone would let the others follow anew.
+        // The core is configured with all of them or none: any of them alone would let the others follow anew.
         let is_dimension = |key: &Key| table.name == "muscle" && DIMENSIONS.contains(&key.name);
         let dimensions_differ = table.keys.iter().any(|key| is_dimension(key) && differs(&key));
         let lines = table
@@ -56,7 +56,7 @@ pub fn render(loaded: &Loaded) -> String {
             .collect::<String>();
         if !lines.is_empty() {
             let name = format!("believed.{}", table.name);
-            push_table(&mut text, &name, "what the core is told instead", &lines);
+            push_table(&mut text, &name, "what the core is configured with instead", &lines);
         }
     }
     text

@@ -9,7 +9,7 @@
 //!   nothing.
 //! - A parameter of the plant that the core has too: its line in the core's `parameters!`, and `core NAME;` in
 //!   the `table!`. Where the scenario says something else on purpose (another default, a wider range),
-//!   `core NAME: real ...;` with a comment why. Where the core is told another value than the plant's,
+//!   `core NAME: real ...;` with a comment why. Where the core is configured with another value than the plant's,
 //!   [`super::core_config`] says which.
 //! - A parameter of the plant alone: one line in the `table!`.
 //! - A table: a `table!` in `scenario/tables/`, its field in `Scenario`, its line in `TABLES`.
@@ -119,7 +119,7 @@ macro_rules! table {
 
     // One field after the other: [attributes] doc, name: type = default, key. The list after them is
     // what the core has too.
-    (@field [$head:tt $table:tt $struct:ident [$core:path]] [$($done:tt)*] [$($told:ident)*]
+    (@field [$head:tt $table:tt $struct:ident [$core:path]] [$($done:tt)*] [$($shared:ident)*]
         core $name:ident; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
@@ -133,17 +133,17 @@ macro_rules! table {
                 ) }.default,
                 key_of(&parameter(<$core>::PARAMETERS, stringify!($name)))
             }]
-            [$($told)* $name] $($rest)*
+            [$($shared)* $name] $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] [$($told:ident)*]
+    (@field $head:tt [$($done:tt)*] [$($shared:ident)*]
         core $name:ident: $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
-            @field $head [$($done)*] [$($told)* $name] $name: $($rest)*
+            @field $head [$($done)*] [$($shared)* $name] $name: $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: from $parameter:path; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
@@ -154,10 +154,10 @@ macro_rules! table {
                 $name: f64 = $parameter.default,
                 key_of(&$parameter)
             }]
-            $told $($rest)*
+            $shared $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: real $default:expr, $unit:tt, $min:literal to $max:expr, $meaning:literal;
         $($rest:tt)*
     ) => {
@@ -169,10 +169,10 @@ macro_rules! table {
                 $name: f64 = $default,
                 real(stringify!($name), $unit, [$min, $max], $meaning)
             }]
-            $told $($rest)*
+            $shared $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: optional $unit:tt, $min:literal to $max:expr, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
@@ -183,10 +183,10 @@ macro_rules! table {
                 $name: Option<f64> = None,
                 real(stringify!($name), $unit, [$min, $max], $meaning)
             }]
-            $told $($rest)*
+            $shared $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: whole $type:ty, $default:expr, $min:literal to $max:literal, $meaning:literal;
         $($rest:tt)*
     ) => {
@@ -203,10 +203,10 @@ macro_rules! table {
                     $meaning,
                 )
             }]
-            $told $($rest)*
+            $shared $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: choice $type:ident::$default:ident, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
@@ -217,10 +217,10 @@ macro_rules! table {
                 $name: $type = $type::$default,
                 key(stringify!($name), Allowed::Choice($type::WORDS), $meaning)
             }]
-            $told $($rest)*
+            $shared $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: switch $default:expr, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
@@ -231,10 +231,10 @@ macro_rules! table {
                 $name: bool = $default,
                 key(stringify!($name), Allowed::Switch, $meaning)
             }]
-            $told $($rest)*
+            $shared $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: list $meaning:literal; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
@@ -245,18 +245,18 @@ macro_rules! table {
                 $name: Vec<String> = Vec::new(),
                 key(stringify!($name), Allowed::List, $meaning)
             }]
-            $told $($rest)*
+            $shared $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: csv $column:literal, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
-            @field $head [$($done)*] $told
+            @field $head [$($done)*] $shared
             $name: csv ["time_s", $column], $meaning; $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $told:tt
+    (@field $head:tt [$($done:tt)*] $shared:tt
         $name:ident: csv [$($column:literal),*], $meaning:literal; $($rest:tt)*
     ) => {
         $crate::scenario::declare::table! {
@@ -267,7 +267,7 @@ macro_rules! table {
                 $name: Option<std::path::PathBuf> = None,
                 key(stringify!($name), Allowed::Csv { columns: &[$($column),*] }, $meaning)
             }]
-            $told $($rest)*
+            $shared $($rest)*
         }
     };
 
@@ -278,7 +278,7 @@ macro_rules! table {
         [$({
             [$($serde:tt)*] $doc:expr, $name:ident: $type:ty = $default:expr, $key:expr
         })*]
-        $told:tt
+        $shared:tt
     ) => {
         #[doc = concat!("`[", $path, "]`: ", $meaning, ".")]
         $(#[$attribute])*
@@ -309,15 +309,15 @@ macro_rules! table {
                 $crate::scenario::schema::Table::new($path, $meaning, Self::KEYS)$(.$flag())*;
         }
 
-        $crate::scenario::declare::table! { @core $struct [$($core)?] $told }
+        $crate::scenario::declare::table! { @core $struct [$($core)?] $shared }
     };
 
     (@core $struct:ident [] []) => {};
-    (@core $struct:ident [$core:path] [$($told:ident)*]) => {
+    (@core $struct:ident [$core:path] [$($shared:ident)*]) => {
         impl $struct {
             /// The fields that the core has too, in its own f32.
             pub fn core(&self) -> $core {
-                $core { $($told: self.$told as f32),* }
+                $core { $($shared: self.$shared as f32),* }
             }
         }
     };

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use toml::de::{DeInteger, DeTable, DeValue};
 use toml::{Spanned, Value};
 
-/// The prefix of what the core is told.
+/// The prefix of what the core is configured with.
 const BELIEVED: &str = "believed";
 
 /// A scenario file, entry by entry.
@@ -16,7 +16,7 @@ pub struct Document {
     pub origin: PathBuf,
     /// What the plant is given.
     pub plant: Entries,
-    /// What the core is told where it differs.
+    /// What the core believes where it differs.
     pub believed: Entries,
 }
 

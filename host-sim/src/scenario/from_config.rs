@@ -54,7 +54,7 @@ pub fn short(value: f32) -> f64 {
 /// `None` for a chamber whose dimensions a scenario has in other words.
 fn scenario(config: &Config) -> Option<Scenario> {
     let mut s = Scenario::default();
-    // What a core is told of `full` has gas near the port, or at least a housing around the foil.
+    // What a core is configured with of `full` has gas near the port, or at least a housing around the foil.
     let housing_s = config.sensors.gas.housing_time_constant_s;
     let full = config.estimator.port_cooling > 0.0 || housing_s > 0.0;
     s.plant.model = if full { PlantModel::Full } else { PlantModel::Lumped };
@@ -179,7 +179,7 @@ fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f3
 mod tests {
     use super::*;
 
-    /// What a board was told comes back from it as it was.
+    /// What a board was configured with comes back from it as it was.
     #[test]
     fn what_a_scenario_has_told_is_said_again() {
         for text in [
@@ -196,7 +196,7 @@ mod tests {
             "[sensor.gas]\nkind = \"max31865\"\n[sensor.max31865]\nreference_ohm = 402.0\n\
              [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",
         ] {
-            let config = core_config(&parse(text, Path::new("told")).unwrap().believed);
+            let config = core_config(&parse(text, Path::new("scenario")).unwrap().believed);
             let said = say(&config).unwrap();
             let back = core_config(&said.scenario.believed);
             assert_eq!(back, config, "{text}");

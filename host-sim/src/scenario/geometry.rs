@@ -164,10 +164,10 @@ impl Given {
         })
     }
 
-    /// The dimensions that the core is told: what is given here, completed from the plant's.
+    /// The dimensions that the core is configured with: what is given here, completed from the plant's.
     ///
     /// Where only one way of giving the geometry is touched, the other one follows; where both are,
-    /// each dimension that is not told is the plant's. `threaded` says whether the plant's file gives
+    /// each dimension that is not given is the plant's. `threaded` says whether the plant's file gives
     /// thread length and turns.
     pub fn completed_from(self, plant: Dimensions, threaded: bool) -> Self {
         let thread_told = self.thread_length_m.is_some() || self.turns.is_some();

@@ -36,7 +36,7 @@ pub struct WrongCell {
 pub struct Loaded {
     /// What the plant is. Its CSV paths are absolute.
     pub plant: Scenario,
-    /// What the core is told: the plant's scenario, overlaid by `[believed]`.
+    /// What the core believes: the plant's scenario, overlaid by `[believed]`.
     pub believed: Scenario,
     /// The vessel's volume \[m3\] over time, where `vessel.volume_csv` gives it.
     pub volume_profile: Option<Profile>,
@@ -45,7 +45,7 @@ pub struct Loaded {
 }
 
 impl Loaded {
-    /// The same scenario on another plant. The core is told too: it drives ideal valves differently.
+    /// The same scenario on another plant. The core knows it: it drives ideal valves differently.
     pub fn with_model(&self, model: PlantModel) -> Self {
         let mut other = self.clone();
         other.plant.plant.model = model;
@@ -101,7 +101,7 @@ pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
 /// # Errors
 /// As [`load`].
 pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
-    let Document { origin, plant: given, believed: told } = document;
+    let Document { origin, plant: given, believed: overrides } = document;
     fault_rules::check_given(given).map_err(|found| blame(found, given, origin))?;
     let mut plant = overlaid(&Scenario::default(), given, origin)?;
     let dimensions = Given::of(given).resolved().map_err(|found| blame(found, given, origin))?;
@@ -146,14 +146,14 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
         }
     }
 
-    let mut believed = overlaid(&plant, told, origin)?;
+    let mut believed = overlaid(&plant, overrides, origin)?;
     let threaded = given.get("muscle.thread_length_m").is_some();
-    let dimensions = Given::of(told)
+    let dimensions = Given::of(overrides)
         .completed_from(Dimensions::of(&plant.muscle), threaded)
         .resolved()
-        .map_err(|found| blame(found, told, origin))?;
+        .map_err(|found| blame(found, overrides, origin))?;
     believed.muscle = dimensions.applied_to(&believed.muscle);
-    rules::check_told(&believed).map_err(|found| blame(found, told, origin))?;
+    rules::check_believed(&believed).map_err(|found| blame(found, overrides, origin))?;
     Ok(Loaded { plant, believed, volume_profile, drive_profile })
 }
 

@@ -50,7 +50,7 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
             within(path, alpha, (1.0, ratio), "at most gas.heat_capacity_ratio")?;
         }
     }
-    check_told(scenario)
+    check_believed(scenario)
 }
 
 fn ideal_gas(path: &str, pressure_pa: f64) -> Result<(), Violation> {
@@ -58,11 +58,11 @@ fn ideal_gas(path: &str, pressure_pa: f64) -> Result<(), Violation> {
     within(path, pressure_pa, (limits(path).min, IDEAL_GAS_PA), why)
 }
 
-/// Rules for what the core is told, which hold for the plant too.
+/// Rules for what the core is configured with, which hold for the plant too.
 ///
 /// # Errors
 /// The first rule that does not hold.
-pub fn check_told(scenario: &Scenario) -> Result<(), Violation> {
+pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
     ideal_gas("supply.pressure_pa", scenario.supply.pressure_pa)?;
     let slowest = 1.0 / (MOST_PWM_STEPS * scenario.run.step_s);
     let fastest = limits("valve.pwm_hz").max;

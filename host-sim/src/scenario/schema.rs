@@ -2,7 +2,7 @@
 //!
 //! Validation, suggestions and the comments of `thermyo check` all read it. `declare.rs` makes
 //! it, along with the structs and their defaults. No range is wider than what the core works with
-//! (`model_core::config::Config::check`), or [`super::core_config`] narrows what the core is told: a
+//! (`model_core::config::Config::check`), or [`super::core_config`] narrows what the core is configured with: a
 //! scenario that passes here, runs.
 
 use super::geometry::DIMENSIONS;
@@ -16,7 +16,7 @@ pub struct Table {
     pub name: &'static str,
     /// What it is about.
     pub meaning: &'static str,
-    /// Whether `[believed]` may overlay it: the core has been told, and can have been told wrong.
+    /// Whether `[believed]` may overlay it: the core is configured with it, rightly or wrongly.
     pub believed: bool,
     /// Whether it describes the thing that is measured, and not the run.
     pub physical: bool,

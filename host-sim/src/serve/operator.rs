@@ -42,7 +42,7 @@ pub struct Operator {
     logs: Logs,
     shared: Arc<Shared>,
     board: Option<LiveBoard>,
-    told: Told,
+    known: Known,
     /// What of it the page needs.
     configuration: Configuration,
     link: Link,
@@ -63,13 +63,13 @@ pub struct Operator {
 
 /// What the board has said of itself.
 #[derive(Debug, Clone, Copy)]
-struct Told {
+struct Known {
     config: Config,
     status: Status,
     timing: Timing,
 }
 
-impl Told {
+impl Known {
     fn configuration(&self, target: &Target) -> Configuration {
         let own = !matches!(target, Target::Port(_));
         Configuration::new(&self.config, &self.status, own.then(|| target.muscle_name()))
@@ -110,9 +110,9 @@ impl Operator {
         out: &Path,
         logs: Logs,
     ) -> Result<Self, BoardError> {
-        let told = learn(&mut board)?;
+        let known = learn(&mut board)?;
         let now = Instant::now();
-        let configuration = told.configuration(&target);
+        let configuration = known.configuration(&target);
         let shared = Arc::new(Shared::default());
         shared.log(Weight::Plain, format!("connected with {}", target.name()));
         let mut operator = Self {
@@ -121,7 +121,7 @@ impl Operator {
             logs,
             shared,
             board: Some(board),
-            told,
+            known,
             configuration,
             link: Link::Connected,
             frames: Frames::new(),
@@ -246,18 +246,18 @@ impl Operator {
         let identity =
             |status: &Status| (status.restarts, status.config_checksum, status.config_name);
         let said = self.board.as_ref().and_then(LiveBoard::last_status);
-        said.is_some_and(|said| identity(&said) != identity(&self.told.status))
+        said.is_some_and(|said| identity(&said) != identity(&self.known.status))
     }
 
     fn learn_anew(&mut self) {
         let Some(board) = &mut self.board else { return };
-        let before = self.told.status;
+        let before = self.known.status;
         match learn(board) {
-            Ok(told) => self.told = told,
+            Ok(known) => self.known = known,
             Err(error) => return self.lost(&error),
         }
-        self.configuration = self.told.configuration(&self.target);
-        let now = self.told.status;
+        self.configuration = self.known.configuration(&self.target);
+        let now = self.known.status;
         if now.restarts != before.restarts {
             self.shared.log(Weight::Fault, "the board has restarted");
         }
@@ -290,7 +290,7 @@ impl Operator {
         if let Some(recording) = &self.recording {
             recording.step(self.board.as_ref().and_then(LiveBoard::last_status), telemetry);
         }
-        if let Some(parcel) = self.frames.add(&self.told.config, telemetry) {
+        if let Some(parcel) = self.frames.add(&self.known.config, telemetry) {
             // Without a page nobody wants it.
             let _ = self.shared.frames.send(parcel.into());
         }
@@ -322,8 +322,8 @@ impl Operator {
 
     fn see_status(&mut self) {
         let Some(status) = self.board.as_ref().and_then(LiveBoard::last_status) else { return };
-        if status.armed_pa != self.told.status.armed_pa {
-            self.told.status.armed_pa = status.armed_pa;
+        if status.armed_pa != self.known.status.armed_pa {
+            self.known.status.armed_pa = status.armed_pa;
             self.shown = None;
             self.shared.log(
                 Weight::Plain,
@@ -341,8 +341,8 @@ impl Operator {
             Ok(Step::Calibrated(config, off)) => Ok((config, off)),
             Err(implausible) => Err(format!("Not calibrated: {implausible}.")),
         };
-        let told = calibrated.and_then(|(config, [first, second])| {
-            let name = self.told.status.config_name;
+        let known = calibrated.and_then(|(config, [first, second])| {
+            let name = self.known.status.config_name;
             let board = self.board.as_mut().ok_or_else(|| NO_LINK.to_string())?;
             let configured = board.configure(&config, name.as_str());
             configured.map_err(|error| format!("Not calibrated: {}.", plainly(&error)))?;
@@ -350,7 +350,7 @@ impl Operator {
                 "Put right by {first:+.4} and {second:+.4}. The board has it, and vents; it is not saved."
             ))
         });
-        let text = told.unwrap_or_else(|why| why);
+        let text = known.unwrap_or_else(|why| why);
         if let Some(Guided::Calibration(calibration)) = &self.guided {
             self.guided = Some(calibration.outcome(&text));
         }
@@ -407,23 +407,23 @@ impl Operator {
             Order::Save => {
                 board.save()?;
                 self.shared.log(Weight::Plain, "the configuration is kept over the loss of power");
-                self.told.status = board.status()?;
-                self.configuration = self.told.configuration(&self.target);
+                self.known.status = board.status()?;
+                self.configuration = self.known.configuration(&self.target);
             }
             Order::Record if self.recording.is_none() => {
                 let port = self.target.port();
-                let config = self.told.config;
+                let config = self.known.config;
                 let shared = Arc::clone(&self.shared);
                 let recording = Recording::begin(&self.out, &self.logs, port, config, shared)?;
                 self.recording = Some(recording);
                 self.shared.log(Weight::Plain, "recording begins");
             }
             Order::Calibrate(_) if self.recording.is_some() => return Err(RECORDS),
-            Order::Calibrate(_) if self.told.status.config_source == ConfigSource::Defaults => {
+            Order::Calibrate(_) if self.known.status.config_source == ConfigSource::Defaults => {
                 return Err(BoardError::Refused(Refusal::NotConfigured).into());
             }
             Order::Calibrate(sensor) => {
-                let calibration = Calibration::new(sensor.into(), self.told.config);
+                let calibration = Calibration::new(sensor.into(), self.known.config);
                 self.guided = Some(Guided::Calibration(Box::new(calibration)));
             }
             Order::Record
@@ -444,17 +444,17 @@ impl Operator {
         if self.recording.is_some() {
             return Err(RECORDS);
         }
-        if self.told.status.config_source == ConfigSource::Defaults {
+        if self.known.status.config_source == ConfigSource::Defaults {
             return Err(BoardError::Refused(Refusal::NotConfigured).into());
         }
-        let told = from_config::say(&self.told.config)?.scenario;
+        let known = from_config::say(&self.known.config)?.scenario;
         let mut board = self.board.take().ok_or(NO_LINK)?;
         self.shared.log(Weight::Plain, "tuning begins");
-        let name = self.told.status.config_name;
+        let name = self.known.status.config_name;
         let shared = Arc::clone(&self.shared);
         let ends = || shared.vent_wanted() || wanted();
         let bench = LiveBench::new(&mut board, name.as_str(), most_pa, &ends);
-        let tuned = tuning::tune(&told, most_pa, bench, &mut |telemetry, part| {
+        let tuned = tuning::tune(&known, most_pa, bench, &mut |telemetry, part| {
             while orders.try_recv().is_ok() {
                 self.shared.log(Weight::Refused, "the board is being tuned: to vent ends that");
             }
@@ -499,10 +499,10 @@ impl Operator {
     fn finish_recording(&mut self) {
         let Some(recording) = self.recording.take() else { return };
         if let Some(Ok(timing)) = self.board.as_mut().map(LiveBoard::timing) {
-            self.told.timing = timing;
+            self.known.timing = timing;
         }
         self.writers.retain(|writer| !writer.is_finished());
-        self.writers.push(recording.end(self.told.status, self.told.timing));
+        self.writers.push(recording.end(self.known.status, self.known.timing));
     }
 
     /// Shows the state, when it is due.
@@ -511,7 +511,7 @@ impl Operator {
             return;
         }
         self.shown = Some(Instant::now());
-        let Told { status, timing, .. } = &self.told;
+        let Known { status, timing, .. } = &self.known;
         let guide = self.guided.as_ref().map(Guided::state);
         let state = State {
             kind: "state",
@@ -546,12 +546,12 @@ impl Operator {
 }
 
 /// Asks what the page shows, and for the telemetry of every step.
-fn learn(board: &mut LiveBoard) -> Result<Told, BoardError> {
+fn learn(board: &mut LiveBoard) -> Result<Known, BoardError> {
     board.telemetry_every(1)?;
-    Ok(Told { config: board.config()?, status: board.status()?, timing: board.timing()? })
+    Ok(Known { config: board.config()?, status: board.status()?, timing: board.timing()? })
 }
 
-/// What the board is to be told.
+/// What the board is to be configured with.
 fn configuration(target: &Target, text: Option<ScenarioText>) -> Result<(Config, String), NotDone> {
     let (loaded, name) = match text {
         Some(ScenarioText { name, text }) => {

@@ -38,7 +38,7 @@ enum Part {
 }
 
 impl Recording {
-    /// Begins, in a folder of `out` and where `logs` says, with what a board has been told.
+    /// Begins, in a folder of `out` and where `logs` says, with what a board has been configured with.
     ///
     /// # Errors
     /// Where no file can be made, or no scenario says the configuration.
@@ -49,12 +49,13 @@ impl Recording {
         config: Config,
         shared: Arc<Shared>,
     ) -> Result<Self, InputError> {
-        let mut told = from_config::say(&config)?.scenario;
+        let mut configured = from_config::say(&config)?.scenario;
         // The user drives it.
-        (told.plant.drive.kind, told.believed.drive.kind) = (DriveKind::Closed, DriveKind::Closed);
+        (configured.plant.drive.kind, configured.believed.drive.kind) =
+            (DriveKind::Closed, DriveKind::Closed);
         let (folder, name) = next_folder(out, "record");
         let mut files = OutputDir::create(&folder)?;
-        files.text("scenario.toml", &scenario::render(&told))?;
+        files.text("scenario.toml", &scenario::render(&configured))?;
         let recorder = Recorder::new(files.file("trace.csv")?)
             .map_err(|error| files.unwritable("trace.csv", &error))?
             .beside(logs.open(&mut files)?);
@@ -64,8 +65,8 @@ impl Recording {
             name,
             port: port.to_owned(),
             config,
-            gathered: Gathered::of_record(&told),
-            told,
+            gathered: Gathered::of_record(&configured),
+            configured,
             files,
             recorder,
             drawn: Drawn::new(),
@@ -104,7 +105,7 @@ struct Writer {
     name: String,
     port: String,
     config: Config,
-    told: Loaded,
+    configured: Loaded,
     files: OutputDir,
     recorder: Recorder<File>,
     gathered: Gathered,
@@ -140,18 +141,18 @@ impl Writer {
     }
 
     fn finish(self, status: &Status, timing: &Timing, shared: &Shared) {
-        let Self { name, port, mut told, mut files, recorder, gathered, drawn, .. } = self;
+        let Self { name, port, mut configured, mut files, recorder, gathered, drawn, .. } = self;
         let folder = files.path().to_path_buf();
         let rows = gathered.rows();
         let summary = gathered.finish(&port, status, timing);
-        told.plant.run.duration_s = summary.duration_s.max(told.plant.run.step_s);
-        told.believed.run = told.plant.run.clone();
+        configured.plant.run.duration_s = summary.duration_s.max(configured.plant.run.step_s);
+        configured.believed.run = configured.plant.run.clone();
         let written = recorder.finish().map_err(|error| files.unwritable("trace.csv", &error));
         let json = serde_json::to_string_pretty(&summary).expect("plain data") + "\n";
         let published = written.and_then(|_| {
-            files.text("scenario.toml", &scenario::render(&told))?;
+            files.text("scenario.toml", &scenario::render(&configured))?;
             files.text("summary.json", &json)?;
-            files.text("report.html", &drive::page(&name, &told, &drawn, &summary))?;
+            files.text("report.html", &drive::page(&name, &configured, &drawn, &summary))?;
             files.publish().map(drop)
         });
         match published {

@@ -34,7 +34,7 @@ pub struct State {
     pub target: String,
     /// Who the board is.
     pub board: Option<Board>,
-    /// What it has been told.
+    /// What it has been configured with.
     pub configuration: Configuration,
     /// Highest absolute pressure of set points \[Pa\]; none where it is not armed.
     pub armed_pa: Option<f32>,
@@ -71,7 +71,7 @@ impl From<Version> for Board {
     }
 }
 
-/// What a board has been told, as far as the page needs it.
+/// What a board has been configured with, as far as the page needs it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Configuration {
     /// Its name.
@@ -80,8 +80,8 @@ pub struct Configuration {
     pub checksum: u32,
     /// Where it comes from.
     pub source: ConfigSource,
-    /// Whether anybody has told it.
-    pub told: bool,
+    /// Whether anybody has configured it.
+    pub configured: bool,
     /// What the muscle behind an emulated board is called.
     pub own: Option<String>,
     /// Absolute pressure of the surroundings \[Pa\].
@@ -123,7 +123,7 @@ impl Configuration {
             name: status.config_name.as_str().to_owned(),
             checksum: status.config_checksum,
             source: status.config_source,
-            told: status.config_source != ConfigSource::Defaults,
+            configured: status.config_source != ConfigSource::Defaults,
             own,
             ambient_pa: config.ambient.pressure_pa,
             supply_pa: config.supply.pressure_pa,

@@ -42,7 +42,7 @@ impl Target {
         }
     }
 
-    /// Opens it; a scenario's board is told its muscle.
+    /// Opens it; a scenario's board is configured with its muscle.
     ///
     /// # Errors
     /// [`OpenError`]

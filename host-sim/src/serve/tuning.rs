@@ -45,18 +45,18 @@ impl Bench for Watched<'_, '_> {
     }
 }
 
-/// Tunes what a board has been told; every telemetry is shown to `show`.
+/// Tunes what a board has been configured with; every telemetry is shown to `show`.
 ///
 /// # Errors
 /// [`TuneError`]
 pub fn tune(
-    told: &Loaded,
+    configured: &Loaded,
     highest_pa: f64,
     bench: LiveBench<'_>,
     show: &mut dyn FnMut(&Telemetry, Part),
 ) -> Result<Tuned, TuneError> {
     let mut watched = Watched { bench, show, parts: 0 };
-    tune::tune_on(told, Path::new("the board's configuration"), highest_pa, &mut watched)
+    tune::tune_on(configured, Path::new("the board's configuration"), highest_pa, &mut watched)
 }
 
 /// Writes what came out into a folder.

@@ -35,7 +35,7 @@ pub const MOST_LATE_STEPS: u64 = 5;
 pub enum RunError {
     /// The plant cannot be built from the scenario.
     Build(BuildError),
-    /// The core refuses what it is told to believe.
+    /// The core refuses what it is to believe.
     Config(ConfigError),
     /// The plant left the range of its equations.
     Diverged(Diverged),
@@ -239,8 +239,8 @@ impl Run {
 
     /// What the board has made of a step.
     fn take(&mut self, telemetry: Telemetry, observer: &mut dyn Observer) -> Result<(), RunError> {
-        let told = self.count.step_of(&telemetry, self.step);
-        while self.waiting.front().is_some_and(|front| front.step < told) {
+        let reported = self.count.step_of(&telemetry, self.step);
+        while self.waiting.front().is_some_and(|front| front.step < reported) {
             self.waiting.pop_front();
         }
         let Some(done) = self.waiting.pop_front() else { return Ok(()) };

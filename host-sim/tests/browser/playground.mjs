@@ -81,7 +81,7 @@ await slide("drive.pressure_pa", 400);
 const turned_s = await number("time");
 await until((from) => parseFloat(document.getElementById("time").textContent) > from + 6, turned_s);
 const followed_kpa = await number("r-pressure");
-// A lag, of which the core is not told.
+// A lag, of which the core does not know.
 const before = await legend("plot-temperature");
 await slide("sensor.gas.time_constant_s", 10);
 await slide("load.force_n", 250);

@@ -289,7 +289,7 @@ impl ContractionLoop {
     }
 }
 
-/// A learnt load within its limit; with what is told, no less than what the chamber can hold: what cannot push has no
+/// A learnt load within its limit; with what is configured, no less than what the chamber can hold: what cannot push has no
 /// load that is lifted for it.
 fn limited_trim_n(config: &Config, chamber: &impl Chamber, load_n: f32, trim_n: f32) -> f32 {
     let most_n = config.controller.load_limit_n;

@@ -10,7 +10,7 @@ use crate::math::{absolute, limit};
 pub struct PressureLoop {
     /// Set point after the rate limit \[Pa\].
     reference_pa: f32,
-    /// Flow that the loop has learnt to add: heat to the wall, a leak that it is not told, a wrong conductance \[kg/s\].
+    /// Flow that the loop has learnt to add: heat to the wall, a leak that is not configured, a wrong conductance \[kg/s\].
     bias_kg_s: f32,
     holding: bool,
 }

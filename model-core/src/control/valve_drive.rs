@@ -10,7 +10,7 @@
 //! ```
 //!
 //! and this module inverts that. Dead time only shifts a pulse: what of it arrives after the
-//! next period's measurement is told to the loops ([`FlowDrive::in_flight_kg`]). A pulse shorter
+//! next period's measurement goes to the loops ([`FlowDrive::in_flight_kg`]). A pulse shorter
 //! than the shortest one worth giving is not given; flows that need such pulses become rare ones
 //! of the shortest length ([`FlowDrive::flow`]). The valves are never open together: after a
 //! pulse that reaches into the next period the other valve waits for one, within which the first is shut:

@@ -98,7 +98,7 @@ const FOIL_WARMER: f32 = 0.08;
 /// Variance of the gas temperature for a lag and a heat transfer that both are not the configured ones, in the
 /// product of the relative changes of their time constants and squares of the swing \[-\].
 const LEARNT: f32 = 1.3;
-/// Such a product that is learnt where all is told right \[-\].
+/// Such a product that is learnt where all is configured right \[-\].
 const LEARNT_FLOOR: f32 = 5.0e-6;
 /// Change of the lag that zones alone make, with all of their gas at the port \[-\].
 const ZONES_LAG: f32 = 0.025;
@@ -114,7 +114,7 @@ const MOST_PLACE: f32 = 6.6;
 const ZONES: f32 = 4.3e-4;
 /// ... and where nothing swings \[K2\].
 const ZONES_K2: f32 = 7.0e-3;
-/// Variance that a leak adds per second, in squares of its rate: told a tenth wrong, for five seconds \[s\].
+/// Variance that a leak adds per second, in squares of its rate: configured a tenth wrong, for five seconds \[s\].
 const LEAK_UNCERTAINTY_S: f32 = 0.1;
 /// What averaging does not take of the variance of one pressure: the lag of its sensor \[-\].
 const NOT_AVERAGED: f32 = 0.1;
@@ -668,7 +668,7 @@ impl Estimator {
 
     /// Takes out what leaks in a step, of the gas near the port; the enthalpy that leaves with it \[J\].
     fn leak_j(&mut self, pressure_pa: f32) -> f32 {
-        // Of a leak that is told far too large, as much as keeps the figures sound.
+        // Of a leak that is configured far too large, as much as keeps the figures sound.
         const MOST: f32 = 0.1;
         let leaked_kg = limit(self.leak_kg_pa * pressure_pa, 0.0, MOST * self.mass_kg.value());
         self.mass_kg.add(-leaked_kg);
@@ -870,7 +870,7 @@ impl Estimator {
     /// What is stated: the covariance, as far as readings and model disagree, the noise of one pressure, and
     /// what cannot be seen.
     ///
-    /// A foil slower than a stroke sees the product of lag and scale, not each of them. Where one alone was told
+    /// A foil slower than a stroke sees the product of lag and scale, not each of them. Where one alone was configured
     /// wrong, one alone is learnt; that both change says that neither is sure, and readings that agree prove nothing.
     ///
     /// The swing is the mean one and not that of this instant: errors return with the stroke, but not in its phase.
@@ -989,16 +989,16 @@ mod tests {
     }
 
     /// A shut muscle whose pressure falls by 2 % a second, slowly enough that the gas keeps the temperature of its
-    /// wall, with a leak told that is so many times what it has: the largest error in half a minute \[K\], and
+    /// wall, with a leak configured that is so many times what it has: the largest error in half a minute \[K\], and
     /// the smallest share of the gas that an interval gained, at the least and at the most.
-    fn leaking(told: f32) -> (f32, f32, f32) {
+    fn leaking(configured: f32) -> (f32, f32, f32) {
         let mut config = Config::default();
         let volume_m3 = muscle().volume_m3(0.28);
         let per_s = 0.02;
         let root = sqrt(293.15 * 298.0);
         // Choked: C rho0 R sqrt(T0 T)/V of the gas leave in a second, and rho0 R T0 is 100 kPa.
         let true_m3_s_pa = per_s * volume_m3 / (1.0e5 * root / 293.15);
-        config.leak.conductance_m3_s_pa = told * true_m3_s_pa;
+        config.leak.conductance_m3_s_pa = configured * true_m3_s_pa;
         let mut estimator = Estimator::new(&config);
         let (mut worst_k, mut least, mut most) = (0.0_f32, f32::MAX, f32::MAX);
         for step in 0..30_000_u16 {
@@ -1024,9 +1024,9 @@ mod tests {
         let (untold_k, _, most) = leaking(0.0);
         assert!((20.0..60.0).contains(&untold_k), "{untold_k} K");
         assert!((-4.0e-4..-2.7e-4).contains(&most), "{most}");
-        for told in [0.8, 1.2] {
-            let (wrong_k, ..) = leaking(told);
-            assert!((0.5..2.0).contains(&wrong_k), "told {told} times: {wrong_k} K");
+        for configured in [0.8, 1.2] {
+            let (wrong_k, ..) = leaking(configured);
+            assert!((0.5..2.0).contains(&wrong_k), "configured {configured} times: {wrong_k} K");
         }
     }
 

@@ -175,9 +175,9 @@ mod tests {
     #[test]
     fn a_turn_is_followed_where_it_is_told_and_where_it_shows() {
         let corner = |i: usize| (i as f32 - 50.0).max(0.0);
-        for (slope, told) in [(2.0, true), (8.0, false)] {
+        for (slope, known) in [(2.0, true), (8.0, false)] {
             let values = follow((0..100).map(|i| slope * corner(i)), |i| {
-                if told && i == 51 { FlowState::Turned } else { FlowState::Open }
+                if known && i == 51 { FlowState::Turned } else { FlowState::Open }
             });
             let worst = values
                 .iter()
@@ -186,7 +186,7 @@ mod tests {
                 .fold(0.0, f32::max);
             assert!(worst < 1e-3, "{worst}");
         }
-        // Neither told nor beyond the noise: smeared, by less than the noise.
+        // Neither known nor beyond the noise: smeared, by less than the noise.
         let values = follow((0..100).map(corner), |_| FlowState::Open);
         let worst =
             values.iter().enumerate().map(|(i, v)| (v - corner(i)).abs()).fold(0.0, f32::max);

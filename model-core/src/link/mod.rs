@@ -172,7 +172,7 @@ pub enum Refusal {
     NoHostSamples,
     /// The set point: which value, and what is allowed, or what vents.
     SetPoint(SetPointError),
-    /// Nobody has told the board its configuration since it started.
+    /// Nobody has configured the board since it started.
     NotConfigured,
     /// This board has no place where it could keep a configuration.
     NoStore,

@@ -20,7 +20,7 @@
 //! | a length that the muscle cannot have: 5 % beyond its rest length, or below its shortest | for 10 ms | the same |
 //! | link lost | no request of the host for `link.timeout_s`, while a set point holds | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
-//! | not configured | at the start of a board that nobody has told its configuration | vent until it is told |
+//! | not configured | at the start of a board that nobody has configured | vent until it is configured |
 //! | gas gained, burst, no inflow, no outflow, force | as [`crate::safety::watch`] says | vent, latched |
 //! | leak | the same | shown for ten seconds |
 //! | link flooded | the board drops requests | shown while it lasts |
@@ -130,7 +130,7 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// One that has seen nothing yet; `configured`: somebody has told the board this configuration.
+    /// One that has seen nothing yet; `configured`: somebody has configured the board so.
     ///
     /// ```
     /// use model_core::safety::supervisor::Supervisor;

@@ -20,7 +20,7 @@
 //! What passes `TRIP` has another cause than heat. Pulses however short add up, so that a loop that makes
 //! up for a leak shows it; and while both valves are shut, whatever comes or goes is too much.
 //!
-//! A leak that is told (`leak.conductance_m3_s_pa`) explains as much, and no more: between none and the believed one, it
+//! A leak that is configured (`leak.conductance_m3_s_pa`) explains as much, and no more: between none and the believed one, it
 //! neither makes gas missing nor gas too much.
 //!
 //! The believed conductance, its pulses and its supply may be wrong by a factor of four together.

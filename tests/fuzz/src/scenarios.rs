@@ -35,8 +35,8 @@ pub fn run(bytes: &[u8]) -> u64 {
 
 /// What is loaded, the core takes, and it is the same once it is printed.
 fn loads(loaded: &Loaded, text: &str) {
-    for told in [&loaded.plant, &loaded.believed] {
-        if let Err(error) = Core::new(&core_config(told)) {
+    for side in [&loaded.plant, &loaded.believed] {
+        if let Err(error) = Core::new(&core_config(side)) {
             panic!("the core does not take what is loaded: {error}\n{text}");
         }
     }

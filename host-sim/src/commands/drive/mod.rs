@@ -53,7 +53,7 @@ pub enum DriveError {
     Output(io::Error),
 }
 
-/// What is going to be driven: the profile of a file, on the muscle that the board was told.
+/// What is going to be driven: the profile of a file, on the muscle that the board was configured with.
 ///
 /// # Errors
 /// [`InputError`] for a file that is neither a scenario nor a table with a set point.
@@ -77,7 +77,10 @@ pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
             let problem = Problem::NotAllowed {
                 key: "plant.kind".to_owned(),
                 value: format!("{:?}", loaded.plant.plant.kind.word()),
-                allowed: format!("what the board was told, {:?}", driven.plant.plant.kind.word()),
+                allowed: format!(
+                    "what the board was configured with, {:?}",
+                    driven.plant.plant.kind.word()
+                ),
             };
             return Err(InputError::file(file, problem));
         }
@@ -122,7 +125,7 @@ fn along(
     let steps = (driven.plant.run.duration_s / driven.plant.run.step_s).round() as u64;
     let set_points = SetPoints::new(driven);
     board.start(set_points.at(0.0))?;
-    let mut told = 0;
+    let mut reported = 0;
     let mut asked = None;
     loop {
         if wanted() {
@@ -150,10 +153,10 @@ fn along(
             continue;
         }
         let last = (step + LEAD_STEPS).min(steps);
-        let missed = (told + 1..=last).rev();
+        let missed = (reported + 1..=last).rev();
         if let Some(set_point) = missed.filter_map(|at| set_points.acting_from(at, driven)).next() {
             asked = Some(board.send(set_point)?);
         }
-        told = told.max(last);
+        reported = reported.max(last);
     }
 }

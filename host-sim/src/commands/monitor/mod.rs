@@ -7,7 +7,7 @@ mod session;
 mod view;
 
 pub use crate::files::board_trace::Recorder;
-pub use session::{MOVE_PA, Session, Status, Told};
+pub use session::{Configured, MOVE_PA, Session, Status};
 pub use view::draw;
 
 use crate::board::BoardError;
@@ -40,7 +40,7 @@ pub enum MonitorError {
 }
 
 /// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents what is driven; `config.json` in `out` says
-/// what the board was told, `scenario.toml` what it was told last.
+/// what the board was configured with, `scenario.toml` what it was configured with last.
 ///
 /// # Errors
 /// [`MonitorError`]; the rows until then are recorded.
@@ -64,9 +64,10 @@ fn watch(
         if stop::wanted() {
             return Ok(());
         }
-        if session.told().len() > written {
-            written = session.told().len();
-            let json = serde_json::to_string_pretty(session.told()).expect("plain data") + "\n";
+        if session.configurations().len() > written {
+            written = session.configurations().len();
+            let json =
+                serde_json::to_string_pretty(session.configurations()).expect("plain data") + "\n";
             out.text("config.json", &json)?;
             // A configuration that no scenario may have is in the other file all the same.
             if let Ok(said) = from_config::say(&session.config()) {

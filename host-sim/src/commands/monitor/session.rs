@@ -39,9 +39,9 @@ pub enum Status {
     Unplugged,
 }
 
-/// What the board was told to be, from some row of the record on.
+/// What the board was configured to be, from some row of the record on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Told {
+pub struct Configured {
     /// Rows recorded before it was known.
     pub rows_before: u64,
     /// What the board says.
@@ -54,7 +54,7 @@ pub struct Session {
     port: Option<Box<dyn Port>>,
     link: Link,
     recorder: Recorder,
-    told: Vec<Told>,
+    configurations: Vec<Configured>,
     version: Option<Version>,
     last_reset: Option<LastReset>,
     first_failure: Option<FirstFailure>,
@@ -82,7 +82,7 @@ impl Session {
             port: Some(port::open(name)?),
             link: Link::default(),
             recorder,
-            told: Vec::new(),
+            configurations: Vec::new(),
             version: None,
             last_reset: None,
             first_failure: None,
@@ -186,7 +186,7 @@ impl Session {
     }
 
     /// What the board has said last of what changes rarely.
-    pub fn told_status(&self) -> Option<model_core::link::Status> {
+    pub fn last_status(&self) -> Option<model_core::link::Status> {
         self.link.status()
     }
 
@@ -246,8 +246,8 @@ impl Session {
     }
 
     fn take_config(&mut self, config: Config) {
-        if self.told.last().is_none_or(|told| told.config != config) {
-            self.told.push(Told { rows_before: self.recorder.rows(), config });
+        if self.configurations.last().is_none_or(|last| last.config != config) {
+            self.configurations.push(Configured { rows_before: self.recorder.rows(), config });
         }
     }
 
@@ -272,12 +272,12 @@ impl Session {
 
     /// The board's configuration; the usual one until it says.
     pub fn config(&self) -> Config {
-        self.told.last().map_or_else(Config::default, |told| told.config)
+        self.configurations.last().map_or_else(Config::default, |last| last.config)
     }
 
     /// Every configuration that the board has had, the oldest first.
-    pub fn told(&self) -> &[Told] {
-        &self.told
+    pub fn configurations(&self) -> &[Configured] {
+        &self.configurations
     }
 
     /// Who the board is.

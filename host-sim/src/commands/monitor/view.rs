@@ -41,7 +41,7 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
         let [major, minor, patch] = version.firmware;
         format!(", {:?}, firmware {major}.{minor}.{patch}", version.chip)
     });
-    let told = session.told_status().map_or(String::new(), |status| {
+    let arming = session.last_status().map_or(String::new(), |status| {
         let armed = match status.armed_pa {
             Some(pa) => format!("armed up to {:.0} kPa", pa / 1e3),
             None => "not armed".to_owned(),
@@ -76,7 +76,7 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
     let title = format!(" thermyo monitor {} - {} rows ", session.port(), session.rows());
     let lines = vec![
         Line::styled(format!("{status}{board}"), color),
-        Line::raw(told),
+        Line::raw(arming),
         Line::styled(event, Color::Yellow),
         Line::raw(timing),
     ];

@@ -165,7 +165,7 @@ impl Sweep {
         rows.into_iter().collect()
     }
 
-    /// Runs one point. Whatever goes wrong with it is told in it.
+    /// Runs one point. Whatever goes wrong with it stands in it.
     pub fn point(&self, point: usize) -> Point {
         let failed = |settled_s, seed, failure: String| {
             let failure = failure.replace(['\n', '\r'], " ");

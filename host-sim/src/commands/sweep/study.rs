@@ -261,8 +261,8 @@ mod tests {
         assert_eq!(study.read_row(&text).map(|row| study.csv_row(&row)), Some(text.clone()));
         let failure = "the plant diverged: p = 1 Pa, \"V\" = 0".to_owned();
         let failed = Point { figures: Err(failure), ..whole };
-        let told = study.csv_row(&failed);
-        assert_eq!(study.read_row(&told), Some(failed));
+        let row = study.csv_row(&failed);
+        assert_eq!(study.read_row(&row), Some(failed));
         // A number without its last digits is a number too; its row lacks the last comma then.
         assert!((0..text.len()).all(|end| study.read_row(&text[..end]).is_none()));
         assert!(study.read_row(&text.replace("full", "lumped")).is_none());

@@ -152,7 +152,7 @@ function showOwn() {
 
 function showState() {
   const { configuration, armed_pa, faults, vents, recording, guide, board } = state;
-  const told = configuration.told, steers = own.steers, busy = Boolean(guide && !guide.over);
+  const configured = configuration.configured, steers = own.steers, busy = Boolean(guide && !guide.over);
   $("target").textContent = state.target;
   document.title = `${state.link === "connected" ? "" : "⚠ "}Thermyo: ${state.target}`;
   // Of a board that is not heard nobody knows.
@@ -163,12 +163,12 @@ function showState() {
   $("faults").hidden = !wrong.length;
   $("faults-text").textContent = wrong.length ? `${wrong.join(", ")}${vents ? ": the muscle vents. Remove the cause, clear, then arm." : ""}` : "";
 
-  $("configure").hidden = told;
+  $("configure").hidden = configured;
   $("own").hidden = !configuration.own;
   $("own").textContent = `Use ${configuration.own}`;
   for (const field of document.querySelectorAll(".controls button, .controls input")) field.disabled = !steers;
   document.body.classList.toggle("watch", !steers);
-  const able = steers && told && !busy;
+  const able = steers && configured && !busy;
   for (const id of ["arm", "steer", "tune"]) for (const field of $(id).elements) field.disabled = !able;
   for (const button of document.querySelectorAll("[data-calibrate]")) button.disabled = !able || recording;
   $("tune").elements[0].disabled ||= Boolean(recording);
@@ -176,13 +176,13 @@ function showState() {
   if (busy && guide.asks) for (const id of ["arm", "steer"]) for (const field of $(id).elements) field.disabled = !steers;
   for (const field of $("steer").elements) field.disabled ||= armed_pa === null && field.type !== "radio";
   $("clear").disabled = !steers;
-  if ($("most").value === "" && told) $("most").value = (configuration.working_limit_pa / 1e3).toFixed(0);
+  if ($("most").value === "" && configured) $("most").value = (configuration.working_limit_pa / 1e3).toFixed(0);
   showRange();
 
   $("recording").hidden = !recording;
   const button = $("record-button");
   button.textContent = recording ? "Stop recording" : "Record";
-  button.disabled ||= !told || (busy && !recording);
+  button.disabled ||= !configured || (busy && !recording);
   if (recording) {
     $("recording").textContent = `${recording.time_s.toFixed(0)} s`;
     $("record-text").textContent = `${recording.time_s.toFixed(1)} s, ${recording.rows} steps`;
@@ -287,7 +287,7 @@ function showRange() {
   $("second-name").textContent = second ? second[0] : "";
   $("second-unit").textContent = second ? second[1] : "";
   const range = `${low.toFixed(1)} to ${high.toFixed(1)} ${first[1]}`;
-  $("range").textContent = state.armed_pa === null && state.configuration.told ? "Arm first: until then no set point is taken."
+  $("range").textContent = state.armed_pa === null && state.configuration.configured ? "Arm first: until then no set point is taken."
     : mode === "flow" ? "The working cycle: half of the period in, half out." : mode === "duty" ? "Fixed openings." : `From ${range}${mode === "pressure" ? ", absolute" : ""}.`;
 }
 
