@@ -1,14 +1,16 @@
 //! Windows of faults: what a scenario may say, and what a run makes of it over time.
 
-use host_sim::board::{BoardError, CoreBoard};
+mod run_support;
+
+use host_sim::board::BoardError;
 use host_sim::files::trace::Row;
 use host_sim::plant::{Travel, Truth};
 use host_sim::scenario::{self, ChannelFault, Document, Loaded};
 use host_sim::simulation::adc::{Codes, VirtualAdc};
 use host_sim::simulation::faults::InjectedFaults;
-use host_sim::simulation::run;
 use model_core::control::Mode;
 use model_core::{Command, Faults};
+use run_support::rows;
 use std::path::Path;
 
 fn parse(text: &str) -> Result<Loaded, String> {
@@ -294,16 +296,6 @@ fn a_drifting_sensor_runs_away_from_the_start_of_its_window() {
     let late = Truth { time_s: 1000.0, ..truth };
     let codes = VirtualAdc::new(&loaded.plant).convert(&faults.sensed(&late));
     assert_eq!((codes.gas, codes.length), (32_760, 32_760));
-}
-
-fn rows(text: &str) -> Vec<Row> {
-    let mut rows = Vec::new();
-    let mut keep = |row: &Row| {
-        rows.push(*row);
-        Ok(())
-    };
-    run::run(&valid(text), &mut CoreBoard::default(), None, &mut keep).unwrap();
-    rows
 }
 
 #[test]

@@ -1,13 +1,14 @@
 //! What a chamber leaks all the time: in the plant against the closed form, in the estimate, the pressure loop
 //! and the supervisor that know of it or not.
 
-use host_sim::board::CoreBoard;
+mod run_support;
+
+use host_sim::analysis::signals::rms_difference;
 use host_sim::files::trace::Row;
 use host_sim::plant::{self, Actuation, BuildError, Truth};
-use host_sim::scenario::{self, HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
-use host_sim::simulation::run;
+use host_sim::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 use model_core::Faults;
-use std::path::Path;
+use run_support::rows;
 
 const CRITICAL_RATIO: f64 = 0.3;
 
@@ -91,25 +92,10 @@ fn a_leak_that_is_too_large_to_integrate_is_named() {
     }
 }
 
-fn rows(text: &str) -> Vec<Row> {
-    let loaded = scenario::parse(text, Path::new("scenario.toml")).unwrap();
-    let mut rows = Vec::new();
-    let mut keep = |row: &Row| {
-        rows.push(*row);
-        Ok(())
-    };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut keep).unwrap();
-    rows
-}
-
 /// 1e-11 m3/(s Pa) takes half a percent of the gas in a second.
 const LEAKS: &str = "[leak]\nconductance_m3_s_pa = 1e-11\n";
 const UNCONFIGURED: &str =
     "[leak]\nconductance_m3_s_pa = 1e-11\n[believed.leak]\nconductance_m3_s_pa = 0.0\n";
-
-fn rms(of: impl Iterator<Item = f64> + Clone) -> f64 {
-    (of.clone().map(|x| x * x).sum::<f64>() / of.count() as f64).sqrt()
-}
 
 /// A shut muscle that leaks: what is configured of it is no change of temperature. RMS error from 10 s on \[K\].
 fn held_error_k(model: &str, leak: &str) -> f64 {
@@ -120,7 +106,10 @@ fn held_error_k(model: &str, leak: &str) -> f64 {
     );
     let rows = rows(&text);
     let late = rows.iter().filter(|row| row.truth.time_s > 10.0);
-    rms(late.map(|row| f64::from(row.telemetry.estimate.gas_k) - row.truth.gas_temperature_k))
+    let (estimate, truth): (Vec<f64>, Vec<f64>) = late
+        .map(|row| (f64::from(row.telemetry.estimate.gas_k), row.truth.gas_temperature_k))
+        .unzip();
+    rms_difference(&estimate, &truth)
 }
 
 #[test]

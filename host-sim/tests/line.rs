@@ -2,20 +2,20 @@
 //! drives a muscle through it.
 
 mod plant_support;
+mod run_support;
 
-use host_sim::board::CoreBoard;
+use host_sim::analysis::signals::rms_difference;
 use host_sim::files::trace::Row;
 use host_sim::plant::chamber::braid::Geometry;
 use host_sim::plant::flow::{Iso6358, Streams};
 use host_sim::plant::gas::{IdealGas, air_conductivity, air_viscosity};
 use host_sim::plant::{self, Actuation};
-use host_sim::scenario::{self, HeatModel, LoadKind, PlantModel, Scenario};
-use host_sim::simulation::run;
+use host_sim::scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 use model_core::Faults;
 use ode_solvers::{DVector, Dop853, OutputType, System};
 use plant_support::{MassFlow, muscle};
+use run_support::rows;
 use std::f64::consts::PI;
-use std::path::Path;
 
 const BORE_M: f64 = 0.004;
 const AIR_K: f64 = 298.0;
@@ -285,24 +285,12 @@ fn a_line_that_is_too_fast_is_named() {
     assert!(plant::build(&scenario, None).is_ok());
 }
 
-/// What the core makes of a muscle behind that line, on `full`.
-fn rows(text: &str) -> Vec<Row> {
-    let loaded = scenario::parse(text, Path::new("scenario.toml")).unwrap();
-    let mut rows = Vec::new();
-    let mut keep = |row: &Row| {
-        rows.push(*row);
-        Ok(())
-    };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut keep).unwrap();
-    rows
-}
-
-fn rms(of: impl Iterator<Item = f64> + Clone) -> f64 {
-    (of.clone().map(|x| x * x).sum::<f64>() / of.count() as f64).sqrt()
-}
-
 #[test]
 fn pressure_and_position_are_held_through_a_line() {
+    let off = |rows: &[Row], of: fn(&Row) -> f64, set_point: f64| {
+        let values: Vec<f64> = rows.iter().map(of).collect();
+        rms_difference(&values, &vec![set_point; values.len()])
+    };
     for length_m in [1.0, 4.0, 8.0] {
         let late = |drive: &str| -> Vec<Row> {
             let text = format!(
@@ -314,9 +302,9 @@ fn pressure_and_position_are_held_through_a_line() {
             rows.into_iter().filter(|row| row.truth.time_s > 3.0).collect()
         };
         let held = late("kind = \"pressure\", pressure_pa = 2.5e5");
-        let pressure_pa = rms(held.iter().map(|row| row.truth.pressure_pa - 2.5e5));
+        let pressure_pa = off(&held, |row| row.truth.pressure_pa, 2.5e5);
         let held = late("kind = \"contraction\", contraction = 0.15");
-        let length_mm = 1e3 * rms(held.iter().map(|row| row.truth.length_m - 0.85 * 0.3));
+        let length_mm = 1e3 * off(&held, |row| row.truth.length_m, 0.85 * 0.3);
         println!("{length_m} m: {pressure_pa:.0} Pa, {length_mm:.2} mm");
         assert!((10.0..2.0e3).contains(&pressure_pa), "{length_m} m: {pressure_pa} Pa");
         assert!((0.001..0.6).contains(&length_mm), "{length_m} m: {length_mm} mm");
@@ -333,7 +321,10 @@ fn the_estimate_does_not_count_the_gas_in_a_line() {
         );
         let rows = rows(&text);
         let late = rows.iter().filter(|row| row.truth.time_s > 10.0);
-        rms(late.map(|row| f64::from(row.telemetry.estimate.gas_k) - row.truth.gas_temperature_k))
+        let (estimate, truth): (Vec<f64>, Vec<f64>) = late
+            .map(|row| (f64::from(row.telemetry.estimate.gas_k), row.truth.gas_temperature_k))
+            .unzip();
+        rms_difference(&estimate, &truth)
     };
     let volume_m3 = 1.0e-6 + 0.25 * PI * BORE_M * BORE_M * 4.0;
     let [told_k, counted_k] = ["".to_owned(), format!("believed.tube.volume_m3 = {volume_m3}\n")]
