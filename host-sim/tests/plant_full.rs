@@ -309,6 +309,58 @@ fn the_load_rests_on_the_stop_until_it_is_lifted() {
     assert_eq!((truth.length_m, truth.speed_m_s), (0.3, 0.0));
 }
 
+/// A light mass on a muscle that fills fast: thrown, it flies, and the end that lost it is caught up with.
+#[test]
+fn a_slack_muscle_does_not_hold_its_load() {
+    const G: f64 = 9.80665;
+    for (kind, fall) in [(LoadKind::Mass, G), (LoadKind::Isotonic, 8.0)] {
+        let mut scenario = muscle(PlantModel::Full);
+        scenario.load.kind = kind;
+        scenario.load.mass_kg = 0.5;
+        scenario.load.force_n = 0.5 * fall;
+        scenario.friction.force_n = 2.0;
+        scenario.friction.stribeck_force_n = 0.0;
+        scenario.muscle.bladder_stiffness_n_m = 1500.0;
+        scenario.plant.initial_pressure_pa = 101_325.0;
+        let mut plant = plant::build(&scenario, None).unwrap();
+        let truths: Vec<Truth> = (0..200).map(|_| hold(&mut *plant, INLET_OPEN, 1)).collect();
+        let step = scenario.run.step_s;
+        // Positive in contraction.
+        let speed: Vec<f64> = truths.iter().map(|truth| -truth.speed_m_s).collect();
+        let acceleration = |i: usize| (speed[i + 1] - speed[i]) / step;
+        let steps = 0..truths.len() - 1;
+        let away = |i: &usize| speed[*i] > 0.5 && acceleration(*i) < -fall;
+        let thrown = steps.clone().find(away).expect("it must be thrown");
+        let caught =
+            steps.skip(thrown).find(|i| acceleration(*i) < -100.0).expect("it must be caught");
+        let flight_s = (caught - thrown) as f64 * step;
+        println!("{kind:?}: thrown at {:.3} m/s, caught after {flight_s:.3} s", speed[thrown]);
+        assert!((0.02..0.2).contains(&flight_s));
+        let flown = speed[thrown] * flight_s - 0.5 * fall * flight_s * flight_s;
+        let way = truths[thrown].length_m - truths[caught].length_m;
+        assert!((flown / way - 1.0).abs() < 0.02, "{flown} m, {way} m");
+        // 50 g of its own meet 500 g.
+        let load = speed[thrown] - fall * flight_s;
+        let together = (0.5 * load + 0.05 * speed[caught]) / 0.55;
+        let after = speed[caught + 1];
+        assert!((after / together - 1.0).abs() < 0.05, "{after} m/s, {together} m/s");
+    }
+}
+
+/// Nothing brings back a mass that no force pulls: the muscle works without it.
+#[test]
+fn a_load_of_no_force_may_fly_away() {
+    let mut scenario = muscle(PlantModel::Full);
+    scenario.load.force_n = 0.0;
+    let mut plant = plant::build(&scenario, None).unwrap();
+    for _ in 0..3 {
+        let filled = hold(&mut *plant, Actuation { inlet: 1.0, outlet: 0.0 }, 1000);
+        assert!((0.19..0.22).contains(&filled.length_m), "{} m", filled.length_m);
+        let vented = hold(&mut *plant, OUTLET_OPEN, 3000);
+        assert!((0.25..=0.3).contains(&vented.length_m), "{} m", vented.length_m);
+    }
+}
+
 #[test]
 fn friction_makes_a_loop_of_pressure_over_length() {
     // The same length takes more pressure on the way in than on the way out.

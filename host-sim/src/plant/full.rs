@@ -5,9 +5,10 @@
 //! them move straight. While both are shut its steps are longer: the tube is slower, and no flow law's kink matters.
 //! Books are kept at the chamber's port: the tube is outside. A hole in it is beside the port.
 
-use super::bristle::{Bristle, Drag};
+use super::bristle::Drag;
 use super::chamber::Chamber;
 use super::closure::Closure;
+use super::end::{End, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
 use super::heat::InnerHeat;
@@ -30,8 +31,6 @@ const LONGEST_OPEN_S: f64 = 1.0e-4;
 const LONGEST_SHUT_S: f64 = 2.5e-4;
 /// Integration step times the fastest rate, at most; RK4 is stable to 2.8.
 const STEP_TIMES_RATE: f64 = 2.0;
-/// What moves with the muscle's end when no load does: fitting and half of the muscle \[kg\].
-const OWN_MASS_KG: f64 = 0.05;
 /// Response of the pressure regulator to a change of flow \[s\].
 const REGULATOR_TIME_CONSTANT_S: f64 = 0.02;
 
@@ -65,8 +64,7 @@ struct Constants<C> {
     closure: Closure,
     pull: Pull<C>,
     isometric: bool,
-    per_mass_kg: f64,
-    bristle: Bristle,
+    ends: Ends,
     softening: Softening,
     friction_to_wall: f64,
     piping: Piping,
@@ -229,11 +227,10 @@ impl<C: Chamber> Constants<C> {
         let line = Line::new(scenario, &gas);
         let tube = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, &gas);
         let tube_m3 = scenario.tube.volume_m3 + line.as_ref().map_or(0.0, Line::half_cell_m3);
-        let mass_kg = scenario.load.mass_kg.max(OWN_MASS_KG);
-        let bristle = Bristle::new(&scenario.friction, mass_kg);
+        let ends = Ends::new(scenario, pull.load_n, chamber.pushes());
         let way = Way { piping: &piping, tube: &tube, tube_m3, line: line.as_ref() };
         let smallest = chamber.volume(rest_length).min(start.volume);
-        let [open, shut] = substeps(scenario, &gas, &way, bristle.fastest_rate(mass_kg), smallest)?;
+        let [open, shut] = substeps(scenario, &gas, &way, ends.fastest_rate(), smallest)?;
         let Scenario { wall, sensor, heat, .. } = scenario;
         let share = 1.0 / zones as f64;
         let inner_j_k = share * wall.heat_capacity_j_k * (1.0 - wall.outer_fraction);
@@ -245,8 +242,7 @@ impl<C: Chamber> Constants<C> {
             zones,
             closure,
             isometric: scenario.load.kind == LoadKind::Isometric,
-            per_mass_kg: 1.0 / mass_kg,
-            bristle,
+            ends,
             softening: Softening::new(&scenario.friction),
             friction_to_wall: scenario.friction.heat_fraction,
             piping,
@@ -343,21 +339,28 @@ impl<C: Chamber> Constants<C> {
     }
 
     /// Friction, and the rates of length, speed and bristles.
-    fn mechanics(&self, y: &[f64], pressure: f64, softening: f64, rates: &mut [f64]) -> Drag {
+    fn mechanics(
+        &self,
+        y: &[f64],
+        pressure: f64,
+        end: &End,
+        softening: f64,
+        rates: &mut [f64],
+    ) -> Drag {
         rates[LENGTH..=BRISTLE].fill(0.0);
         if self.isometric {
             return Drag::default();
         }
         let speed = y[SPEED];
-        let drag = self.bristle.drag(speed, y[BRISTLE], softening);
-        let net = self.pull.force(pressure, y[LENGTH]) - self.pull.load_n - drag.force;
+        let drag = end.bristle.drag(speed, y[BRISTLE], softening);
+        let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force;
         // On a stop the load rests until it is lifted off.
         let [shortest, longest] = self.pull.stops;
         let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;
         let inside = y[LENGTH] <= shortest && speed >= 0.0 && net >= 0.0;
         if !(outside || inside) {
             rates[LENGTH] = -speed;
-            rates[SPEED] = net * self.per_mass_kg;
+            rates[SPEED] = net * end.per_mass_kg;
             rates[BRISTLE] = drag.deflection_rate;
         }
         drag
@@ -395,8 +398,32 @@ impl<C: Chamber> Constants<C> {
         }
     }
 
+    /// Where the load is after a step; see [`Ends::hang`].
+    fn hang(
+        &self,
+        y: &mut [f64],
+        acceleration: f64,
+        step: f64,
+        falling: Option<Falling>,
+    ) -> Option<Falling> {
+        if self.isometric {
+            return None;
+        }
+        let (falling, speed) = self.ends.hang(falling, step, (y[LENGTH], y[SPEED]), acceleration);
+        // Caught on the stop, it rests.
+        y[SPEED] = if y[LENGTH] < self.pull.stops[1] { speed } else { speed.max(0.0) };
+        falling
+    }
+
     /// All rates.
-    fn rates(&self, y: &[f64], power: &mut LocalPower, drive: &Drive, rates: &mut [f64]) {
+    fn rates(
+        &self,
+        y: &[f64],
+        power: &mut LocalPower,
+        end: &End,
+        drive: &Drive,
+        rates: &mut [f64],
+    ) {
         let closure = &self.closure;
         let gas = &closure.gas;
         let Self { zones, share, .. } = *self;
@@ -404,7 +431,7 @@ impl<C: Chamber> Constants<C> {
         let volume = self.pull.chamber.volume(length);
         let inverse_power = power.at(volume);
         let pressure = y[W] * inverse_power;
-        let drag = self.mechanics(y, pressure, drive.softening, rates);
+        let drag = self.mechanics(y, pressure, end, drive.softening, rates);
         let (masses, inner, outer) = (self.masses(y), self.inner(y), self.outer(y));
         let zone_volume = share * volume;
 
@@ -529,6 +556,7 @@ pub struct Full<C> {
     constants: Constants<C>,
     steps: u64,
     state: Vec<f64>,
+    falling: Option<Falling>,
     integrator: Rk4,
     power: LocalPower,
     inlet: PwmValve,
@@ -563,6 +591,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
             integrator: Rk4::new(state.len()),
             steps: 0,
             state,
+            falling: None,
             power: LocalPower::new(-closure.exponent(), start.volume),
             inlet: PwmValve::new(&scenario.valve),
             outlet: PwmValve::new(&scenario.valve),
@@ -582,7 +611,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
 
     /// From one instant to another, between which the valves move straight.
     fn stretch(&mut self, duration: f64, start: &Drive, end: &Drive) {
-        let Self { constants, integrator, state, power, .. } = self;
+        let Self { constants, integrator, state, power, falling, .. } = self;
         let opening = |drive: &Drive| constants.piping.openings(drive.inlet, drive.outlet);
         let open = opening(start) > 0.0 || opening(end) > 0.0;
         let substeps = if open { &constants.open } else { &constants.shut };
@@ -591,11 +620,14 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let count = (duration / longest - 1e-9).ceil().max(1.0);
         let step = duration / count;
         for i in 0..count as u32 {
+            let moving = constants.ends.moving(*falling);
             integrator.step(state, step, |share, y, rates| {
                 let drive = start.towards(end, (f64::from(i) + share) / count);
-                constants.rates(y, power, &drive, rates);
+                constants.rates(y, power, moving, &drive, rates);
             });
             constants.stop(state, power);
+            let acceleration = integrator.last_rates()[SPEED];
+            *falling = constants.hang(state, acceleration, step, *falling);
         }
     }
 
@@ -622,7 +654,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
         constants.piping.add_leak(&mut streams, (pressure, port_k));
         let wall_k = constants.wall_k(state);
         let softening = constants.softening.factor(wall_k);
-        let drag = constants.bristle.drag(state[SPEED], state[BRISTLE], softening);
+        let end = constants.ends.moving(self.falling);
+        let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening);
         self.truth = Truth {
             time_s: self.steps as f64 * constants.step_s,
             pressure_pa: pressure,

@@ -8,6 +8,7 @@
 mod bristle;
 pub mod chamber;
 mod closure;
+mod end;
 pub mod flow;
 mod full;
 pub mod gas;

@@ -31,6 +31,11 @@ impl Rk4 {
         Self { rates: from_fn(|_| zeros.clone()), trial: zeros }
     }
 
+    /// The derivatives at the end of the last step.
+    pub fn last_rates(&self) -> &[f64] {
+        &self.rates[3]
+    }
+
     /// One step; `rates` gets the share of the step that has passed, and the state then, and writes the derivatives
     /// into its last argument.
     pub fn step(

@@ -159,6 +159,11 @@ impl Chamber for Muscle {
         self.braid.diameter(length - self.slack_m)
     }
 
+    /// Braid and bladder buckle.
+    fn pushes(&self) -> bool {
+        false
+    }
+
     /// A ~ 1/n^2.
     fn tunable(&self) -> Option<Tunable> {
         Some(Tunable {

@@ -64,6 +64,11 @@ pub trait Chamber: fmt::Debug {
         length
     }
 
+    /// Whether it can push its load; one that cannot is slack.
+    fn pushes(&self) -> bool {
+        true
+    }
+
     /// Axial zones of gas and wall (`full`).
     fn zones(&self) -> usize;
 
