@@ -13,8 +13,8 @@ use std::f64::consts::TAU;
 
 /// The stroke that errors are a share of: 30 % of the rest length, as a contraction \[-\].
 pub(super) const STROKE: f64 = 0.3;
-/// Contractions that are held, one after the other; up and down, far and near.
-const HELD: [f64; 7] = [0.05, 0.15, 0.25, 0.15, 0.05, 0.2, 0.1];
+/// Shares of the stroke that are held, one after the other; up and down, far and near.
+const HELD: [f64; 7] = [1.0 / 6.0, 0.5, 5.0 / 6.0, 0.5, 1.0 / 6.0, 2.0 / 3.0, 1.0 / 3.0];
 /// How long each \[s\].
 const HOLD_S: f64 = 2.5;
 /// The last part of it counts as rest \[s\].
@@ -132,18 +132,32 @@ pub mod rest {
         }
     }
 
-    /// Holds the evaluated contraction, after `strokes` full strokes of 2 s each.
+    /// Holds the evaluated contractions, after `strokes` full strokes of 2 s each.
     ///
     /// # Errors
     /// When the run could not be finished.
     pub fn hold(loaded: &Loaded, strokes: u32, board: &mut dyn Board) -> Result<Held, RunError> {
+        hold_within(loaded, strokes, [STROKE; 2], board)
+    }
+
+    /// [`hold`] on a muscle of another stroke, of which its load leaves it `reach`; contractions \[-\].
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    pub fn hold_within(
+        loaded: &Loaded,
+        strokes: u32,
+        [stroke, reach]: [f64; 2],
+        board: &mut dyn Board,
+    ) -> Result<Held, RunError> {
         let mut profile = Vec::new();
         let mut start_s = 0.0;
         for _ in 0..strokes {
-            profile.extend([(start_s, 0.05), (start_s + 1.0, 0.25)]);
+            profile.extend([(start_s, reach / 6.0), (start_s + 1.0, reach * 5.0 / 6.0)]);
             start_s += 2.0;
         }
-        let holds = Holds { values: &HELD, start_s, full_scale: STROKE };
+        let values = HELD.map(|share| share * reach);
+        let holds = Holds { values: &values, start_s, full_scale: stroke };
         profile.extend(holds.profile());
         Ok(holds.worst(&trace(loaded, DriveKind::Contraction, profile, board)?))
     }

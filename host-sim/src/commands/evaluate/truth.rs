@@ -1,22 +1,34 @@
 //! What others have measured: every case whose data are at hand, with the figure that a peer reaches on it.
 
+use super::control::{self, rest};
 use super::{CaseFigures, Figure};
 use crate::board::CoreBoard;
 use crate::commands::identify::static_map::{self, Readings};
 use crate::commands::identify::{self, IdentifyError};
-use crate::commands::parallel::Watch;
+use crate::commands::parallel::{self, Watch};
 use crate::files::input::{InputError, Problem};
 use crate::files::measured::Measured;
 use crate::files::shipped;
 use crate::files::table::{read_record, read_table};
 use crate::files::trace::{COLUMNS, Row};
-use crate::scenario::{self, Loaded};
+use crate::scenario::core_config::core_config;
+use crate::scenario::{self, Loaded, Scenario};
 use crate::simulation::run::{self, RunError};
 use crate::stop;
+use model_core::physics::chamber::{AnyChamber, Chamber};
 use std::path::{Path, PathBuf};
 
 /// Largest share of the largest force that five readings may leave of the others.
 const FIVE_SHARE: f64 = 0.05;
+/// Loads under which contractions are held \[N\].
+const HELD_N: [(&str, f64); 4] = [
+    ("20_n_percent", 20.0),
+    ("50_n_percent", 50.0),
+    ("100_n_percent", 100.0),
+    ("200_n_percent", 200.0),
+];
+/// What the loop is to leave alone at rest, share of the stroke \[-\]: as much as the default is of 30 % of the rest length.
+const DEAD_ZONE: f64 = 0.005;
 /// Static maps with a target of their own: file, name, target, what an ideal braid leaves \[N\].
 const MAPS: [(&str, &str, f64, f64); 2] = [
     ("dmsp10_250", "static map, DMSP-10-250", 3.5, 46.8),
@@ -58,7 +70,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
         Err(error) => Err(error),
     };
     for file in maps {
-        add(static_map(&file).map(|line| vec![line]))?;
+        add(static_map(&file))?;
         watch.done();
     }
     if spring.exists() {
@@ -88,7 +100,7 @@ fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {
     Ok((scenario::parse(shipped::text(name), &path)?, path))
 }
 
-fn static_map(file: &Path) -> Result<CaseFigures, TruthError> {
+fn static_map(file: &Path) -> Result<Vec<CaseFigures>, TruthError> {
     let (loaded, config) = shipped("static_map.toml")?;
     let readings = Readings::of(&read_table(file)?)?;
     let largest_n = readings.largest_n();
@@ -109,7 +121,35 @@ fn static_map(file: &Path) -> Result<CaseFigures, TruthError> {
     figures.extend(known.map(|(.., ideal_n)| Figure::shown("ideal_braid_n", *ideal_n)));
     let case =
         known.map_or_else(|| format!("static map, {stem}"), |(_, name, ..)| (*name).to_owned());
-    Ok(CaseFigures { case, figures })
+    let controlled = controlled(&of_all.scenario, &of_five.scenario)?;
+    let of_control = CaseFigures { case: format!("{case}: at rest"), figures: controlled };
+    Ok(vec![CaseFigures { case, figures }, of_control])
+}
+
+/// The largest error at rest, in percent of the stroke under each load: the plant pulls as all readings say, the core
+/// believes what five of them say.
+fn controlled(of_all: &Loaded, of_five: &Loaded) -> Result<Vec<Figure>, TruthError> {
+    let mut loaded = control::full(of_all);
+    loaded.believed = of_five.believed.clone();
+    let held = parallel::map(&HELD_N, |(name, load_n)| {
+        let mut loaded = control::load(loaded.clone(), *load_n);
+        let strokes = strokes(&loaded);
+        loaded.believed.controller.contraction_dead_zone = (DEAD_ZONE * strokes[0]) as f32;
+        let held = rest::hold_within(&loaded, 0, strokes, &mut CoreBoard::default())?;
+        Ok(Figure::at_most(name, held.error_percent, 1.0))
+    });
+    held.into_iter().collect()
+}
+
+/// The contraction that nine tenths of the supply's gauge pressure hold: of the muscle alone, and against load and friction.
+fn strokes(loaded: &Loaded) -> [f64; 2] {
+    let Scenario { supply, ambient, load, friction, muscle, .. } = &loaded.plant;
+    let chamber = AnyChamber::new(&core_config(&loaded.plant).chamber);
+    let gauge_pa = 0.9 * (supply.pressure_pa - ambient.pressure_pa);
+    [0.0, load.force_n + friction.force_n].map(|force_n| {
+        let length_m = chamber.length_for_force_m(gauge_pa as f32, force_n as f32);
+        1.0 - f64::from(length_m) / muscle.rest_length_m
+    })
 }
 
 fn measured(file: &Path) -> Result<Measured, InputError> {
