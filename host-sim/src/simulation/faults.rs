@@ -29,8 +29,10 @@ pub struct InjectedFaults {
 impl InjectedFaults {
     /// The faults of a scenario.
     pub fn new(scenario: &Scenario) -> Self {
+        let unbroken = FaultWindow::default();
+        let windows = scenario.faults.windows().map(|(_, window)| window.clone());
         Self {
-            windows: scenario.faults.windows().map(|(_, window)| window.clone()).collect(),
+            windows: windows.filter(|window| *window != unbroken).collect(),
             arrived: Codes::default(),
             digital: [
                 scenario.sensor.pressure_part().is_digital(),
