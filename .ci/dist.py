@@ -31,6 +31,8 @@ IMAGES = {
     "firmware-hil.elf": ("thumbv6m-none-eabi", ["--features", "hil"]),
     "firmware-pico2.elf": ("thumbv8m.main-none-eabihf", ["--no-default-features", "--features", "pico2"]),
 }
+# It writes the wheel's archive: another version may write other bytes.
+MATURIN = "maturin==1.16.0"
 # What a board in its boot loader says that it is.
 BOARDS = {"pico": "RPI-RP2", "pico2": "RP2350"}
 
@@ -134,7 +136,7 @@ def wheel(inside):
     """The Python package, with the same inside."""
     environment = BUILD / "python"
     run(sys.executable, "-m", "venv", environment)
-    run(environment / "bin/python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "maturin")
+    run(environment / "bin/python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", MATURIN)
     maturin = [environment / "bin/python", "-m", "maturin", "build", "--locked", "--profile", "shipped"]
     package = ["--manifest-path", "host-sim/python/Cargo.toml", "--features", "release", "--target", SHARED]
     run(*maturin, *package, "--out", OUT, THERMYO_INSIDE=inside, CARGO_TARGET_DIR=BUILD, **flags(SHARED))
