@@ -156,6 +156,10 @@ fn the_result_runs_and_the_report_shows_it() {
     for part in ["Residuals", "Correlations", "wall.heat_capacity_j_k", "Fit over data"] {
         assert!(page.contains(part), "{part}");
     }
+    let plot = fs::read_to_string(found.folder.path().join("fit.svg")).expect("a drawing");
+    for part in ["<svg", "Pressure [kPa]", "Sensor in the gas, fitted less measured [K]"] {
+        assert!(plot.contains(part), "{part}");
+    }
 }
 
 /// A muscle that is shut and leaks, as a monitor records it; and the scenario that asks for the leak, configured five

@@ -373,9 +373,8 @@ fn identify_command(
     out.text("summary.json", &json)?;
     out.text("identified.toml", &scenario::render(found.scenario()))?;
     out.text("report.html", &found.page(&title))?;
-    if let Some(plot) = found.plot(&title) {
-        out.text("map.svg", &plot)?;
-    }
+    let (name, plot) = found.plot(&title);
+    out.text(name, &plot)?;
     publish(out, stderr)?;
     if args.output.json {
         print(stdout, &json)?;

@@ -12,7 +12,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// What any command leaves in its folder: the files of one result stay together.
-const RESULTS: [&str; 11] = [
+const RESULTS: [&str; 13] = [
     "summary.json",
     "report.html",
     "trace.csv",
@@ -24,6 +24,8 @@ const RESULTS: [&str; 11] = [
     "study.json",
     "tuned.toml",
     "identified.toml",
+    "fit.svg",
+    "map.svg",
 ];
 
 /// A folder that the results of one command go to. Until [`OutputDir::publish`] they lie in a folder

@@ -72,28 +72,42 @@ fn label(quantity: Quantity) -> &'static str {
     }
 }
 
-fn charts(identified: &Identified) -> Section {
-    let mut fit = Chart::new(Axis::new("Time", "s"));
-    let mut rest = Chart::new(Axis::new("Time", "s"));
+/// Data and fit, a panel for each quantity, and panels of what the fit leaves.
+fn panels(identified: &Identified) -> [Vec<Panel>; 2] {
+    let [mut fit, mut rest] = [Vec::new(), Vec::new()];
     for (observed, residuals) in identified.data.observed.iter().zip(&identified.residuals) {
         let Observed { quantity, points, .. } = observed;
         let unit = Unit::of_column(quantity.column());
         let times: Vec<f64> = points.iter().map(|point| point.0).collect();
         let measured: Vec<f64> = points.iter().map(|point| point.1).collect();
         let fitted: Vec<f64> = measured.iter().zip(residuals).map(|(m, r)| m + r).collect();
-        fit = fit.panel(
+        fit.push(
             Panel::new(Axis::new(label(*quantity), unit.symbol))
                 .dots("measured", Colour::Ink, &times, &unit.convert(&measured))
                 .line("fitted", Colour::Vermillion, &times, &unit.convert(&fitted)),
         );
         let axis = Axis::new(&format!("{}, fitted less measured", label(*quantity)), unit.symbol);
-        rest = rest.panel(
+        rest.push(
             Panel::new(axis)
                 .height(150.0)
                 .dots("", Colour::Blue, &times, &unit.convert(residuals))
                 .reference(0.0, "0"),
         );
     }
+    [fit, rest]
+}
+
+fn chart(panels: Vec<Panel>) -> Chart {
+    panels.into_iter().fold(Chart::new(Axis::new("Time", "s")), Chart::panel)
+}
+
+/// Data, fit and what it leaves, a drawing of its own.
+pub fn plot(identified: &Identified, title: &str) -> String {
+    chart(panels(identified).into_iter().flatten().collect()).document(title)
+}
+
+fn charts(identified: &Identified) -> Section {
+    let [fit, rest] = panels(identified).map(chart);
     Section::new("Fit")
         .figure(fit.figure("Fit over data", "The model with the identified values."))
         .figure(rest.figure(

@@ -82,11 +82,11 @@ impl Found {
         }
     }
 
-    /// A drawing for documents, of a static map.
-    pub fn plot(&self, title: &str) -> Option<String> {
+    /// A drawing for documents: its file's name, and its text.
+    pub fn plot(&self, title: &str) -> (&'static str, String) {
         match self {
-            Self::Record(_) => None,
-            Self::Map(found) => Some(static_map::plot(found, title)),
+            Self::Record(found) => ("fit.svg", page::plot(found, title)),
+            Self::Map(found) => ("map.svg", static_map::plot(found, title)),
         }
     }
 
