@@ -431,6 +431,18 @@ fn a_full_disk_leaves_nothing_behind() {
 }
 
 #[test]
+fn a_unit_that_exists_is_left_before_anything_is_built() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scenario(folder.path(), "");
+    let unit = folder.path().join("muscle.fmu");
+    fs::write(&unit, "mine").unwrap();
+    let output = thermyo(&["fmu", &file, "--out", &unit.display().to_string()]);
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("muscle.fmu: exists already, and is left"), "{}", said(&output));
+    assert_eq!(fs::read_to_string(&unit).unwrap(), "mine");
+}
+
+#[test]
 fn a_run_that_would_not_end_does_not_begin() {
     let folder = tempfile::tempdir().unwrap();
     for (text, message) in [
@@ -440,7 +452,7 @@ fn a_run_that_would_not_end_does_not_begin() {
         ),
         (
             "[plant]\nmodel = \"full\"\n[friction]\nviscous_n_s_m = 1e6\npresliding_stiffness_n_m = 1e9\n[load]\nmass_kg = 0.01\n",
-            "load.mass_kg is too small for the stiffness and viscosity of friction: it asks",
+            "friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end: it asks",
         ),
         (
             "[plant]\nmodel = \"lumped\"\n[valve]\nconductance_m3_s_pa = 1e-3\n",

@@ -1,7 +1,7 @@
 //! `thermyo fmu`: its arguments, and what it says.
 
 use super::{Failure, SaidArgs, load, title_of};
-use crate::files::input::write_new;
+use crate::files::input::{is_new, write_new};
 use crate::fmu::archive::archive;
 use crate::fmu::variables::variables;
 use crate::fmu::{Kind, library};
@@ -26,6 +26,8 @@ pub(super) struct FmuArgs {
 
 pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> Result<(), Failure> {
     let loaded = load(&args.scenario, err)?;
+    // In a checkout the library is built first.
+    is_new(&args.out)?;
     let kind = if args.with_core { Kind::WithCore } else { Kind::Plant };
     let library = library::library().map_err(|error| Failure::Usage(error.to_string()))?;
     let name = title_of(&args.scenario);

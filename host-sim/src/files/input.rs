@@ -36,6 +36,9 @@ pub enum Problem {
     /// The system refuses to write.
     #[error("cannot be written: {0}")]
     Unwritable(String),
+    /// The file is there, and would be lost.
+    #[error("exists already, and is left as it is; give another name")]
+    Exists,
     /// Somebody else has it.
     #[error("another thermyo is at work in it: wait for it, or choose another folder")]
     AtWork,
@@ -349,11 +352,20 @@ pub fn is_utf16(bytes: &[u8]) -> bool {
     marked || bytes.iter().take_while(|byte| **byte != b'\n').any(|byte| *byte == 0)
 }
 
+/// Whether there is no such file: what takes long asks before it begins.
+///
+/// # Errors
+/// When it exists.
+pub fn is_new(path: &Path) -> Result<(), InputError> {
+    if path.exists() { Err(InputError::file(path, Problem::Exists)) } else { Ok(()) }
+}
+
 /// Writes a file that does not exist yet, and the folder that it is in.
 ///
 /// # Errors
 /// When it exists, or cannot be written.
 pub fn write_new(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
+    is_new(path)?;
     let mut options = std::fs::OpenOptions::new();
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let written = folder

@@ -2,8 +2,8 @@
 
 use super::Kind;
 use super::model::{Model, ModelError};
-use super::variables::{Role, UNITS, Variable, variables};
-use crate::scenario::render;
+use super::variables::{Role, SET_POINT, UNITS, Unit, Variable, unit_of, variables};
+use crate::scenario::{DriveKind, render};
 use std::fmt::Write;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -95,11 +95,24 @@ fn element(model: &Model, reference: u32, variable: &Variable) -> Result<String,
         Role::Plant => ("Float64", " causality=\"output\" variability=\"continuous\"".to_owned()),
         Role::Sampled => ("Float64", " causality=\"output\" variability=\"discrete\"".to_owned()),
     };
-    let unit = variable.unit().map_or_else(String::new, |unit| format!(" unit=\"{}\"", unit.name));
+    let unit =
+        unit(model, variable).map_or_else(String::new, |unit| format!(" unit=\"{}\"", unit.name));
     let description = escaped(description);
     Ok(format!(
         "<{kind} name=\"{name}\" valueReference=\"{reference}\"{role}{unit} description=\"{description}\"/>\n"
     ))
+}
+
+/// A variable's unit; the set point's is that of what the scenario's drive sets.
+fn unit(model: &Model, variable: &Variable) -> Option<&'static Unit> {
+    if variable.name != SET_POINT {
+        return variable.unit();
+    }
+    match model.scenario().plant.drive.kind {
+        DriveKind::MassFlow => unit_of("flow_kg_s"),
+        DriveKind::Pressure => unit_of("pressure_pa"),
+        _ => None,
+    }
 }
 
 fn escaped(text: &str) -> String {
@@ -130,6 +143,20 @@ mod tests {
             let count = |name: &str| names.iter().filter(|n| *n == name).count();
             assert_eq!(count("Float64") + count("Boolean"), variables(kind).len());
             assert_eq!(count("Output"), count("InitialUnknown"));
+        }
+    }
+
+    #[test]
+    fn the_set_point_has_the_unit_of_the_drive() {
+        for (kind, unit) in
+            [("mass-flow", " unit=\"kg/s\""), ("pressure", " unit=\"Pa\""), ("contraction", "")]
+        {
+            let text = format!("[drive]\nkind = {kind:?}\n");
+            let model = Model::new(parse(&text, "test".as_ref()).unwrap(), Kind::WithCore).unwrap();
+            let xml = describe(&model, "a").unwrap();
+            let line = xml.lines().find(|line| line.contains("\"set_point\"")).unwrap();
+            assert!(line.contains(&format!("{unit} description=")), "{line}");
+            assert_eq!(line.contains(" unit="), !unit.is_empty(), "{line}");
         }
     }
 

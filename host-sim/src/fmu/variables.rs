@@ -44,12 +44,12 @@ const OPENINGS: [Variable; 2] = [
     input("duty_out", "Share of the PWM period for which the outlet is open, 0 to 1"),
 ];
 
+/// Name of the set point.
+pub const SET_POINT: &str = "set_point";
+
 /// What the importer gives to a core.
 const DRIVE: [Variable; 2] = [
-    input(
-        "set_point",
-        "Set point in the unit of the scenario's drive, where follow_scenario is false",
-    ),
+    input(SET_POINT, "Set point of the scenario's drive, where follow_scenario is false"),
     Variable {
         name: "follow_scenario",
         description: "The scenario's drive gives the set points; false: the input set_point does",

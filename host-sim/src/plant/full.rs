@@ -196,7 +196,10 @@ fn substeps(
     let of = |longest: f64, valves: f64| {
         let tube_rate = per_flow * (valves * piping.steepest(hottest) + beside_tube) / tube_m3;
         let rates = [
-            (bristle_rate, "load.mass_kg is too small for the stiffness and viscosity of friction"),
+            (
+                bristle_rate,
+                "friction.presliding_stiffness_n_m or friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end",
+            ),
             (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
             (
                 line_rate,
