@@ -512,3 +512,47 @@ fn a_shipped_scenario_runs_where_its_file_is_not() {
     assert!(own.stderr.is_empty(), "{}", said(&own));
     assert!(String::from_utf8(own.stdout).unwrap().contains("duration_s = 7.0"));
 }
+
+#[test]
+fn a_run_that_vented_says_when_and_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let ran = |faults: &str| {
+        let text = format!(
+            "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"pressure\"\n\
+             pressure_pa = 250000.0\n{faults}"
+        );
+        let file = scenario(folder.path(), &text);
+        let output = thermyo(&["run", &file, "--quiet", "--out", &out.display().to_string()]);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let json: serde_json::Value =
+            serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
+        let page = fs::read_to_string(out.join("report.html")).unwrap();
+        (String::from_utf8(output.stdout).unwrap(), json["core"].clone(), page)
+    };
+    let (printed, core, page) = ran("[faults]\npressure = \"open\"\nfrom_s = 2.0\nuntil_s = 2.5\n");
+    let found = "vented from 2.01 s: pressure sensor, overpressure";
+    assert!(printed.contains(&format!("\nwarning: the core {found}\n")), "{printed}");
+    assert_eq!(core["fault_names"], serde_json::json!(["pressure sensor", "overpressure"]));
+    assert_eq!(core["faults"], 6);
+    let vented_s = core["vented_s"].as_f64().unwrap();
+    assert!((2.001..2.02).contains(&vented_s), "{vented_s}");
+    assert!(core["shown_s"].is_null(), "{core}");
+    let (before, figures) = page.split_once("<figure ").unwrap();
+    let (lead, tiles) = before.split_once("class=\"tiles\"").unwrap();
+    assert!(
+        lead.contains(&format!("class=\"lead\">The core {found}. The absolute pressure misses"))
+    );
+    let label = "Vented from: pressure sensor, overpressure";
+    assert!(tiles.contains(label) && figures.contains(label));
+    let (_, tracking) = tiles.split_once("Tracking error, RMS").unwrap();
+    let (tracking, _) = tracking.split_once("class=\"tile\"").unwrap();
+    assert!(tracking.contains("✗ missed") && !tracking.contains("✓"), "{tracking}");
+
+    let (printed, core, page) = ran("");
+    assert!(!printed.contains("vented"), "{printed}");
+    assert!(core["vented_s"].is_null() && core["fault_names"] == serde_json::json!([]), "{core}");
+    let (before, _) = page.split_once("<figure ").unwrap();
+    assert!(before.contains("The absolute pressure follows its set point with an error of "));
+    assert!(!before.contains("ented"), "{before}");
+}

@@ -260,6 +260,12 @@ impl Faults {
         Self(self.0 & other.0)
     }
 
+    /// Their names, in the order of the bits.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        let held = Self::NAMES.iter().filter(move |(fault, _)| self.intersects(*fault));
+        held.map(|(_, name)| *name)
+    }
+
     /// Whether one of `other` is among them.
     pub const fn intersects(self, other: Self) -> bool {
         self.0 & other.0 != 0
@@ -269,8 +275,7 @@ impl Faults {
 impl core::fmt::Display for Faults {
     /// Their names, by commas.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let names = Self::NAMES.iter().filter(|(fault, _)| self.intersects(*fault));
-        for (i, (_, name)) in names.enumerate() {
+        for (i, name) in self.names().enumerate() {
             write!(f, "{}{name}", if i > 0 { ", " } else { "" })?;
         }
         Ok(())

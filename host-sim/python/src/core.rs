@@ -194,8 +194,7 @@ fn mode_name(mode: Mode) -> &'static str {
 }
 
 fn fault_names(faults: Faults) -> Vec<&'static str> {
-    let held = Faults::NAMES.iter().filter(|(fault, _)| faults.intersects(*fault));
-    held.map(|(_, name)| *name).collect()
+    faults.names().collect()
 }
 
 /// Telemetry of a board as a dict, by the names of trace.csv.

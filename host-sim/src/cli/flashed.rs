@@ -576,5 +576,6 @@ fn brief(summary: &Driven, folder: &Path) -> String {
     if let Some(control) = &summary.control {
         text += &control.text();
     }
+    text += &summary.core.fault_line();
     text + &format!("report: {}\n", folder.join("report.html").display())
 }

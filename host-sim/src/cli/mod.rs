@@ -593,6 +593,7 @@ fn brief(summary: &Summary, folder: &Path) -> String {
     if let Some(control) = &summary.control {
         text += &control.text();
     }
+    text += &summary.core.fault_line();
     if let Some(warning) = summary.overconfidence() {
         text += &format!("warning: {warning}\n");
     }

@@ -3,8 +3,11 @@
 use crate::files::measured::Measured;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::{Ledger, Truth};
+use crate::report::number::fixed;
 use crate::report::run_report::Controlled;
+use model_core::Faults;
 use model_core::link::Timing;
+use model_core::safety::supervisor::VENTING;
 use model_core::sensing::adc::at_rail;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -96,7 +99,7 @@ pub struct Errors {
 }
 
 /// What the core reports of itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CoreFigures {
     /// Steps run.
     pub steps: u64,
@@ -106,6 +109,49 @@ pub struct CoreFigures {
     pub limited: u64,
     /// Every fault bit that was ever set.
     pub faults: u16,
+    /// What they are called.
+    pub fault_names: Vec<&'static str>,
+    /// When the first of those that vent was found \[s\].
+    pub vented_s: Option<f64>,
+    /// When the first of those that are only shown was found \[s\].
+    pub shown_s: Option<f64>,
+}
+
+/// Faults that do not vent.
+const SHOWN: Faults = Faults(!VENTING.0);
+
+/// Faults of a run of one kind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// "vented", or "shown" of what does not vent.
+    pub what: &'static str,
+    /// When the first of them was found \[s\].
+    pub from_s: f64,
+    /// Which.
+    pub faults: Faults,
+}
+
+impl CoreFigures {
+    /// What vented, and what was only shown, where there was any.
+    pub fn found(&self) -> impl Iterator<Item = Found> {
+        let all = Faults(self.faults);
+        [("vented", self.vented_s, all.of(VENTING)), ("shown", self.shown_s, all.of(SHOWN))]
+            .into_iter()
+            .filter_map(|(what, from_s, faults)| Some(Found { what, from_s: from_s?, faults }))
+    }
+
+    /// The same in words: "vented from 2.06 s: pressure sensor, overpressure".
+    pub fn fault_text(&self) -> Option<String> {
+        let each = self.found().map(|Found { what, from_s, faults }| {
+            format!("{what} from {} s: {faults}", fixed(from_s, 2))
+        });
+        each.reduce(|all, next| format!("{all}; {next}"))
+    }
+
+    /// A line for people; none without a fault.
+    pub fn fault_line(&self) -> String {
+        self.fault_text().map_or_else(String::new, |text| format!("warning: the core {text}\n"))
+    }
 }
 
 /// How well a set point was held, in the set point's unit.
@@ -204,7 +250,9 @@ pub struct Accumulator {
     within_2sd: u64,
     saturations: u64,
     limited: u64,
-    faults: u16,
+    faults: Faults,
+    vented_s: Option<f64>,
+    shown_s: Option<f64>,
     control: ControlSums,
     comparisons: Vec<Comparison>,
 }
@@ -345,7 +393,9 @@ impl Accumulator {
             within_2sd: 0,
             saturations: 0,
             limited: 0,
-            faults: 0,
+            faults: Faults::NONE,
+            vented_s: None,
+            shown_s: None,
             control: ControlSums {
                 largest_set_point: f64::NEG_INFINITY,
                 smallest_set_point: f64::INFINITY,
@@ -379,7 +429,12 @@ impl Accumulator {
             self.saturations += 1;
         }
         self.limited += u64::from(telemetry.limited);
-        self.faults |= telemetry.faults.0;
+        self.faults = self.faults.with(telemetry.faults);
+        for (from_s, kind) in [(&mut self.vented_s, VENTING), (&mut self.shown_s, SHOWN)] {
+            if telemetry.faults.intersects(kind) {
+                from_s.get_or_insert(truth.time_s);
+            }
+        }
         if let Some(value) = controlled {
             self.add_control(truth, row.set_point, value);
         }
@@ -465,7 +520,10 @@ impl Accumulator {
                 steps: self.steps,
                 saturations: self.saturations,
                 limited: self.limited,
-                faults: self.faults,
+                faults: self.faults.0,
+                fault_names: self.faults.names().collect(),
+                vented_s: self.vented_s,
+                shown_s: self.shown_s,
             },
             control,
             timing: ending.timing.as_ref().map(TimingFigures::from),

@@ -14,6 +14,7 @@ pub mod bars;
 pub mod chart;
 mod colour;
 pub mod decimate;
+mod faulted;
 pub mod heatmap;
 mod layer;
 pub mod muscle;
@@ -27,4 +28,5 @@ pub mod scale;
 pub mod series;
 
 pub use colour::Colour;
+pub use faulted::Faulted;
 pub use series::Recorder;

@@ -1,5 +1,6 @@
 //! The page of `thermyo run`: summary and recording of one run, brought into [`RunReport`]'s form.
 
+use super::Faulted;
 use super::number::{Unit, of_column};
 use super::page::Tile;
 use super::run_report::{self, Measured as MeasuredColumn, RunReport, SummaryRow, label};
@@ -114,13 +115,10 @@ impl RunRecorder {
 
 /// The message: what the run was for comes first.
 fn lead(summary: &Summary) -> String {
-    let mut text = String::new();
+    let faulted = Faulted(&summary.core);
+    let mut text = faulted.lead();
     if let Some(control) = &summary.control {
-        text += &format!(
-            "The {} keeps within {} of its set point (RMS). ",
-            control.quantity.name().to_lowercase(),
-            control.quantity.text(control.rms_error),
-        );
+        text += &faulted.control(control);
     }
     let measured = summary.measured.iter().flatten();
     let differences: Vec<String> = measured
@@ -148,10 +146,8 @@ fn warnings(summary: &Summary) -> Vec<String> {
 }
 
 fn tiles(summary: &Summary) -> Vec<Tile> {
-    let control = summary.control.iter().map(|control| {
-        let unit = control.quantity.unit();
-        Tile::new("Tracking error, RMS", control.rms_error * unit.factor, unit.symbol)
-    });
+    let faulted = Faulted(&summary.core);
+    let control = summary.control.iter().map(|control| faulted.tracking(control));
     let measured = summary.measured.iter().flatten().map(|(column, difference)| {
         let unit = Unit::of_column(column);
         let name = format!("Against the measurement, {}, RMS", label(column));
@@ -169,7 +165,7 @@ fn tiles(summary: &Summary) -> Vec<Tile> {
         Tile::new("Energy balance", summary.energy_balance_error, "")
             .target("≤ 1e-6", summary.energy_balance_error <= 1e-6),
     ];
-    control.chain(measured).chain(own).collect()
+    faulted.tiles().chain(control).chain(measured).chain(own).collect()
 }
 
 fn rows(summary: &Summary) -> Vec<SummaryRow> {
@@ -179,6 +175,7 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
         unit: unit.to_owned(),
     };
     let mut rows = vec![row("Simulated time", summary.duration_s, "s")];
+    rows.extend(Faulted(&summary.core).rows());
     if summary.strokes > 0 {
         rows.push(row("Strokes", summary.strokes as f64, ""));
     }

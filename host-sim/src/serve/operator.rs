@@ -569,8 +569,7 @@ fn configuration(target: &Target, text: Option<ScenarioText>) -> Result<(Config,
 }
 
 fn names(faults: Faults) -> Vec<&'static str> {
-    let all = Faults::NAMES.iter().filter(|(fault, _)| faults.intersects(*fault));
-    all.map(|(_, name)| *name).collect()
+    faults.names().collect()
 }
 
 fn called(status: &Status) -> String {

@@ -3,6 +3,7 @@
 use super::Driven;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::chamber;
+use crate::report::Faulted;
 use crate::report::page::Tile;
 use crate::report::run_report::{self, Controlled, RunReport, SummaryRow};
 use crate::report::series::Recorder;
@@ -64,27 +65,30 @@ impl Drawn {
 
 /// The page.
 pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> String {
-    let lead = format!(
+    let faulted = Faulted(&summary.core);
+    let mut lead = faulted.lead();
+    if let Some(control) = &summary.control {
+        lead += &faulted.control(control);
+    }
+    lead += &format!(
         "{:.2} s on the board at {}, configuration {} ({:08x}).",
         summary.duration_s, summary.board, summary.config_name, summary.config_checksum
     );
-    let mut tiles = vec![
+    let control = summary.control.iter().map(|control| faulted.tracking(control));
+    let own = [
         Tile::new("Largest pressure", summary.pressure_pa.max, "Pa"),
         Tile::new("Core step, mean", summary.timing.step_mean_us * 1e-6, "s"),
         Tile::new("Core step, worst", summary.timing.step_worst_us * 1e-6, "s"),
         Tile::new("Missed steps", f64::from(summary.timing.missed_steps), ""),
     ];
-    if let Some(control) = &summary.control {
-        let unit = control.quantity.unit();
-        tiles.push(Tile::new("Tracking error, RMS", control.rms_error * unit.factor, unit.symbol));
-    }
     let row = |label: &str, value: f64, unit: &str| SummaryRow {
         label: label.to_owned(),
         value,
         unit: unit.to_owned(),
     };
-    let rows = [
-        row("Time driven", summary.duration_s, "s"),
+    let mut rows = vec![row("Time driven", summary.duration_s, "s")];
+    rows.extend(faulted.rows());
+    rows.extend([
         row("Strokes", summary.strokes as f64, ""),
         row("Pressure, lowest", summary.pressure_pa.min, "Pa"),
         row("Pressure, highest", summary.pressure_pa.max, "Pa"),
@@ -93,14 +97,14 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         row("Steps of the core", summary.core.steps as f64, ""),
         row("Steps whose telemetry was lost", summary.lost_steps as f64, ""),
         row("Start jitter, worst", summary.timing.jitter_worst_us * 1e-6, "s"),
-    ];
+    ]);
     run_report::render(&RunReport {
         title,
         lead: &lead,
         warnings: &[],
         controlled: drawn.controlled.filter(|_| !drawn.mixed),
         scenario_toml: &scenario::render(driven),
-        tiles,
+        tiles: faulted.tiles().chain(control).chain(own).collect(),
         series: &drawn.series,
         measured: &[],
         summary: &rows,
