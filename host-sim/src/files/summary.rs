@@ -161,8 +161,8 @@ pub struct Control {
     pub quantity: Controlled,
     /// Root-mean-square error.
     pub rms_error: f64,
-    /// Mean error over the last tenth of the run.
-    pub steady_error: f64,
+    /// Mean error over the last tenth of the run; none where the run was cut short before.
+    pub steady_error: Option<f64>,
     /// Largest excess over the largest set point, relative to the set point's range or itself.
     pub overshoot: f64,
 }
@@ -170,10 +170,11 @@ pub struct Control {
 impl Control {
     /// A line for people.
     pub fn text(&self) -> String {
+        let steady = self.steady_error.map(|error| self.quantity.text(error));
+        let at_end = steady.map_or_else(String::new, |text| format!("at the end {text}, "));
         format!(
-            "set point: RMS error {}, at the end {}, overshoot {:.1} %\n",
+            "set point: RMS error {}, {at_end}overshoot {:.1} %\n",
             self.quantity.text(self.rms_error),
-            self.quantity.text(self.steady_error),
             self.overshoot * 100.0
         )
     }
@@ -471,7 +472,7 @@ impl Accumulator {
             Control {
                 quantity,
                 rms_error: (sums.squares / sums.steps as f64).sqrt(),
-                steady_error: sums.late_sum / sums.late_steps.max(1) as f64,
+                steady_error: (sums.late_steps > 0).then(|| sums.late_sum / sums.late_steps as f64),
                 overshoot: ((sums.largest_value - sums.largest_set_point) / span).max(0.0),
             }
         });
@@ -529,5 +530,54 @@ impl Accumulator {
             timing: ending.timing.as_ref().map(TimingFigures::from),
             measured,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::CoreBoard;
+    use crate::scenario;
+    use crate::simulation::run;
+
+    #[test]
+    fn a_run_that_was_cut_short_has_no_error_at_the_end() {
+        let text = "[run]\nduration_s = 1.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n[drive]\n\
+                    kind = \"pressure\"\n";
+        let loaded = scenario::parse(text, "test".as_ref()).unwrap();
+        let mut rows = Vec::new();
+        let mut observer = |row: &Row| {
+            rows.push(*row);
+            Ok(())
+        };
+        run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+        let ended_at = |steps: usize| {
+            let mut accumulator = Accumulator::new(loaded.plant.run.duration_s, None);
+            rows[..steps].iter().for_each(|row| accumulator.add(row, Some(row.truth.pressure_pa)));
+            let ending = Ending {
+                wall_clock_s: 1.0,
+                board: "core",
+                period_s: None,
+                controlled: Some(Controlled::Pressure),
+                rest_length_m: None,
+                ledger: Ledger::default(),
+                axial_wall_k: Vec::new(),
+                axial_gas_k: Vec::new(),
+                timing: None,
+            };
+            accumulator.finish(ending).control.unwrap()
+        };
+        let cut = ended_at(500);
+        assert_eq!(cut.steady_error, None);
+        assert!(cut.rms_error > 1000.0);
+        assert!(
+            cut.text().starts_with("set point: RMS error ") && !cut.text().contains("at the end")
+        );
+        assert!(serde_json::to_value(cut).unwrap()["steady_error"].is_null());
+        let whole = ended_at(rows.len());
+        let mean: f64 = rows[900..].iter().map(|row| row.truth.pressure_pa - row.set_point).sum();
+        let mean = mean / rows[900..].len() as f64;
+        assert!((whole.steady_error.unwrap() - mean).abs() < 1e-9 * mean.abs(), "{mean}");
+        assert!(whole.text().contains(", at the end "));
     }
 }

@@ -197,7 +197,8 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
     if let Some(control) = &summary.control {
         let Unit { symbol, factor } = control.quantity.unit();
         rows.push(row("Set point, RMS error", control.rms_error * factor, symbol));
-        rows.push(row("Set point, error at the end", control.steady_error * factor, symbol));
+        let steady = control.steady_error.map(|error| error * factor);
+        rows.extend(steady.map(|error| row("Set point, error at the end", error, symbol)));
         rows.push(row("Set point, overshoot", 100.0 * control.overshoot, "%"));
     }
     rows
