@@ -556,3 +556,20 @@ fn a_run_that_vented_says_when_and_why() {
     assert!(before.contains("The absolute pressure follows its set point with an error of "));
     assert!(!before.contains("ented"), "{before}");
 }
+
+#[test]
+fn a_last_stroke_is_one_that_was_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    for (duration_s, shown) in [("0.001", false), ("0.4", false), ("0.5", true), ("0.7", true)] {
+        let text = format!(
+            "[run]\nduration_s = {duration_s}\n[plant]\nmodel = \"lumped\"\n[drive]\nperiod_s = 0.5\n"
+        );
+        let file = scenario(folder.path(), &text);
+        let output = thermyo(&["run", &file, "--quiet", "--out", &out.display().to_string()]);
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        let page = fs::read_to_string(out.join("report.html")).unwrap();
+        assert_eq!(page.contains("The last stroke."), shown, "{duration_s}");
+        assert_eq!(page.contains("<td data-column=\"Quantity\">Strokes</td>"), shown);
+    }
+}

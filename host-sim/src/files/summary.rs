@@ -189,6 +189,11 @@ pub struct Difference {
     pub max: f64,
 }
 
+/// Strokes of that period that were made to their end.
+pub fn whole_strokes(duration_s: f64, period_s: f64) -> u64 {
+    (duration_s / period_s + 1e-9).floor() as u64
+}
+
 /// How a board's steps were timed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TimingFigures {
@@ -488,9 +493,7 @@ impl Accumulator {
         });
         Summary {
             duration_s: self.duration_s,
-            strokes: ending
-                .period_s
-                .map_or(0, |period_s| (self.duration_s / period_s + 1e-9).floor() as u64),
+            strokes: ending.period_s.map_or(0, |period_s| whole_strokes(self.duration_s, period_s)),
             real_time_factor: self.duration_s / ending.wall_clock_s.max(1e-9),
             board: ending.board.to_owned(),
             pressure_pa: self.pressure.range(count),

@@ -6,7 +6,7 @@ use super::page::Tile;
 use super::run_report::{self, Measured as MeasuredColumn, RunReport, SummaryRow, label};
 use super::series::Recorder;
 use crate::files::measured::Measured;
-use crate::files::summary::Summary;
+use crate::files::summary::{Summary, whole_strokes};
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::chamber;
 use crate::scenario::{self, DriveKind, Loaded, PlantKind};
@@ -37,9 +37,10 @@ impl RunRecorder {
             names.retain(|name| *name != "length_m");
         }
         let drive = &loaded.plant.drive;
-        // Only a cycle of mass flows has strokes.
-        let strokes = drive.kind == DriveKind::MassFlow && loaded.drive_profile.is_none();
         let end_s = loaded.plant.run.duration_s;
+        // Only a cycle of mass flows has strokes.
+        let cycle = drive.kind == DriveKind::MassFlow && loaded.drive_profile.is_none();
+        let strokes = cycle && whole_strokes(end_s, drive.period_s) > 0;
         Self {
             recorder: Recorder::new(&names),
             is_vessel,
