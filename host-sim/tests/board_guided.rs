@@ -172,6 +172,56 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     assert!(info.contains("vent") && info.contains("configuration: tune, "), "{info}");
 }
 
+/// Ctrl-C once this file has more than so many bytes; how it ends.
+fn interrupted(mut command: std::process::Command, file: &std::path::Path, bytes: u64) -> Output {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    until("it records", || fs::metadata(file).is_ok_and(|found| found.len() > bytes));
+    signal(&child, "-INT");
+    child.wait_with_output().unwrap()
+}
+
+#[test]
+fn a_drive_that_is_cut_says_so() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = configured();
+    let profile = bench.path("held.csv");
+    fs::write(&profile, "time_s,pressure_pa\n0,130000\n60,130000\n").unwrap();
+    let drive = format!("thermyo board emulated drive {} --arm --out out/drive", profile.display());
+    let trace = bench.path("out/drive/unfinished-1/trace.csv");
+    let cut = interrupted(bench.command(&drive), &trace, 20_000);
+    assert_eq!(cut.status.code(), Some(130), "{}", message(&cut));
+    let text = String::from_utf8_lossy(&cut.stdout).into_owned();
+    assert!(text.contains(" s of 60 s driven, "), "{text}");
+    assert!(message(&cut).contains("thermyo: stopped at "), "{}", message(&cut));
+    let summary = fs::read(bench.path("out/drive/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
+    assert_eq!(summary["stopped_of_s"], 60.0, "{summary}");
+    assert!((0.01..59.0).contains(&summary["duration_s"].as_f64().unwrap()), "{summary}");
+    let report = fs::read_to_string(bench.path("out/drive/report.html")).unwrap();
+    assert!(report.contains("Stopped by Ctrl-C: ") && report.contains(" s of 60 s on the board"));
+    assert!(bench.ok("thermyo board emulated info").contains("  vent\n"));
+}
+
+#[test]
+fn a_set_point_that_is_let_go_says_so() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = configured();
+    let mut command = bench.command("thermyo board emulated set pressure 130000 --arm --hold 60");
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // Its first line.
+    child.stdout.as_mut().unwrap().read_exact(&mut [0; 20]).unwrap();
+    signal(&child, "-INT");
+    let cut = child.wait_with_output().unwrap();
+    assert_eq!(cut.status.code(), Some(130), "{}", message(&cut));
+    assert!(message(&cut).contains(" s of 60 s\n"), "{}", message(&cut));
+    assert!(String::from_utf8_lossy(&cut.stdout).contains("it vents"));
+    assert!(bench.ok("thermyo board emulated info").contains("  vent\n"));
+}
+
 /// A command at a terminal of its own, which hears keys.
 struct AtTerminal {
     child: Child,
@@ -238,6 +288,16 @@ fn the_monitors_keys_arm_drive_and_vent() {
     assert!(monitor.child.wait().unwrap().success());
     assert!(bench.path("out/monitor/trace.csv").is_file());
     assert!(bench.path("out/monitor/scenario.toml").is_file());
+
+    // Ctrl-C leaves too, and is told apart.
+    let mut monitor = AtTerminal::new(bench.command("thermyo monitor emulated --out out/monitor"));
+    rows(&mut monitor, &|rows| rows.len() > 20, "it records again");
+    monitor.press("\x03");
+    until("it is stopped", || {
+        monitor.look();
+        monitor.child.try_wait().unwrap().is_some()
+    });
+    assert_eq!(monitor.child.wait().unwrap().code(), Some(130));
 }
 
 fn recorded(trace: &str) -> Vec<Vec<String>> {

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::board::live::LiveBoard;
 use crate::board::{BoardError, port, service};
-use crate::commands::drive::{self, Drawn, DriveError, Driven, Gathered};
+use crate::commands::drive::{self, Drawn, DriveError, Driven, Ended, Gathered};
 use crate::files::board_trace::Recorder;
 use crate::files::input::write_new;
 use crate::files::output::OutputDir;
@@ -192,7 +192,7 @@ pub(super) fn run(
     match task {
         BoardTask::Info => info(&mut board, said, out),
         BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, said, out),
-        BoardTask::Set(args) => set(&mut board, &args, said, out),
+        BoardTask::Set(args) => set(&mut board, &args, said, out, err),
         BoardTask::Stop => {
             board.stop()?;
             said.done(out, &vents(), "it vents\n")
@@ -376,6 +376,7 @@ fn set(
     args: &SetArgs,
     said: SaidArgs,
     out: &mut dyn Write,
+    err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let set_point = SetPoint::from(args.what);
     let step_s = f64::from(board.config()?.step_s);
@@ -388,10 +389,11 @@ fn set(
         return said.done(out, &vents(), "it vents\n");
     }
     let (mut next_line_s, mut held) = (0.0, Vec::new());
-    loop {
-        let Some(telemetry) = board.poll()? else {
-            if interrupt::wanted() { break } else { continue }
-        };
+    let stopped = loop {
+        if interrupt::wanted() {
+            break true;
+        }
+        let Some(telemetry) = board.poll()? else { continue };
         let faults = telemetry.faults.of(VENTING);
         if faults != Faults::NONE {
             return Err(BoardError::Vented(faults).into());
@@ -404,14 +406,14 @@ fn set(
             next_line_s += LINE_S;
             print(out, &format!("{time_s:7.2} s  {}\n", muscle(&telemetry)))?;
         }
-        if interrupt::wanted() || args.hold.is_some_and(|hold_s| time_s >= hold_s) {
-            break;
+        if args.hold.is_some_and(|hold_s| time_s >= hold_s) {
+            break false;
         }
-    }
+    };
     board.stop()?;
-    let (end_s, _) = held.last().copied().unwrap_or_default();
+    let Some(&(end_s, _)) = held.last() else { return Err(Failure::Interrupted) };
     held.retain(|(time_s, _)| *time_s >= end_s - HELD_S);
-    let mean_pa = held.iter().map(|(_, pa)| pa).sum::<f64>() / held.len().max(1) as f64;
+    let mean_pa = held.iter().map(|(_, pa)| pa).sum::<f64>() / held.len() as f64;
     let error_pa = match set_point {
         SetPoint::Pressure { pressure_pa } => Some(mean_pa - f64::from(pressure_pa)),
         _ => None,
@@ -420,9 +422,15 @@ fn set(
         .map_or_else(String::new, |pa| format!(", {:+.2} kPa from the set point", pa / 1e3));
     said.answer(
         out,
-        &json!({ "mean_pressure_pa": mean_pa, "error_pa": error_pa, "mode": "vent" }),
+        &json!({ "mean_pressure_pa": mean_pa, "error_pa": error_pa, "held_s": end_s, "mode": "vent" }),
         &format!("{:.2} kPa in the mean of the last second{error}; it vents\n", mean_pa / 1e3),
-    )
+    )?;
+    if !stopped {
+        return Ok(());
+    }
+    let of = args.hold.map_or_else(String::new, |hold_s| format!(" of {hold_s} s"));
+    let _ = writeln!(err, "thermyo: stopped at {end_s:.2} s{of}");
+    Err(Failure::Interrupted)
 }
 
 fn configure(
@@ -532,7 +540,7 @@ fn drive_profile(
     let unwritable =
         |files: &OutputDir, error| Failure::from(files.unwritable("trace.csv", &error));
     let written = recorder.finish().map_err(|error| unwritable(&files, error));
-    match outcome {
+    let ended = match outcome {
         Err(DriveError::Output(error)) => {
             let failure = unwritable(&files, error);
             files.leave();
@@ -544,24 +552,42 @@ fn drive_profile(
             return Err(error.into());
         }
         Err(DriveError::Board(error)) => return Err(error.into()),
-        Ok(()) => drop(written?),
-    }
+        Ok(Ended::Stopped) if gathered.rows() == 0 => {
+            let _ = writeln!(err, "thermyo: stopped before its first step, nothing is kept");
+            return Err(Failure::Interrupted);
+        }
+        Ok(ended) => ended,
+    };
+    written?;
     let (status, timing) = (board.status()?, board.timing()?);
-    let summary = gathered.finish(board.port(), &status, &timing);
+    let summary = Driven {
+        stopped_of_s: (ended == Ended::Stopped).then_some(duration_s),
+        ..gathered.finish(board.port(), &status, &timing)
+    };
     let json = serde_json::to_string_pretty(&summary).expect("plain data") + "\n";
     let title = args.profile.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     files.text("summary.json", &json)?;
     files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
     publish(files, err)?;
-    if said.json { print(out, &json) } else { print(out, &brief(&summary, &folder)) }
+    if said.json {
+        print(out, &json)?
+    } else {
+        print(out, &brief(&summary, &folder))?
+    }
+    if ended == Ended::Stopped {
+        let (driven, folder) = (summary.driven(), folder.display());
+        let _ = writeln!(err, "thermyo: stopped at {driven}; what was driven is in {folder}");
+        return Err(Failure::Interrupted);
+    }
+    Ok(())
 }
 
 fn brief(summary: &Driven, folder: &Path) -> String {
     let mut text = format!(
-        "{:.2} s driven, configuration {} ({:08x}); it vents\n\
+        "{} driven, configuration {} ({:08x}); it vents\n\
          pressure {:.1} to {:.1} kPa, estimated gas {:.1} to {:.1} K\n\
          core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
-        summary.duration_s,
+        summary.driven(),
         summary.config_name,
         summary.config_checksum,
         summary.pressure_pa.min / 1e3,

@@ -432,7 +432,10 @@ fn monitor_command(
         let json = serde_json::json!({ "rows": rows, "trace": trace });
         said.done(stdout, &json, &format!("{rows} rows recorded: {trace}\n"))?;
     }
-    Ok(outcome?)
+    match outcome? {
+        monitor::Ended::Left => Ok(()),
+        monitor::Ended::Stopped => Err(Failure::Interrupted),
+    }
 }
 
 fn reproduce_command(

@@ -60,12 +60,12 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
     }
     let results = serve(operator, listener, address, interrupt::wanted)
         .map_err(|error| Failure::Usage(format!("the page cannot be served: {error}")))?;
-    if args.output.quiet || args.output.json {
-        return Ok(());
+    if !args.output.quiet && !args.output.json {
+        print(out, "it vents\n")?;
+        for folder in results {
+            print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
+        }
     }
-    print(out, "it vents\n")?;
-    for folder in results {
-        print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
-    }
-    Ok(())
+    // Nothing else ends it.
+    Err(Failure::Interrupted)
 }

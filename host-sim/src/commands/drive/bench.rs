@@ -1,6 +1,6 @@
 //! A board with a muscle of its own, for `thermyo tune`.
 
-use super::{DriveError, drive};
+use super::{DriveError, Ended, drive};
 use crate::board::BoardError;
 use crate::board::live::LiveBoard;
 use crate::commands::tune::Bench;
@@ -39,11 +39,12 @@ impl Bench for LiveBench<'_> {
             each(telemetry);
             Ok(())
         };
-        drive(self.board, driven, self.wanted, &mut show).map_err(|error| match error {
-            DriveError::Board(error) => RunError::Board(error),
-            DriveError::Output(error) => RunError::Output(error),
-        })?;
-        if (self.wanted)() { Err(BoardError::Interrupted.into()) } else { Ok(()) }
+        match drive(self.board, driven, self.wanted, &mut show) {
+            Ok(Ended::Whole) => Ok(()),
+            Ok(Ended::Stopped) => Err(BoardError::Interrupted.into()),
+            Err(DriveError::Board(error)) => Err(RunError::Board(error)),
+            Err(DriveError::Output(error)) => Err(RunError::Output(error)),
+        }
     }
 
     fn vent(&mut self, _: &Config) -> Result<(), BoardError> {

@@ -53,6 +53,15 @@ pub enum DriveError {
     Output(io::Error),
 }
 
+/// How a run ended that nothing vented.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// At its time.
+    Whole,
+    /// Before that, because it was wanted.
+    Stopped,
+}
+
 /// What is going to be driven: the profile of a file, on the muscle that the board was configured with.
 ///
 /// # Errors
@@ -108,12 +117,12 @@ pub fn drive(
     driven: &Loaded,
     wanted: &dyn Fn() -> bool,
     each: &mut dyn FnMut(&Telemetry, Option<&Status>) -> io::Result<()>,
-) -> Result<(), DriveError> {
+) -> Result<Ended, DriveError> {
     board.telemetry_every(1)?;
     let outcome = along(board, driven, wanted, each);
     // A line that is gone is told once.
     let stopped = board.stop().and_then(|()| board.telemetry_every(VIEW_DIVIDER));
-    outcome.and_then(|()| Ok(stopped?))
+    outcome.and_then(|ended| Ok(stopped.map(|()| ended)?))
 }
 
 fn along(
@@ -121,7 +130,7 @@ fn along(
     driven: &Loaded,
     wanted: &dyn Fn() -> bool,
     each: &mut dyn FnMut(&Telemetry, Option<&Status>) -> io::Result<()>,
-) -> Result<(), DriveError> {
+) -> Result<Ended, DriveError> {
     let steps = (driven.plant.run.duration_s / driven.plant.run.step_s).round() as u64;
     let set_points = SetPoints::new(driven);
     board.start(set_points.at(0.0))?;
@@ -129,7 +138,7 @@ fn along(
     let mut asked = None;
     loop {
         if wanted() {
-            return Ok(());
+            return Ok(Ended::Stopped);
         }
         let Some(telemetry) = board.poll()? else { continue };
         if telemetry.mode == Mode::Judging {
@@ -143,7 +152,7 @@ fn along(
         }
         let step = u64::from(telemetry.step);
         if step >= steps {
-            return Ok(());
+            return Ok(Ended::Whole);
         }
         if let Some(sequence) = asked {
             board.check(sequence)?;

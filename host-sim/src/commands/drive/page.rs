@@ -66,13 +66,17 @@ impl Drawn {
 /// The page.
 pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> String {
     let faulted = Faulted(&summary.core);
-    let mut lead = faulted.lead();
+    let stopped = if summary.stopped_of_s.is_some() { "Stopped by Ctrl-C: " } else { "" };
+    let mut lead = stopped.to_owned() + &faulted.lead();
     if let Some(control) = &summary.control {
         lead += &faulted.control(control);
     }
     lead += &format!(
-        "{:.2} s on the board at {}, configuration {} ({:08x}).",
-        summary.duration_s, summary.board, summary.config_name, summary.config_checksum
+        "{} on the board at {}, configuration {} ({:08x}).",
+        summary.driven(),
+        summary.board,
+        summary.config_name,
+        summary.config_checksum
     );
     let control = summary.control.iter().map(|control| faulted.tracking(control));
     let own = [

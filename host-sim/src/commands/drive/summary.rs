@@ -17,6 +17,9 @@ use std::collections::BTreeMap;
 pub struct Driven {
     /// Time driven \[s\].
     pub duration_s: f64,
+    /// Time that was to be driven, where it was stopped before that \[s\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped_of_s: Option<f64>,
     /// Working strokes; 0 where the drive has no period.
     pub strokes: u64,
     /// The board's port.
@@ -46,6 +49,14 @@ pub struct Driven {
     /// Root-mean-square and largest difference to measured columns, where some were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured: Option<BTreeMap<String, Difference>>,
+}
+
+impl Driven {
+    /// What was driven: "4.00 s", or "2.46 s of 4 s".
+    pub fn driven(&self) -> String {
+        let of = self.stopped_of_s.map_or_else(String::new, |of_s| format!(" of {of_s} s"));
+        format!("{:.2} s{of}", self.duration_s)
+    }
 }
 
 /// Gathers them.
@@ -125,6 +136,7 @@ impl Gathered {
         });
         Driven {
             duration_s: self.last_s,
+            stopped_of_s: None,
             strokes: summary.strokes,
             board: port.to_owned(),
             config_name: status.config_name.as_str().to_owned(),

@@ -39,30 +39,40 @@ pub enum MonitorError {
     Terminal(io::Error),
 }
 
+/// What ended a monitor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ended {
+    /// Its key.
+    Left,
+    /// Ctrl-C.
+    Stopped,
+}
+
 /// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents what is driven; `config.json` in `out` says
 /// what the board was configured with, `scenario.toml` what it was configured with last.
 ///
 /// # Errors
 /// [`MonitorError`]; the rows until then are recorded.
-pub fn run(session: &mut Session, out: &mut OutputDir) -> Result<(), MonitorError> {
+pub fn run(session: &mut Session, out: &mut OutputDir) -> Result<Ended, MonitorError> {
     let mut terminal = ratatui::try_init().map_err(MonitorError::Terminal)?;
     let outcome = watch(session, out, &mut terminal);
     ratatui::restore();
     session.let_go();
-    outcome.and(session.finish())
+    let finished = session.finish();
+    outcome.and_then(|ended| finished.map(|()| ended))
 }
 
 fn watch(
     session: &mut Session,
     out: &mut OutputDir,
     terminal: &mut ratatui::DefaultTerminal,
-) -> Result<(), MonitorError> {
+) -> Result<Ended, MonitorError> {
     let mut shown: Option<Instant> = None;
     let mut written = 0;
     loop {
         session.poll()?;
         if stop::wanted() {
-            return Ok(());
+            return Ok(Ended::Stopped);
         }
         if session.configurations().len() > written {
             written = session.configurations().len();
@@ -79,7 +89,8 @@ fn watch(
             terminal.draw(|frame| draw(frame, session)).map_err(MonitorError::Terminal)?;
         }
         match key().map_err(MonitorError::Terminal)? {
-            Some(Key::Leave) => return Ok(()),
+            Some(Key::Leave) => return Ok(Ended::Left),
+            Some(Key::Stop) => return Ok(Ended::Stopped),
             Some(Key::Vent) => session.vent(),
             Some(Key::Arm) => session.arm(),
             Some(Key::Move(steps)) => session.move_set_point(steps * MOVE_PA),
@@ -91,6 +102,7 @@ fn watch(
 /// What the user wants.
 enum Key {
     Leave,
+    Stop,
     Vent,
     Arm,
     /// Another set point, by so many steps.
@@ -104,7 +116,7 @@ fn key() -> io::Result<Option<Key>> {
     let Event::Key(key) = event::read()? else { return Ok(None) };
     let control = key.modifiers.contains(KeyModifiers::CONTROL);
     Ok(match key.code {
-        KeyCode::Char('c') if control => Some(Key::Leave),
+        KeyCode::Char('c') if control => Some(Key::Stop),
         KeyCode::Char('q') | KeyCode::Esc => Some(Key::Leave),
         KeyCode::Char(' ') => Some(Key::Vent),
         KeyCode::Char('a') => Some(Key::Arm),
