@@ -237,7 +237,8 @@ class Board:
         flow_kg_s: Optional[float] = None,
         period_s: Optional[float] = None,
         duty: Optional[tuple[float, float]] = None,
-    ) -> None: ...
+    ) -> None:
+        """Another set point: one of the keywords, a period only with a flow. A pressure is absolute, from ambient on."""
     def stop(self) -> None:
         """Vents; returns when the board says that it does."""
     def clear(self) -> None:

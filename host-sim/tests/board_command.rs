@@ -21,10 +21,16 @@ fn a_board_is_told_armed_driven_and_asked() {
     bench.ok("thermyo board emulated config write scenarios/contraction.toml");
     assert!(bench.refused(set).contains("not armed"));
     let out_of_range = bench.refused("thermyo board emulated set pressure 900000 --arm");
-    assert!(out_of_range.contains("must be from 0 to"), "{out_of_range}");
+    assert!(out_of_range.contains("must be from 101325 Pa (ambient, "), "{out_of_range}");
+    let bar = bench.refused("thermyo board emulated set pressure 1.3 --arm --hold 1");
+    assert!(bar.contains(" Pa; 1.3 bar is 130000 Pa\n"), "{bar}");
+    fs::write(bench.path("bar.csv"), "time_s,pressure_pa\n0,1.2\n1,1.4\n").unwrap();
+    let bar = bench.path("bar.csv").display().to_string();
+    let bar = bench.refused(&format!("thermyo board emulated drive {bar} --arm --out out/drive"));
+    assert!(bar.contains("bar.csv: pressure_pa = 1.2: must be at least 101325 Pa"), "{bar}");
     assert!(bench.ok("thermyo board emulated arm --max-pressure 200000").contains("200.0 kPa"));
     let above = bench.refused("thermyo board emulated set pressure 210000");
-    assert!(above.contains("must be from 0 to 200000"), "{above}");
+    assert!(above.contains("configured) to 200000 Pa\n"), "{above}");
     let held = bench.ok(set);
     let last = held.lines().last().unwrap();
     let mean_kpa: f64 = last.split_whitespace().next().unwrap().parse().unwrap();

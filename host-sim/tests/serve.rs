@@ -208,7 +208,9 @@ fn a_page_steers_and_another_watches() {
     first.until("garbage", 3.0, |page| page.happened("not understood"));
     first.drive(1.3e5);
     first.order(json!({ "set": { "Pressure": { "pressure_pa": 9e6 } } }));
-    first.until("out of range", 3.0, |page| page.happened("must be from 0 to"));
+    first.until("out of range", 3.0, |page| page.happened("must be from 101325 Pa"));
+    first.order(json!({ "set": { "Pressure": { "pressure_pa": -3000 } } }));
+    first.until("below ambient", 3.0, |page| page.happened("pressure_pa = -3000: must be from"));
 
     let mut second = served.page();
     second.until("a seat", 3.0, |page| page.own.is_object());
@@ -410,6 +412,12 @@ fn the_page_in_a_browser() {
     let seen = browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve", &more);
     assert_eq!(seen["problems"], json!([]), "{seen}");
     assert_eq!(seen["first"], json!({ "armed": true, "readings": true }), "{seen}");
+    assert_eq!(seen["refused"][0], "Type a number, in kPa.", "{seen}");
+    let range = seen["refused"][1].as_str().unwrap();
+    assert!(
+        range.starts_with("-3 kPa: must be from 101.3 to ") && range.ends_with(" kPa."),
+        "{seen}"
+    );
     // The set point that was typed is driven, and the pressure follows.
     let reached_kpa = seen["reached_kpa"].as_f64().unwrap();
     assert!((148.0..152.0).contains(&reached_kpa), "{seen}");

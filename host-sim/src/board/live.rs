@@ -4,9 +4,9 @@ use super::BoardError;
 use super::line::Line;
 use model_core::control::Mode;
 use model_core::link::{
-    Answer, Chip, Event, HostCommand, LastReset, Name, Status, Timing, Version, checksum,
+    Answer, Chip, Event, HostCommand, LastReset, Name, Refusal, Status, Timing, Version, checksum,
 };
-use model_core::{Config, Faults, SetPoint, Telemetry};
+use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
 use std::time::{Duration, Instant};
 
 /// Time between two words of a host that has nothing to ask: a fraction of `link.timeout_s`.
@@ -18,6 +18,8 @@ pub const VIEW_DIVIDER: u16 = 10;
 pub struct LiveBoard {
     line: Line,
     version: Version,
+    /// As it was asked for last.
+    config: Option<Config>,
     said: Instant,
     driving: bool,
 }
@@ -32,7 +34,7 @@ impl LiveBoard {
         if version.hil {
             return Err(BoardError::Hil { chip: version.chip });
         }
-        let mut board = Self { line, version, said: Instant::now(), driving: false };
+        let mut board = Self { line, version, config: None, said: Instant::now(), driving: false };
         board.telemetry_every(VIEW_DIVIDER)?;
         Ok(board)
     }
@@ -77,7 +79,10 @@ impl LiveBoard {
     /// [`BoardError`]
     pub fn config(&mut self) -> Result<Config, BoardError> {
         match self.line.ask(HostCommand::ReadConfig, "configuration")? {
-            Answer::Config(config) => Ok(config),
+            Answer::Config(config) => {
+                self.config = Some(config);
+                Ok(config)
+            }
             _ => Err(BoardError::Silent { asked: "configuration" }),
         }
     }
@@ -94,6 +99,7 @@ impl LiveBoard {
         if chip != Chip::Rp2040 && config.sensors.adc.wide_code_lsb > 0.0 {
             return Err(BoardError::OtherChip { chip });
         }
+        self.config = None;
         self.line.ask(HostCommand::Configure(*config), "configure")?;
         self.line.ask(HostCommand::Name(Name::new(name)), "name")?;
         let status = self.status()?;
@@ -169,12 +175,41 @@ impl LiveBoard {
     /// Another set point; the step from which on it holds.
     ///
     /// # Errors
-    /// [`BoardError::Refused`]
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`], below ambient too, where the board vents.
     pub fn set(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
+        if let SetPoint::Pressure { pressure_pa } = set_point {
+            let config = self.known_config()?;
+            let least_pa = config.ambient.pressure_pa;
+            if pressure_pa < least_pa {
+                let most_pa = self.status()?.armed_pa.unwrap_or(config.working_limit_pa());
+                return Err(BoardError::Pressure { pressure_pa, least_pa, most_pa });
+            }
+            return self.set_any(set_point).map_err(|error| match error {
+                BoardError::Refused(Refusal::SetPoint(SetPointError::Range {
+                    maximum, ..
+                })) => BoardError::Pressure { pressure_pa, least_pa, most_pa: maximum },
+                other => other,
+            });
+        }
+        self.set_any(set_point)
+    }
+
+    fn set_any(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
         self.driving |= set_point != SetPoint::Vent;
         match self.line.ask(HostCommand::Set(set_point), "set point")? {
             Answer::Done { step } => Ok(step),
             _ => Err(BoardError::Silent { asked: "set point" }),
+        }
+    }
+
+    /// The configuration in use, asked for where it may have become another one.
+    fn known_config(&mut self) -> Result<Config, BoardError> {
+        let said = self.last_status();
+        let in_use =
+            |config: &Config| said.is_none_or(|said| said.config_checksum == checksum(config));
+        match self.config.filter(in_use) {
+            Some(config) => Ok(config),
+            None => self.config(),
         }
     }
 

@@ -234,6 +234,16 @@ pub enum BoardError {
     /// Faults vent the muscle.
     #[error("the board vents: {0}. Remove the cause, then `thermyo board PORT clear` and `arm`")]
     Vented(Faults),
+    /// A pressure that the board, as it is configured and armed, cannot hold.
+    #[error("{}", pressure(*.pressure_pa, *.least_pa, *.most_pa))]
+    Pressure {
+        /// That was asked for \[Pa\].
+        pressure_pa: f32,
+        /// Ambient, as the board is configured \[Pa\].
+        least_pa: f32,
+        /// What it is armed up to \[Pa\].
+        most_pa: f32,
+    },
     /// The board refused a request.
     #[error("{}", refused(.0))]
     Refused(Refusal),
@@ -246,6 +256,20 @@ pub enum BoardError {
          process or on the emulated board"
     )]
     NoRestart,
+}
+
+/// What a pressure may be; and what it would be in Pa where it was meant in another unit.
+fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
+    let meant = [("bar", 1e5), ("kPa", 1e3)].into_iter().find_map(|(unit, unit_pa)| {
+        let meant_pa = f64::from(pressure_pa) * unit_pa;
+        let can_be = (f64::from(least_pa)..=f64::from(most_pa)).contains(&meant_pa);
+        can_be.then(|| format!("; {pressure_pa} {unit} is {meant_pa:.0} Pa"))
+    });
+    format!(
+        "pressure_pa = {pressure_pa}: must be from {least_pa} Pa (ambient, as the board is configured) to \
+         {most_pa} Pa{}",
+        meant.unwrap_or_default()
+    )
 }
 
 /// What a board says no to, and where there is a command for it, which.
@@ -346,5 +370,22 @@ impl Board for CoreBoard {
         }
         self.pending = None;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pressure_in_another_unit_is_said_in_pascals() {
+        let said = |pressure_pa| pressure(pressure_pa, 101_325.0, 689_500.0);
+        assert_eq!(
+            said(1.3),
+            "pressure_pa = 1.3: must be from 101325 Pa (ambient, as the board is configured) to 689500 Pa; 1.3 bar \
+             is 130000 Pa"
+        );
+        assert!(said(150.0).ends_with("; 150 kPa is 150000 Pa"));
+        assert!(said(-3000.0).ends_with("to 689500 Pa") && said(9e5).ends_with("to 689500 Pa"));
     }
 }

@@ -44,6 +44,13 @@ await until(page, () => document.getElementById("configure").hidden && !document
 await page.click("#arm .main");
 await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
 const first = { armed: (await text(page, "armed")).startsWith("armed up to"), readings: /\d/.test(await text(page, "r-gas")) };
+// What cannot be sent is said at its field.
+const refused = [];
+for (const value of ["abc", "-3"]) {
+  await type(page, "first", value);
+  await page.click("#steer .main");
+  refused.push(await page.$eval("#first", (field) => field.validationMessage));
+}
 await page.click("#record-button");
 await type(page, "first", "150");
 await page.click("#steer .main");
@@ -135,4 +142,4 @@ await page.screenshot({ path: `${screenshots}-lost.png`, fullPage: true });
 plugged("plug");
 const back_ms = await link("connected");
 await browser.close();
-console.log(JSON.stringify({ problems, first, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, report, narrow_px }));
+console.log(JSON.stringify({ problems, first, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, report, narrow_px }));

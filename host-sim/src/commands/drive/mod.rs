@@ -97,6 +97,7 @@ pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
         driven.plant.drive = loaded.plant.drive.clone();
         driven.drive_profile = loaded.drive_profile;
     }
+    above_ambient(file, &driven)?;
     driven.plant.run.log_every = 1;
     if driven.drive_profile.is_some() {
         // Beside the scenario in the record's folder.
@@ -105,6 +106,24 @@ pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
     driven.believed.run = driven.plant.run.clone();
     driven.believed.drive = driven.plant.drive.clone();
     Ok(driven)
+}
+
+/// No muscle holds less than the ambient pressure that the board is configured with.
+fn above_ambient(file: &Path, driven: &Loaded) -> Result<(), InputError> {
+    let drive = &driven.plant.drive;
+    let points = driven.drive_profile.as_ref().map_or_else(Vec::new, |of| of.points().to_vec());
+    let values = points.iter().map(|point| point.1);
+    let lowest_pa = values.reduce(f64::min).unwrap_or(drive.pressure_pa);
+    let ambient_pa = driven.plant.ambient.pressure_pa;
+    if drive.kind != DriveKind::Pressure || lowest_pa >= ambient_pa {
+        return Ok(());
+    }
+    let problem = Problem::NotAllowed {
+        key: "pressure_pa".to_owned(),
+        value: lowest_pa.to_string(),
+        allowed: format!("at least {ambient_pa} Pa, ambient as the board is configured"),
+    };
+    Err(InputError::file(file, problem))
 }
 
 /// Drives a board; every step of the muscle is shown to `each`. The board vents afterwards, whatever happens.

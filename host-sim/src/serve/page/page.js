@@ -300,8 +300,20 @@ function read(input) {
   return good ? value : null;
 }
 
+/** The number of a field within its range; where it is none, the field says what is allowed. */
+function asked(id, unit, [low, high] = [-Infinity, Infinity]) {
+  // As exact as the range is shown.
+  const value = read($(id)), off = .05;
+  const why = value === null ? `Type a number, in ${unit}.`
+    : value < low - off || value > high + off ? `${value} ${unit}: must be from ${low.toFixed(1)} to ${high.toFixed(1)} ${unit}.` : "";
+  $(id).setCustomValidity(why);
+  if (why) $(id).reportValidity();
+  return why ? null : Math.min(Math.max(value, low), high);
+}
+
 function chooseMode(next) {
   kept[mode] = [$("first").value, $("second").value];
+  for (const id of ["first", "second"]) $(id).setCustomValidity("");
   mode = next;
   [$("first").value, $("second").value] = kept[mode];
   if (state) showRange();
@@ -310,7 +322,10 @@ function chooseMode(next) {
 
 function set() {
   const { first, second, set: setPoint } = MODES[mode];
-  const values = [[first, "first"], [second, "second"]].filter(([unit]) => unit).map(([unit, id]) => [read($(id)), unit[2]]);
+  // What a flow may be the board says.
+  const range = mode === "flow" ? undefined : limits();
+  const fields = [[first, "first"], [second, "second"]].filter(([quantity]) => quantity);
+  const values = fields.map(([[, unit, factor], id]) => [asked(id, unit, range), factor]);
   if (values.every(([value]) => value !== null)) order({ set: setPoint(values.map(([value, factor]) => value * factor)) });
 }
 
@@ -335,8 +350,9 @@ addEventListener("keydown", (event) => {
 }, true);
 addEventListener("keyup", (event) => { if (event.key === " ") event.preventDefault(); }, true);
 
+addEventListener("input", ({ target }) => target.setCustomValidity(""));
 on("arm", "submit", () => {
-  const most = read($("most"));
+  const most = asked("most", "kPa");
   if (most !== null) order({ arm: { most_pa: most * 1e3 } });
 });
 on("clear", "click", () => order("clear"));
@@ -348,11 +364,11 @@ on("first", "input", () => { const value = read($("first")); if (value !== null)
 on("record-button", "click", () => order(state.recording ? "finish" : "record"));
 for (const button of document.querySelectorAll("[data-calibrate]")) button.addEventListener("click", () => order({ calibrate: button.dataset.calibrate }));
 on("tune", "submit", () => {
-  const most = read($("tune-most"));
+  const most = asked("tune-most", "kPa");
   if (most !== null) order({ tune: { most_pa: most * 1e3 } });
 });
 on("reference", "submit", () => {
-  if (read($("reference-value")) === null) return;
+  if (asked("reference-value", state.guide.asks) === null) return;
   order({ reference: $("reference-value").value.replace(",", ".") });
   $("reference-value").value = "";
 });
