@@ -300,6 +300,37 @@ fn the_monitors_keys_arm_drive_and_vent() {
     assert_eq!(monitor.child.wait().unwrap().code(), Some(130));
 }
 
+#[test]
+fn a_monitor_without_a_screen_records() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = configured();
+    let unfinished = bench.path("out/monitor/unfinished-1/trace.csv");
+    let start = |line: &str| {
+        let mut command = bench.command(line);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let child = command.spawn().unwrap();
+        until("it records", || fs::metadata(&unfinished).is_ok_and(|found| found.len() > 20_000));
+        child
+    };
+    // As `timeout` ends it.
+    let child = start("thermyo monitor emulated --quiet --out out/monitor");
+    signal(&child, "-TERM");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
+    assert!(fs::metadata(bench.path("out/monitor/trace.csv")).unwrap().len() > 20_000);
+
+    let child = start("thermyo monitor emulated --json --out out/monitor");
+    bench.ok("thermyo board emulated unplug");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", message(&output));
+    assert!(message(&output).contains("the line to the board is gone"), "{}", message(&output));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(json["rows"].as_u64().unwrap() > 20, "{json}");
+}
+
 fn recorded(trace: &str) -> Vec<Vec<String>> {
     let rows = trace.lines().skip(1).filter(|_| trace.ends_with('\n'));
     rows.map(|row| row.split(',').map(str::to_owned).collect()).collect()

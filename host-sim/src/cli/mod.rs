@@ -44,7 +44,7 @@ use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
@@ -81,6 +81,9 @@ enum Task {
     /// Runs over each other: what differs, in pictures and figures
     Compare(compare::CompareArgs),
     /// Live view and recording of a board, which it arms and drives too
+    ///
+    /// With --quiet or --json, or where standard output is no terminal, it only records, until Ctrl-C
+    /// or the end of the line.
     Monitor {
         /// Serial port, such as /dev/ttyUSB0 or COM3, or "emulated"
         port: String,
@@ -415,14 +418,15 @@ fn monitor_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    // Of a terminal Ctrl-C comes as a key; of another program as a signal.
+    // Of a screen Ctrl-C comes as a key; else as a signal.
     interrupt::watch();
     let mut out = OutputDir::create(folder)?;
     let recorder = Recorder::new(out.file("trace.csv")?)
         .map_err(|error| out.unwritable("trace.csv", &error))?
         .beside(logs.open(&mut out)?);
     let mut session = Session::open(port, recorder).map_err(Failure::Board)?;
-    let outcome = monitor::run(&mut session, &mut out);
+    let screen = !said.quiet && !said.json && io::stdout().is_terminal();
+    let outcome = monitor::run(&mut session, &mut out, screen);
     let rows = session.rows();
     // The file is closed before it moves.
     drop(session);

@@ -34,6 +34,9 @@ pub enum MonitorError {
     /// Nor what goes with it.
     #[error(transparent)]
     Output(#[from] InputError),
+    /// Nobody sees that it is waited for.
+    #[error("the line to the board is gone; what it said until then is recorded")]
+    Gone,
     /// There is nothing to draw on.
     #[error("the terminal cannot be used: {0}")]
     Terminal(io::Error),
@@ -49,14 +52,24 @@ pub enum Ended {
 }
 
 /// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents what is driven; `config.json` in `out` says
-/// what the board was configured with, `scenario.toml` what it was configured with last.
+/// what the board was configured with, `scenario.toml` what it was configured with last. Without a `screen` it records
+/// until Ctrl-C, or until the line is gone.
 ///
 /// # Errors
 /// [`MonitorError`]; the rows until then are recorded.
-pub fn run(session: &mut Session, out: &mut OutputDir) -> Result<Ended, MonitorError> {
-    let mut terminal = ratatui::try_init().map_err(MonitorError::Terminal)?;
-    let outcome = watch(session, out, &mut terminal);
-    ratatui::restore();
+pub fn run(
+    session: &mut Session,
+    out: &mut OutputDir,
+    screen: bool,
+) -> Result<Ended, MonitorError> {
+    let outcome = if screen {
+        let mut terminal = ratatui::try_init().map_err(MonitorError::Terminal)?;
+        let outcome = watch(session, out, Some(&mut terminal));
+        ratatui::restore();
+        outcome
+    } else {
+        watch(session, out, None)
+    };
     session.let_go();
     let finished = session.finish();
     outcome.and_then(|ended| finished.map(|()| ended))
@@ -65,7 +78,7 @@ pub fn run(session: &mut Session, out: &mut OutputDir) -> Result<Ended, MonitorE
 fn watch(
     session: &mut Session,
     out: &mut OutputDir,
-    terminal: &mut ratatui::DefaultTerminal,
+    mut terminal: Option<&mut ratatui::DefaultTerminal>,
 ) -> Result<Ended, MonitorError> {
     let mut shown: Option<Instant> = None;
     let mut written = 0;
@@ -84,6 +97,12 @@ fn watch(
                 out.text("scenario.toml", &scenario::render(&said.scenario))?;
             }
         }
+        let Some(terminal) = &mut terminal else {
+            if session.status() == Status::Unplugged {
+                return Err(MonitorError::Gone);
+            }
+            continue;
+        };
         if shown.is_none_or(|at| at.elapsed() >= FRAME) {
             shown = Some(Instant::now());
             terminal.draw(|frame| draw(frame, session)).map_err(MonitorError::Terminal)?;
