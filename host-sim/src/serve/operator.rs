@@ -12,10 +12,12 @@ use super::word::{Order, ScenarioText};
 use crate::board::BoardError;
 use crate::board::live::LiveBoard;
 use crate::commands::drive::LiveBench;
+use crate::commands::tune::TuneError;
 use crate::files::input::InputError;
 use crate::files::logs::Logs;
 use crate::scenario::core_config::core_config;
 use crate::scenario::{self, from_config};
+use crate::simulation::run::RunError;
 use model_core::control::Mode;
 use model_core::link::{ConfigSource, Refusal, Status, Timing};
 use model_core::safety::supervisor::VENTING;
@@ -149,7 +151,7 @@ impl Operator {
     /// Operates until `wanted` says to end; then it vents, and ends what is recorded.
     pub fn run(mut self, orders: &Receiver<Order>, wanted: &dyn Fn() -> bool) {
         while !wanted() && !self.shared.ended() {
-            if self.shared.vent_wanted() {
+            if self.shared.vent_wanted().is_some() {
                 // What was ordered before does not move the muscle after it.
                 let rest: Vec<Order> = orders.try_iter().filter(|order| !order.moves()).collect();
                 self.vent();
@@ -452,7 +454,7 @@ impl Operator {
         self.shared.log(Weight::Plain, "tuning begins");
         let name = self.known.status.config_name;
         let shared = Arc::clone(&self.shared);
-        let ends = || shared.vent_wanted() || wanted();
+        let ends = || shared.vent_wanted().is_some() || wanted();
         let bench = LiveBench::new(&mut board, name.as_str(), most_pa, &ends);
         let tuned = tuning::tune(&known, most_pa, bench, &mut |telemetry, part| {
             while orders.try_recv().is_ok() {
@@ -481,7 +483,13 @@ impl Operator {
         let outcome = match tuned {
             Ok(tuned) => tuning::write(&tuned, &folder, &name).map(|()| tuned.findings.text())?,
             Err(error) => {
-                let text = format!("Nothing was tuned: {error}.");
+                let why = match (error, self.shared.vent_wanted()) {
+                    (TuneError::Run(RunError::Board(BoardError::Interrupted)), Some(why)) => {
+                        format!("{why}; the board vents")
+                    }
+                    (error, _) => error.to_string(),
+                };
+                let text = format!("Nothing was tuned: {why}.");
                 self.shared.log(Weight::Refused, text.clone());
                 self.guided = Some(Guided::over("Tuning", text, None));
                 return Ok(());

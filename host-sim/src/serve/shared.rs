@@ -23,7 +23,8 @@ pub struct Shared {
     pub frames: broadcast::Sender<Utf8Bytes>,
     /// The state of everything else, as it is sent.
     pub state: watch::Sender<Utf8Bytes>,
-    vent: AtomicBool,
+    /// Why the muscle is to vent.
+    vent: Mutex<Option<&'static str>>,
     ended: AtomicBool,
     events: Mutex<VecDeque<Event>>,
     results: Mutex<Vec<Outcome>>,
@@ -35,7 +36,7 @@ impl Default for Shared {
             seats: Seats::default(),
             frames: broadcast::Sender::new(MOST_FRAMES),
             state: watch::Sender::new(Utf8Bytes::default()),
-            vent: AtomicBool::new(false),
+            vent: Mutex::default(),
             ended: AtomicBool::new(false),
             events: Mutex::default(),
             results: Mutex::default(),
@@ -50,18 +51,19 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Shared {
     /// The muscle is to vent, before anything else.
-    pub fn vent(&self) {
-        self.vent.store(true, Ordering::Release);
+    pub fn vent(&self, why: &'static str) {
+        self.log(Weight::Plain, format!("{why}: it vents"));
+        *locked(&self.vent) = Some(why);
     }
 
-    /// Whether it is to.
-    pub fn vent_wanted(&self) -> bool {
-        self.vent.load(Ordering::Acquire)
+    /// Whether it is to, and why.
+    pub fn vent_wanted(&self) -> Option<&'static str> {
+        *locked(&self.vent)
     }
 
     /// It does.
     pub fn vent_done(&self) {
-        self.vent.store(false, Ordering::Release);
+        *locked(&self.vent) = None;
     }
 
     /// The server ends.

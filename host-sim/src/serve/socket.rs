@@ -50,8 +50,7 @@ pub async fn run(mut socket: WebSocket, shared: Arc<Shared>, orders: SyncSender<
     let seat = shared.seats.take();
     let why = attend(&mut socket, &shared, &orders, seat).await;
     if shared.seats.leave(seat) && !shared.ended() {
-        shared.log(Weight::Plain, format!("{why}: it vents"));
-        shared.vent();
+        shared.vent(why);
     }
 }
 
@@ -128,8 +127,7 @@ fn own(shared: &Shared, seat: u64, lost_frames: u64) -> Utf8Bytes {
 fn hear(word: Word, shared: &Shared, orders: &SyncSender<Order>, seat: u64) {
     let order = match word {
         Word::Vent => {
-            shared.log(Weight::Plain, "vent, from a page");
-            return shared.vent();
+            return shared.vent("Vent was pressed on a page");
         }
         Word::Order(order) => order,
         Word::Seen(_) => return,
