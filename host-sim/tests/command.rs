@@ -24,6 +24,7 @@ fn bad_input_is_one_line_and_exit_code_2() {
     let out = folder.path().join("out");
     let missing = folder.path().join("missing.toml").display().to_string();
     let unknown = scenario(folder.path(), "[heat]\niner_w_m2_k = 3.0\n");
+    let nominal = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/nominal.toml").to_owned();
     for (arguments, expected) in [
         (vec!["run", &missing], "missing.toml: no such file"),
         (vec!["run", &unknown], "scenario.toml:2: unknown key heat.iner_w_m2_k"),
@@ -39,6 +40,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (
             vec!["tune", &unknown, "--max-pressure", "4"],
             "must be an absolute pressure in Pa: 4 bar are 400000",
+        ),
+        (
+            vec!["tune", &nominal, "--max-pressure=1e9"],
+            "--max-pressure: a highest pressure of 1000000000.0 Pa: must be from 101325 Pa (ambient) to ",
         ),
         (
             vec!["board", "emulated", "arm", "--max-pressure", "4"],

@@ -351,6 +351,11 @@ fn a_muscle_is_tuned_from_the_page() {
     let progress = |page: &Page| page.state["guide"]["progress"].as_f64().unwrap_or(0.0);
     let text = |page: &Page| page.state["guide"]["text"].as_str().unwrap_or("").to_owned();
 
+    page.order(json!({ "tune": { "most_pa": 1e300 } }));
+    page.until("bounded", 3.0, |page| {
+        page.happened("of 1e300 Pa: must be from 101325 Pa (ambient) to ")
+    });
+
     // To vent ends it, and nothing has been tuned.
     page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
     page.until("it moves", 20.0, |page| progress(page) > 0.01 && page.pressure_pa() > 1.1e5);

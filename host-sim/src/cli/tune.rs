@@ -6,6 +6,7 @@ use crate::board::live::LiveBoard;
 use crate::commands::drive::LiveBench;
 use crate::commands::tune::{self, Bench, Simulated};
 use crate::files::output::OutputDir;
+use crate::scenario::core_config::core_config;
 use crate::scenario::{self, Loaded};
 use crate::simulation::run::RunError;
 use clap::Args;
@@ -19,9 +20,9 @@ use std::path::PathBuf;
 pub(super) struct TuneArgs {
     /// Scenario file (TOML): muscle, load, and what the core is configured with so far
     scenario: PathBuf,
-    /// Highest absolute pressure of the experiment, in Pa
-    #[arg(long, value_name = "PA", default_value_t = tune::HIGHEST_PA, value_parser = pressure)]
-    max_pressure: f64,
+    /// Highest absolute pressure of the experiment, in Pa [default: 400000]
+    #[arg(long, value_name = "PA", value_parser = pressure)]
+    max_pressure: Option<f64>,
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
@@ -80,7 +81,8 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     let loaded = load(&args.scenario, stderr)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
-    let highest_pa = args.max_pressure;
+    let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
+        .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
     let tuned = |args: &TuneArgs| -> Result<tune::Tuned, Failure> {
         let bar = progress_bar(0, args.output.quiet);
         let tune_on = |bench: &mut dyn Bench| {

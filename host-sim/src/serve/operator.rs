@@ -12,7 +12,7 @@ use super::word::{Order, ScenarioText};
 use crate::board::BoardError;
 use crate::board::live::LiveBoard;
 use crate::commands::drive::LiveBench;
-use crate::commands::tune::TuneError;
+use crate::commands::tune::{self, OutOfReach, TuneError};
 use crate::files::input::InputError;
 use crate::files::logs::Logs;
 use crate::scenario::core_config::core_config;
@@ -85,6 +85,8 @@ enum NotDone {
     Board(#[from] BoardError),
     #[error(transparent)]
     Input(#[from] InputError),
+    #[error(transparent)]
+    Pressure(#[from] OutOfReach),
     #[error("{0}")]
     NotNow(&'static str),
 }
@@ -449,6 +451,7 @@ impl Operator {
         if self.known.status.config_source == ConfigSource::Defaults {
             return Err(BoardError::Refused(Refusal::NotConfigured).into());
         }
+        let most_pa = tune::highest_pa(&self.known.config, Some(most_pa))?;
         let known = from_config::say(&self.known.config)?.scenario;
         let mut board = self.board.take().ok_or(NO_LINK)?;
         self.shared.log(Weight::Plain, "tuning begins");

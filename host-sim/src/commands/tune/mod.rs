@@ -34,7 +34,7 @@ use check::Checked;
 use experiment::{Plan, Record, during};
 use force::Force;
 use gains::{Basis, LoopGains, Noise};
-use model_core::Faults;
+use model_core::{Config, Faults};
 use std::path::Path;
 use valve::{Direction, Gas};
 
@@ -49,6 +49,36 @@ const LEAST_MOTION: f64 = 0.05;
 const WORSE: f64 = 1.5;
 /// See [`WORSE`]; RMS error of the sine in percent of the stroke.
 const WORSE_PERCENT: f64 = 1.0;
+
+/// A highest pressure that the configured muscle is never given.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "a highest pressure of {asked_pa:?} Pa: must be from {least_pa} Pa (ambient) to {most_pa} Pa (the supply, or \
+     what set points are followed to), as configured"
+)]
+pub struct OutOfReach {
+    /// \[Pa\]
+    asked_pa: f64,
+    /// \[Pa\]
+    least_pa: f32,
+    /// \[Pa\]
+    most_pa: f32,
+}
+
+/// Highest pressure of the experiment: [`HIGHEST_PA`] where none is asked for \[Pa\].
+///
+/// # Errors
+/// [`OutOfReach`]
+pub fn highest_pa(config: &Config, asked_pa: Option<f64>) -> Result<f64, OutOfReach> {
+    let Some(asked_pa) = asked_pa else { return Ok(HIGHEST_PA) };
+    let least_pa = config.ambient.pressure_pa;
+    let most_pa = config.supply.pressure_pa.min(config.working_limit_pa());
+    if (f64::from(least_pa)..=f64::from(most_pa)).contains(&asked_pa) {
+        Ok(asked_pa)
+    } else {
+        Err(OutOfReach { asked_pa, least_pa, most_pa })
+    }
+}
 
 /// Why nothing was tuned, though it could be tried.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -176,6 +176,8 @@ function showState() {
   if (busy && guide.asks) for (const id of ["arm", "steer"]) for (const field of $(id).elements) field.disabled = !steers;
   for (const field of $("steer").elements) field.disabled ||= armed_pa === null && field.type !== "radio";
   $("clear").disabled = !steers;
+  const [, reach] = reached(), tuned = $("tune-most");
+  if (tuned.value === "" && configured && document.activeElement !== tuned) tuned.value = Math.min(400, Math.floor(reach));
   if ($("most").value === "" && configured) $("most").value = (configuration.working_limit_pa / 1e3).toFixed(0);
   showRange();
 
@@ -267,6 +269,12 @@ const MODES = {
 };
 const kept = { pressure: ["130", ""], contraction: ["5", ""], flow: ["0.36", "5"], duty: ["0", "100"] };
 let mode = "pressure";
+
+/** Least and most pressure of a tuning [kPa]. */
+function reached() {
+  const { ambient_pa, supply_pa, working_limit_pa } = state.configuration;
+  return [ambient_pa / 1e3, Math.min(supply_pa, working_limit_pa) / 1e3];
+}
 
 /** Least and most of the first value, in what is shown. */
 function limits() {
@@ -364,7 +372,7 @@ on("first", "input", () => { const value = read($("first")); if (value !== null)
 on("record-button", "click", () => order(state.recording ? "finish" : "record"));
 for (const button of document.querySelectorAll("[data-calibrate]")) button.addEventListener("click", () => order({ calibrate: button.dataset.calibrate }));
 on("tune", "submit", () => {
-  const most = asked("tune-most", "kPa");
+  const most = asked("tune-most", "kPa", reached());
   if (most !== null) order({ tune: { most_pa: most * 1e3 } });
 });
 on("reference", "submit", () => {
