@@ -219,6 +219,21 @@ fn a_page_steers_and_another_watches() {
     second.until("watches", 3.0, |page| page.happened("another page steers"));
     assert!((second.pressure_pa() - 1.3e5).abs() < 2e3, "{}", second.frame);
 
+    // Whatever it says, what happened before stays in the log.
+    for i in 0..300 {
+        second.say(json!({ "fire": i }));
+        second.order(json!("save"));
+    }
+    second.say(json!("vent"));
+    second.until("heard to its end", 10.0, |page| page.happened("Vent was pressed on a page"));
+    let times = |page: &Page, what: &str| {
+        let events = page.state["events"].as_array().unwrap().iter();
+        events.filter(|event| event["text"].as_str().unwrap().contains(what)).count()
+    };
+    assert_eq!(times(&second, "not understood"), 2, "one of each page: {}", second.state["events"]);
+    assert_eq!(times(&second, "another page steers"), 1);
+    assert!(second.happened("connected with"));
+
     // From the page to the board and back.
     let mut slowest = Duration::ZERO;
     for _ in 0..5 {

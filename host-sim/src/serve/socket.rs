@@ -39,6 +39,21 @@ struct Sent {
     up_to_date: Instant,
 }
 
+/// What a page has been told: once, for the events of all pages have one log.
+#[derive(Debug, Default)]
+struct Told {
+    not_understood: bool,
+    watches: bool,
+}
+
+impl Told {
+    fn refuse(told: &mut bool, shared: &Shared, text: &str) {
+        if !std::mem::replace(told, true) {
+            shared.log(Weight::Refused, text);
+        }
+    }
+}
+
 impl Sent {
     fn behind(&self) -> bool {
         self.messages.saturating_sub(self.seen) >= WINDOW
@@ -69,6 +84,7 @@ async fn attend(
     let mut ticks = time::interval(LOOK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut sent = Sent { messages: 0, seen: 0, up_to_date: Instant::now() };
+    let mut told = Told::default();
     let mut lost_frames = 0;
     loop {
         let free = !sent.behind();
@@ -82,8 +98,11 @@ async fn attend(
                     Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
                         // What was never sent cannot have been seen.
                         Ok(Word::Seen(seen)) => sent.seen = seen.min(sent.messages).max(sent.seen),
-                        Ok(word) => hear(word, shared, orders, seat),
-                        Err(error) => shared.log(Weight::Refused, format!("not understood: {error}")),
+                        Ok(word) => hear(word, shared, orders, seat, &mut told),
+                        Err(error) => {
+                            let text = format!("not understood: {error}; no more of it is told of this page");
+                            Told::refuse(&mut told.not_understood, shared, &text);
+                        }
                     },
                     Some(Ok(Message::Close(_)) | Err(_)) | None => return CLOSED,
                     Some(Ok(_)) => (),
@@ -124,7 +143,7 @@ fn own(shared: &Shared, seat: u64, lost_frames: u64) -> Utf8Bytes {
     serde_json::to_string(&own).expect("plain data").into()
 }
 
-fn hear(word: Word, shared: &Shared, orders: &SyncSender<Order>, seat: u64) {
+fn hear(word: Word, shared: &Shared, orders: &SyncSender<Order>, seat: u64, told: &mut Told) {
     let order = match word {
         Word::Vent => {
             return shared.vent("Vent was pressed on a page");
@@ -133,7 +152,8 @@ fn hear(word: Word, shared: &Shared, orders: &SyncSender<Order>, seat: u64) {
         Word::Seen(_) => return,
     };
     if !shared.seats.steers(seat) {
-        return shared.log(Weight::Refused, "another page steers; this one watches, and may vent");
+        let text = "another page steers; this one watches, and may vent";
+        return Told::refuse(&mut told.watches, shared, text);
     }
     if let Err(TrySendError::Full(_)) = orders.try_send(order) {
         shared.log(Weight::Refused, "more was asked for than the board carries out");
