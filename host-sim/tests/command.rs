@@ -49,6 +49,20 @@ fn bad_input_is_one_line_and_exit_code_2() {
             vec!["board", "emulated", "arm", "--max-pressure", "4"],
             "must be an absolute pressure in Pa: 4 bar are 400000",
         ),
+        (
+            vec!["board", "emulated", "set", "pressure", "1,3e5"],
+            "must be a number, with a point: 1.3e5",
+        ),
+        (
+            vec!["board", "emulated", "set", "pressure", "130000", "--hold", "-1"],
+            "must be a time from 0 to 1000000 s",
+        ),
+        (
+            vec!["board", "emulated", "arm", "--max-pressure", "-1"],
+            "must be an absolute pressure in Pa",
+        ),
+        (vec!["serve", "--port", "80x"], "must be a whole number from 1 to 65535"),
+        (vec!["serve", "--port", "0"], "must be a whole number from 1 to 65535"),
         (vec!["evaluate", "tune", "--random", "3"], "--random goes with `evaluate estimator` only"),
         (vec!["evaluate", "estimator", "--random", "0"], "0 is not in 1..=10000"),
         (vec!["evaluate", "estimator", "--seed", "3"], "--random <N>"),

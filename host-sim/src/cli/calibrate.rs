@@ -1,6 +1,6 @@
 //! `thermyo board PORT calibrate`: leads through the two points, and tells the board.
 
-use super::{Failure, SaidArgs, interrupt, print};
+use super::{Failure, SaidArgs, interrupt, number, print};
 use crate::board::BoardError;
 use crate::board::live::LiveBoard;
 use crate::commands::calibrate::{Guide, Point, Sensor};
@@ -21,7 +21,7 @@ pub(super) struct CalibrateArgs {
     #[arg(value_enum)]
     sensor: Which,
     /// The board holds this absolute pressure for the second point, in Pa; it has to be armed for it
-    #[arg(long, value_name = "PA")]
+    #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = number)]
     hold: Option<f32>,
 }
 

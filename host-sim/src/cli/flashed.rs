@@ -2,8 +2,8 @@
 
 use super::log::LogArgs;
 use super::{
-    Failure, SaidArgs, calibrate, interrupt, load, print, progress_bar, publish, read_to_compare,
-    tune,
+    Failure, SaidArgs, calibrate, interrupt, load, number, print, progress_bar, publish,
+    read_to_compare, tune,
 };
 use crate::board::live::LiveBoard;
 use crate::board::{BoardError, port, service};
@@ -71,7 +71,7 @@ enum BoardTask {
 #[derive(Debug, Args)]
 struct ArmArgs {
     /// Highest absolute pressure that set points may ask for, in Pa [default: what the configuration allows]
-    #[arg(long, value_name = "PA", value_parser = tune::pressure)]
+    #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = tune::pressure)]
     max_pressure: Option<f64>,
 }
 
@@ -80,7 +80,7 @@ struct SetArgs {
     #[command(subcommand)]
     what: Wanted,
     /// Vents after this time, in s [default: at Ctrl-C]
-    #[arg(long, value_name = "S", global = true, value_parser = seconds)]
+    #[arg(long, value_name = "S", global = true, allow_negative_numbers = true, value_parser = seconds)]
     hold: Option<f64>,
     /// Arms it first
     #[arg(long, global = true)]
@@ -115,30 +115,31 @@ enum Wanted {
     /// An absolute pressure
     Pressure {
         /// In Pa
-        #[arg(allow_negative_numbers = true)]
+        #[arg(allow_negative_numbers = true, value_parser = number)]
         pressure_pa: f32,
     },
     /// A contraction
     Contraction {
         /// Fraction of the rest length
-        #[arg(allow_negative_numbers = true)]
+        #[arg(allow_negative_numbers = true, value_parser = number)]
         contraction: f32,
     },
     /// A mass flow, or a working cycle of it in and out
     Flow {
         /// In kg/s, negative out of the muscle
-        #[arg(allow_negative_numbers = true)]
+        #[arg(allow_negative_numbers = true, value_parser = number)]
         flow_kg_s: f32,
         /// Period of the cycle, in s
+        #[arg(allow_negative_numbers = true, value_parser = number)]
         period_s: Option<f32>,
     },
     /// Fixed openings
     Duty {
         /// Inlet, 0 to 1
-        #[arg(allow_negative_numbers = true)]
+        #[arg(allow_negative_numbers = true, value_parser = number)]
         inlet: f32,
         /// Outlet, 0 to 1
-        #[arg(allow_negative_numbers = true)]
+        #[arg(allow_negative_numbers = true, value_parser = number)]
         outlet: f32,
     },
     /// Inlet shut, outlet open

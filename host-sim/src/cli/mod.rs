@@ -223,6 +223,11 @@ struct IdentifyArgs {
     output: OutputArgs,
 }
 
+/// A number that was typed.
+fn number(text: &str) -> Result<f32, String> {
+    text.parse().map_err(|_| "must be a number, with a point: 1.3e5".to_owned())
+}
+
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
     ExitCode::from(run(std::env::args_os(), &mut io::stdout(), &mut io::stderr()))

@@ -16,12 +16,17 @@ pub(super) struct ServeArgs {
     #[arg(default_value = "emulated")]
     board: String,
     /// Port of the page on this machine [default: one that is free]
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "NUMBER", value_parser = page_port)]
     port: Option<u16>,
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
     log: LogArgs,
+}
+
+fn page_port(text: &str) -> Result<u16, String> {
+    let port = text.parse().ok().filter(|port| *port != 0);
+    port.ok_or_else(|| "must be a whole number from 1 to 65535".to_owned())
 }
 
 pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> {

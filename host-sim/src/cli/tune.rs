@@ -21,7 +21,7 @@ pub(super) struct TuneArgs {
     /// Scenario file (TOML): muscle, load, and what the core is configured with so far
     scenario: PathBuf,
     /// Highest absolute pressure of the experiment, in Pa [default: 400000]
-    #[arg(long, value_name = "PA", value_parser = pressure)]
+    #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = pressure)]
     max_pressure: Option<f64>,
     #[command(flatten)]
     output: OutputArgs,
