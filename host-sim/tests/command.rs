@@ -397,6 +397,7 @@ fn shells_and_readers_are_told_of_every_command() {
         let output = thermyo(&["completions", shell]);
         let script = String::from_utf8(output.stdout).unwrap();
         assert!(script.contains("compare") && script.contains("max-pressure"), "{shell}");
+        assert!(!script.contains("emulated-board"), "{shell}");
         let output = thermyo(&["completions", shell, "--json", "--quiet"]);
         let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!((&printed["shell"], &printed["script"]), (&shell.into(), &script.into()));

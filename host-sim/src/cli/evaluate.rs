@@ -125,13 +125,7 @@ pub(super) fn run(
         print(out, &evaluate::table(&lines))?;
     }
     if stopped {
-        let _ = match lines.len() {
-            0 => writeln!(err, "thermyo: no case was finished, nothing is kept"),
-            count => writeln!(
-                err,
-                "thermyo: the {count} lines above are of the cases that were finished; no report is written"
-            ),
-        };
+        let _ = writeln!(err, "thermyo: {}", finished(lines.len()));
         return Err(Failure::Interrupted);
     }
     if let Some(files) = drawn {
@@ -197,4 +191,26 @@ fn report(
     };
     files.text("report.html", &page)?;
     publish(files, err)
+}
+
+/// What of a table is left that was stopped.
+fn finished(count: usize) -> String {
+    let what = match count {
+        0 => return "no case was finished, nothing is kept".to_owned(),
+        1 => "line above is of the case that was".to_owned(),
+        count => format!("{count} lines above are of the cases that were"),
+    };
+    format!("the {what} finished; no report is written")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::finished;
+
+    #[test]
+    fn one_line_is_one() {
+        assert!(finished(0).starts_with("no case"));
+        assert!(finished(1).starts_with("the line above is of the case that was finished;"));
+        assert!(finished(2).starts_with("the 2 lines above are of the cases that were finished;"));
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::{Cli, Failure, SaidArgs};
 use crate::files::input::InputError;
-use clap::CommandFactory;
+use clap::{Command, CommandFactory};
 use clap_complete::Shell;
 use std::io::Write;
 use std::path::Path;
@@ -13,10 +13,20 @@ pub(super) fn completions(
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Cli::command(), "thermyo", &mut script);
+    clap_complete::generate(shell, &mut offered(), "thermyo", &mut script);
     let script = String::from_utf8_lossy(&script);
     let json = serde_json::json!({ "shell": shell.to_string(), "script": script });
     said.answer(out, &json, &script)
+}
+
+/// The command line without what nobody is to type: the scripts offer hidden commands too.
+fn offered() -> Command {
+    let whole = Cli::command();
+    let tasks = whole.get_subcommands().filter(|task| !task.is_hide_set());
+    Command::new("thermyo")
+        .version(env!("CARGO_PKG_VERSION"))
+        .args(whole.get_arguments())
+        .subcommands(tasks)
 }
 
 pub(super) fn man(folder: &Path, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
