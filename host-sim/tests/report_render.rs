@@ -493,3 +493,50 @@ fn a_long_series_is_thinned_but_keeps_its_peak() {
     y[123_456] = 0.0;
     assert_ne!(with_peak, chart(&y), "the peak is in the drawing");
 }
+
+#[test]
+fn captions_say_what_is_drawn() {
+    let caption = |columns: &[&str], kind: PlantKind, controlled: Option<Controlled>| {
+        let mut series = Recorder::new(columns);
+        (0..2).for_each(|_| series.push(&vec![1.0; columns.len()]));
+        let input = RunReport { kind, controlled, ..hardly_anything(&series) };
+        run_report::render(&input)
+    };
+    let board = [
+        "time_s",
+        "pressure_pa",
+        "length_m",
+        "mass_kg",
+        "sensor_gas_k",
+        "estimate_k",
+        "estimate_sd_k",
+        "duty_in",
+        "duty_out",
+        "set_point",
+    ];
+    let page = caption(&board, PlantKind::Muscle, Some(Controlled::Pressure));
+    for expected in [
+        "The set point and what the sensor reads.",
+        "What the sensor in the gas reads and what the core estimates from pressure, length and the gas sensor; shaded",
+        "The core's estimate of the gas in the muscle and the duties that the core commands.",
+        "Mass and valves",
+    ] {
+        assert!(page.contains(expected), "{expected}");
+    }
+    assert!(
+        !page.contains("in the plant")
+            && !page.contains("Mass flow")
+            && !page.contains("difference")
+    );
+
+    let page = caption(&COLUMNS, PlantKind::Vessel, Some(Controlled::Pressure));
+    for expected in [
+        "The set point, the plant's value and their difference.",
+        "what the sensors read and what the core estimates from pressure and the gas sensor; shaded",
+        "Mass flow in and out, the gas in the vessel and the duties that the core commands.",
+        "Flow, mass and valves",
+    ] {
+        assert!(page.contains(expected), "{expected}");
+    }
+    assert!(full_report().contains("estimates from pressure, length and the gas sensor; shaded"));
+}

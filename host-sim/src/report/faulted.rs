@@ -1,7 +1,7 @@
 //! What a report says of a run whose core found faults, on a board or in this process.
 
 use super::page::Tile;
-use super::run_report::SummaryRow;
+use super::run_report::{SummaryRow, capitalised};
 use crate::files::summary::{Control, CoreFigures, Found};
 
 /// The faults of a run.
@@ -50,6 +50,5 @@ impl Faulted<'_> {
 }
 
 fn label(Found { what, faults, .. }: &Found) -> String {
-    let what = what[..1].to_uppercase() + &what[1..];
-    format!("{what} from: {faults}")
+    format!("{} from: {faults}", capitalised(what))
 }

@@ -3,7 +3,9 @@
 use super::Faulted;
 use super::number::{Unit, of_column};
 use super::page::Tile;
-use super::run_report::{self, Measured as MeasuredColumn, RunReport, SummaryRow, label};
+use super::run_report::{
+    self, Measured as MeasuredColumn, RunReport, SummaryRow, capitalised, label,
+};
 use super::series::Recorder;
 use crate::files::measured::Measured;
 use crate::files::summary::{Summary, whole_strokes};
@@ -142,8 +144,7 @@ fn lead(summary: &Summary) -> String {
 }
 
 fn warnings(summary: &Summary) -> Vec<String> {
-    let capitalised = |text: String| text[..1].to_uppercase() + &text[1..] + ".";
-    summary.overconfidence().map(capitalised).into_iter().collect()
+    summary.overconfidence().map(|text| capitalised(&text) + ".").into_iter().collect()
 }
 
 fn tiles(summary: &Summary) -> Vec<Tile> {

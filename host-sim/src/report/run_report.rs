@@ -39,6 +39,19 @@ pub(crate) fn label(column: &str) -> &str {
     }
 }
 
+/// "a", "a and b", "a, b and c".
+fn listed(parts: &[&str]) -> String {
+    match parts {
+        [] => String::new(),
+        [only] => (*only).to_owned(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+pub(super) fn capitalised(text: &str) -> String {
+    text[..1].to_uppercase() + &text[1..]
+}
+
 /// Measured points of one trace column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
@@ -179,8 +192,13 @@ impl RunReport<'_> {
             let panel = Panel::new(axis).height(120.0).reference(0.0, "");
             chart = chart.panel(panel.line("", Colour::Blue, time, &unit.convert(error)));
         }
-        let caption = "The set point, the plant's value, and their difference.";
-        Some(Section::new("Control").figure(chart.figure("Set point and what follows it", caption)))
+        let follows = if self.has_plant() { "the plant's value" } else { "what the sensor reads" };
+        let mut parts = vec!["The set point", follows];
+        parts.extend(self.column("tracking_error").map(|_| "their difference"));
+        let caption = format!("{}.", listed(&parts));
+        Some(
+            Section::new("Control").figure(chart.figure("Set point and what follows it", &caption)),
+        )
     }
 
     /// The run against what was measured, column by column.
@@ -203,7 +221,7 @@ impl RunReport<'_> {
         let chart = panels.fold(Chart::new(self.time_axis()), |chart, (measured, colour)| {
             let unit = Unit::of_column(&measured.column).symbol;
             let name = label(&measured.column);
-            let axis = Axis::new(&(name[..1].to_uppercase() + &name[1..]), unit);
+            let axis = Axis::new(&capitalised(name), unit);
             chart.panel(self.plot(Panel::new(axis).height(180.0), &measured.column, colour))
         });
         let caption = "Points: measured. Lines: the run.";
@@ -225,10 +243,16 @@ impl RunReport<'_> {
         if self.column("estimate_error_k").is_some() {
             chart = chart.panel(self.error_panel());
         }
-        let caption = "The temperatures of gas (mass-weighted mean) and wall in the plant, what the sensors read, and what the core \
-             estimates from pressure, length and the gas sensor; shaded: estimate ± 2 standard deviations.";
+        let estimate = format!("what the core estimates from {}", listed(&self.estimated_from()));
+        let parts = if self.has_plant() {
+            let plant = "The temperatures of gas (mass-weighted mean) and wall in the plant";
+            vec![plant, "what the sensors read", &estimate]
+        } else {
+            vec!["What the sensor in the gas reads", &estimate]
+        };
+        let caption = format!("{}; shaded: estimate ± 2 standard deviations.", listed(&parts));
         let mut section =
-            Section::new("Temperature").figure(chart.figure("Gas temperature", caption));
+            Section::new("Temperature").figure(chart.figure("Gas temperature", &caption));
         if let Some((from, to)) = self.detail_s.filter(|(from, to)| from < to) {
             let axis = self.time_axis().range(from, to);
             let chart = Chart::new(axis).panel(self.temperature_panel());
@@ -320,6 +344,22 @@ impl RunReport<'_> {
         Some(self.column("length_m")?.iter().map(|length| 1.0 - length / rest).collect())
     }
 
+    /// Whether a plant's truth was recorded: of a board nobody knows it.
+    fn has_plant(&self) -> bool {
+        self.column(TRUTH).is_some()
+    }
+
+    /// What the core's estimate looks at. A vessel has no length sensor; what drives its piston says its volume.
+    fn estimated_from(&self) -> Vec<&'static str> {
+        let volumes = self.column("volume_m3").unwrap_or_default();
+        let moved = volumes.windows(2).any(|pair| pair[0] != pair[1]);
+        match self.kind {
+            PlantKind::Vessel if moved => vec!["pressure", "volume", "the gas sensor"],
+            PlantKind::Vessel => vec!["pressure", "the gas sensor"],
+            _ => vec!["pressure", "length", "the gas sensor"],
+        }
+    }
+
     /// What holds the gas, in a word.
     fn plant(&self) -> &'static str {
         match self.kind {
@@ -346,15 +386,27 @@ impl RunReport<'_> {
             self.plot(panel, "mass_kg", Colour::Ink)
         });
         flows.as_ref().or(duties.as_ref())?;
-        let chart = [flows, mass, duties]
-            .into_iter()
-            .flatten()
-            .fold(Chart::new(self.time_axis()), Chart::panel);
-        let caption = format!(
-            "Mass flow in and out, the gas in the {}, and the duties that the core commands.",
-            self.plant()
-        );
-        Some(Section::new("Air").figure(chart.figure("Flow, mass and valves", &caption)))
+        let plant = self.plant();
+        let gas = if self.has_plant() {
+            format!("the gas in the {plant}")
+        } else {
+            format!("the core's estimate of the gas in the {plant}")
+        };
+        let parts = [
+            (flows, "flow", "mass flow in and out"),
+            (mass, "mass", gas.as_str()),
+            (duties, "valves", "the duties that the core commands"),
+        ];
+        let (mut chart, mut titles, mut captions) = (Chart::new(self.time_axis()), vec![], vec![]);
+        for (panel, title, caption) in parts {
+            if let Some(panel) = panel {
+                chart = chart.panel(panel);
+                titles.push(title);
+                captions.push(caption);
+            }
+        }
+        let (title, caption) = (capitalised(&listed(&titles)), capitalised(&listed(&captions)));
+        Some(Section::new("Air").figure(chart.figure(&title, &format!("{caption}."))))
     }
 
     fn axial(&self) -> Option<Section> {

@@ -119,3 +119,41 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         detail_s: None,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::CoreBoard;
+    use crate::commands::drive::Gathered;
+    use crate::files::board_trace;
+    use crate::scenario::core_config::core_config;
+    use crate::simulation::run;
+    use model_core::link::{Status, Timing};
+
+    #[test]
+    fn the_page_begins_with_the_tracking_error() {
+        let text =
+            "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"pressure\"\n";
+        let loaded = scenario::parse(text, "test".as_ref()).unwrap();
+        let config = core_config(&loaded.believed);
+        let (mut gathered, mut drawn) = (Gathered::of_record(&loaded), Drawn::new());
+        let mut observer = |row: &Row| {
+            // A board says no more than its telemetry.
+            let row = board_trace::row(row.truth.time_s, &config, &row.telemetry);
+            gathered.add(&row);
+            drawn.add(&row);
+            Ok(())
+        };
+        run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+        let summary = gathered.finish("here", &Status::AT_START, &Timing::default());
+        let page = page("steps", &loaded, &drawn, &summary);
+        let (_, lead) = page.split_once("class=\"lead\">").unwrap();
+        assert!(lead.starts_with("The absolute pressure follows its set point with an error of "));
+        let (_, tiles) = page.split_once("class=\"tiles\"").unwrap();
+        let place = |label: &str| tiles.find(label).unwrap();
+        assert!(place("Tracking error, RMS") < place("Largest pressure"));
+        let (sections, _) = page.split_once("<footer").unwrap();
+        assert!(sections.contains("The set point and what the sensor reads."));
+        assert!(!sections.contains("in the plant") && !sections.contains("Mass flow"));
+    }
+}
