@@ -127,6 +127,7 @@ fn full_report() -> String {
                shows a tenth of it, and the estimate on the board follows.",
         warnings: &["The estimate is surer of itself than it may be.".to_owned()],
         controlled: Some(Controlled::Contraction),
+        drives_flow: false,
         scenario_toml: "[run]\nduration_s = 100.0\nstep_s = 0.001\n\n[load]\nkind = \"isotonic\" # <100 N> & more\n",
         tiles: vec![
             Tile::new("Error of the estimate, RMS", 0.118, "K").target("≤ 0.15 K", true),
@@ -383,6 +384,7 @@ fn hardly_anything(series: &Recorder) -> RunReport<'_> {
         lead: "",
         warnings: &[],
         controlled: None,
+        drives_flow: false,
         scenario_toml: "",
         tiles: vec![],
         series,
@@ -539,4 +541,26 @@ fn captions_say_what_is_drawn() {
         assert!(page.contains(expected), "{expected}");
     }
     assert!(full_report().contains("estimates from pressure, length and the gas sensor; shaded"));
+}
+
+#[test]
+fn a_mass_flow_is_drawn_with_its_set_point() {
+    let mut series = Recorder::new(&["time_s", "flow_in_kg_s", "flow_out_kg_s", "set_point"]);
+    for (time_s, set_point) in [(0.0, 3e-4), (1.0, 3e-4), (1.0, -2e-4), (2.0, -2e-4)] {
+        series.push(&[time_s, 1e-4, 1e-4, set_point]);
+    }
+    let page =
+        |drives_flow| run_report::render(&RunReport { drives_flow, ..hardly_anything(&series) });
+    let (set, not) = (page(true), page(false));
+    assert!(set.contains("Mass flow in and out, set and real."));
+    assert!(not.contains("Mass flow in and out.") && !not.contains("set point"));
+    let dashed = |page: &str| {
+        let svg =
+            drawings(page).into_iter().find(|svg| svg.contains("Mass flow")).unwrap().to_owned();
+        svg.matches("dashed").count()
+    };
+    assert_eq!(dashed(&set) - dashed(&not), 2);
+    for name in ["set point, in", "set point, out"] {
+        assert!(set.contains(name), "{name}");
+    }
 }

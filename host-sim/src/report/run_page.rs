@@ -105,6 +105,7 @@ impl RunRecorder {
             tiles: tiles(summary),
             series: &self.recorder,
             controlled: summary.control.map(|control| control.quantity),
+            drives_flow: loaded.plant.drive.kind == DriveKind::MassFlow,
             measured: &measured,
             summary: &rows(summary),
             axial_wall_k: &summary.axial_temperature_k,

@@ -131,6 +131,8 @@ pub struct RunReport<'a> {
     pub series: &'a Recorder,
     /// What the set point stands for, where a loop closes on one.
     pub controlled: Option<Controlled>,
+    /// Whether the set point is a mass flow, to be drawn beside the flows: in positive, out negative.
+    pub drives_flow: bool,
     /// Measurements to draw over the run.
     pub measured: &'a [Measured],
     /// The summary.
@@ -374,7 +376,10 @@ impl RunReport<'_> {
         let flows = self.column("flow_in_kg_s").map(|_| {
             let panel = Panel::new(Axis::new("Mass flow", "g/s")).height(150.0);
             let panel = self.plot(panel, "flow_in_kg_s", Colour::Blue);
-            self.plot(panel, "flow_out_kg_s", Colour::Vermillion)
+            let panel = self.plot(panel, "flow_out_kg_s", Colour::Vermillion);
+            self.flow_set_points().into_iter().fold(panel, |panel, (name, colour, flow)| {
+                panel.dashed(name, colour, self.column("time_s").unwrap_or_default(), &flow)
+            })
         });
         let duties = self.column("duty_in").map(|_| {
             let panel = Panel::new(Axis::new("Valve duty", "").range(0.0, 1.0)).height(110.0);
@@ -392,8 +397,13 @@ impl RunReport<'_> {
         } else {
             format!("the core's estimate of the gas in the {plant}")
         };
+        let flow = if self.drives_flow {
+            "mass flow in and out, set and real"
+        } else {
+            "mass flow in and out"
+        };
         let parts = [
-            (flows, "flow", "mass flow in and out"),
+            (flows, "flow", flow),
             (mass, "mass", gas.as_str()),
             (duties, "valves", "the duties that the core commands"),
         ];
@@ -407,6 +417,22 @@ impl RunReport<'_> {
         }
         let (title, caption) = (capitalised(&listed(&titles)), capitalised(&listed(&captions)));
         Some(Section::new("Air").figure(chart.figure(&title, &format!("{caption}."))))
+    }
+
+    /// What is to flow in and out, each as a legend calls it and in the panel's unit.
+    fn flow_set_points(&self) -> Vec<(&'static str, Colour, Vec<f64>)> {
+        let Some(set) = self.column("set_point").filter(|_| self.drives_flow) else {
+            return vec![];
+        };
+        let unit = Unit::of_column("flow_in_kg_s");
+        // Where nothing is known, nothing is drawn: `f64::max` would make 0 of it.
+        let side = |sign: f64| -> Vec<f64> {
+            set.iter().map(|v| if v * sign < 0.0 { 0.0 } else { v * sign * unit.factor }).collect()
+        };
+        vec![
+            ("set point, in", Colour::Blue, side(1.0)),
+            ("set point, out", Colour::Vermillion, side(-1.0)),
+        ]
     }
 
     fn axial(&self) -> Option<Section> {

@@ -110,6 +110,8 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         scenario_toml: &scenario::render(driven),
         tiles: faulted.tiles().chain(control).chain(own).collect(),
         series: &drawn.series,
+        // No board measures flows.
+        drives_flow: false,
         measured: &[],
         summary: &rows,
         axial_wall_k: &[],
