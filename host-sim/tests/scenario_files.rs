@@ -616,6 +616,49 @@ fn what_makes_no_sense_is_said() {
             "[plant]\ninitial_pressure_pa = 1.2",
             "scenario.toml:2: plant.initial_pressure_pa = 1.2: nearly a vacuum; pressures are absolute, in Pa",
         ),
+        (
+            "[plant]\ninitial_pressure_pa = 4e5\n[supply]\npressure_pa = 3e5",
+            "scenario.toml:2: plant.initial_pressure_pa = 400000.0: above supply.pressure_pa = 300000.0: nothing \
+             flows in until it has fallen",
+        ),
+        (
+            "[sensor.pressure]\nrange_pa = 1e5",
+            "scenario.toml:2: sensor.pressure.range_pa = 100000.0: so that the core vents above 98500.0 Pa, \
+             and plant.initial_pressure_pa = 120000.0",
+        ),
+        (
+            "[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 8e5\n[drive]\nkind = \"discharge\"",
+            "scenario.toml: sensor.pressure.range_pa = 700000.0: so that the core vents above 689500.0 Pa, and \
+             plant.initial_pressure_pa = 800000.0",
+        ),
+        (
+            "[sensor.length]\nrange_m = 0.1",
+            "scenario.toml:2: sensor.length.range_m = 0.1: below the rest length, 0.3 m",
+        ),
+        (
+            "[run]\nduration_s = 6\n[faults]\npressure = \"open\"\nfrom_s = 9\nuntil_s = 10",
+            "scenario.toml:5: faults.from_s = 9.0: not before the end of the run, run.duration_s = 6.0",
+        ),
+        (
+            "[run]\nduration_s = 6\n[faults.late]\nemergency_stop = true\nfrom_s = 6\nuntil_s = 10",
+            "scenario.toml:5: faults.late.from_s = 6.0: not before the end of the run, run.duration_s = 6.0",
+        ),
+        (
+            "[sensor.ntc]\nresistance_ohm = 5000",
+            "scenario.toml:2: [sensor.ntc] is not used: sensor.gas.kind is not \"ntc\"",
+        ),
+        (
+            "[sensor.max31865]\nreference_ohm = 4000",
+            "scenario.toml:2: [sensor.max31865] is not used: sensor.gas.kind is not \"max31865\"",
+        ),
+        (
+            "[believed.sensor.mpr]\ntimeout_s = 0.1",
+            "scenario.toml:2: [believed.sensor.mpr] is not used: sensor.pressure.kind is not \"mpr\"",
+        ),
+        (
+            "[drive]\nkind = \"fill\"\n[controller]\nlength_gain = 0.5",
+            "scenario.toml:4: [controller] is not used: with this drive.kind nothing is controlled",
+        ),
     ] {
         assert_eq!(warned(text), [warning], "{text}");
         // What is printed says it too, and nothing else.
@@ -632,6 +675,12 @@ fn no_warning_without_reason() {
         "[drive]\nkind = \"discharge\"\n[supply]\npressure_pa = 1e5",
         "[plant]\nmodel = \"lumped\"\n[muscle]\nzones = 8",
         "[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 10",
+        "[supply]\npressure_pa = 3e5\n[plant]\ninitial_pressure_pa = 3e5",
+        "[sensor.length]\nrange_m = 0.3",
+        "[run]\nduration_s = 6\n[faults]\nfrom_s = 9\nuntil_s = 10",
+        "[run]\nduration_s = 6\n[faults]\npressure = \"open\"\nfrom_s = 5.9\nuntil_s = 10",
+        "[believed.sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3900",
+        "[drive]\nkind = \"pressure\"\n[controller]\nlength_gain = 0.5",
     ] {
         assert_eq!(warned(text), [""; 0]);
         assert_eq!(warned(&scenario::render(&valid(text))), [""; 0]);

@@ -12,7 +12,7 @@ use toml::Value;
 pub fn render(loaded: &Loaded) -> String {
     let plant = tree(&loaded.plant);
     let believed = tree(&loaded.believed);
-    let unused = unused_tables(&loaded.plant);
+    let unused = unused_tables(loaded);
     let defaults = tree(&Scenario::default());
     let is_default = |path: &str, key: &Key| {
         same(value(&plant, path, key.name), value(&defaults, path, key.name))

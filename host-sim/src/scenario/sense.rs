@@ -3,11 +3,16 @@
 use super::check::{same, tree, value};
 use super::document::{Document, Entry};
 use super::load::Loaded;
-use super::tables::{DriveKind, HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
+use super::tables::{
+    DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
+};
 use crate::files::input::{InputError, Problem};
+use crate::plant::chamber;
+use crate::scenario::core_config::pressure_limit_pa;
 
-/// The tables that this kind of plant does not look at, each with the value that decides so.
-pub(super) fn unused_tables(scenario: &Scenario) -> Vec<(&'static str, &'static str)> {
+/// The tables that neither plant nor core looks at, each with the value that decides so.
+pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)> {
+    let scenario = &loaded.plant;
     let kind = scenario.plant.kind;
     let vessel = kind == PlantKind::Vessel;
     let own = |owner, table| (table, owner == kind, "plant.kind is another one");
@@ -31,6 +36,21 @@ pub(super) fn unused_tables(scenario: &Scenario) -> Vec<(&'static str, &'static 
     }
     if scenario.plant.model != PlantModel::Paper {
         tables.push(("paper", "plant.model is not \"paper\""));
+    }
+    let sensors = [&loaded.plant, &loaded.believed].map(|scenario| &scenario.sensor);
+    let no_gas = |kind| sensors.iter().all(|sensor| sensor.gas.kind != kind);
+    if no_gas(GasElementKind::Ntc) {
+        tables.push(("sensor.ntc", "sensor.gas.kind is not \"ntc\""));
+    }
+    if no_gas(GasElementKind::Max31865) {
+        tables.push(("sensor.max31865", "sensor.gas.kind is not \"max31865\""));
+    }
+    if sensors.iter().all(|sensor| sensor.pressure.kind != PressureKind::Mpr) {
+        tables.push(("sensor.mpr", "sensor.pressure.kind is not \"mpr\""));
+    }
+    let open = [DriveKind::Duty, DriveKind::Closed, DriveKind::Fill, DriveKind::Discharge];
+    if open.contains(&scenario.drive.kind) {
+        tables.push(("controller", "with this drive.kind nothing is controlled"));
     }
     tables
 }
@@ -101,7 +121,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
 
 /// Values that were changed and change nothing.
 fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
-    let tables = unused_tables(&loaded.plant);
+    let tables = unused_tables(loaded);
     let defaults = tree(&Scenario::default());
     let changed = |entry: &&Entry| {
         let default = value(&defaults, &entry.table, entry.key.name);
@@ -126,7 +146,7 @@ fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
 /// What a user should be told of a scenario that can be run, in order of the file where it has lines.
 pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     let scenario = &loaded.plant;
-    let mut all: Vec<InputError> = unused_tables(scenario)
+    let mut all: Vec<InputError> = unused_tables(loaded)
         .into_iter()
         .flat_map(|(table, why)| {
             [&document.plant, &document.believed].map(|entries| {
@@ -147,7 +167,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         problem_at(document, entry.line, problem)
     }));
     all.extend(unused_keys(document, loaded));
-    let pressures = [
+    let values = [
         ("supply.pressure_pa", scenario.supply.pressure_pa, no_supply(scenario)),
         (
             "ambient.pressure_pa",
@@ -157,23 +177,76 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         (
             "plant.initial_pressure_pa",
             scenario.plant.initial_pressure_pa,
-            vacuum(scenario, |s| s.plant.initial_pressure_pa),
+            vacuum(scenario, |s| s.plant.initial_pressure_pa).or(above_supply(scenario)),
         ),
-    ];
-    all.extend(pressures.into_iter().filter_map(|(path, pressure_pa, why)| {
-        let line = document.plant.get(path).and_then(|entry| entry.line);
-        let (key, value) = (path.to_owned(), format!("{pressure_pa:?}"));
+        (
+            "sensor.pressure.range_pa",
+            scenario.sensor.pressure.range_pa,
+            short_of_pressure(scenario),
+        ),
+        ("sensor.length.range_m", scenario.sensor.length.range_m, short_of_length(scenario)),
+    ]
+    .map(|(path, value, why)| (path.to_owned(), value, why));
+    let end_s = scenario.run.duration_s;
+    let late = scenario.faults.windows().filter_map(|(path, window)| {
+        let late = window.from_s >= end_s && window.broken().next().is_some();
+        let why = format!("not before the end of the run, run.duration_s = {end_s:?}");
+        late.then(|| (format!("{path}.from_s"), window.from_s, Some(why)))
+    });
+    all.extend(values.into_iter().chain(late).filter_map(|(key, value, why)| {
+        let line = document.plant.get(&key).and_then(|entry| entry.line);
+        let value = format!("{value:?}");
         Some(problem_at(document, line, Problem::NoSense { key, value, why: why? }))
     }));
     all.sort_by_key(|warning| warning.line);
     all
 }
 
+/// Whether the drive is to let something in.
+fn fills(scenario: &Scenario) -> bool {
+    !matches!(scenario.drive.kind, DriveKind::Discharge | DriveKind::Closed)
+}
+
+/// Why nothing comes in at the start, where the supply would do.
+fn above_supply(scenario: &Scenario) -> Option<String> {
+    let supply_pa = scenario.supply.pressure_pa;
+    let above = scenario.plant.initial_pressure_pa > supply_pa;
+    (fills(scenario) && above && no_supply(scenario).is_none()).then(|| {
+        format!("above supply.pressure_pa = {supply_pa:?}: nothing flows in until it has fallen")
+    })
+}
+
+/// Why the pressure sensor does not do.
+fn short_of_pressure(scenario: &Scenario) -> Option<String> {
+    let limit_pa = pressure_limit_pa(scenario);
+    let (key, pressure_pa) = [
+        ("plant.initial_pressure_pa", scenario.plant.initial_pressure_pa),
+        ("ambient.pressure_pa", scenario.ambient.pressure_pa),
+    ]
+    .into_iter()
+    .find(|(_, pressure_pa)| *pressure_pa > limit_pa)?;
+    Some(format!("so that the core vents above {limit_pa:?} Pa, and {key} = {pressure_pa:?}"))
+}
+
+/// Why the length sensor does not do.
+fn short_of_length(scenario: &Scenario) -> Option<String> {
+    let rest_m = chamber::of(scenario)?.rest_length();
+    let Scenario { load, drive, .. } = scenario;
+    let driven = drive.kind == DriveKind::Contraction && drive.profile_csv.is_none();
+    let (what, length_m) = match load.kind {
+        LoadKind::Isometric => ("load.length_m", load.length_m),
+        _ if driven && drive.contraction < 0.0 => {
+            ("the length of drive.contraction", rest_m * (1.0 - drive.contraction))
+        }
+        _ => ("the rest length", rest_m),
+    };
+    (scenario.sensor.length.range_m < length_m).then(|| format!("below {what}, {length_m:?} m"))
+}
+
 /// Why nothing comes in, where something should.
 fn no_supply(scenario: &Scenario) -> Option<String> {
     let ambient_pa = scenario.ambient.pressure_pa;
-    let fills = !matches!(scenario.drive.kind, DriveKind::Discharge | DriveKind::Closed);
-    (fills && scenario.supply.pressure_pa <= ambient_pa).then(|| {
+    (fills(scenario) && scenario.supply.pressure_pa <= ambient_pa).then(|| {
         format!(
             "not above ambient.pressure_pa = {ambient_pa:?}, so that nothing is filled; pressures are \
              absolute, in Pa"
