@@ -221,7 +221,7 @@ fn odd_charts() -> Vec<Figure> {
 
 fn heatmap() -> Figure {
     let x: Vec<f64> = (0..9).map(|i| f64::from(i) / 8.0).collect();
-    let y = vec![0.1, 0.3, 1.0, 3.0, 10.0];
+    let y = [0.1, 0.3, 1.0, 3.0, 10.0];
     let mut cells: Vec<Vec<f64>> = y
         .iter()
         .map(|tau: &f64| x.iter().map(|p| 2.0 * tau.powf(0.4) + (p - 0.6).abs() * 3.0).collect())
@@ -232,8 +232,8 @@ fn heatmap() -> Figure {
         x_label: "Position of the sensor, port to closed end [–]".into(),
         y_label: "Time constant [s]".into(),
         value_label: "RMSE [K]".into(),
-        x,
-        y,
+        x: x.iter().map(f64::to_string).collect(),
+        y: y.iter().map(f64::to_string).collect(),
         cells,
         style: Style { limit: Some((2.0, "up to 2 K".into())), ..Style::default() },
     }
@@ -348,6 +348,43 @@ fn a_wide_table_says_in_each_cell_what_it_is() {
     let head =
         "<td class=\"number\" data-column=\"sensor.gas.position\">0.5</td><td data-column=\"a\">1<";
     assert!(many.contains(head), "{many}");
+}
+
+/// A map of so many columns, half a page wide.
+fn narrow_map(columns: usize, value: f64) -> String {
+    let x = (0..columns).map(|i| i.to_string()).collect();
+    let style = Style { half: true, ..Style::default() };
+    let (x_label, y_label, value_label) = ("x".into(), "y".into(), "K".into());
+    let cells = vec![vec![value; columns]];
+    let y = vec!["1".into()];
+    Heatmap { x_label, y_label, value_label, x, y, cells, style }.figure("", "").svg().to_owned()
+}
+
+#[test]
+fn a_cell_shows_its_value_where_there_is_room_for_it() {
+    for (columns, value, shown) in [(4, 0.0123, "0.0123"), (8, 0.0123, "0.012"), (8, 12.34, "12.3")]
+    {
+        let map = narrow_map(columns, value);
+        let cells = map.split("\"cell-value\"").skip(1);
+        let texts: Vec<&str> =
+            cells.map(|cell| &cell[cell.find('>').unwrap() + 1..cell.find('<').unwrap()]).collect();
+        assert_eq!(texts, vec![shown; columns], "{map}");
+    }
+    // Figures of ten columns would print over each other: they are told to who points at a cell.
+    let map = narrow_map(10, 0.0123);
+    assert_eq!(map.matches("cell-value").count(), 0, "{map}");
+    assert_eq!(map.matches("<title>0.0123</title>").count(), 10, "{map}");
+}
+
+#[test]
+fn words_stand_at_their_places_on_an_axis() {
+    let words = ["lumped", "paper"].map(str::to_owned);
+    let panel = Panel::new(Axis::new("y", "")).dots("", Colour::Blue, &[0.0, 1.0], &[1.0, 2.0]);
+    let chart = Chart::new(Axis::new("plant.model", "").words(&words)).panel(panel);
+    let figure = chart.figure("", "");
+    let ticks = figure.svg().split("text-anchor=\"middle\">").skip(1);
+    let ticks: Vec<&str> = ticks.map(|text| text.split('<').next().unwrap()).collect();
+    assert_eq!(ticks, ["lumped", "paper", "plant.model"]);
 }
 
 #[test]

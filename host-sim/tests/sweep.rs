@@ -157,7 +157,11 @@ fn words_and_a_hypercube() {
     {
         assert!(start.starts_with(expected), "{table}");
     }
-    assert!(read(&folder.path().join("words"), "report.html").contains("0: lumped, 1: full"));
+    let page = read(&folder.path().join("words"), "report.html");
+    assert!(
+        page.contains(">lumped</text>") && page.contains(">words</td>"),
+        "no words on the axis"
+    );
 
     let cube = [
         "--lhs",
@@ -176,6 +180,9 @@ fn words_and_a_hypercube() {
     let (one, two) = (folder.path().join("one"), folder.path().join("two"));
     let table = sweep(&scenario, &cube, &one);
     assert_eq!(table, sweep(&scenario, &cube, &two));
+    let page = read(&one, "report.html");
+    assert!(page.contains(">lumped</text>"), "no words on the axis");
+    assert!(!page.contains(".</b> </figcaption>"), "a figure without a caption");
     let column = |key: usize| -> Vec<&str> {
         table.lines().skip(1).map(|line| line.split(',').nth(key).unwrap()).collect()
     };
@@ -188,6 +195,19 @@ fn words_and_a_hypercube() {
     let mut parts: Vec<usize> = scales.map(|scale| ((scale - 0.7) / 0.03) as usize).collect();
     parts.sort_unstable();
     assert_eq!(parts, (0..20).collect::<Vec<_>>());
+}
+
+#[test]
+fn the_limits_of_one_key_say_whose_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = file(folder.path(), "scenario.toml", "[run]\nduration_s = 0.2\n");
+    let out = folder.path().join("out");
+    sweep(&scenario, &["--vary", "run.seed=1:2:2"], &out);
+    let page = read(&out, "report.html");
+    let (_, limits) = page.split_once(">Limits</h2>").unwrap();
+    let (limits, _) = limits.split_once("</table>").unwrap();
+    assert_eq!(limits.matches("<tr>").count(), 5, "{limits}");
+    assert!(limits.contains(">estimate</td>"), "{limits}");
 }
 
 /// The shipped scenario's claim, in the README and in docs/sensors.md: for 1 K the bare sensor needs a

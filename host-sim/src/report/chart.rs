@@ -45,6 +45,7 @@ pub struct Axis {
     unit: String,
     range: Option<(f64, f64)>,
     spacing: Spacing,
+    words: Vec<String>,
 }
 
 impl Axis {
@@ -55,6 +56,7 @@ impl Axis {
             unit: unit.to_owned(),
             range: None,
             spacing: Spacing::Linear,
+            words: Vec::new(),
         }
     }
 
@@ -70,13 +72,21 @@ impl Axis {
         self
     }
 
+    /// These words at 0, 1, 2 and so on instead of numbers, for an x axis; none change nothing.
+    pub fn words(mut self, words: &[String]) -> Self {
+        self.words = words.to_vec();
+        self
+    }
+
     fn title(&self) -> String {
         axis_title(&self.label, &self.unit)
     }
 
     fn plot(&self) -> Value {
         let log = self.spacing == Spacing::Log;
-        json!({ "label": self.label, "unit": self.unit, "log": log, "range": self.range })
+        json!({
+            "label": self.label, "unit": self.unit, "log": log, "range": self.range, "words": self.words,
+        })
     }
 }
 
@@ -266,6 +276,9 @@ impl Chart {
     /// The range of x in sight.
     fn window(&self) -> (f64, f64) {
         self.x.range.unwrap_or_else(|| {
+            if !self.x.words.is_empty() {
+                return (-0.5, self.x.words.len() as f64 - 0.5);
+            }
             let values = self.panels.iter().flat_map(|panel| &panel.layers).flat_map(Layer::x);
             let range = data_range(values, self.x.spacing);
             if self.x.spacing == Spacing::Linear { to_round_ends(range) } else { range }
@@ -277,7 +290,13 @@ impl Chart {
         let window = self.window();
         let (left, right) = self.sides(window);
         let x = Scale::new(window, (left, right), self.x.spacing);
-        let x_ticks = ticks(&x, (right - left) / X_TICK_DISTANCE);
+        let x_ticks = match &self.x.words[..] {
+            [] => ticks(&x, (right - left) / X_TICK_DISTANCE),
+            words => {
+                let places = words.iter().enumerate();
+                places.map(|(i, word)| (x.position(i as f64), word.clone())).collect()
+            }
+        };
         let (marker_labels, marker_rows) = self.marker_labels(&x, window);
         let first_top = HEAD + marker_rows as f64 * LINE_HEIGHT;
         let mut next_top = first_top;

@@ -6,7 +6,7 @@ use super::Colour;
 use super::axes::FOOT;
 use super::chart::{CHARACTER, FULL_WIDTH, HALF_WIDTH};
 use super::colour::{hex, text_on};
-use super::number::{MISSING, px, short, significant};
+use super::number::{MISSING, px, significant};
 use super::page::{Drawing, Figure};
 use super::path::Path;
 use super::scale::{Scale, Spacing, data_range};
@@ -21,8 +21,10 @@ const TOP: f64 = 24.0;
 const BAR: (f64, f64) = (90.0, 24.0);
 /// The same beside another map.
 const HALF_BAR: (f64, f64) = (66.0, 12.0);
-/// A cell at least that wide has room for three digits of its value, or for two \[px\].
-const READABLE: [(f64, usize); 2] = [(42.0, 3), (30.0, 2)];
+/// Digits of a cell's value, the more the better.
+const DIGITS: [usize; 2] = [3, 2];
+/// Between the values of two cells \[px\].
+const BETWEEN: f64 = 6.0;
 
 /// A map of cells. Axis texts hold their unit.
 #[derive(Debug, Clone)]
@@ -33,10 +35,10 @@ pub struct Heatmap {
     pub y_label: String,
     /// Text of the colour scale.
     pub value_label: String,
-    /// Values of x, left to right.
-    pub x: Vec<f64>,
-    /// Values of y, bottom to top.
-    pub y: Vec<f64>,
+    /// What stands at the columns, left to right.
+    pub x: Vec<String>,
+    /// What stands at the rows, bottom to top.
+    pub y: Vec<String>,
     /// `cells[row][column]`, rows as in `y`. Missing and non-finite cells stay empty.
     pub cells: Vec<Vec<f64>>,
     /// How it is coloured, and how wide it is.
@@ -67,25 +69,25 @@ impl Heatmap {
         let along_scale = Scale::new(range, (0.0, 1.0), spacing);
         let (width, (bar, gap), least) =
             if self.style.half { (HALF_WIDTH, HALF_BAR, 0.0) } else { (FULL_WIDTH, BAR, 48.0) };
-        let y_labels: Vec<String> = self.y.iter().map(|v| short(*v)).collect();
-        let longest = y_labels.iter().map(|l| l.chars().count()).max().unwrap_or(0) as f64;
-        let left = (longest * CHARACTER + 12.0).max(least);
+        let left = (longest(&self.y) * CHARACTER + 12.0).max(least);
         let right = width - bar;
         let cell_width = (right - left) / self.x.len().max(1) as f64;
         let bottom = TOP + CELL_HEIGHT * self.y.len() as f64;
         let height = bottom.max(TOP + 120.0) + FOOT;
-        let digits =
-            READABLE.iter().find(|(room, _)| cell_width >= *room).map(|(_, digits)| *digits);
+        let digits = DIGITS.into_iter().find(|digits| {
+            let texts = self.cells.iter().flatten().map(|value| significant(*value, *digits));
+            longest(&texts.collect::<Vec<_>>()) * CHARACTER + BETWEEN <= cell_width
+        });
         let corner = |row: usize, column: usize| {
             (left + cell_width * column as f64, bottom - CELL_HEIGHT * row as f64)
         };
-        let longest_x = self.x.iter().map(|v| short(*v).chars().count()).max().unwrap_or(0) as f64;
-        let label_every = ((longest_x * CHARACTER + 4.0) / cell_width).ceil().max(1.0) as usize;
+        let label_every =
+            ((longest(&self.x) * CHARACTER + 4.0) / cell_width).ceil().max(1.0) as usize;
         let svg = html! {
             svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
                 width=(px(width)) height=(px(height)) viewBox={ "0 0 " (px(width)) " " (px(height)) } {
                 text.axis x="0" y="14" { (self.y_label) }
-                @for (row, y_label) in y_labels.iter().enumerate() {
+                @for (row, y_label) in self.y.iter().enumerate() {
                     @let top = bottom - CELL_HEIGHT * (row as f64 + 1.0);
                     text.tick x=(px(left - 7.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0)) text-anchor="end" { (y_label) }
                     @for column in 0..self.x.len() {
@@ -97,7 +99,10 @@ impl Heatmap {
                         } else {
                             ("none".to_owned(), "currentColor")
                         };
-                        rect.cell x=(px(x)) y=(px(top)) width=(px(cell_width)) height=(px(CELL_HEIGHT)) fill=(fill) {}
+                        rect.cell x=(px(x)) y=(px(top)) width=(px(cell_width)) height=(px(CELL_HEIGHT)) fill=(fill) {
+                            // Without room for a figure it is told to who points at the cell.
+                            @if digits.is_none() { title { (significant(value, DIGITS[0])) } }
+                        }
                         @if let Some(digits) = digits {
                             text.cell-value x=(px(x + cell_width / 2.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0))
                                 text-anchor="middle" style={ "fill:" (ink) } {
@@ -106,9 +111,9 @@ impl Heatmap {
                         }
                     }
                 }
-                @for (column, value) in self.x.iter().enumerate().step_by(label_every) {
+                @for (column, label) in self.x.iter().enumerate().step_by(label_every) {
                     text.tick x=(px(left + cell_width * (column as f64 + 0.5))) y=(px(bottom + 18.0))
-                        text-anchor="middle" { (short(*value)) }
+                        text-anchor="middle" { (label) }
                 }
                 text.axis x=(px((left + right) / 2.0)) y=(px(bottom + 36.0)) text-anchor="middle" { (self.x_label) }
                 @if let Some((limit, _)) = &self.style.limit {
@@ -156,6 +161,11 @@ impl Heatmap {
         }
         path.data().to_owned()
     }
+}
+
+/// Characters of the longest text.
+fn longest(texts: &[String]) -> f64 {
+    texts.iter().map(|text| text.chars().count()).max().unwrap_or(0) as f64
 }
 
 /// An upright colour bar of 14 px width at `x`, with its label above and its ticks to the right.

@@ -304,7 +304,9 @@
       for (const [key, value] of Object.entries({ width: total, height, viewBox: `0 0 ${total} ${height}` })) {
         svg.setAttribute(key, value);
       }
-      const xTicks = x.ticks((right - left) / (narrow ? 60 : 90));
+      const xTicks = plot.x.words.length
+        ? [...plot.x.words.entries()].filter(([i]) => i >= this.window[0] && i <= this.window[1])
+        : x.ticks((right - left) / (narrow ? 60 : 90));
       plot.panels.forEach((panel, i) => this.panel(svg, panel, i, xTicks, tickCount(panel), narrow));
       for (const [at, middle, row, label] of markers.placed) {
         svg.append(element("path", { class: "marker", d: `M${px(at)} ${px(top)}V${px(bottom)}` }));
@@ -533,7 +535,8 @@
         list.append(term, html("dd", "", text));
       };
       const pixel = (this.window[1] - this.window[0]) / (this.x.to - this.x.from);
-      row(this.plot.x.label, withUnit(shown(at, pixel), this.plot.x.unit));
+      const { words, label, unit } = this.plot.x;
+      row(label, words.length ? words[Math.round(at)] ?? "–" : withUnit(shown(at, pixel), unit));
       let before = -1;
       for (const layer of this.layers.slice().sort((a, b) => a.panel - b.panel)) {
         if (this.off.has(layer.id)) continue;

@@ -7,7 +7,7 @@ use super::{Outcome, Study};
 use crate::report::Colour;
 use crate::report::chart::{Axis, Chart, Panel};
 use crate::report::heatmap::{Heatmap, Style};
-use crate::report::number::{fixed, short};
+use crate::report::number::fixed;
 use crate::report::page::{Figure, Page, Section, Table, Tile};
 use crate::report::scale::{Spacing, data_range};
 
@@ -52,6 +52,13 @@ fn axis(study: &Study, key: usize) -> String {
     if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
 }
 
+/// The x axis of a chart over a key.
+fn along(study: &Study, key: usize) -> Axis {
+    let range = &study.ranges()[key];
+    let axis = Axis::new(&range.key, study.unit(key)).words(&range.words);
+    if range.logarithmic { axis.log() } else { axis }
+}
+
 fn maps(outcome: &Outcome, within_k: f64) -> Section {
     let study = outcome.study;
     let section = Section::new("Which sensor is fast enough");
@@ -88,17 +95,9 @@ fn clouds(outcome: &Outcome, within_k: f64) -> Section {
             let errors: Vec<f64> = shown.iter().map(|(_, f)| WAYS[way].2(&f.rmse_k)).collect();
             panel.dots(WAYS[way].0, COLOURS[way], &values, &errors)
         });
-        let x = Axis::new(&range.key, study.unit(key));
-        let x = if range.logarithmic { x.log() } else { x };
         let panel = panel.reference(within_k, &format!("{within_k} K"));
-        let caption = match &range.words[..] {
-            [] => String::new(),
-            words => {
-                let named = words.iter().enumerate().map(|(i, word)| format!("{i}: {word}"));
-                named.collect::<Vec<_>>().join(", ")
-            }
-        };
-        section.figure(Chart::new(x).panel(panel).figure(&range.key, &caption))
+        let chart = Chart::new(along(study, key)).panel(panel);
+        section.figure(chart.figure(&range.key, "Every dot is a run of its own."))
     })
 }
 
@@ -119,10 +118,8 @@ fn lines(outcome: &Outcome, within_k: f64) -> Figure {
             &errors,
         );
     }
-    let x = Axis::new(&range.key, study.unit(key));
-    let x = if range.logarithmic { x.log() } else { x };
     let panel = panel.reference(within_k, &format!("{within_k} K"));
-    Chart::new(x).panel(panel).figure(
+    Chart::new(along(study, key)).panel(panel).figure(
         "Errors of each way to know the gas temperature",
         "Every point is a run of its own.",
     )
@@ -143,9 +140,17 @@ fn pair(
         .iter()
         .map(|(key, place)| {
             let range = &study.ranges()[*key];
-            format!(", {} = {}", range.key, with_unit(range.values[*place], study.unit(*key)))
+            let value = match range.words.get(*place) {
+                Some(word) => word.clone(),
+                None => with_unit(range.values[*place], study.unit(*key)),
+            };
+            format!(", {} = {value}", range.key)
         })
         .collect();
+    let places = |key: usize| {
+        let range = &study.ranges()[key];
+        range.values.iter().map(|value| range.shown(*value)).collect()
+    };
     let map = |way: usize, who: &str, caption: &str| {
         let errors = outcome.errors_k(way);
         let mut cells =
@@ -160,8 +165,8 @@ fn pair(
             x_label: axis(study, x),
             y_label: axis(study, y),
             value_label: "K".to_owned(),
-            x: study.ranges()[x].values.clone(),
-            y: study.ranges()[y].values.clone(),
+            x: places(x),
+            y: places(y),
             cells,
             style: Style {
                 range: Some((low, high)),
@@ -186,33 +191,45 @@ fn limits(outcome: &Outcome, within_k: f64) -> Section {
     let mut columns: Vec<String> = others.iter().map(|key| axis(study, *key)).collect();
     columns.extend(WAYS.iter().map(|(name, ..)| (*name).to_owned()));
     let reaches: Vec<_> = (0..WAYS.len()).map(|way| outcome.reaches(way, within_k)).collect();
+    let caption =
+        format!("{}: where the RMS error is within {within_k} K", study.ranges()[main].key);
+    let section = Section::new("Limits");
+    let interpolated = "Limits are interpolated between the points of the grid.";
+    if others.is_empty() {
+        // A single line: the ways are what sets the rows apart.
+        let rows = WAYS
+            .iter()
+            .zip(&reaches)
+            .map(|((name, ..), lines)| vec![(*name).to_owned(), lines[0].text(study.unit(main))]);
+        let columns = ["Gas temperature from", "Within the limit"].map(str::to_owned).to_vec();
+        let table = Table { caption, columns, rows: rows.collect() };
+        return section.table(table).paragraph(interpolated);
+    }
     let row = |(i, line): (usize, Vec<usize>)| {
         let values = study.values(line[0]);
-        let mut cells: Vec<String> = others.iter().map(|key| short(values[*key])).collect();
+        let mut cells: Vec<String> =
+            others.iter().map(|key| study.ranges()[*key].shown(values[*key])).collect();
         cells.extend(reaches.iter().map(|lines| lines[i].text(study.unit(main))));
         cells
     };
     let rows = outcome.lines(main).into_iter().enumerate().map(row).collect();
-    let caption =
-        format!("{}: where the RMS error is within {within_k} K", study.ranges()[main].key);
-    let section = Section::new("Limits").table(Table { caption, columns, rows });
-    section.paragraph("Limits are interpolated between the points of the grid.")
+    section.table(Table { caption, columns, rows }).paragraph(interpolated)
 }
 
 fn how(outcome: &Outcome) -> Section {
     let study = outcome.study;
     let rows = study.ranges().iter().enumerate().map(|(i, range)| {
         let (first, last) = (range.values[0], range.values[range.values.len() - 1]);
-        let shown = |value: f64| match range.words[..] {
-            [] => short(value),
-            _ => range.text(value),
-        };
         let count = match range.interval {
             true => "any between".to_owned(),
             false => range.values.len().to_string(),
         };
-        let scale = if range.logarithmic { "logarithmic" } else { "linear" };
-        vec![axis(study, i), count, shown(first), shown(last), scale.to_owned()]
+        let scale = match (&range.words[..], range.logarithmic) {
+            ([], true) => "logarithmic",
+            ([], false) => "linear",
+            _ => "words",
+        };
+        vec![axis(study, i), count, range.shown(first), range.shown(last), scale.to_owned()]
     });
     let columns = ["Key", "Values", "From", "To", "Scale"];
     let mut section = Section::new("What was run").table(Table {

@@ -1,6 +1,7 @@
 //! What a sweep varies: `--vary KEY=FROM:TO:COUNT`, `KEY=FROM:TO`, `KEY=A,B,C`.
 
 use crate::files::input::Problem;
+use crate::report::number::short;
 use crate::report::scale::Spacing;
 use crate::scenario::Document;
 use serde::Serialize;
@@ -46,6 +47,14 @@ impl Range {
         match self.words.get(value as usize) {
             Some(word) => word.clone(),
             None => value.to_string(),
+        }
+    }
+
+    /// One of its values for a reader: the word, or few digits of the number.
+    pub fn shown(&self, value: f64) -> String {
+        match self.words[..] {
+            [] => short(value),
+            _ => self.text(value),
         }
     }
 

@@ -4,7 +4,7 @@ use super::{Identified, Readings};
 use crate::report::Colour;
 use crate::report::chart::{Axis, Chart, Panel};
 use crate::report::heatmap::{Heatmap, Style};
-use crate::report::number::significant;
+use crate::report::number::{short, significant};
 use crate::report::page::{Page, Section, Table, Tile};
 use crate::scenario;
 
@@ -112,8 +112,8 @@ fn fit(identified: &Identified) -> Section {
         x_label: "Gauge pressure, kPa".to_owned(),
         y_label: "Length, mm".to_owned(),
         value_label: "Law less reading, N".to_owned(),
-        x: pressures_pa.iter().map(|pressure_pa| pressure_pa / 1000.0).collect(),
-        y: lengths_m.iter().map(|length_m| 1000.0 * length_m).collect(),
+        x: pressures_pa.iter().map(|pressure_pa| short(pressure_pa / 1000.0)).collect(),
+        y: lengths_m.iter().map(|length_m| short(1000.0 * length_m)).collect(),
         cells: lengths_m
             .iter()
             .map(|length_m| {
