@@ -303,8 +303,8 @@ fn the_run_page_is_well_formed_whole_and_small() {
     let page = full_report();
     keep("run.html", &page);
     let drawings = drawings(&page);
-    let charts = drawings.iter().filter(|svg| svg.contains("role=\"img\"")).count();
-    assert_eq!(charts, 8);
+    let charts = drawings.iter().filter(|svg| svg.contains("role=\"img\""));
+    assert_eq!(charts.filter(|svg| !svg.contains("chart narrow")).count(), 8);
     for svg in drawings {
         assert!(elements(svg).unwrap_or_else(|e| panic!("{e}: {svg}")) >= 2);
     }
@@ -374,6 +374,15 @@ fn a_cell_shows_its_value_where_there_is_room_for_it() {
     let map = narrow_map(10, 0.0123);
     assert_eq!(map.matches("cell-value").count(), 0, "{map}");
     assert_eq!(map.matches("<title>0.0123</title>").count(), 10, "{map}");
+}
+
+#[test]
+fn what_nothing_draws_anew_has_a_drawing_for_a_phone() {
+    for figure in bars().iter().chain(&muscles()) {
+        let narrow: Vec<&str> = figure.svg().split("<svg class=\"chart narrow\"").skip(1).collect();
+        assert_eq!(narrow.len(), 1, "{}", figure.svg());
+        assert!(narrow[0].contains("viewBox=\"0 0 358 "), "{}", narrow[0]);
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::Colour;
 use super::axes::{Area, FOOT, axis_title, ticks};
-use super::chart::FULL_WIDTH;
+use super::chart::{FULL_WIDTH, NARROW_WIDTH};
 use super::number::{px, significant};
 use super::page::{Drawing, Figure};
 use super::path::Path;
@@ -13,6 +13,8 @@ use super::scale::{Scale, Spacing, data_range};
 /// Width of a character of a bar's label, on average, rather more than less \[px\].
 const CHARACTER: f64 = 7.6;
 const ROW: f64 = 30.0;
+/// The same where labels stand above their bars.
+const TALL_ROW: f64 = 46.0;
 const TOP: f64 = 8.0;
 /// Space for a bar's value beside its end \[px\].
 const VALUE: f64 = 70.0;
@@ -75,7 +77,8 @@ impl Bars {
                 } }
             }
         };
-        Figure::new(title, caption, Drawing::still(legend, self.svg(title)))
+        let drawings = html! { (self.svg(title, FULL_WIDTH)) (self.svg(title, NARROW_WIDTH)) };
+        Figure::new(title, caption, Drawing::still(legend, drawings))
     }
 
     fn range(&self) -> (f64, f64) {
@@ -89,26 +92,35 @@ impl Bars {
         }
     }
 
-    fn svg(&self, name: &str) -> Markup {
+    fn svg(&self, name: &str, width: f64) -> Markup {
+        let narrow = width < FULL_WIDTH;
         let range = self.range();
         let longest =
             self.bars.iter().map(|bar| bar.label.chars().count()).max().unwrap_or(0) as f64;
-        let labels = (longest * CHARACTER + 14.0).min(FULL_WIDTH / 2.0);
+        let labels = if narrow { 2.0 } else { (longest * CHARACTER + 14.0).min(width / 2.0) };
+        let row = if narrow { TALL_ROW } else { ROW };
         let left = if range.0 < 0.0 { labels + VALUE } else { labels };
-        let right = FULL_WIDTH - VALUE;
-        let bottom = TOP + ROW * self.bars.len() as f64;
+        let right = width - VALUE;
+        let bottom = TOP + row * self.bars.len() as f64;
         let x = Scale::new(range, (left, right), self.spacing);
-        let x_ticks = ticks(&x, (right - left) / 100.0);
+        let x_ticks = ticks(&x, (right - left) / if narrow { 60.0 } else { 100.0 });
         let area = Area { left, right, top: TOP, bottom };
         let origin = if self.spacing == Spacing::Linear { x.position(0.0) } else { left };
         let height = bottom + FOOT;
         let title = axis_title(&self.label, &self.unit);
         html! {
-            svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(name)
-                width=(px(FULL_WIDTH)) height=(px(height)) viewBox={ "0 0 " (px(FULL_WIDTH)) " " (px(height)) } {
+            svg.chart.narrow[narrow] xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(name)
+                width=(px(width)) height=(px(height)) viewBox={ "0 0 " (px(width)) " " (px(height)) } {
                 (area.draw(&x_ticks, &[]))
                 @for (i, bar) in self.bars.iter().enumerate() {
-                    (self.bar_at(bar, &x, TOP + ROW * (i as f64 + 0.5), labels, origin))
+                    @let top = TOP + row * i as f64;
+                    @let middle = top + row - ROW / 2.0;
+                    @if narrow {
+                        text.label x="0" y=(px(top + 14.0)) { (bar.label) }
+                    } @else {
+                        text.label x=(px(labels - 12.0)) y=(px(middle + 4.0)) text-anchor="end" { (bar.label) }
+                    }
+                    (self.bar_at(bar, &x, middle, origin))
                 }
                 path.frame d=(Path::through([(origin, TOP), (origin, bottom)]).data()) {}
                 (area.x_axis(&x_ticks, &title))
@@ -116,7 +128,7 @@ impl Bars {
         }
     }
 
-    fn bar_at(&self, bar: &Bar, x: &Scale, middle: f64, labels: f64, origin: f64) -> Markup {
+    fn bar_at(&self, bar: &Bar, x: &Scale, middle: f64, origin: f64) -> Markup {
         let drawn = x.shows(bar.value);
         let end = if drawn { x.position(bar.value) } else { origin };
         let target = bar.target.filter(|t| x.shows(*t));
@@ -128,7 +140,6 @@ impl Bars {
             ("start", mark.unwrap_or(end).max(end) + 10.0)
         };
         html! {
-            text.label x=(px(labels - 12.0)) y=(px(middle + 4.0)) text-anchor="end" { (bar.label) }
             g class=(bar.colour.class()) {
                 @if drawn && self.spacing == Spacing::Linear {
                     rect.bar x=(px(end.min(origin))) y=(px(middle - 9.0)) width=(px((end - origin).abs()))

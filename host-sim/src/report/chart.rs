@@ -20,6 +20,8 @@ use serde_json::{Value, json};
 
 /// Width of a chart across the page \[px\].
 pub const FULL_WIDTH: f64 = 860.0;
+/// Width of a drawing for a phone, beside the one across the page \[px\].
+pub(super) const NARROW_WIDTH: f64 = 358.0;
 /// Width of a chart beside another one \[px\].
 pub const HALF_WIDTH: f64 = 420.0;
 

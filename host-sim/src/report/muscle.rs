@@ -6,7 +6,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use maud::{Markup, html};
 
 use super::axes::{Area, FOOT, ticks};
-use super::chart::FULL_WIDTH;
+use super::chart::{FULL_WIDTH, NARROW_WIDTH};
 use super::colour::{fraction, hex};
 use super::heatmap::colour_bar;
 use super::number::{fixed, px};
@@ -24,8 +24,7 @@ pub fn palette(count: usize) -> Vec<String> {
     (0..count).map(|i| hex(MAP, i as f64 / last)).collect()
 }
 
-// Layout [px]: a dark picture above, the axial profile below, both over the same muscle.
-const PICTURE_HEIGHT: f64 = 224.0;
+// Layout of the picture across a page [px].
 const LEFT: f64 = 142.0;
 const RIGHT: f64 = 650.0;
 const LENGTH: f64 = RIGHT - LEFT;
@@ -34,9 +33,49 @@ const RADIUS: f64 = 46.0;
 const FITTING_RADIUS: f64 = 17.0;
 /// Length over which the body tapers to a fitting.
 const TAPER: f64 = 66.0;
-const PROFILE_TOP: f64 = PICTURE_HEIGHT + 40.0;
-const PROFILE_BOTTOM: f64 = PROFILE_TOP + 110.0;
-const HEIGHT: f64 = PROFILE_BOTTOM + FOOT;
+
+/// A dark picture above, the axial profile below \[px\].
+struct Layout {
+    width: f64,
+    picture_height: f64,
+    /// The picture's factor, and where its axis begins at the port.
+    scale: f64,
+    port: (f64, f64),
+    /// Heights of the texts of the coldest and of the hottest zone.
+    extremes: [f64; 2],
+    /// Left, top and bottom of the colour bar.
+    bar: (f64, f64, f64),
+    profile: Area,
+}
+
+/// Across the page: the profile stands below the muscle.
+const WIDE: Layout = Layout {
+    width: FULL_WIDTH,
+    picture_height: 224.0,
+    scale: 1.0,
+    port: (LEFT, AXIS_Y),
+    extremes: [AXIS_Y - RADIUS - 28.0; 2],
+    bar: (786.0, 44.0, 196.0),
+    profile: Area { left: LEFT, right: RIGHT, top: 264.0, bottom: 374.0 },
+};
+
+/// On a phone, where text is as large as ever and the muscle is not.
+const NARROW: Layout = Layout {
+    width: NARROW_WIDTH,
+    picture_height: 136.0,
+    scale: 0.44,
+    port: (34.0, 70.0),
+    extremes: [24.0, 124.0],
+    bar: (304.0, 36.0, 116.0),
+    profile: Area { left: 48.0, right: 346.0, top: 176.0, bottom: 286.0 },
+};
+
+impl Layout {
+    /// Where a place along the muscle is.
+    fn along(&self, at: f64) -> f64 {
+        self.port.0 + (at - LEFT) * self.scale
+    }
+}
 
 /// A thread's half turn along the axis, and the distance from one thread to the next.
 const HALF_TURN: f64 = 190.0;
@@ -61,24 +100,37 @@ impl Muscle {
 
     /// Draws it. Zones that are not finite are left out; without zones the body stays cold.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
-        let zones = self.zones();
-        let id = self.id();
-        let svg = html! {
-            svg.chart.muscle xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
-                width=(px(FULL_WIDTH)) height=(px(HEIGHT)) viewBox={ "0 0 " (px(FULL_WIDTH)) " " (px(HEIGHT)) } {
-                (self.definitions(&id, &zones))
-                rect width=(px(FULL_WIDTH)) height=(px(PICTURE_HEIGHT)) rx="8" fill="#0b0a14" {}
-                (connections())
-                (body(&id))
-                (fittings(&id))
-                (extremes(&zones))
-                g.on-dark {
-                    (colour_bar(MAP, self.scale_degc, Spacing::Linear, "°C", 786.0, (44.0, 196.0)))
-                }
-                (self.profile(&zones))
-            }
+        let drawings = html! {
+            (self.svg(title, &self.id(), &WIDE))
+            // What is not shown lends nobody its gradients.
+            (self.svg(title, &format!("{}-narrow", self.id()), &NARROW))
         };
-        Figure::new(title, caption, Drawing::still(html! {}, svg))
+        Figure::new(title, caption, Drawing::still(html! {}, drawings))
+    }
+
+    fn svg(&self, title: &str, id: &str, layout: &Layout) -> Markup {
+        let zones = self.zones();
+        let narrow = layout.width < FULL_WIDTH;
+        let height = layout.profile.bottom + FOOT;
+        let (bar, top, bottom) = layout.bar;
+        let (x, y) = (layout.along(0.0), layout.port.1 - AXIS_Y * layout.scale);
+        html! {
+            svg.chart.narrow[narrow] xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
+                width=(px(layout.width)) height=(px(height)) viewBox={ "0 0 " (px(layout.width)) " " (px(height)) } {
+                (self.definitions(id, &zones))
+                rect width=(px(layout.width)) height=(px(layout.picture_height)) rx="8" fill="#0b0a14" {}
+                @if !narrow { (connections()) }
+                g transform={ "translate(" (px(x)) " " (px(y)) ") scale(" (layout.scale) ")" } {
+                    (body(id, if narrow { html! { use href={ "#" (self.id()) "-threads" } {} } } else { threads(id) }))
+                    (fittings(id))
+                }
+                (extremes(&zones, layout))
+                g.on-dark {
+                    (colour_bar(MAP, self.scale_degc, Spacing::Linear, "°C", bar, (top, bottom)))
+                }
+                (self.profile(&zones, layout.profile))
+            }
+        }
     }
 
     /// Position of each zone's centre \[px\] and its temperature \[degC\].
@@ -134,21 +186,21 @@ impl Muscle {
         }
     }
 
-    fn profile(&self, zones: &[(f64, f64)]) -> Markup {
+    fn profile(&self, zones: &[(f64, f64)], area: Area) -> Markup {
         let range =
             with_room(data_range(zones.iter().map(|(_, t)| *t), Spacing::Linear), Spacing::Linear);
-        let y = Scale::new(range, (PROFILE_BOTTOM, PROFILE_TOP), Spacing::Linear);
-        let x = Scale::new((0.0, 1.0), (LEFT, RIGHT), Spacing::Linear);
-        let area = Area { left: LEFT, right: RIGHT, top: PROFILE_TOP, bottom: PROFILE_BOTTOM };
+        let y = Scale::new(range, (area.bottom, area.top), Spacing::Linear);
+        let x = Scale::new((0.0, 1.0), (area.left, area.right), Spacing::Linear);
+        let along = |at: f64| x.position((at - LEFT) / LENGTH);
         let x_ticks = ticks(&x, 5.0);
-        let line = Path::through(zones.iter().map(|(at, t)| (*at, y.position(*t))));
+        let line = Path::through(zones.iter().map(|(at, t)| (along(*at), y.position(*t))));
         html! {
-            text.axis x=(px(LEFT - 44.0)) y=(px(PROFILE_TOP - 12.0)) { "Wall temperature [°C]" }
+            text.axis x=(px(area.left - 44.0)) y=(px(area.top - 12.0)) { "Wall temperature [°C]" }
             (area.draw(&x_ticks, &ticks(&y, 4.0)))
             (area.x_axis(&x_ticks, "Position along the muscle, port to closed end [–]"))
             path.c-ink.line d=(line.data()) {}
             @for (at, t) in zones {
-                circle.zone cx=(px(*at)) cy=(px(y.position(*t))) r="5" fill=(hex(MAP, fraction(*t, self.scale_degc))) {}
+                circle.zone cx=(px(along(*at))) cy=(px(y.position(*t))) r="5" fill=(hex(MAP, fraction(*t, self.scale_degc))) {}
             }
         }
     }
@@ -180,7 +232,7 @@ fn outline() -> Path {
 }
 
 /// The visible halves of all threads of one direction: helices seen from the side.
-fn threads(direction: f64) -> Path {
+fn one_way(direction: f64) -> Path {
     let mut path = Path::default();
     let count = ((LENGTH + HALF_TURN) / THREAD_PITCH) as i32;
     for i in 0..count {
@@ -197,15 +249,22 @@ fn threads(direction: f64) -> Path {
     path
 }
 
-fn body(id: &str) -> Markup {
+/// All threads, to be used by another drawing too.
+fn threads(id: &str) -> Markup {
+    html! {
+        g id={ (id) "-threads" } fill="none" stroke-linecap="butt" {
+            path d=(one_way(1.0).data()) stroke="#000" stroke-opacity=".38" stroke-width="1.6" {}
+            path d=(one_way(-1.0).data()) stroke="#fff" stroke-opacity=".2" stroke-width="1.1" {}
+        }
+    }
+}
+
+fn body(id: &str, threads: Markup) -> Markup {
     let outline = outline();
     html! {
         path d=(outline.data()) fill={ "url(#" (id) "-heat)" } filter={ "url(#" (id) "-glow)" } opacity=".45" {}
         path d=(outline.data()) fill={ "url(#" (id) "-heat)" } {}
-        g fill="none" stroke-linecap="butt" {
-            path d=(threads(1.0).data()) stroke="#000" stroke-opacity=".38" stroke-width="1.6" {}
-            path d=(threads(-1.0).data()) stroke="#fff" stroke-opacity=".2" stroke-width="1.1" {}
-        }
+        (threads)
         path d=(outline.data()) fill={ "url(#" (id) "-round)" } {}
     }
 }
@@ -243,17 +302,22 @@ fn connections() -> Markup {
 }
 
 /// Cross hairs at the coldest and the hottest zone, as a thermal camera shows them.
-fn extremes(zones: &[(f64, f64)]) -> Markup {
+fn extremes(zones: &[(f64, f64)], layout: &Layout) -> Markup {
     let coldest = zones.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let hottest =
         zones.iter().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|hottest| Some(*hottest) != coldest);
     html! {
         g.on-dark {
-            @for (name, (at, t)) in [("min", coldest), ("max", hottest)].into_iter().filter_map(|(n, z)| Some((n, z?))) {
-                path.sketch d={ "M" (px(*at)) " " (px(AXIS_Y - 10.0)) "v7m0 6v7m-10-10h7m6 0h7" } {}
-                path.leader d={ "M" (px(*at)) " " (px(AXIS_Y - 14.0)) "V" (px(AXIS_Y - RADIUS - 22.0)) } {}
-                text.small x=(px(at.clamp(LEFT + 26.0, RIGHT - 26.0))) y=(px(AXIS_Y - RADIUS - 28.0))
-                    text-anchor="middle" { (name) " " (fixed(*t, 1)) " °C" }
+            @for ((name, zone), text_y) in [("min", coldest), ("max", hottest)].into_iter().zip(layout.extremes) {
+                @if let Some((at, t)) = zone {
+                    @let (x, y) = (layout.along(*at), layout.port.1);
+                    // The leader ends short of cross hairs and text, above or below.
+                    @let (near, far) = if text_y < y { (y - 14.0, text_y + 6.0) } else { (y + 14.0, text_y - 14.0) };
+                    path.sketch d={ "M" (px(x)) " " (px(y - 10.0)) "v7m0 6v7m-10-10h7m6 0h7" } {}
+                    path.leader d={ "M" (px(x)) " " (px(near)) "V" (px(far)) } {}
+                    text.small x=(px(x.clamp(layout.along(LEFT) + 26.0, layout.along(RIGHT) - 26.0))) y=(px(text_y))
+                        text-anchor="middle" { (name) " " (fixed(*t, 1)) " °C" }
+                }
             }
         }
     }

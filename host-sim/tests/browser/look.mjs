@@ -82,9 +82,9 @@ const phone = await open({ width: 390, height: 844, isMobile: true, hasTouch: tr
 const narrow = await phone.evaluate(() => ({
   page_px: document.documentElement.scrollWidth,
   // What is wider than its place, by its figure or table.
-  cut: [...document.querySelectorAll(".live, .table")].filter((node) => node.scrollWidth > node.clientWidth + 1)
+  cut: [...document.querySelectorAll(".plot, .table")].filter((node) => node.scrollWidth > node.clientWidth + 1)
     .map((node) => (node.closest("figure") || node).id || node.textContent.slice(0, 40)),
-  smallest_text_px: Math.min(...[...document.querySelectorAll(".live text")].map((text) =>
+  smallest_text_px: Math.min(...[...document.querySelectorAll(".plot .chart text")].filter((text) => text.checkVisibility()).map((text) =>
     parseFloat(getComputedStyle(text).fontSize) * text.ownerSVGElement.getBoundingClientRect().width /
     text.ownerSVGElement.viewBox.baseVal.width)),
 }));
