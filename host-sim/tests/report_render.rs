@@ -404,6 +404,34 @@ fn what_is_not_a_number_meets_no_target() {
 }
 
 #[test]
+fn a_page_with_every_column_measured_stays_below_1_mb() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = include_str!("../../scenarios/nominal.toml");
+    let other = text.replace("seed = 1\n", "seed = 2\n");
+    assert_ne!(text, other);
+    let [one, two] = [("one", text), ("two", &other)].map(|(name, text)| {
+        let file = folder.path().join(name).with_extension("toml");
+        std::fs::write(&file, text).unwrap();
+        (file.display().to_string(), folder.path().join(name).display().to_string())
+    });
+    let run = |arguments: &[&str]| {
+        let (mut out, mut err) = (Vec::new(), Vec::new());
+        let all = ["thermyo", "run", "--quiet"].iter().chain(arguments);
+        let code = host_sim::cli::run(all, &mut out, &mut err);
+        assert_eq!(code, 0, "{}", String::from_utf8_lossy(&err));
+    };
+    run(&[&one.0, "--out", &one.1]);
+    run(&[&two.0, "--out", &two.1, "--measured", &format!("{}/trace.csv", one.1)]);
+    let page = std::fs::read_to_string(Path::new(&two.1).join("report.html")).unwrap();
+    keep("measured.html", &page);
+    assert!((500_000..1_000_000).contains(&page.len()), "{} bytes", page.len());
+    let (_, compared) = page.split_once("Against the measurement</h2>").unwrap();
+    let (compared, _) = compared.split_once("</table>").unwrap();
+    assert_eq!(compared.matches("class=\"axis\" x=\"0\"").count(), 6, "panels");
+    assert_eq!(compared.matches("<tr>").count(), 21, "a row for each column");
+}
+
+#[test]
 fn an_hour_at_a_kilohertz_makes_a_page_below_3_mb() {
     let mut series = Recorder::new(&COLUMNS);
     let mut noise = 0.3_f64;

@@ -10,6 +10,7 @@ use maud::{Markup, PreEscaped, html};
 
 use super::Colour;
 use super::axes::{Area, FOOT, Tick, axis_title, ticks};
+use super::decimate;
 use super::layer::{Layer, Mark};
 use super::number::px;
 use super::page::{DRAWING_STYLE, Drawing, Figure};
@@ -299,6 +300,8 @@ impl Chart {
                 places.map(|(i, word)| (x.position(i as f64), word.clone())).collect()
             }
         };
+        let layers: usize = self.panels.iter().map(|panel| panel.layers.len()).sum();
+        let points = (decimate::DRAWING / layers.max(1)).min(decimate::POINTS);
         let (marker_labels, marker_rows) = self.marker_labels(&x, window);
         let first_top = HEAD + marker_rows as f64 * LINE_HEIGHT;
         let mut next_top = first_top;
@@ -322,7 +325,7 @@ impl Chart {
             svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
                 width=(px(self.width)) height=(px(height)) viewBox={ "0 0 " (px(self.width)) " " (px(height)) } {
                 @for (panel, area) in self.panels.iter().zip(&areas) {
-                    (panel.draw(*area, window, &x, &x_ticks))
+                    (panel.draw(*area, window, points, &x, &x_ticks))
                 }
                 @for (line, middle, row, label) in &marker_labels {
                     path.marker d={ "M" (px(*line)) " " (px(first_top)) "V" (px(last.bottom)) } {}
@@ -391,7 +394,14 @@ impl Panel {
         })
     }
 
-    fn draw(&self, area: Area, window: (f64, f64), x: &Scale, x_ticks: &[Tick]) -> Markup {
+    fn draw(
+        &self,
+        area: Area,
+        window: (f64, f64),
+        points: usize,
+        x: &Scale,
+        x_ticks: &[Tick],
+    ) -> Markup {
         let y = self.scale(window, area);
         let y_ticks = ticks(&y, self.height / Y_TICK_DISTANCE);
         let (clip_left, clip_top) = (px(area.left - CLIP_MARGIN), px(area.top - CLIP_MARGIN));
@@ -405,7 +415,7 @@ impl Panel {
                 viewBox={ (clip_left) " " (clip_top) " " (clip_width) " " (clip_height) } {
                 @for mark in Mark::STACK {
                     @for layer in self.layers.iter().filter(|layer| layer.mark == mark) {
-                        (layer.draw(window, x, &y))
+                        (layer.draw(window, points, x, &y))
                     }
                 }
                 @for (value, _) in &self.references {

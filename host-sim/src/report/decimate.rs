@@ -4,6 +4,8 @@ use std::ops::Range;
 
 /// Points of one curve at the most: about two per pixel of a full-width chart.
 pub const POINTS: usize = 1500;
+/// Points of all curves of one drawing together: enough for five, and thinner curves where there are more.
+pub const DRAWING: usize = 5 * POINTS;
 
 /// Which extremes have to stay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -91,7 +91,7 @@ impl Layer {
     }
 
     /// What is drawn: unbroken stretches; of a band, their outlines.
-    fn runs(&self, window: (f64, f64)) -> Vec<Vec<(f64, f64)>> {
+    fn runs(&self, window: (f64, f64), points: usize) -> Vec<Vec<(f64, f64)>> {
         let rows = self.rows(window);
         if rows.is_empty() {
             return Vec::new();
@@ -100,27 +100,24 @@ impl Layer {
             decimate::curve(&self.x[rows.clone()], &edge[rows.clone()], keep, budget)
         };
         match (self.mark, &self.edges[..]) {
-            (Mark::Plane, [y]) => thinned(y, Keep::Both, decimate::POINTS),
-            (Mark::Dots, [y]) => thinned(y, Keep::Y, decimate::POINTS / 3),
+            (Mark::Plane, [y]) => thinned(y, Keep::Both, points),
+            (Mark::Dots, [y]) => thinned(y, Keep::Y, points / 3),
             (Mark::Band, [low, high]) => {
-                let [low, high] =
-                    [low, high].map(|edge| thinned(edge, Keep::Y, decimate::POINTS / 2));
+                let [low, high] = [low, high].map(|edge| thinned(edge, Keep::Y, points / 2));
                 low.into_iter()
                     .zip(high)
                     .map(|(low, high)| low.into_iter().chain(high.into_iter().rev()).collect())
                     .collect()
             }
-            (_, edges) => {
-                edges.iter().flat_map(|y| thinned(y, Keep::Y, decimate::POINTS)).collect()
-            }
+            (_, edges) => edges.iter().flat_map(|y| thinned(y, Keep::Y, points)).collect(),
         }
     }
 
-    pub(super) fn draw(&self, window: (f64, f64), x: &Scale, y: &Scale) -> Markup {
+    pub(super) fn draw(&self, window: (f64, f64), points: usize, x: &Scale, y: &Scale) -> Markup {
         let drawable = |p: &&(f64, f64)| x.shows(p.0) && y.shows(p.1);
         let at = |p: &(f64, f64)| (x.position(p.0), y.position(p.1));
         let mut path = Path::default();
-        for run in self.runs(window) {
+        for run in self.runs(window, points) {
             let shown = run.iter().filter(drawable).map(at);
             match self.mark {
                 Mark::Dots => path.dots(shown),
@@ -199,9 +196,9 @@ mod tests {
     fn a_window_is_thinned_for_itself() {
         let x: Vec<f64> = (0..100_000).map(f64::from).collect();
         let layer = Layer::new("", Colour::Blue, Mark::Line, &x, &[&x]);
-        let runs = layer.runs((500.0, 600.0));
+        let runs = layer.runs((500.0, 600.0), decimate::POINTS);
         assert_eq!(runs.len(), 1);
         assert_eq!((runs[0][0].0, runs[0].len()), (499.0, 103));
-        assert!(layer.runs((200_000.0, 300_000.0)).iter().flatten().count() <= 1);
+        assert!(layer.runs((200_000.0, 300_000.0), decimate::POINTS).iter().flatten().count() <= 1);
     }
 }

@@ -6,7 +6,7 @@ use super::page::Tile;
 use super::run_report::{
     self, Measured as MeasuredColumn, RunReport, SummaryRow, capitalised, label,
 };
-use super::series::Recorder;
+use super::series::{CAPACITY, Recorder};
 use crate::files::measured::Measured;
 use crate::files::summary::{Summary, whole_strokes};
 use crate::files::trace::{COLUMNS, Row};
@@ -16,6 +16,8 @@ use crate::simulation::run::SetPoints;
 
 /// Strokes that the enlarged temperature chart shows.
 const DETAIL_STROKES: f64 = 3.0;
+/// Measured values that the page shows: of two columns all rows of a recording, of twenty a tenth.
+const MEASURED_CELLS: usize = 2 * CAPACITY;
 
 /// Records what the page draws, in bounded memory, while a run goes on.
 #[derive(Debug)]
@@ -84,10 +86,11 @@ impl RunRecorder {
         let measured: Vec<MeasuredColumn> = measured
             .iter()
             .flat_map(|measured| &measured.columns)
-            .filter_map(|column| {
+            .zip(measured.map(thinned).unwrap_or_default())
+            .filter_map(|(column, points)| {
                 Some(MeasuredColumn {
                     column: column.name.clone(),
-                    points: column.points.clone(),
+                    points,
                     rmse: rmse(&column.name)?.rmse,
                     max: rmse(&column.name)?.max,
                 })
@@ -115,6 +118,33 @@ impl RunRecorder {
             detail_s,
         })
     }
+}
+
+/// The points of every measured column, few enough for a page; columns over the same times stay so.
+fn thinned(measured: &Measured) -> Vec<Vec<(f64, f64)>> {
+    let columns = &measured.columns;
+    let most = (MEASURED_CELLS / columns.len().max(1)).min(CAPACITY) / 4 * 4;
+    let names: Vec<&str> =
+        ["time_s"].into_iter().chain(columns.iter().map(|column| column.name.as_str())).collect();
+    let mut recorder = Recorder::with_capacity(&names, most.max(4));
+    let mut next = vec![0; columns.len()];
+    loop {
+        let heads = columns.iter().zip(&next).map(|(column, at)| column.points.get(*at));
+        let Some(time_s) = heads.flatten().map(|point| point.0).reduce(f64::min) else { break };
+        let values = columns.iter().zip(&mut next).map(|(column, at)| {
+            let point = column.points.get(*at).filter(|point| point.0 == time_s);
+            *at += usize::from(point.is_some());
+            point.map_or(f64::NAN, |point| point.1)
+        });
+        let row: Vec<f64> = [time_s].into_iter().chain(values).collect();
+        recorder.push(&row);
+    }
+    let time = recorder.column("time_s").unwrap_or_default();
+    let points = |name: &&str| {
+        let values = recorder.column(name).unwrap_or_default();
+        time.iter().copied().zip(values.iter().copied()).filter(|(_, v)| v.is_finite()).collect()
+    };
+    names[1..].iter().map(points).collect()
 }
 
 /// The message: what the run was for comes first.

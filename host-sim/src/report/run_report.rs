@@ -11,6 +11,8 @@ use serde::Serialize;
 
 /// The plant's gas temperature, which the others are compared with.
 const TRUTH: &str = "gas_temperature_k";
+/// Columns that are drawn against their measurement; the table has all.
+const MOST_COMPARED: usize = 6;
 
 /// How a column is called in a legend.
 pub(crate) fn label(column: &str) -> &str {
@@ -65,6 +67,16 @@ pub struct Measured {
     pub rmse: f64,
     /// Largest difference of the run to them, likewise \[SI\].
     pub max: f64,
+}
+
+impl Measured {
+    /// The difference as a share of what the measured values span.
+    fn share(&self) -> f64 {
+        let values = || self.points.iter().map(|point| point.1);
+        let span =
+            values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+        if span > 0.0 { self.rmse / span } else { 0.0 }
+    }
 }
 
 /// What a set point stood for, where one was driven.
@@ -219,18 +231,27 @@ impl RunReport<'_> {
             return None;
         }
         let colours = [Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple];
-        let panels = self.measured.iter().zip(colours.into_iter().cycle());
+        let mut drawn: Vec<&Measured> = self.measured.iter().collect();
+        drawn.sort_by(|a, b| b.share().total_cmp(&a.share()));
+        drawn.truncate(MOST_COMPARED);
+        let panels = drawn.into_iter().zip(colours.into_iter().cycle());
         let chart = panels.fold(Chart::new(self.time_axis()), |chart, (measured, colour)| {
             let unit = Unit::of_column(&measured.column).symbol;
             let name = label(&measured.column);
             let axis = Axis::new(&capitalised(name), unit);
             chart.panel(self.plot(Panel::new(axis).height(180.0), &measured.column, colour))
         });
-        let caption = "Points: measured. Lines: the run.";
+        let mut caption = "Points: measured. Lines: the run.".to_owned();
+        if self.measured.len() > MOST_COMPARED {
+            let of = self.measured.len();
+            caption += &format!(
+                " The {MOST_COMPARED} of {of} columns that differ most, for what they span."
+            );
+        }
         let columns = ["Quantity", "RMS difference", "Largest", "Unit"];
         Some(
             Section::new("Against the measurement")
-                .figure(chart.figure("Run and measurement", caption))
+                .figure(chart.figure("Run and measurement", &caption))
                 .table(Table {
                     caption: "Difference of the run to the measurement".to_owned(),
                     columns: columns.map(str::to_owned).to_vec(),

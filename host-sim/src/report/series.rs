@@ -3,7 +3,7 @@
 /// Rows kept at the most: 100 s of a run, logged as usual, whole, on a page below 1 MB.
 pub const CAPACITY: usize = 10_240;
 
-/// Keeps named columns of a run that may be arbitrarily long, in at most [`CAPACITY`] rows.
+/// Keeps named columns of a run that may be arbitrarily long, in at most [`CAPACITY`] rows, or in fewer.
 ///
 /// Samples are gathered in stretches of equal length, two rows each: the smallest and the largest
 /// value of the stretch, column by column, in the order in which they came. When the rows are used
@@ -16,6 +16,8 @@ pub const CAPACITY: usize = 10_240;
 pub struct Recorder {
     names: Vec<String>,
     columns: Vec<Vec<f64>>,
+    /// Rows at the most.
+    capacity: usize,
     /// Samples per stretch.
     stretch: usize,
     /// Samples in the last, still open stretch.
@@ -25,9 +27,15 @@ pub struct Recorder {
 impl Recorder {
     /// A recorder of columns with these names.
     pub fn new(names: &[&str]) -> Self {
+        Self::with_capacity(names, CAPACITY)
+    }
+
+    /// A recorder of fewer rows, a multiple of four.
+    pub fn with_capacity(names: &[&str], capacity: usize) -> Self {
         Self {
+            capacity,
             names: names.iter().map(|name| (*name).to_owned()).collect(),
-            columns: names.iter().map(|_| Vec::with_capacity(CAPACITY)).collect(),
+            columns: names.iter().map(|_| Vec::with_capacity(capacity)).collect(),
             stretch: 2,
             open: 2,
         }
@@ -40,7 +48,7 @@ impl Recorder {
     pub fn push(&mut self, sample: &[f64]) {
         assert_eq!(sample.len(), self.columns.len(), "one value per column: {:?}", self.names);
         if self.open == self.stretch {
-            if self.rows() == CAPACITY {
+            if self.rows() == self.capacity {
                 self.join_stretches();
             }
             self.open = 0;
@@ -70,11 +78,11 @@ impl Recorder {
 
     fn join_stretches(&mut self) {
         for column in &mut self.columns {
-            for joined in 0..CAPACITY / 4 {
+            for joined in 0..self.capacity / 4 {
                 let [a, b, c, d] = [0, 1, 2, 3].map(|i| column[4 * joined + i]);
                 [column[2 * joined], column[2 * joined + 1]] = widened(widened([a, b], c), d);
             }
-            column.truncate(CAPACITY / 2);
+            column.truncate(self.capacity / 2);
         }
         self.stretch *= 2;
     }
