@@ -116,6 +116,33 @@ fn an_earlier_page_is_kept() {
 }
 
 #[test]
+fn it_says_what_makes_no_sense_and_that_it_takes_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scenario.toml");
+    let script =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/playground_warnings.mjs");
+    let said = |text: &str| {
+        fs::write(&file, text).unwrap();
+        let output =
+            Command::new("node").arg(&script).arg(playground()).arg(&file).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert_eq!(said("[run]\nduration_s = 5\n"), "");
+    let supply = said("[supply]\npressure_pa = 7\n");
+    assert!(supply.starts_with("scenario.toml:2: supply.pressure_pa = 7"), "{supply}");
+    let vessel =
+        said("[plant]\nkind = \"vessel\"\n[muscle]\nzones = 4\n[drive]\nkind = \"closed\"\n");
+    assert!(vessel.starts_with("scenario.toml:4: [muscle] is not used"), "{vessel}");
+    fs::write(&file, "[drive]\nprofile_csv = \"p.csv\"\n").unwrap();
+    let refused = module(&file).unwrap_err();
+    assert!(
+        refused.contains("scenario.toml:2: drive.profile_csv: this page takes no CSV file"),
+        "{refused}"
+    );
+}
+
+#[test]
 fn the_page_runs_and_is_turned() {
     let Some(chromium) = chromium() else { return };
     prepare_node(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser")).unwrap();

@@ -19,8 +19,9 @@ const shared = { time: columns.time, columns, span: 20, end: 0, back: null, paus
 // Knobs
 
 /** Key, name, unit, factor from SI, least, most, digits; where it applies. */
-const isotonic = (settings) => settings.load.kind === "isotonic";
-const lifted = (settings) => settings.load.kind === "mass";
+const loaded = (settings) => settings.plant.kind !== "vessel";
+const isotonic = (settings) => loaded(settings) && settings.load.kind === "isotonic";
+const lifted = (settings) => loaded(settings) && settings.load.kind === "mass";
 const driven = (kind) => (settings) => settings.drive.kind === kind && !settings.drive.profile_csv;
 const KNOBS = [
   ["drive.pressure_pa", "Set point", "kPa", 1e-3, 110, 600, 0, driven("pressure")],
@@ -123,6 +124,12 @@ function fresh() {
   const { rest_length_m, thread_length_m, turns } = settings.muscle;
   muscleFacts = kind === "muscle" ? { rest_length_m, braid: { thread_length_m, turns } } : null;
   $("plot-length").hidden = !muscleFacts;
+  // A vessel has neither length nor braid.
+  $("muscle").hidden = $("r-length-row").hidden = kind === "vessel";
+  plots[1].traces[0].name = kind;
+  const warnings = simulation.warnings();
+  $("told").textContent = warnings;
+  $("told").hidden = !warnings;
   makeKnobs();
   tell();
 }
@@ -236,7 +243,7 @@ function draw() {
     }
     scale = scaleAround(low, high);
   }
-  muscle.draw(now, muscleFacts, scale);
+  if (!$("muscle").hidden) muscle.draw(now, muscleFacts, scale);
   put("r-pressure", (now.pressure / 1e3).toFixed(1), "kPa");
   put("r-gas", now.gas.toFixed(2), "K");
   put("r-sensor", now.sensor.toFixed(2), "K");

@@ -61,6 +61,12 @@ export class Simulation {
     return this.text().split("\n");
   }
 
+  /** What `thermyo run` would warn of, a line each. */
+  warnings() {
+    this.good(this.module.warnings());
+    return this.text();
+  }
+
   scenario() {
     this.good(this.module.scenario());
     return this.text();

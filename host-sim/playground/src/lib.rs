@@ -137,6 +137,15 @@ pub extern "C" fn state() -> bool {
     })
 }
 
+/// What `thermyo run` would warn of in the scenario that was started, a line each.
+#[unsafe(no_mangle)]
+pub extern "C" fn warnings() -> bool {
+    with(|playground| {
+        let outcome = playground.live().map(|live| live.warnings().into_bytes());
+        playground.say(outcome)
+    })
+}
+
 /// The scenario as it is now, for `thermyo run`.
 #[unsafe(no_mangle)]
 pub extern "C" fn scenario() -> bool {

@@ -2,7 +2,7 @@
 
 use host_sim::board::CoreBoard;
 use host_sim::files::trace::{COLUMNS, Row, cells_text};
-use host_sim::scenario::{self, Loaded};
+use host_sim::scenario::{self, Document, Loaded};
 use host_sim::simulation::run::{Run, run};
 use model_core::Faults;
 use model_core::Telemetry;
@@ -19,6 +19,8 @@ pub struct Live {
     loaded: Loaded,
     run: Run,
     board: CoreBoard,
+    /// What its text says that makes no sense, a line each.
+    warnings: String,
     /// What the core said last: its mode, its faults.
     said: Option<(Mode, Faults)>,
 }
@@ -29,7 +31,25 @@ pub fn header() -> String {
 }
 
 fn parsed(text: &str) -> Result<Loaded, String> {
-    scenario::parse(text, ORIGIN.as_ref()).map_err(|error| error.to_string())
+    Ok(parsed_with_warnings(text)?.0)
+}
+
+/// Along with what `thermyo run` warns of, a line each.
+fn parsed_with_warnings(text: &str) -> Result<(Loaded, String), String> {
+    let document = Document::parse(text, ORIGIN.as_ref()).map_err(|error| error.to_string())?;
+    let named = document.plant.iter().chain(document.believed.iter());
+    if let Some(entry) = named.into_iter().find(|entry| entry.path().ends_with("_csv")) {
+        let line = entry.line.map_or(String::new(), |line| format!(":{line}"));
+        return Err(format!(
+            "{ORIGIN}{line}: {}: this page takes no CSV file: leave the key out, or run the scenario with \
+             `thermyo run`",
+            entry.path(),
+        ));
+    }
+    let (loaded, warnings) =
+        scenario::parse_with_warnings(text, ORIGIN.as_ref()).map_err(|error| error.to_string())?;
+    let lines: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+    Ok((loaded, lines.join("\n")))
 }
 
 /// The same without an end, every step shown.
@@ -58,14 +78,15 @@ pub fn trace(text: &str) -> Result<Vec<u8>, String> {
 impl Live {
     /// At rest at time zero.
     pub fn start(text: &str) -> Result<Self, String> {
-        Self::of(parsed(text)?)
+        let (loaded, warnings) = parsed_with_warnings(text)?;
+        Self::of(loaded, warnings)
     }
 
-    fn of(loaded: Loaded) -> Result<Self, String> {
+    fn of(loaded: Loaded, warnings: String) -> Result<Self, String> {
         let mut board = CoreBoard::default();
         let run =
             Run::start(&endless(&loaded), &mut board, None).map_err(|error| error.to_string())?;
-        Ok(Self { loaded, run, board, said: None })
+        Ok(Self { loaded, run, board, warnings, said: None })
     }
 
     /// What the plant is now, as JSON.
@@ -86,7 +107,7 @@ impl Live {
         // By every rule of a file, and with its messages.
         let turned = parsed(&scenario::render(&turned))?;
         if configured {
-            *self = Self::of(turned)?;
+            *self = Self::of(turned, self.warnings.clone())?;
             return Ok(());
         }
         self.run
@@ -122,6 +143,11 @@ impl Live {
                 format!("{}\n{faults}", named.map_or("", |(_, name)| name))
             }
         }
+    }
+
+    /// What `thermyo run` would warn of, a line each.
+    pub fn warnings(&self) -> String {
+        self.warnings.clone()
     }
 
     /// The scenario as it is now.

@@ -81,7 +81,18 @@ pub fn load(path: &Path) -> Result<Loaded, InputError> {
 /// # Errors
 /// As [`load`].
 pub fn load_with_warnings(path: &Path) -> Result<(Loaded, Vec<InputError>), InputError> {
-    let document = Document::parse(&read_text(path)?, path)?;
+    parse_with_warnings(&read_text(path)?, path)
+}
+
+/// As [`parse`], along with what the text says that makes no sense: see [`warnings`].
+///
+/// # Errors
+/// As [`load`].
+pub fn parse_with_warnings(
+    text: &str,
+    origin: &Path,
+) -> Result<(Loaded, Vec<InputError>), InputError> {
+    let document = Document::parse(text, origin)?;
     let loaded = assemble(&document)?;
     let found = warnings(&document, &loaded);
     Ok((loaded, found))
