@@ -105,14 +105,26 @@ fn what_is_wrong_with_a_scenario_is_one_line() {
 }
 
 #[test]
-fn an_earlier_page_is_kept() {
+fn its_own_page_is_replaced_and_no_other() {
     let out = tempfile::tempdir().unwrap();
-    fs::write(out.path().join("index.html"), "mine").unwrap();
-    let output = thermyo().args(["playground", "--quiet", "--out"]).arg(out.path()).output();
-    let output = output.unwrap();
-    assert!(output.status.success() && output.stdout.is_empty());
-    assert_eq!(fs::read(out.path().join("earlier-1/index.html")).unwrap(), b"mine");
-    assert_ne!(fs::read(out.path().join("index.html")).unwrap(), b"mine");
+    let page = out.path().join("index.html");
+    let write =
+        || thermyo().args(["playground", "--quiet", "--out"]).arg(out.path()).output().unwrap();
+    let names = || fs::read_dir(out.path()).unwrap().count();
+    fs::write(&page, "mine").unwrap();
+    let refused = write();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("index.html: not of a playground"));
+    assert_eq!((names(), fs::read(&page).unwrap()), (1, b"mine".to_vec()));
+
+    fs::remove_file(&page).unwrap();
+    assert!(write().status.success());
+    let files = names();
+    fs::write(&page, "an older one").unwrap();
+    // Nothing else lies in what is served.
+    assert!(write().status.success());
+    assert_eq!(names(), files);
+    assert_ne!(fs::read(&page).unwrap(), b"an older one");
 }
 
 #[test]

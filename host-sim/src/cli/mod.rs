@@ -263,7 +263,7 @@ pub fn run<A: Into<OsString> + Clone>(
             monitor_command(&port, &folder, said, &log.wanted(), out, err)
         }
         Task::Serve(args) => serve::run(&args, out),
-        Task::Playground(args) => playground::run(&args, out, err),
+        Task::Playground(args) => playground::run(&args, out),
         Task::Board(command) => flashed::run(command, out, err),
         Task::EmulatedBoard(args) => flashed::serve(&args),
         Task::Ports(args) => flash::list(&args, out),

@@ -1,7 +1,7 @@
 //! `thermyo playground`: its arguments, and what it says.
 
 use super::{Failure, SaidArgs};
-use crate::commands::playground::{self, PlaygroundError, Written};
+use crate::commands::playground::{self, PlaygroundError};
 use crate::files::output::OutputDir;
 use clap::Args;
 use std::io::Write;
@@ -16,17 +16,9 @@ pub(super) struct PlaygroundArgs {
     said: SaidArgs,
 }
 
-pub(super) fn run(
-    args: &PlaygroundArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(args: &PlaygroundArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let folder = args.out.display();
-    let Written { bytes, earlier } = playground::write(OutputDir::create(&args.out)?)?;
-    if let Some(earlier) = earlier {
-        let earlier = earlier.display();
-        let _ = writeln!(stderr, "thermyo: the earlier result in {folder} is now in {earlier}");
-    }
+    let bytes = playground::write(OutputDir::create(&args.out)?)?;
     let page = args.out.join("index.html");
     args.said.done(
         stdout,

@@ -50,24 +50,20 @@ pub enum PlaygroundError {
     /// It did not build.
     #[error("the playground did not build:\n{0}")]
     Build(String),
+    /// The folder has a page of somebody else.
+    #[error("{}: not of a playground, and would be replaced: name another folder", .0.display())]
+    Foreign(PathBuf),
     /// A file cannot be written.
     #[error(transparent)]
     Output(#[from] InputError),
 }
 
-/// What has been written.
-pub struct Written {
-    /// Bytes of all files together.
-    pub bytes: u64,
-    /// Where an earlier one is now.
-    pub earlier: Option<PathBuf>,
-}
-
-/// Writes the page into a folder, with a module that is up to date.
+/// Writes the page into a folder, with a module that is up to date, in place of an earlier one: the folder is served as
+/// it is. Gives the bytes of all files together.
 ///
 /// # Errors
 /// [`PlaygroundError`], with the folder as it was.
-pub fn write(mut out: OutputDir) -> Result<Written, PlaygroundError> {
+pub fn write(mut out: OutputDir) -> Result<u64, PlaygroundError> {
     let module = module()?;
     let colours = json!(palette(page::PALETTE));
     let scenarios: Vec<_> =
@@ -84,6 +80,11 @@ pub fn write(mut out: OutputDir) -> Result<Written, PlaygroundError> {
         ("plot.js", page::PLOT.to_owned()),
         ("muscle.js", page::MUSCLE.to_owned()),
     ];
+    let own = out.path().join(MODULE).is_file();
+    let foreign = texts.iter().map(|(name, _)| out.path().join(name)).find(|file| file.exists());
+    if let Some(file) = foreign.filter(|_| !own) {
+        return Err(PlaygroundError::Foreign(file));
+    }
     let mut bytes = module.len();
     for (name, text) in &texts {
         bytes += text.len();
@@ -92,7 +93,8 @@ pub fn write(mut out: OutputDir) -> Result<Written, PlaygroundError> {
     let mut file = out.file(MODULE)?;
     file.write_all(&module).map_err(|error| out.unwritable(MODULE, &error))?;
     drop(file);
-    Ok(Written { bytes: bytes as u64, earlier: out.publish()? })
+    out.replace()?;
+    Ok(bytes as u64)
 }
 
 /// The module of this program, or of this checkout; cargo decides whether that is stale.

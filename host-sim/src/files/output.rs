@@ -1,4 +1,5 @@
-//! The output folder of a command: results appear in it all at once, and none is ever overwritten.
+//! The output folder of a command: results appear in it all at once, and none is ever overwritten,
+//! but the pages of `thermyo playground`.
 //!
 //! ```text
 //! DIR/                 the last result
@@ -141,13 +142,28 @@ impl OutputDir {
     pub fn publish(mut self) -> Result<Option<PathBuf>, InputError> {
         self.kept = true;
         let earlier = self.put_aside()?;
+        self.put()?;
+        Ok(earlier)
+    }
+
+    /// Puts the results where they belong, in place of earlier ones: for a folder that holds nothing that could not be
+    /// made again.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn replace(mut self) -> Result<(), InputError> {
+        self.kept = true;
+        self.put()
+    }
+
+    fn put(&self) -> Result<(), InputError> {
         for name in &self.files {
             fs::rename(self.unfinished.join(name), self.path.join(name))
                 .map_err(|error| self.unwritable(name, &error))?;
         }
         // Whatever else lies there is not ours.
         let _ = fs::remove_dir(&self.unfinished);
-        Ok(earlier)
+        Ok(())
     }
 
     /// Moves what an earlier command has left.
