@@ -10,6 +10,7 @@ mod failure;
 mod flash;
 mod flashed;
 mod fmu;
+mod folded;
 mod interrupt;
 mod log;
 mod playground;
@@ -21,6 +22,7 @@ mod tune;
 
 use self::board::BoardArgs;
 use self::failure::Failure;
+use self::folded::Folded;
 use self::log::LogArgs;
 use crate::board::{Board, CoreBoard};
 use crate::commands::identify::{IdentifyError, identify_table, static_map};
@@ -43,6 +45,7 @@ use crate::simulation::run::{self, RunError};
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use indicatif::{ProgressBar, ProgressStyle};
+use ratatui::crossterm::terminal;
 use std::ffi::OsString;
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -51,6 +54,10 @@ use std::time::Duration;
 
 /// Time between two looks of a bar whose parts are long.
 const TICK: Duration = Duration::from_millis(200);
+
+/// What asks for text that a program or a file takes: it is not folded.
+const AS_IT_IS: [Option<&str>; 4] =
+    [Some("--json"), Some("--plan"), Some("check"), Some("completions")];
 
 /// Thermodynamics of a pneumatic muscle: simulate it, estimate its gas temperature, drive it.
 #[derive(Debug, Parser)]
@@ -230,7 +237,18 @@ fn number(text: &str) -> Result<f32, String> {
 
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
-    ExitCode::from(run(std::env::args_os(), &mut io::stdout(), &mut io::stderr()))
+    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let columns = terminal::size().ok().filter(|_| io::stdout().is_terminal());
+    let code = match columns {
+        Some((columns, _))
+            if !arguments.iter().any(|argument| AS_IT_IS.contains(&argument.to_str())) =>
+        {
+            let mut out = Folded::new(io::stdout(), usize::from(columns));
+            run(arguments, &mut out, &mut io::stderr())
+        }
+        _ => run(arguments, &mut io::stdout(), &mut io::stderr()),
+    };
+    ExitCode::from(code)
 }
 
 /// Runs one command, program name first; gives its exit code.
