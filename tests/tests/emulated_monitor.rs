@@ -66,6 +66,21 @@ fn the_monitor_shows_records_and_survives_unplugging() {
         assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
     }
 
+    // In half of the width it is folded.
+    let mut narrow = Terminal::new(TestBackend::new(40, 24)).unwrap();
+    narrow.draw(|frame| draw(frame, &session)).unwrap();
+    let screen = narrow.backend().to_string();
+    for text in [
+        "space vents",
+        "Ctrl-C vents and leaves",
+        "pressure",
+        "missed",
+        "malformed",
+        "not configured",
+    ] {
+        assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
+    }
+
     // Where less is seen it goes on all the same.
     for (columns, rows) in [(40, 12), (20, 6), (1, 1)] {
         let mut small = Terminal::new(TestBackend::new(columns, rows)).unwrap();

@@ -1,4 +1,4 @@
-//! One picture of a session. It fits a terminal of 80 by 24.
+//! One picture of a session. It fits a terminal of 80 by 24; in a narrower one lines fold, and the plot makes room.
 
 use super::{Session, Status};
 use crate::files::board_trace::kind_and_values;
@@ -15,11 +15,13 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph,
 
 /// Draws the session.
 pub fn draw(frame: &mut Frame, session: &Session) {
+    let narrow = frame.area().width < 80;
+    let (head_rows, plot_rows, key_rows) = if narrow { (9, 0, 2) } else { (6, 8, 1) };
     let [head, muscle, plot, keys] = Layout::vertical([
-        Constraint::Length(6),
+        Constraint::Length(head_rows),
         Constraint::Length(8),
-        Constraint::Min(8),
-        Constraint::Length(1),
+        Constraint::Min(plot_rows),
+        Constraint::Length(key_rows),
     ])
     .areas(frame.area());
     draw_head(frame, head, session);
@@ -27,8 +29,9 @@ pub fn draw(frame: &mut Frame, session: &Session) {
         draw_muscle(frame, muscle, session, telemetry);
         draw_plot(frame, plot, session);
     }
-    let help = "space vents   a arms   arrows move the pressure   Ctrl-C vents and leaves";
-    frame.render_widget(Paragraph::new(help).style(Style::new().fg(Color::DarkGray)), keys);
+    let help = "space vents   Ctrl-C vents and leaves   a arms   arrows move the pressure";
+    let help = Paragraph::new(help).style(Style::new().fg(Color::DarkGray));
+    frame.render_widget(help.wrap(Wrap { trim: true }), keys);
 }
 
 fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
@@ -80,7 +83,8 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
         Line::styled(event, Color::Yellow),
         Line::raw(timing),
     ];
-    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(title)), area);
+    let lines = Paragraph::new(lines).wrap(Wrap { trim: true });
+    frame.render_widget(lines.block(Block::bordered().title(title)), area);
 }
 
 /// A quantity: its name, its share of the range, what is written beside it.
