@@ -253,5 +253,5 @@ def test_bad_input_to_the_command_leaves_nothing(tmp_path):
     assert not (tmp_path / "wrong.fmu").exists()
     (tmp_path / "there.fmu").write_text("mine")
     said = thermyo("fmu", SCENARIOS / "nominal.toml", "-o", tmp_path / "there.fmu")
-    assert said.returncode == 2 and "there.fmu: cannot be written" in said.stderr
+    assert said.returncode == 2 and "there.fmu: exists already" in said.stderr
     assert (tmp_path / "there.fmu").read_text() == "mine"
