@@ -6,6 +6,7 @@ use crate::files::output::OutputDir;
 use crate::report::Colour;
 use crate::report::Recorder;
 use crate::report::chart::{Axis, Chart, Panel};
+use crate::report::number::COUNT;
 use crate::report::page::{Page, Section, Tile};
 use clap::Args;
 use model_core::Telemetry;
@@ -126,9 +127,9 @@ fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
         );
     let caption = "What the core made of every recorded sample, and what it makes of it now.";
     let lead = format!("{}.", sentence(outcome, rows));
-    let steps = Tile::new("Steps replayed", outcome.steps as f64, "")
+    let steps = Tile::new("Steps replayed", outcome.steps as f64, COUNT)
         .target(&format!("all {rows}"), outcome.steps == rows);
-    let differing = Tile::new("Steps that differ", outcome.mismatches as f64, "")
+    let differing = Tile::new("Steps that differ", outcome.mismatches as f64, COUNT)
         .target("0", outcome.mismatches == 0);
     Page::new("Replay", &lead, "")
         .tile(differing)

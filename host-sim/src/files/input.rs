@@ -345,11 +345,16 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
     }
 }
 
-/// Whether bytes are text of two bytes a letter: by their byte order mark, or by a zero in the first line, which no text
-/// in UTF-8 has.
+/// Whether bytes are text of two bytes a letter: by their byte order mark, or because of the first two letters one byte
+/// each is zero, as of every Latin one.
 pub fn is_utf16(bytes: &[u8]) -> bool {
-    let marked = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
-    marked || bytes.iter().take_while(|byte| **byte != b'\n').any(|byte| *byte == 0)
+    const UTF16_LE: [bool; 4] = [false, true, false, true];
+    const UTF16_BE: [bool; 4] = [true, false, true, false];
+    match bytes {
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => true,
+        [a, b, c, d, ..] => matches!([*a, *b, *c, *d].map(|byte| byte == 0), UTF16_LE | UTF16_BE),
+        _ => false,
+    }
 }
 
 /// Whether there is no such file: what takes long asks before it begins.

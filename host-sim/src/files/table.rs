@@ -29,12 +29,19 @@ pub struct Damage {
     /// File, line, and what is wrong there.
     what: String,
     rows: usize,
+    /// Lines after that one, but for blank ones.
+    behind: usize,
 }
 
 impl fmt::Display for Damage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rows = if self.rows == 1 { "row" } else { "rows" };
-        write!(f, "{}; read up to there: {} {rows}", self.what, self.rows)
+        write!(f, "{}; read up to there: {} {rows}", self.what, self.rows)?;
+        match self.behind {
+            0 => Ok(()),
+            1 => f.write_str(", without the line behind it"),
+            lines => write!(f, ", without the {lines} lines behind it"),
+        }
     }
 }
 
@@ -91,7 +98,13 @@ impl Table {
         if table.lines.is_empty() {
             return Err(damage);
         }
-        table.damage = Some(Damage { what: damage.to_string(), rows: table.rows() });
+        let line = damage.line.and_then(|line| usize::try_from(line).ok()).unwrap_or_default();
+        let behind = bytes
+            .split(|byte| *byte == b'\n')
+            .skip(line)
+            .filter(|line| !line.trim_ascii().is_empty())
+            .count();
+        table.damage = Some(Damage { what: damage.to_string(), rows: table.rows(), behind });
         Ok(table)
     }
 
@@ -171,9 +184,17 @@ impl Table {
     }
 
     fn add_row(&mut self, record: &csv::StringRecord, line: u64) -> Result<(), Bad> {
-        if record.len() != self.columns.len() {
-            let (found, expected) = (record.len(), self.columns.len());
-            return Err(match other_separator(record) {
+        if let Some(found) = other_separator(record) {
+            return Err(Bad::Value(Problem::Separator { found }));
+        }
+        let (found, expected) = (record.len(), self.columns.len());
+        if found != expected {
+            let blanks = || {
+                let cells: Vec<&str> = record.iter().flat_map(str::split_whitespace).collect();
+                let numbers = cells.iter().all(|cell| cell.parse::<f64>().is_ok());
+                (found == 1 && cells.len() == expected && numbers).then_some("blanks")
+            };
+            return Err(match blanks() {
                 Some(found) => Bad::Value(Problem::Separator { found }),
                 // Numbers alone, some of them in two cells.
                 None if (expected + 1..=2 * expected).contains(&found)
@@ -380,6 +401,17 @@ mod tests {
                 "t.csv:2: cells are separated by semicolons: must be commas, and numbers need a \
                  decimal point",
             ),
+            // Decimal commas between semicolons can make as many cells as there are columns.
+            (
+                "a,b,c\n0,5;1,5\n",
+                "t.csv:2: cells are separated by semicolons: must be commas, and numbers need a \
+                 decimal point",
+            ),
+            (
+                "a,b\n1 2.5\n",
+                "t.csv:2: cells are separated by blanks: must be commas, and numbers need a \
+                 decimal point",
+            ),
             (
                 "a,b\n0,5,1,5\n",
                 "t.csv:2: 4 cells in this row: must be 2, one per column; are these decimal \
@@ -445,8 +477,18 @@ mod tests {
         ] {
             let count = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
             let said = format!("{message}; read up to there: {count}");
-            assert_eq!(record(bytes), Ok((rows, Some(said))), "{}", bytes.escape_ascii());
+            let (found, damage) = record(bytes).unwrap();
+            assert_eq!(found, rows, "{}", bytes.escape_ascii());
+            assert!(
+                damage.is_some_and(|damage| damage.starts_with(&said)),
+                "{}",
+                bytes.escape_ascii()
+            );
         }
+        // Whoever fits to such a record knows how much of it he has.
+        let behind = "t.csv:3: column b = x: must be a finite number; read up to there: 1 row, without the 3 lines \
+                      behind it";
+        assert_eq!(record(b"a,b\n1,2\n3,x\n5,6\n\n7,8\n9"), Ok((1, Some(behind.to_owned()))));
         let whole = b"\xef\xbb\xbfa,b\r\n1,2\r\n\r\n3,4\r\n \t";
         assert_eq!(record(whole), Ok((2, None)));
     }
@@ -460,6 +502,7 @@ mod tests {
             (b"a,b\n1,2", "t.csv:2: the last line has no end: it may be cut"),
             (b"\xff\xfea\n1\n", "t.csv: is UTF-16 text: must be UTF-8"),
             (b"\xe9,a\n1,2\n", "t.csv:1: is not UTF-8 text"),
+            (b"\x8f\x00\x12\xd3\n1,2\n", "t.csv:1: is not UTF-8 text"),
             (
                 b"a,b\n1;2\n3;4\n",
                 "t.csv:2: cells are separated by semicolons: must be commas, and numbers need a \

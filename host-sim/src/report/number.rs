@@ -5,6 +5,9 @@ use std::fmt::Write;
 /// Stands for a value that is not there.
 pub const MISSING: &str = "–";
 
+/// In place of a unit: how many there are, a whole number.
+pub const COUNT: &str = "count";
+
 /// How an SI unit is shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
@@ -54,10 +57,11 @@ impl Unit {
 
 /// An SI value with its SI symbol, as shown value and symbol: `(4.2e5, "Pa")` is `("420", "kPa")`.
 ///
-/// An unknown symbol is kept as it is. Absolute temperatures get a fourth digit. Beyond 10 000 of a submultiple the SI unit itself is shown.
+/// An unknown symbol is kept as it is; a [`COUNT`] is shown whole. Absolute temperatures get a fourth digit. Beyond 10 000 of a submultiple the SI unit itself is shown.
 pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
     let digits = if si_symbol == "K" && value.abs() >= 100.0 { 4 } else { 3 };
     match UNITS.iter().find(|(_, si, _)| *si == si_symbol) {
+        _ if si_symbol == COUNT => (fixed(value, 0), String::new()),
         Some((.., unit)) if unit.factor <= 1.0 || (value * unit.factor).abs() < 1e4 => {
             (significant(value * unit.factor, digits), unit.symbol.to_owned())
         }
@@ -119,6 +123,22 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     out
 }
 
+/// A value and its standard error, to the error's second digit: `89.99 ± 0.12`, `(1.9996 ± 0.0021)×10⁻¹²`.
+///
+/// Six digits of the value where there is no error to speak of.
+pub fn with_error(value: f64, error: f64) -> String {
+    let exponent = |x: f64| x.abs().log10().floor() as i32;
+    if !(value.is_finite() && error.is_finite() && error > 0.0) {
+        return format!("{} ± {}", significant(value, 6), significant(error, 2));
+    }
+    let largest = exponent(value.abs().max(error));
+    let power = if (-3..6).contains(&largest) { 0 } else { largest };
+    let scale = 10_f64.powi(-power);
+    let decimals = usize::try_from(1 - exponent(error * scale)).unwrap_or(0);
+    let both = format!("{} ± {}", fixed(value * scale, decimals), fixed(error * scale, decimals));
+    if power == 0 { both } else { format!("({both})×{}", power_of_ten(power)) }
+}
+
 /// 10 to the power of `exponent`, in superscript digits.
 pub fn power_of_ten(exponent: i32) -> String {
     let mut out = String::from("10");
@@ -177,6 +197,22 @@ mod tests {
     }
 
     #[test]
+    fn a_value_is_as_long_as_its_error_allows() {
+        for (value, error, shown) in [
+            (89.994_35, 0.1234, "89.99 ± 0.12"),
+            (1.999_6e-12, 2.14e-15, "(1.9996 ± 0.0021)×10⁻¹²"),
+            (0.867_8, 0.0161, "0.868 ± 0.016"),
+            (-0.02, 3.1, "0.0 ± 3.1"),
+            (418_200.0, 1_530.0, "418\u{202f}200 ± 1530"),
+            (2.5e9, 1.4e7, "(2.500 ± 0.014)×10⁹"),
+            (0.12, 0.0, "0.120000 ± 0"),
+            (f64::NAN, 1.0, "– ± 1.0"),
+        ] {
+            assert_eq!(with_error(value, error), shown);
+        }
+    }
+
+    #[test]
     fn short_values_end_without_zeros() {
         for (value, shown) in [(10.0, "10"), (0.3, "0.3"), (0.125, "0.125"), (200.0, "200")] {
             assert_eq!(short(value), shown);
@@ -195,5 +231,8 @@ mod tests {
         assert_eq!(quantity(20.0, "kg"), ("20.0".into(), "kg".into()));
         assert_eq!(quantity(0.0021, "kg"), ("2.10".into(), "g".into()));
         assert_eq!(quantity(12.0, "strokes"), ("12.0".into(), "strokes".into()));
+        // Ten minutes of steps, to the last one.
+        assert_eq!(quantity(600_015.0, COUNT), ("600\u{202f}015".into(), String::new()));
+        assert_eq!(quantity(6.0, COUNT), ("6".into(), String::new()));
     }
 }

@@ -1,7 +1,7 @@
 //! The page of `thermyo run`: summary and recording of one run, brought into [`RunReport`]'s form.
 
 use super::Faulted;
-use super::number::{Unit, of_column};
+use super::number::{COUNT, Unit, of_column};
 use super::page::Tile;
 use super::run_report::{
     self, Measured as MeasuredColumn, RunReport, SummaryRow, capitalised, label,
@@ -210,7 +210,7 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
     let mut rows = vec![row("Simulated time", summary.duration_s, "s")];
     rows.extend(Faulted(&summary.core).rows());
     if summary.strokes > 0 {
-        rows.push(row("Strokes", summary.strokes as f64, ""));
+        rows.push(row("Strokes", summary.strokes as f64, COUNT));
     }
     rows.extend([
         row("Gas temperature, lowest", summary.gas_temperature_k.min, "K"),
@@ -223,9 +223,9 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
         row("Truth within two stated deviations", 100.0 * summary.estimate_within_2sd, "%"),
         row("Mass balance error", summary.mass_balance_error, ""),
         row("Energy balance error", summary.energy_balance_error, ""),
-        row("Steps of the core", summary.core.steps as f64, ""),
-        row("Steps with a sensor at a rail", summary.core.saturations as f64, ""),
-        row("Steps limited below the pressure limit", summary.core.limited as f64, ""),
+        row("Steps of the core", summary.core.steps as f64, COUNT),
+        row("Steps with a sensor at a rail", summary.core.saturations as f64, COUNT),
+        row("Steps limited below the pressure limit", summary.core.limited as f64, COUNT),
     ]);
     if let Some(control) = &summary.control {
         let Unit { symbol, factor } = control.quantity.unit();

@@ -4,6 +4,7 @@ use super::Driven;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::chamber;
 use crate::report::Faulted;
+use crate::report::number::COUNT;
 use crate::report::page::Tile;
 use crate::report::run_report::{self, Controlled, RunReport, SummaryRow};
 use crate::report::series::Recorder;
@@ -93,13 +94,13 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
     let mut rows = vec![row("Time driven", summary.duration_s, "s")];
     rows.extend(faulted.rows());
     rows.extend([
-        row("Strokes", summary.strokes as f64, ""),
+        row("Strokes", summary.strokes as f64, COUNT),
         row("Pressure, lowest", summary.pressure_pa.min, "Pa"),
         row("Pressure, highest", summary.pressure_pa.max, "Pa"),
         row("Estimated gas temperature, lowest", summary.estimate_k.min, "K"),
         row("Estimated gas temperature, highest", summary.estimate_k.max, "K"),
-        row("Steps of the core", summary.core.steps as f64, ""),
-        row("Steps whose telemetry was lost", summary.lost_steps as f64, ""),
+        row("Steps of the core", summary.core.steps as f64, COUNT),
+        row("Steps whose telemetry was lost", summary.lost_steps as f64, COUNT),
         row("Start jitter, worst", summary.timing.jitter_worst_us * 1e-6, "s"),
     ]);
     run_report::render(&RunReport {

@@ -11,7 +11,7 @@ pub mod tune;
 
 use crate::files::input::InputError;
 use crate::files::shipped;
-use crate::report::number::significant;
+use crate::report::number::{COUNT, significant};
 use crate::report::page::{Page, Section, Table, Tile};
 use crate::scenario::{self, Loaded};
 use crate::stop;
@@ -131,7 +131,7 @@ pub fn figures(lines: &[CaseFigures]) -> Table {
 /// The beginning of a page: how many targets are missed, and which.
 fn opened(page: Page, lines: &[CaseFigures]) -> Page {
     let (count, all) = missed(lines);
-    let tile = Tile::new("Targets missed", count as f64, "");
+    let tile = Tile::new("Targets missed", count as f64, COUNT);
     let page = page.tile(tile.target(&format!("0 of {all}"), count == 0));
     let missing: Vec<CaseFigures> = lines
         .iter()

@@ -4,7 +4,7 @@ use super::data::{Data, Quantity};
 use super::fit::End;
 use super::parameter::Parameter;
 use super::uncertainty::Misfit;
-use crate::report::number::of_column;
+use crate::report::number::{of_column, significant, with_error};
 use nalgebra::DMatrix;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -25,6 +25,17 @@ pub struct Fitted {
     pub standard_error: Option<f64>,
     /// Unit, as the SI writes it; empty for a ratio.
     pub unit: &'static str,
+}
+
+impl Fitted {
+    /// A line for a terminal.
+    pub fn line(&self, path: &str) -> String {
+        let value = match self.standard_error {
+            Some(error) => with_error(self.value, error),
+            None => format!("{} ± open", significant(self.value, 6)),
+        };
+        format!("{path:<34} {value} {}", self.unit).trim_end().to_owned() + "\n"
+    }
 }
 
 /// Root-mean-square residuals, by what was measured.
@@ -232,9 +243,8 @@ impl Findings {
     /// The figures, as lines for a terminal.
     pub fn text(&self) -> String {
         let mut text = String::new();
-        for (path, Fitted { value, standard_error, unit }) in &self.parameters {
-            let error = standard_error.map_or_else(|| "open".to_owned(), |e| format!("{e:.2e}"));
-            text += &format!("{path:<34} {value:>12.6e} ± {error} {unit}\n");
+        for (path, fitted) in &self.parameters {
+            text += &fitted.line(path);
         }
         let Rmse { pressure_pa, temperature_k, wall_temperature_k, length_m } = self.rmse;
         for (name, value, column) in [

@@ -298,9 +298,8 @@ impl Findings {
     /// The figures, as lines for a terminal.
     pub fn text(&self) -> String {
         let mut text = String::new();
-        for (path, Fitted { value, standard_error, unit }) in &self.parameters {
-            let error = standard_error.unwrap_or_default();
-            text += &format!("{path:<34} {value:>12.6e} ± {error:.2e} {unit}\n");
+        for (path, fitted) in &self.parameters {
+            text += &fitted.line(path);
         }
         text += &format!("fitted: {}\n", self.rmse.text());
         if let Some(against) = &self.against {
