@@ -64,8 +64,16 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["serve", "--port", "80x"], "must be a whole number from 1 to 65535"),
         (vec!["serve", "--port", "0"], "must be a whole number from 1 to 65535"),
         (vec!["evaluate", "tune", "--random", "3"], "--random goes with `evaluate estimator` only"),
-        (vec!["evaluate", "estimator", "--random", "0"], "0 is not in 1..=10000"),
+        (vec!["evaluate", "estimator", "--random", "0"], "must be a whole number from 1 to 10000"),
         (vec!["evaluate", "estimator", "--seed", "3"], "--random <N>"),
+        (
+            vec!["evaluate", "estimator", "--random", "3", "--seed", "x"],
+            "must be a whole number from 0 to 18446744073709551615",
+        ),
+        (
+            vec!["sweep", "x.toml", "--vary", "a=1:2", "--lhs", "ten"],
+            "must be a whole number from 1 to 10000000",
+        ),
         (
             vec!["evaluate", "tune", "--recording", "."],
             "--recording goes with `evaluate estimator` only",

@@ -133,6 +133,19 @@ fn shards_add_up_to_the_whole_to_the_byte() {
         assert!(read(&merged, name) == read(&folder.path().join("whole"), name), "{name}");
     }
 
+    // A folder whose label was cut is not skipped: its points would be called missing.
+    let label = folder.path().join("b/study.json");
+    let text = fs::read_to_string(&label).unwrap();
+    for cut in [text[..text.len() / 2].to_owned(), text.replace("run.seed=1:3:3", "run.seed")] {
+        fs::write(&label, cut).unwrap();
+        let (code, _, err) = merge(&[b, a, c]);
+        let place = label.display();
+        assert!(
+            code == 2 && err.starts_with(&format!("thermyo: {place}: says no sweep (")),
+            "{err}"
+        );
+    }
+
     let other = folder.path().join("other");
     sweep(&scenario, &["--vary", "run.seed=1:3:3"], &other);
     let other = other.display().to_string();
@@ -282,7 +295,10 @@ fn bad_arguments_are_named_and_nothing_is_written() {
         (vec![], "--vary"),
         (vec!["--vary", "sensor.gas.span=0:1"], "must have a COUNT"),
         ([&span[..], &["--lhs", "5"]].concat(), "must have no COUNT"),
-        (vec!["--lhs", "0", "--vary", "sensor.gas.span=0:1"], "must be 1 to 10000000 points"),
+        (
+            vec!["--lhs", "0", "--vary", "sensor.gas.span=0:1"],
+            "must be a whole number from 1 to 10000000",
+        ),
         (span.repeat(2), "sensor.gas.span is varied twice"),
         ([&span[..], &["--shard", "3/2"]].concat(), "I from 1 to N"),
         ([&span[..], &["--shard", "3/3"]].concat(), "there are 2 points"),

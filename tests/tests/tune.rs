@@ -93,7 +93,7 @@ fn poor_data_is_refused_and_nothing_written() {
     let weak = "[supply]\npressure_pa = 250_000.0\n[drive]\npressure_pa = 200_000.0\n";
     for (text, expected) in [
         ("[load]\nkind = \"isometric\"\n".to_owned(), "nothing moves"),
-        ("[supply]\npressure_pa = 160_000.0\n".to_owned(), "and at most 1.36 bar are allowed"),
+        ("[supply]\npressure_pa = 160_000.0\n".to_owned(), "and at most 136 kPa are allowed"),
         (
             format!("{weak}[believed.supply]\npressure_pa = 700_000.0\n"),
             "faults during the experiment: ",

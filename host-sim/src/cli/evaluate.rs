@@ -1,6 +1,6 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
-use super::{Bar, Failure, interrupt, load, print, progress_bar, publish, read_record};
+use super::{Bar, Failure, interrupt, load, print, progress_bar, publish, read_record, whole};
 use crate::commands::evaluate::{self, CaseFigures, control_page, faults, recording};
 use crate::files::output::OutputDir;
 use crate::scenario::Loaded;
@@ -32,10 +32,10 @@ pub(super) struct EvaluateArgs {
     #[arg(long, value_name = "HOURS", value_parser = hours)]
     hours: Option<f64>,
     /// So many random muscles on the plant full instead of the table; of `estimator`
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(long, value_name = "N", value_parser = |text: &str| whole(text, 1..=10_000_u64))]
     random: Option<u64>,
     /// Other random muscles; with --random [default: 1]
-    #[arg(long, value_name = "S", requires = "random")]
+    #[arg(long, value_name = "S", requires = "random", value_parser = |text: &str| whole(text, 0..=u64::MAX))]
     seed: Option<u64>,
     /// Judges a board's recording in this folder, with a reference sensor's column; of `estimator`
     #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]

@@ -47,9 +47,12 @@ use clap_complete::Shell;
 use indicatif::{ProgressBar, ProgressStyle};
 use ratatui::crossterm::terminal;
 use std::ffi::OsString;
+use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::str::FromStr;
 use std::time::Duration;
 
 /// Time between two looks of a bar whose parts are long.
@@ -233,6 +236,17 @@ struct IdentifyArgs {
 /// A number that was typed.
 fn number(text: &str) -> Result<f32, String> {
     text.parse().map_err(|_| "must be a number, with a point: 1.3e5".to_owned())
+}
+
+/// A whole number that was typed.
+fn whole<T: FromStr + PartialOrd + Display>(
+    text: &str,
+    allowed: RangeInclusive<T>,
+) -> Result<T, String> {
+    let number = text.parse().ok().filter(|number| allowed.contains(number));
+    number.ok_or_else(|| {
+        format!("must be a whole number from {} to {}", allowed.start(), allowed.end())
+    })
 }
 
 /// Runs the command of this process.

@@ -111,7 +111,7 @@ fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
         .panel(
             Panel::new(Axis::new("Replayed less recorded", "K"))
                 .height(120.0)
-                .line("estimate", Colour::Vermillion, time, column("estimate_difference_k"))
+                .line("difference", Colour::Vermillion, time, column("estimate_difference_k"))
                 .reference(0.0, ""),
         )
         .panel(
@@ -125,7 +125,8 @@ fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
                 .line("inlet", Colour::Green, time, column("duty_in"))
                 .line("outlet", Colour::Orange, time, column("duty_out")),
         );
-    let caption = "What the core made of every recorded sample, and what it makes of it now.";
+    let caption = "What the core made of the recorded samples, and how far from that it is with the same ones \
+                   now: a straight line at zero where no bit differs.";
     let lead = format!("{}.", sentence(outcome, rows));
     let steps = Tile::new("Steps replayed", outcome.steps as f64, COUNT)
         .target(&format!("all {rows}"), outcome.steps == rows);

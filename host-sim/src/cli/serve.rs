@@ -1,7 +1,7 @@
 //! `thermyo serve`: its arguments, and what it prints.
 
 use super::log::LogArgs;
-use super::{Failure, OutputArgs, interrupt, print};
+use super::{Failure, OutputArgs, interrupt, print, whole};
 use crate::files::output::OutputDir;
 use crate::serve::{Operator, Target, listen, serve};
 use clap::Args;
@@ -16,17 +16,12 @@ pub(super) struct ServeArgs {
     #[arg(default_value = "emulated")]
     board: String,
     /// Port of the page on this machine [default: one that is free]
-    #[arg(long, value_name = "NUMBER", value_parser = page_port)]
+    #[arg(long, value_name = "NUMBER", value_parser = |text: &str| whole(text, 1..=u16::MAX))]
     port: Option<u16>,
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
     log: LogArgs,
-}
-
-fn page_port(text: &str) -> Result<u16, String> {
-    let port = text.parse().ok().filter(|port| *port != 0);
-    port.ok_or_else(|| "must be a whole number from 1 to 65535".to_owned())
 }
 
 pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> {

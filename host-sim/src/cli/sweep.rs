@@ -1,8 +1,8 @@
 //! `thermyo sweep`: its arguments, and what it prints and writes.
 
-use super::{Failure, OutputArgs, interrupt, load, print, progress_bar, publish};
+use super::{Failure, OutputArgs, interrupt, load, print, progress_bar, publish, whole};
 use crate::commands::sweep::page::page;
-use crate::commands::sweep::{Journal, Latin, Outcome, Range, Shard, Sweep, merge};
+use crate::commands::sweep::{Journal, Latin, MOST_POINTS, Outcome, Range, Shard, Sweep, merge};
 use crate::files::input::InputError;
 use crate::files::output::OutputDir;
 use clap::Args;
@@ -22,10 +22,16 @@ pub(super) struct SweepArgs {
     #[arg(long, value_name = "KEY=FROM:TO:COUNT[:log]", required_unless_present = "merge")]
     vary: Vec<Range>,
     /// Run N points of a Latin hypercube instead of a grid
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = |text: &str| whole(text, 1..=MOST_POINTS))]
     lhs: Option<usize>,
     /// Seed of the Latin hypercube
-    #[arg(long, value_name = "S", default_value_t = 1, requires = "lhs")]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 1,
+        requires = "lhs",
+        value_parser = |text: &str| whole(text, 0..=u64::MAX)
+    )]
     seed: u64,
     /// Run only each N-th point, beginning with the I-th, 1 to N
     #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE)]

@@ -42,6 +42,9 @@ pub enum Problem {
     /// Somebody else has it.
     #[error("another thermyo is at work in it: wait for it, or choose another folder")]
     AtWork,
+    /// What a folder of a sweep says of itself.
+    #[error("says no sweep ({0}): run that shard again, into another folder")]
+    DamagedStudy(String),
     /// Bytes that are no text.
     #[error("is not UTF-8 text")]
     NotUtf8,

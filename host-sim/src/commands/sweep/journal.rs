@@ -8,7 +8,7 @@
 //! ```
 
 use super::study::Label;
-use super::{Point, Study, SweepError};
+use super::{Point, Study};
 use crate::files::input::{InputError, Problem, read_text};
 use crate::files::output::OutputDir;
 use std::collections::{BTreeMap, BTreeSet};
@@ -71,7 +71,9 @@ impl Journal {
     /// When the folder cannot be written, or somebody else is at work on the same study in it.
     pub fn open(folder: &Path, study: &Study) -> Result<(Self, Kept), InputError> {
         let label = study.label();
-        let same = |place: &PathBuf| read_label(place).as_ref() == Some(&label);
+        // Of a folder whose label is damaged nothing is known: it is not this one.
+        let same =
+            |place: &PathBuf| read_label(place).is_ok_and(|found| found.as_ref() == Some(&label));
         if let Some(unfinished) = OutputDir::unfinished(folder).into_iter().find(same) {
             return Self::resume(folder, unfinished, study);
         }
@@ -157,8 +159,19 @@ fn lock(unfinished: &Path) -> Result<File, InputError> {
     }
 }
 
-fn read_label(folder: &Path) -> Option<Label> {
-    serde_json::from_str(&fs::read_to_string(folder.join(LABEL)).ok()?).ok()
+/// What a folder's results are of; none where it does not say so.
+fn read_label(folder: &Path) -> Result<Option<Label>, InputError> {
+    let file = folder.join(LABEL);
+    if !file.exists() {
+        return Ok(None);
+    }
+    serde_json::from_str(&read_text(&file)?)
+        .map(Some)
+        .map_err(|error| damaged(&file, &error.to_string()))
+}
+
+fn damaged(label: &Path, why: &str) -> InputError {
+    InputError::file(label, Problem::DamagedStudy(why.to_owned()))
 }
 
 /// Header and rows.
@@ -214,9 +227,6 @@ pub enum MergeError {
     /// A file cannot be read.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// What a folder says of itself is no sweep.
-    #[error(transparent)]
-    Sweep(#[from] SweepError),
 }
 
 /// All points of the whole sweep, in order, from the folders of its shards; those of a shard that did not end count
@@ -230,9 +240,10 @@ pub fn merge(folders: &[PathBuf]) -> Result<(Study, Vec<Point>), MergeError> {
     for folder in folders {
         let name = folder.display().to_string();
         let places = [vec![folder.clone()], OutputDir::unfinished(folder)].concat();
-        let labelled = |place: PathBuf| read_label(&place).map(|label| (place, label));
-        let mut found = places.into_iter().filter_map(labelled).peekable();
-        if found.peek().is_none() {
+        let labelled = |place: PathBuf| Ok(read_label(&place)?.map(|label| (place, label)));
+        let found = places.into_iter().filter_map(|place| labelled(place).transpose());
+        let found = found.collect::<Result<Vec<(PathBuf, Label)>, InputError>>()?;
+        if found.is_empty() {
             return Err(MergeError::NoSweep(name));
         }
         let mut used = false;
@@ -241,7 +252,10 @@ pub fn merge(folders: &[PathBuf]) -> Result<(Study, Vec<Point>), MergeError> {
             label.shard.clear();
             if whole.is_none() {
                 let scenario = read_text(&place.join(SCENARIO))?;
-                whole = Some((label.clone(), Study::of_label(&label, scenario)?));
+                let study = Study::of_label(&label, scenario);
+                let study =
+                    study.map_err(|error| damaged(&place.join(LABEL), &error.to_string()))?;
+                whole = Some((label.clone(), study));
             }
             let Some((_, study)) = whole.as_ref().filter(|(of, _)| *of == label) else { continue };
             used = true;

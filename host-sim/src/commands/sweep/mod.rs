@@ -30,7 +30,7 @@ use crate::commands::parallel;
 use crate::files::input::{InputError, Problem, read_text};
 use crate::scenario::{Document, Loaded, assemble};
 use plan::Plan;
-use range::MOST_POINTS;
+pub use range::MOST_POINTS;
 use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};

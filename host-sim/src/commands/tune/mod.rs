@@ -91,9 +91,9 @@ pub enum Refusal {
     NothingMoves,
     /// What is allowed does not move the configured muscle.
     #[error(
-        "the configured muscle needs {:.2} bar to move by 9 % against its load, and at most {:.2} bar are \
+        "the configured muscle needs {:.0} kPa to move by 9 % against its load, and at most {:.0} kPa are \
          allowed (--max-pressure, 85 % of the supply, 90 % of the sensor's limit)",
-        needed_pa / 1e5, highest_pa / 1e5
+        needed_pa / 1e3, highest_pa / 1e3
     )]
     NoRange {
         /// What is allowed \[Pa\].
@@ -106,9 +106,9 @@ pub enum Refusal {
     Faulty(Faults),
     /// The pressure stayed below what was asked for.
     #[error(
-        "the pressure reached {:.2} bar where {:.2} bar were asked for: the supply is too low, or the \
+        "the pressure reached {:.0} kPa where {:.0} kPa were asked for: the supply is too low, or the \
          valve too small",
-        reached_pa / 1e5, asked_pa / 1e5
+        reached_pa / 1e3, asked_pa / 1e3
     )]
     NotReached {
         /// Highest measured \[Pa\].

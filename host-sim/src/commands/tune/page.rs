@@ -18,10 +18,10 @@ const STEP_AFTER_S: f64 = 0.3;
 pub fn page(tuned: &Tuned, title: &str) -> String {
     let findings = &tuned.findings;
     let lead = format!(
-        "{:.0} s of ramps and steps of the pressure, up to {:.2} bar. With the tuned values the muscle \
+        "{:.0} s of ramps and steps of the pressure, up to {:.0} kPa. With the tuned values the muscle \
          follows a slow sine {}.",
         findings.duration_s,
-        findings.highest_pa / 1e5,
+        findings.highest_pa / 1e3,
         findings.word()
     );
     let check = &findings.check;
@@ -131,9 +131,9 @@ fn step(tuned: &Tuned, jump_s: f64) -> Figure {
     let chart = Chart::new(Axis::new("Time", "ms"))
         .half()
         .panel(
-            Panel::new(Axis::new("Pressure", "bar"))
-                .dashed("set point", Colour::Grey, &time, &of(|r| r.set_point / 1e5))
-                .line("measured", Colour::Ink, &time, &of(|r| r.pressure_pa / 1e5)),
+            Panel::new(Axis::new("Pressure", "kPa"))
+                .dashed("set point", Colour::Grey, &time, &of(|r| r.set_point / 1e3))
+                .line("measured", Colour::Ink, &time, &of(|r| r.pressure_pa / 1e3)),
         )
         .panel(
             Panel::new(Axis::new("Duty", "%").range(-5.0, 105.0))

@@ -25,8 +25,8 @@ pub const RUNS: u64 = 100;
 const MUSCLES: u64 = 38;
 /// Hours of healthy muscles on `lumped`, where nothing is said.
 pub const HOURS: f64 = 1.0;
-/// What the pressure may be where nothing is stated: the supply's, and what the sensor's noise adds \[bar\].
-const SUPPLY_BAR: f64 = 7.05;
+/// What the pressure may be where nothing is stated: the supply's, and what the sensor's noise adds \[kPa\].
+const SUPPLY_KPA: f64 = 705.0;
 
 /// What is reported of every run that has ended.
 pub type Ended<'a> = &'a (dyn Fn() + Sync);
@@ -45,7 +45,7 @@ fn line(fault: &Fault, outcomes: &[Outcome]) -> CaseFigures {
     let at = |index: usize| times_s.get(index).copied().unwrap_or(f64::NAN);
     let in_time = times_s.iter().filter(|time_s| **time_s <= fault.within_s + 1e-9).count();
     let early = count(&|outcome| outcome.before != Faults::NONE);
-    let highest_bar = most(&|outcome| outcome.highest_pa / 1e5);
+    let highest_kpa = most(&|outcome| outcome.highest_pa / 1e3);
     let stated = fault.reaction != Reaction::NotStated;
     let least = if stated { 100.0 } else { 0.0 };
     let mut figures = vec![
@@ -57,9 +57,9 @@ fn line(fault: &Fault, outcomes: &[Outcome]) -> CaseFigures {
     if stated {
         let reacted = count(&|outcome| outcome.reacted);
         figures.push(Figure::at_least("reacts_percent", percent(reacted), 100.0));
-        figures.push(Figure::shown("highest_bar", highest_bar));
+        figures.push(Figure::shown("highest_kpa", highest_kpa));
     } else {
-        figures.push(Figure::at_most("highest_bar", highest_bar, SUPPLY_BAR));
+        figures.push(Figure::at_most("highest_kpa", highest_kpa, SUPPLY_KPA));
     }
     if fault.reaction == Reaction::Shown {
         let error_k = most(&|outcome| outcome.error_k);
