@@ -1,6 +1,6 @@
 //! `thermyo compare`: its arguments, and what it prints and writes.
 
-use super::{Failure, OutputArgs, print, publish, read_record};
+use super::{Failure, OutputArgs, print, publish, read_record, trace_in};
 use crate::commands::compare::{self, Compared, Run};
 use crate::files::output::OutputDir;
 use clap::Args;
@@ -24,8 +24,7 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     let mut runs = Vec::new();
     for path in &args.runs {
-        let trace = if path.is_dir() { path.join("trace.csv") } else { path.clone() };
-        runs.push(Run::new(&name(path), &read_record(&trace, stderr)?)?);
+        runs.push(Run::new(&name(path), &read_record(&trace_in(path), stderr)?)?);
     }
     let Some((first, others)) = runs.split_first() else { return Ok(()) };
     let compared: Vec<Compared> = others.iter().map(|run| run.compared(first)).collect();

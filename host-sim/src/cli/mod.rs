@@ -579,6 +579,11 @@ fn publish(out: OutputDir, stderr: &mut dyn Write) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The trace of a run: the file, or the one in its folder of results.
+fn trace_in(run: &Path) -> PathBuf {
+    if run.is_dir() { run.join("trace.csv") } else { run.to_path_buf() }
+}
+
 /// A recorded table, read up to where it is damaged; says so.
 fn read_record(path: &Path, stderr: &mut dyn Write) -> Result<Table, Failure> {
     let table = table::read_record(path)?;

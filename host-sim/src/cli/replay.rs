@@ -1,6 +1,8 @@
 //! `thermyo replay`: its arguments, and what it prints and writes.
 
-use super::{BoardArgs, Failure, OutputArgs, interrupt, print, progress_bar, publish, read_record};
+use super::{
+    BoardArgs, Failure, OutputArgs, interrupt, print, progress_bar, publish, read_record, trace_in,
+};
 use crate::commands::replay::{self, Replay};
 use crate::files::output::OutputDir;
 use crate::report::Colour;
@@ -16,7 +18,7 @@ use std::path::PathBuf;
 /// Arguments of `thermyo replay`.
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
-    /// trace.csv of a run with log_every = 1; its scenario.toml has to lie beside it
+    /// A run with log_every = 1: its folder of results, or its trace.csv with scenario.toml beside it
     trace: PathBuf,
     #[command(flatten)]
     output: OutputArgs,
@@ -33,7 +35,8 @@ pub(super) fn run(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let (config, rows) = replay::read_record(&args.trace, &read_record(&args.trace, stderr)?)?;
+    let trace = trace_in(&args.trace);
+    let (config, rows) = replay::read_record(&trace, &read_record(&trace, stderr)?)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/replay"));
     let mut board = args.board.open()?;
     let mut out = OutputDir::create(&folder)?;
