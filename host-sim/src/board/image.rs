@@ -2,10 +2,13 @@
 
 use super::BoardError;
 use crate::inside;
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::Mutex;
-use std::{env, fs, io};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
+use std::{env, fs, thread};
 
 /// Targets of the RP2040 and the RP2350.
 const RP2040: &str = "thumbv6m-none-eabi";
@@ -13,6 +16,9 @@ const RP2350: &str = "thumbv8m.main-none-eabihf";
 
 /// Oldest Node.js that the emulator runs on.
 const NODE_MAJOR: u32 = 18;
+
+/// Whoever waits longer than that wants to know what for.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Builds of the firmware, one at a time.
 static BUILD: Mutex<()> = Mutex::new(());
@@ -96,7 +102,8 @@ pub fn build(folder: &Path, arguments: &[&str]) -> Result<PathBuf, NotBuilt> {
         }
     }
     cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
-    let output = cargo.output().map_err(|error| NotBuilt::Failed(error.to_string()))?;
+    let what = format!("builds {}, once: a minute or two", folder.display());
+    let output = output(&mut cargo, &what).map_err(|error| NotBuilt::Failed(error.to_string()))?;
     if output.status.success() {
         return Ok(target_folder);
     }
@@ -106,6 +113,33 @@ pub fn build(folder: &Path, arguments: &[&str]) -> Result<PathBuf, NotBuilt> {
         return Err(NotBuilt::NoTarget);
     }
     Err(NotBuilt::Failed(message))
+}
+
+/// What a program says that may take minutes the first time; at a terminal it is said what is waited for.
+fn output(command: &mut Command, what: &str) -> io::Result<Output> {
+    if !io::stderr().is_terminal() {
+        return command.output();
+    }
+    waited_for(&mut io::stderr(), what, PATIENCE, || command.output())
+}
+
+fn waited_for<T>(
+    said: &mut (dyn Write + Send),
+    what: &str,
+    patience: Duration,
+    work: impl FnOnce() -> T,
+) -> T {
+    let (working, ended) = mpsc::channel::<()>();
+    thread::scope(|scope| {
+        scope.spawn(move || {
+            if ended.recv_timeout(patience) == Err(RecvTimeoutError::Timeout) {
+                let _ = writeln!(said, "thermyo: {what}");
+            }
+        });
+        let done = work();
+        drop(working);
+        done
+    })
 }
 
 /// The image of the firmware: this program's, or this checkout's, up to date.
@@ -175,14 +209,28 @@ pub fn prepare_node(folder: &Path) -> Result<(), BoardError> {
         return Ok(());
     }
     let npm = if cfg!(windows) { "npm.cmd" } else { "npm" };
-    let output = Command::new(npm)
-        .args(["ci", "--no-audit", "--no-fund"])
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .output()
+    let mut npm = Command::new(npm);
+    npm.args(["ci", "--no-audit", "--no-fund"]).current_dir(folder).stdin(Stdio::null());
+    let output = output(&mut npm, "fetches the emulator's packages, once")
         .map_err(|error| npm_error(error.to_string()))?;
     if !output.status.success() {
         return Err(npm_error(String::from_utf8_lossy(&output.stderr).into_owned()));
     }
     fs::write(&installed, lock).map_err(|error| npm_error(error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_waited_for_is_said_and_what_is_quick_is_not() {
+        let mut said = Vec::new();
+        let long = || thread::sleep(Duration::from_millis(200));
+        waited_for(&mut said, "builds it, once", Duration::from_millis(1), long);
+        assert_eq!(said, b"thermyo: builds it, once\n");
+        said.clear();
+        assert_eq!(waited_for(&mut said, "builds it, once", PATIENCE, || 7), 7);
+        assert!(said.is_empty());
+    }
 }
