@@ -8,6 +8,7 @@
 
 use super::BoardError;
 use super::emulated::EmulatedBoard;
+use super::image::{self, Variant};
 use super::serial::READ;
 use crate::scenario::Loaded;
 use crate::simulation::rig::Rig;
@@ -84,6 +85,9 @@ fn plugged_in() -> Option<TcpStream> {
 /// # Errors
 /// [`BoardError`], where it cannot be made.
 pub fn plug(scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
+    // Here, where whoever waits for it hears of it.
+    image::firmware(Variant::Standard)?;
+    image::prepare_emulator()?;
     unplug();
     let mut command = Command::new(env::current_exe()?);
     command.arg(TASK).arg(file()).args(scenario);

@@ -40,6 +40,12 @@ impl<W: Write> Write for Folded<W> {
     }
 }
 
+/// Where lines are folded in a terminal of so many columns. A serial console that does not know how wide it is says 0.
+pub(super) fn columns(terminal: u16) -> Option<usize> {
+    const NARROWEST: u16 = 20;
+    (terminal >= NARROWEST).then_some(usize::from(terminal))
+}
+
 /// A line in lines of at most `width` characters, where its words let it.
 fn fold(line: &str, width: usize) -> String {
     let (mut folded, mut rest, mut indent) = (String::new(), line, "");
@@ -72,6 +78,11 @@ fn place(text: &str, width: usize) -> Option<usize> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn a_terminal_without_a_width_folds_nothing() {
+        assert_eq!([0, 1, 19, 20, 80].map(columns), [None, None, None, Some(20), Some(80)]);
+    }
 
     #[test]
     fn a_mark_before_a_sentence_is_no_column() {

@@ -252,12 +252,13 @@ fn whole<T: FromStr + PartialOrd + Display>(
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
     let arguments: Vec<OsString> = std::env::args_os().collect();
-    let columns = terminal::size().ok().filter(|_| io::stdout().is_terminal());
+    let size = terminal::size().ok().filter(|_| io::stdout().is_terminal());
+    let columns = size.and_then(|(columns, _)| folded::columns(columns));
     let code = match columns {
-        Some((columns, _))
+        Some(columns)
             if !arguments.iter().any(|argument| AS_IT_IS.contains(&argument.to_str())) =>
         {
-            let mut out = Folded::new(io::stdout(), usize::from(columns));
+            let mut out = Folded::new(io::stdout(), columns);
             run(arguments, &mut out, &mut io::stderr())
         }
         _ => run(arguments, &mut io::stdout(), &mut io::stderr()),
