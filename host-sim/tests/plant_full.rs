@@ -31,7 +31,6 @@ fn the_working_cycle() {
     const STEPS: usize = 100_000;
     // The last ten strokes, for means.
     const LATE: usize = 50_000;
-    let start = std::time::Instant::now();
     for i in 0..STEPS {
         let truth = plant.truth();
         pressure = (truth.pressure_pa.min(pressure.0), truth.pressure_pa.max(pressure.1));
@@ -43,13 +42,12 @@ fn the_working_cycle() {
         }
         plant.advance(drive.actuation(&truth)).unwrap();
     }
-    let real_time = STEPS as f64 * scenario.run.step_s / start.elapsed().as_secs_f64();
     outer.copy_from_slice(&plant.axial_wall_k());
     let rms = (square / STEPS as f64).sqrt();
     let contraction = 1.0 - shortest / 0.3;
     println!("pressure {pressure:.0?} Pa, contraction {contraction:.3}, gas {gas:.1?} K");
     println!("bare sensor {rms:.2} K RMS, foil mean {foil:.2} K");
-    println!("outer wall {outer:.2?} K, {real_time:.0} times real time");
+    println!("outer wall {outer:.2?} K");
     assert!((1.0e5..1.3e5).contains(&pressure.0) && (3.2e5..4.5e5).contains(&pressure.1));
     assert!((0.25..0.31).contains(&contraction));
     assert!((280.0..292.0).contains(&gas.0) && (304.0..320.0).contains(&gas.1));
@@ -60,8 +58,6 @@ fn the_working_cycle() {
     assert!(outer.windows(2).all(|pair| pair[1] > pair[0] - 0.05), "{outer:?}");
     let rise = outer.last().unwrap() - outer.first().unwrap();
     assert!((1.0..10.0).contains(&rise), "{outer:?}");
-    // A loose bound: the tests share the machine and are less optimised than a release.
-    assert!(real_time > 10.0);
 }
 
 #[test]
@@ -91,6 +87,36 @@ fn mass_and_energy_are_conserved_over_100_s() {
 const INLET_OPEN: Actuation = Actuation { inlet: 1.0, outlet: 0.0 };
 const OUTLET_OPEN: Actuation = Actuation { inlet: 0.0, outlet: 1.0 };
 const CLOSED: Actuation = Actuation { inlet: 0.0, outlet: 0.0 };
+
+/// Whatever a scenario may say of friction, heat and wall, its plant takes steps that are short enough.
+#[test]
+fn the_ends_of_the_ranges_run() {
+    let ends: [(&str, fn(&mut Scenario)); 8] = [
+        ("no sliding friction", |s| s.friction.force_n = 0.0),
+        ("no friction", |s| (s.friction.force_n, s.friction.stribeck_force_n) = (0.0, 0.0)),
+        ("stiff bristles", |s| s.friction.presliding_stiffness_n_m = 1e7),
+        ("stiff in the cold", |s| s.friction.reference_temperature_k = 700.0),
+        ("friction softened away", |s| s.plant.initial_temperature_k = 700.0),
+        ("heat transfer", |s| s.heat.scale = 300.0),
+        ("heat transfer of the jet", |s| s.heat.inner_per_flow = 1e7),
+        ("thin wall", |s| s.wall.conductance_w_k = 1e5),
+    ];
+    for model in [PlantModel::Full, PlantModel::Lumped] {
+        for (name, set) in ends {
+            let mut scenario = muscle(model);
+            set(&mut scenario);
+            let drive = MassFlow::new(&scenario);
+            let mut plant = plant::build(&scenario, None).unwrap();
+            for step in 0..300 {
+                let advanced = plant.advance(drive.actuation(&plant.truth()));
+                assert!(advanced.is_ok(), "{name}, {model:?}, step {step}: {advanced:?}");
+            }
+            let ledger = plant.ledger();
+            let closes = ledger.mass_balance_error() < 1e-9 && ledger.energy_balance_error() < 1e-6;
+            assert!(closes, "{name}, {model:?}: {ledger:?}");
+        }
+    }
+}
 
 fn hold(plant: &mut dyn Plant, actuation: Actuation, steps: usize) -> Truth {
     for _ in 0..steps {

@@ -278,19 +278,3 @@ fn a_wild_scenario_diverges_with_its_state() {
     let message = diverged.expect("it must diverge").to_string();
     assert!(message.contains("temperature = ") && message.contains(" s: "), "{message}");
 }
-
-#[test]
-fn speed() {
-    let scenario = muscle(PlantModel::Lumped);
-    let mut plant = plant::build(&scenario, None).unwrap();
-    let start = std::time::Instant::now();
-    for i in 0..200_000 {
-        let filling = (i / 2500) % 2 == 0;
-        let (inlet, outlet) = if filling { (0.11, 0.0) } else { (0.0, 0.2) };
-        plant.advance(Actuation { inlet, outlet }).unwrap();
-    }
-    let step = start.elapsed().as_secs_f64() / 200_000.0;
-    println!("{:.0} ns per step", 1e9 * step);
-    // A loose bound: the tests share the machine and are less optimised than a release.
-    assert!(step < 2e-5);
-}

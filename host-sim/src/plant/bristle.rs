@@ -6,6 +6,11 @@ use crate::scenario::Friction;
 /// Damping ratio of the bristles with the moving mass: presliding motion rings out.
 const BRISTLE_DAMPING_RATIO: f64 = 0.5;
 
+/// Sliding bristles give way no faster than that: at 2.5e-4 s, the longest step of the plant that has them, still
+/// stable. Only the way to steady sliding takes longer for it, and that only of friction far below what its stiffness
+/// suggests: 15 N at 40 kN/m and 0.5 m/s give way at 1333 /s.
+const FASTEST_SLIP_PER_S: f64 = 8e3;
+
 /// LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE Trans. Automat. Contr. 40, 1995)
 /// with Stribeck and viscous parts. Speeds and forces are positive in contraction.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,9 +48,10 @@ impl Bristle {
         }
     }
 
-    /// Fastest rate of bristles and mass together \[1/s\].
-    pub fn fastest_rate(&self, mass_kg: f64) -> f64 {
-        (self.damping_n_s_m + self.viscous_n_s_m) / mass_kg + (self.stiffness_n_m / mass_kg).sqrt()
+    /// Fastest rate of bristles and mass together \[1/s\], with what the viscous part is scaled by where it is coldest.
+    pub fn fastest_rate(&self, mass_kg: f64, softening: f64) -> f64 {
+        (self.damping_n_s_m + softening * self.viscous_n_s_m) / mass_kg
+            + (self.stiffness_n_m / mass_kg).sqrt()
     }
 
     /// Friction at a speed \[m/s\] and deflection \[m\], all its parts scaled by `softening`.
@@ -55,9 +61,14 @@ impl Bristle {
         let still = if ratio.abs() > 6.5 { 0.0 } else { math::exp(-ratio * ratio) };
         let sliding = softening * (self.coulomb_n + self.stribeck_n * still);
         let spring = self.stiffness_n_m * deflection;
-        // No friction at all: the bristles follow without force.
-        let slip = if sliding > 0.0 { speed.abs() * spring / sliding } else { speed };
-        let rate = speed - slip;
+        // The authors' rate, v - stiffness |v| z / g, is that of a lag which ends at z = g / stiffness in the direction of
+        // v. Without friction g is zero: what force the bristles have fades.
+        let rate = if self.stiffness_n_m * speed.abs() < FASTEST_SLIP_PER_S * sliding {
+            speed - speed.abs() * spring / sliding
+        } else {
+            let steady = sliding.copysign(speed) / self.stiffness_n_m.max(f64::MIN_POSITIVE);
+            FASTEST_SLIP_PER_S * (steady - deflection)
+        };
         // The bristles' damping fades with sliding (the same authors' remark): it keeps the model passive.
         let damping = self.damping_n_s_m * still * rate;
         let viscous = softening * self.viscous_n_s_m * speed;
@@ -69,6 +80,7 @@ impl Bristle {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plant::ode::rk4;
 
     #[test]
     fn steady_sliding_is_stribeck_and_viscous() {
@@ -88,6 +100,45 @@ mod tests {
                     + friction.viscous_n_s_m * speed);
             assert!((drag.force / expected - 1.0).abs() < 1e-6, "at {speed} m/s: {drag:?}");
             assert!((drag.heat / (expected * speed) - 1.0).abs() < 1e-6);
+        }
+    }
+
+    /// However little friction there is, the bristles take steps of the plant's length.
+    #[test]
+    fn hardly_any_friction_is_no_stiff_one() {
+        for coulomb_n in [0.0, 1e-9, 0.01, 0.1, 1.0] {
+            for presliding_stiffness_n_m in [4e4, 1e7] {
+                let friction = Friction {
+                    force_n: coulomb_n,
+                    presliding_stiffness_n_m,
+                    viscous_n_s_m: 0.0,
+                    ..Friction::default()
+                };
+                let bristle = Bristle::new(&friction, 2.0);
+                for speed in [0.05_f64, -0.5] {
+                    let mut state = [0.002 * speed.signum()];
+                    for _ in 0..400 {
+                        state = rk4(&state, 2.5e-4, |z| {
+                            [bristle.drag(speed, z[0], 1.0).deflection_rate]
+                        });
+                    }
+                    let drag = bristle.drag(speed, state[0], 1.0);
+                    let expected = coulomb_n.copysign(speed);
+                    assert!(
+                        (drag.force - expected).abs() < 1e-6 + 1e-6 * coulomb_n,
+                        "{coulomb_n} N: {drag:?}"
+                    );
+                }
+            }
+        }
+        for presliding_stiffness_n_m in [0.0, 4e4] {
+            let none = Friction {
+                force_n: 0.0,
+                stribeck_force_n: 0.0,
+                presliding_stiffness_n_m,
+                ..Friction::default()
+            };
+            assert_eq!(Bristle::new(&none, 2.0).drag(0.0, 0.0, 1.0), Drag::default());
         }
     }
 

@@ -24,8 +24,8 @@ impl End {
         Self { load_n, bristle, mass_kg, per_mass_kg: 1.0 / mass_kg }
     }
 
-    fn fastest_rate(&self) -> f64 {
-        self.bristle.fastest_rate(self.mass_kg)
+    fn fastest_rate(&self, softening: f64) -> f64 {
+        self.bristle.fastest_rate(self.mass_kg, softening)
     }
 }
 
@@ -55,10 +55,10 @@ impl Ends {
         }
     }
 
-    /// Fastest rate of friction and mass \[1/s\].
-    pub fn fastest_rate(&self) -> f64 {
-        let slack = self.slack.map_or(0.0, |end| end.fastest_rate());
-        self.taut.fastest_rate().max(slack)
+    /// Fastest rate of friction and mass \[1/s\], for the largest factor on friction.
+    pub fn fastest_rate(&self, softening: f64) -> f64 {
+        let slack = self.slack.map_or(0.0, |end| end.fastest_rate(softening));
+        self.taut.fastest_rate(softening).max(slack)
     }
 
     /// What moves while the load is there.

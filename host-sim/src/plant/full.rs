@@ -11,7 +11,7 @@ use super::closure::Closure;
 use super::end::{End, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
-use super::heat::InnerHeat;
+use super::heat::{HEAT_TOO_LARGE, InnerHeat};
 use super::line::Line;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
@@ -170,13 +170,13 @@ struct Way<'a> {
 
 /// Substeps of a step, while a valve is open, and while both are shut.
 ///
-/// Fastest are the tube between open valves and muscle, or the line; the bristles, at `bristle_rate` \[1/s\]; the muscle
-/// of `smallest` volume \[m3\] through its largest hole.
+/// Fastest are the tube between open valves and muscle, or the line; what `others` are, rates \[1/s\] and the keys that
+/// make them so fast; the muscle of `smallest` volume \[m3\] through its largest hole.
 fn substeps(
     scenario: &Scenario,
     gas: &IdealGas,
     way: &Way<'_>,
-    bristle_rate: f64,
+    others: [(f64, &'static str); 3],
     smallest: f64,
 ) -> Result<[Substeps; 2], BuildError> {
     let Way { piping, tube, tube_m3, line } = way;
@@ -196,10 +196,6 @@ fn substeps(
     let of = |longest: f64, valves: f64| {
         let tube_rate = per_flow * (valves * piping.steepest(hottest) + beside_tube) / tube_m3;
         let rates = [
-            (
-                bristle_rate,
-                "friction.presliding_stiffness_n_m or friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end",
-            ),
             (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
             (
                 line_rate,
@@ -209,7 +205,7 @@ fn substeps(
         Substeps::new(scenario, piping, hottest, |leak, leak_too_large| {
             let leak_rate = per_flow * leak * piping.steepest(hottest) / smallest;
             let (fastest, because) =
-                rates.into_iter().fold((leak_rate, leak_too_large), |most, rate| {
+                others.into_iter().chain(rates).fold((leak_rate, leak_too_large), |most, rate| {
                     if rate.0 >= most.0 { rate } else { most }
                 });
             super::substeps(scenario.run.step_s, longest.min(STEP_TIMES_RATE / fastest), because)
@@ -233,11 +229,32 @@ impl<C: Chamber> Constants<C> {
         let ends = Ends::new(scenario, pull.load_n, chamber.pushes());
         let way = Way { piping: &piping, tube: &tube, tube_m3, line: line.as_ref() };
         let smallest = chamber.volume(rest_length).min(start.volume);
-        let [open, shut] = substeps(scenario, &gas, &way, ends.fastest_rate(), smallest)?;
-        let Scenario { wall, sensor, heat, .. } = scenario;
+        let Scenario { wall, sensor, heat, plant, .. } = scenario;
         let share = 1.0 / zones as f64;
         let inner_j_k = share * wall.heat_capacity_j_k * (1.0 - wall.outer_fraction);
         let outer_j_k = share * wall.heat_capacity_j_k * wall.outer_fraction;
+        let layers_w_k = share * wall.conductance_w_k;
+        let stirring = Stirring::new(zones, chamber.gas_length(rest_length), diameter);
+        let inner = InnerHeat::of(scenario, diameter);
+        let softening = Softening::new(&scenario.friction);
+        // The zone at the port gets the largest share of an inflow's heat transfer.
+        let inflow = piping.largest_inflow()
+            * stirring.zones().iter().fold(1.0, |most, share| share.max(most));
+        let coldest_k = plant.initial_temperature_k.min(scenario.ambient.temperature_k);
+        let still = (scenario.ambient.pressure_pa, plant.initial_temperature_k);
+        let space = (chamber.volume(rest_length), chamber.surface(rest_length));
+        let others = [
+            (
+                ends.fastest_rate(softening.factor(coldest_k).max(1.0)),
+                "friction.presliding_stiffness_n_m or friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end",
+            ),
+            (inner.fastest_rate(&gas, still, space, inflow), HEAT_TOO_LARGE),
+            (
+                layers_w_k * (1.0 / inner_j_k + 1.0 / outer_j_k),
+                "wall.conductance_w_k is too large for wall.heat_capacity_j_k",
+            ),
+        ];
+        let [open, shut] = substeps(scenario, &gas, &way, others, smallest)?;
         Ok(Self {
             step_s: scenario.run.step_s,
             open,
@@ -246,7 +263,7 @@ impl<C: Chamber> Constants<C> {
             closure,
             isometric: scenario.load.kind == LoadKind::Isometric,
             ends,
-            softening: Softening::new(&scenario.friction),
+            softening,
             friction_to_wall: scenario.friction.heat_fraction,
             piping,
             tube,
@@ -254,8 +271,8 @@ impl<C: Chamber> Constants<C> {
             tube_pa_j: (gas.k - 1.0) / tube_m3,
             line,
             droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
-            heat: InnerHeat::of(scenario, diameter),
-            stirring: Stirring::new(zones, chamber.gas_length(rest_length), diameter),
+            heat: inner,
+            stirring,
             outer_w_m2_k: heat.outer_w_m2_k,
             outer_per_speed: heat.outer_per_speed,
             share,
@@ -263,7 +280,7 @@ impl<C: Chamber> Constants<C> {
             outer_j_k,
             inner_k_j: 1.0 / inner_j_k,
             outer_k_j: 1.0 / outer_j_k,
-            layers_w_k: share * wall.conductance_w_k,
+            layers_w_k,
             initial_k: start.wall_k,
             foil: foil_weights(zones, sensor.gas.position, sensor.gas.span),
             wall_sensor_position: sensor.wall.position,

@@ -9,6 +9,12 @@ use std::f64::consts::PI;
 /// Acceleration of gravity, which drives natural convection \[m/s2\].
 const GRAVITY: f64 = 9.81;
 
+/// So far from each other gas and wall hardly come; natural convection grows with it \[K\].
+const WALL_BELOW_GAS_K: f64 = 100.0;
+
+/// Why steps would have to be too short, where it is heat that is fast.
+pub const HEAT_TOO_LARGE: &str = "heat.scale, heat.inner_w_m2_k or heat.inner_per_flow is too large for the heat capacity of gas and wall";
+
 /// Coefficient of heat transfer from gas to wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InnerHeat {
@@ -78,6 +84,20 @@ impl InnerHeat {
     pub fn linearised(&self, pressure: f64, gas_k: f64, wall_k: f64, inflow: f64) -> (f64, f64) {
         let at = |inflow| self.coefficient(pressure, gas_k, wall_k, inflow);
         (at(0.0), (at(inflow) - at(0.0)) / inflow)
+    }
+
+    /// Fastest rate \[1/s\] at which gas in that volume \[m3\], at that pressure \[Pa\] and temperature \[K\], follows its
+    /// wall of that surface \[m2\], for the largest inflow \[kg/s\].
+    pub fn fastest_rate(
+        &self,
+        gas: &IdealGas,
+        (pressure, gas_k): (f64, f64),
+        (volume, surface): (f64, f64),
+        inflow: f64,
+    ) -> f64 {
+        let conductance =
+            surface * self.coefficient(pressure, gas_k, gas_k - WALL_BELOW_GAS_K, inflow);
+        conductance * gas.r * gas_k / (gas.cv * pressure * volume)
     }
 
     /// Coefficient \[W/(m2 K)\] at that pressure \[Pa\], gas and wall temperature \[K\], inflow \[kg/s\].

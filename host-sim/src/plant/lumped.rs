@@ -8,7 +8,7 @@
 use super::chamber::Chamber;
 use super::closure::Closure;
 use super::flow::Streams;
-use super::heat::InnerHeat;
+use super::heat::{HEAT_TOO_LARGE, InnerHeat};
 use super::local_power::LocalPower;
 use super::ode::rk4;
 use super::piping::{Disturbance, Piping};
@@ -238,6 +238,9 @@ impl<C: Chamber + Copy> Lumped<C> {
         let gas_k = scenario.plant.gas_k();
         let hottest = piping.supply().1.max(temperature).max(gas_k);
         let step = scenario.run.step_s;
+        let still = (scenario.ambient.pressure_pa, temperature);
+        let space = (chamber.volume(rest_length), chamber.surface(rest_length));
+        let heat_rate = heat.fastest_rate(gas, still, space, piping.largest_inflow());
         let substeps = Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
             let rate = (2.0 + leak) * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
             let because = if leak > 2.0 {
@@ -245,6 +248,8 @@ impl<C: Chamber + Copy> Lumped<C> {
             } else {
                 "valve.conductance_m3_s_pa is too large for the gas's volume"
             };
+            let (rate, because) =
+                if heat_rate > rate { (heat_rate, HEAT_TOO_LARGE) } else { (rate, because) };
             super::substeps(step, LONGEST_STEP_S.min(STEP_TIMES_RATE / rate), because)
         })?;
         let exponent = closure.exponent();

@@ -108,6 +108,11 @@ impl Piping {
         self.valve.steepest(upstream_k)
     }
 
+    /// Mass flow through the inlet into nothing: no inflow is larger \[kg/s\].
+    pub fn largest_inflow(&self) -> f64 {
+        self.valve.mass_flow(self.supply.0, self.supply.1, 0.0)
+    }
+
     /// By how much the two valves are open, together, while they are driven that much \[-\].
     pub fn openings(&self, inlet: f64, outlet: f64) -> f64 {
         self.broken.inlet.opening(inlet) + self.broken.outlet.opening(outlet)
