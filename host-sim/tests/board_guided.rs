@@ -5,6 +5,7 @@
 use serialport::{SerialPort, TTYPort};
 use std::fs;
 use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -343,23 +344,36 @@ fn a_disk_that_fills_up_while_it_drives_vents_and_is_told() {
         return;
     }
     let bench = configured();
-    let mut command = std::process::Command::new("bash");
-    command
-        .arg("-c")
-        .arg(
-            "trap '' XFSZ; ulimit -f 100; exec \"$0\" board emulated drive scenarios/contraction.toml --arm --quiet \
-             --out \"$1\"",
-        )
-        .arg(env!("CARGO_BIN_EXE_thermyo"))
-        .arg(bench.path("out/drive"))
-        .env("TMPDIR", bench.path(""))
-        .current_dir(board_support::repository());
-    let output = command.output().unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", message(&output));
-    assert!(message(&output).contains("trace.csv"), "{}", message(&output));
-    assert_eq!(message(&output).trim().lines().count(), 1, "{}", message(&output));
-    let info = bench.ok("thermyo board emulated info");
-    assert!(info.contains("vent"), "{info}");
+    let whole = fs::read_to_string(board_support::repository().join("scenarios/contraction.toml"));
+    let short = whole.unwrap().replace("duration_s = 5.0", "duration_s = 0.1");
+    fs::write(bench.path("short.toml"), short).unwrap();
+    // Full while it drives, and when its report is written.
+    for (profile, kib, unwritable) in
+        [("scenarios/contraction.toml", "100", "trace.csv"), ("short.toml", "50", "report.html")]
+    {
+        let mut command = std::process::Command::new("bash");
+        command
+            .arg("-c")
+            .arg(
+                "trap '' XFSZ; ulimit -f $3; exec \"$0\" board emulated drive \"$1\" --arm --quiet --out \"$2\"",
+            )
+            .arg(env!("CARGO_BIN_EXE_thermyo"))
+            .arg(if profile == "short.toml" { bench.path(profile) } else { PathBuf::from(profile) })
+            .arg(bench.path("out/drive"))
+            .arg(kib)
+            .env("TMPDIR", bench.path(""))
+            .current_dir(board_support::repository());
+        let output = command.output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{}", message(&output));
+        let said = message(&output);
+        let [kept, error] = said.trim().lines().collect::<Vec<_>>()[..] else { panic!("{said}") };
+        assert!(error.contains(unwritable), "{error}");
+        let (_, record) = kept.split_once("thermyo: the record so far is in ").expect(&said);
+        let trace = fs::read_to_string(Path::new(record).join("trace.csv")).unwrap();
+        assert!(trace.lines().count() > 50, "{trace}");
+        let info = bench.ok("thermyo board emulated info");
+        assert!(info.contains("vent"), "{info}");
+    }
 }
 
 #[test]

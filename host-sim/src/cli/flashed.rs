@@ -508,6 +508,23 @@ fn drive_profile(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
+    let mut record = None;
+    let driven = drive_and_record(board, args, said, &mut record, out, err);
+    if let (Err(_), Some(record)) = (&driven, record.filter(|record| record.exists())) {
+        let _ = writeln!(err, "thermyo: the record so far is in {}", record.display());
+    }
+    driven
+}
+
+/// `record` is where what was driven lies until it is published: nobody can make that again.
+fn drive_and_record(
+    board: &mut LiveBoard,
+    args: &DriveArgs,
+    said: SaidArgs,
+    record: &mut Option<PathBuf>,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
     let config = board.config()?;
     let configured = from_config::say(&config)?;
     let driven = drive::plan(&args.profile, &configured)?;
@@ -538,20 +555,14 @@ fn drive_profile(
         Ok(())
     });
     bar.finish_and_clear();
-    let unwritable =
-        |files: &OutputDir, error| Failure::from(files.unwritable("trace.csv", &error));
-    let written = recorder.finish().map_err(|error| unwritable(&files, error));
+    if gathered.rows() > 0 {
+        files.keep();
+        *record = Some(files.place().to_path_buf());
+    }
+    let unwritable = |error| Failure::from(files.unwritable("trace.csv", &error));
+    let written = recorder.finish().map_err(unwritable);
     let ended = match outcome {
-        Err(DriveError::Output(error)) => {
-            let failure = unwritable(&files, error);
-            files.leave();
-            return Err(failure);
-        }
-        Err(DriveError::Board(error)) if gathered.rows() > 0 => {
-            let left = files.leave();
-            let _ = writeln!(err, "thermyo: the record so far is in {}", left.display());
-            return Err(error.into());
-        }
+        Err(DriveError::Output(error)) => return Err(unwritable(error)),
         Err(DriveError::Board(error)) => return Err(error.into()),
         Ok(Ended::Stopped) if gathered.rows() == 0 => {
             let _ = writeln!(err, "thermyo: stopped before its first step, nothing is kept");
