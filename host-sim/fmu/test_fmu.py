@@ -192,6 +192,25 @@ def test_a_step_from_another_time_is_an_error(from_s, instance):
     assert status == ERROR and text.endswith("the time is 0.002 s: a unit cannot go back, or leave out time")
 
 
+def test_a_call_out_of_turn_is_an_error_and_changes_nothing(instance):
+    slave = instance()
+    with pytest.raises(fmpy.fmi1.FMICallException) as raised:
+        slave.doStep(0.0, 0.001)
+    assert raised.value.status == ERROR
+    started(slave)
+    slave.doStep(0.0, 0.002)
+    before = slave.getFloat64(range(15))
+    with pytest.raises(fmpy.fmi1.FMICallException) as raised:
+        slave.enterInitializationMode()
+    assert raised.value.status == ERROR
+    assert [text.partition(": ")[2] for _, text in slave.said] == [
+        "must come after fmi3ExitInitializationMode",
+        "must come before the first step, or after fmi3Reset",
+    ]
+    assert slave.getFloat64(range(15)) == before
+    slave.doStep(0.002, 0.001)
+
+
 def test_values_out_of_their_range_are_refused(instance):
     slave = started(instance())
     for value in (-0.1, 1.1, float("nan")):

@@ -78,12 +78,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     _stop_s: f64,
 ) -> Status {
     // Safety: the caller's.
-    unsafe {
-        guarded(instance, |model| {
-            model.begin_at(start_s);
-            Ok(())
-        })
-    }
+    unsafe { guarded(instance, |model| model.begin_at(start_s)) }
 }
 
 /// From now on it steps.

@@ -52,6 +52,14 @@ pub enum ModelError {
         /// The time \[s\].
         time_s: f64,
     },
+    /// A call before or after its time.
+    #[error("{call}: must come {must}")]
+    OutOfTurn {
+        /// What was called.
+        call: &'static str,
+        /// When it may be.
+        must: &'static str,
+    },
     /// A value that is out of its range.
     #[error("{name} = {value}: must be {allowed}")]
     Value {
@@ -176,8 +184,19 @@ impl Model {
     }
 
     /// The scenario's time zero in the importer's time \[s\].
-    pub fn begin_at(&mut self, start_s: f64) {
+    ///
+    /// # Errors
+    /// Once it steps: it would start over.
+    pub fn begin_at(&mut self, start_s: f64) -> Result<(), ModelError> {
+        if self.started {
+            let call = "fmi3EnterInitializationMode";
+            return Err(ModelError::OutOfTurn {
+                call,
+                must: "before the first step, or after fmi3Reset",
+            });
+        }
         self.start_s = start_s;
+        Ok(())
     }
 
     /// From now on it steps.
@@ -273,6 +292,10 @@ impl Model {
     /// # Errors
     /// [`ModelError`]; see [`ModelError::leaves_all`].
     pub fn step(&mut self, from_s: f64, length_s: f64) -> Result<(), ModelError> {
+        if !self.started {
+            let must = "after fmi3ExitInitializationMode";
+            return Err(ModelError::OutOfTurn { call: "fmi3DoStep", must });
+        }
         let step_s = self.loaded.plant.run.step_s;
         let (time_s, tolerance_s) = (self.time_s(), TOLERANCE * step_s);
         let is_now = (from_s - time_s).abs() <= tolerance_s;
