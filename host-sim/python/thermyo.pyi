@@ -244,7 +244,8 @@ class Board:
     def clear(self) -> None:
         """Forgets latched faults whose cause is gone; raises `BoardError` where one that vents is left."""
     def read(self) -> dict[str, Any]:
-        """The telemetry of now, by the names of trace.csv."""
+        """The telemetry of now, by the names of trace.csv; of a stream that has begun, what was not yet taken is
+        forgotten."""
     def stream(self, duration_s: Optional[float] = None, every: int = 10) -> Stream:
         """Telemetry as it comes, one dict per `every` steps, with time_s since the first; for ever without a
         duration."""

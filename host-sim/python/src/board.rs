@@ -135,8 +135,7 @@ impl Board {
     fn stream(this: Bound<'_, Self>, duration_s: Option<f64>, every: u16) -> PyResult<Stream> {
         let (py, board) = (this.py(), this.get());
         let step_s = board.ask(py, |board| {
-            board.telemetry_every(every)?;
-            board.fresh_telemetry()?;
+            board.telemetry_anew(every)?;
             board.config().map(|config| f64::from(config.step_s))
         })?;
         let first = Mutex::new(None);

@@ -1,14 +1,24 @@
 """The emulated board: the real firmware, with a simulated muscle at its pins."""
 
 import os
+import time
 
 import pytest
 import thermyo
 
 SCENARIO = {"plant": {"model": "lumped"}, "load": {"force_n": 60.0}}
 
+emulated = pytest.mark.skipif("THERMYO_SKIP_EMULATOR" in os.environ, reason="THERMYO_SKIP_EMULATOR is set")
 
-@pytest.mark.skipif("THERMYO_SKIP_EMULATOR" in os.environ, reason="THERMYO_SKIP_EMULATOR is set")
+
+@pytest.fixture
+def board():
+    with thermyo.Board("emulated", SCENARIO) as board:
+        board.configure(SCENARIO)
+        yield board
+
+
+@emulated
 def test_a_board_is_armed_set_streamed_and_vents_at_the_end():
     with thermyo.Board("emulated", SCENARIO) as board:
         board.configure(SCENARIO)
@@ -31,6 +41,24 @@ def test_a_board_is_armed_set_streamed_and_vents_at_the_end():
     with thermyo.Board("emulated") as board:
         after = board.read()
     assert after["mode"] == "vent" and after["measured_pressure_pa"] < 1.48e5
+
+
+@emulated
+def test_what_is_read_is_of_now_however_long_nobody_read(board):
+    board.arm()
+    board.set(pressure_pa=2e5)
+    last = list(board.stream(duration_s=1.0))[-1]
+    time.sleep(2.0)
+    now = board.read()
+    assert now["step"] > last["step"] + 1500
+    assert now["mode"] == "vent" and now["faults"] == ["link lost"]
+    board.clear()
+    assert board.read()["faults"] == []
+    # The first of a stream too.
+    time.sleep(1.0)
+    now = board.read()
+    time.sleep(1.0)
+    assert next(board.stream())["step"] > now["step"] + 700
 
 
 def test_a_port_that_is_none_is_said():

@@ -36,8 +36,7 @@ impl Line {
     /// # Errors
     /// [`BoardError`], where nobody answers.
     pub fn meet(name: &str) -> Result<(Self, Version), BoardError> {
-        let port = port::open(name)?;
-        let mut line = Self { name: name.to_owned(), port, link: Link::default() };
+        let mut line = Self::over(port::open(name)?, name);
         match line.ask(HostCommand::Version, "version") {
             Ok(Answer::Version(version)) => Ok((line, version)),
             Ok(_) => Err(BoardError::Silent { asked: "version" }),
@@ -47,6 +46,11 @@ impl Line {
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// Over an open port of this name.
+    pub(super) fn over(port: Box<dyn Port>, name: &str) -> Self {
+        Self { name: name.to_owned(), port, link: Link::default() }
     }
 
     /// Name of the port.

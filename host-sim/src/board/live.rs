@@ -20,6 +20,8 @@ pub struct LiveBoard {
     version: Version,
     /// As it was asked for last.
     config: Option<Config>,
+    /// Steps per telemetry frame, as asked for last.
+    every: u16,
     said: Instant,
     driving: bool,
 }
@@ -34,9 +36,14 @@ impl LiveBoard {
         if version.hil {
             return Err(BoardError::Hil { chip: version.chip });
         }
-        let mut board = Self { line, version, config: None, said: Instant::now(), driving: false };
+        let mut board = Self::of(line, version);
         board.telemetry_every(VIEW_DIVIDER)?;
         Ok(board)
+    }
+
+    fn of(line: Line, version: Version) -> Self {
+        let (every, said) = (VIEW_DIVIDER, Instant::now());
+        Self { line, version, config: None, every, said, driving: false }
     }
 
     /// Who it is.
@@ -54,7 +61,20 @@ impl LiveBoard {
     /// # Errors
     /// [`BoardError`]
     pub fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
-        self.line.ask(HostCommand::TelemetryDivider(steps), "telemetry").map(drop)
+        self.line.ask(HostCommand::TelemetryDivider(steps), "telemetry")?;
+        self.every = steps;
+        Ok(())
+    }
+
+    /// The same, and what was sent before is forgotten: what comes next is of now.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn telemetry_anew(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.telemetry_every(steps)?;
+        // The board sends in order: what it sent before its answer is of before the question.
+        while self.line.take_telemetry().is_some() {}
+        Ok(())
     }
 
     /// What changes rarely.
@@ -255,7 +275,7 @@ impl LiveBoard {
     pub fn stop(&mut self) -> Result<(), BoardError> {
         self.vent()?;
         let vents = |telemetry: &Telemetry| matches!(telemetry.mode, Mode::Vent | Mode::Judging);
-        self.line.wait(|link| link.take_telemetry().filter(vents), "telemetry").map(drop)
+        self.fresh(vents).map(drop)
     }
 
     /// Vents, for those who take every telemetry themselves.
@@ -287,15 +307,23 @@ impl LiveBoard {
         Ok(())
     }
 
-    /// The telemetry of a step that is not yet done.
+    /// The telemetry of now, however much of before nobody has read.
     ///
     /// # Errors
     /// [`BoardError`]
     pub fn fresh_telemetry(&mut self) -> Result<Telemetry, BoardError> {
-        while self.line.take_telemetry().is_some() {}
-        // The first one that comes may have been on its way.
-        self.line.wait(|link| link.take_telemetry(), "telemetry")?;
-        self.line.wait(|link| link.take_telemetry(), "telemetry")
+        self.fresh(|_| true)
+    }
+
+    /// The first telemetry from now on that is wanted. Nobody waits for it as long as for rare frames.
+    fn fresh(&mut self, wanted: impl Fn(&Telemetry) -> bool) -> Result<Telemetry, BoardError> {
+        let every = self.every;
+        self.telemetry_anew(every.min(VIEW_DIVIDER))?;
+        let fresh = self.line.wait(|link| link.take_telemetry().filter(&wanted), "telemetry");
+        if every != self.every {
+            self.telemetry_anew(every)?;
+        }
+        fresh
     }
 
     /// The next telemetry that has come; tells the board that its host is there, and waits some milliseconds.
@@ -321,5 +349,112 @@ impl Drop for LiveBoard {
             // Without a line the board finds out for itself.
             let _ = self.line.ask(HostCommand::Stop, "stop");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_core::link::{Decoder, Message, PROTOCOL, Reply, Request, encode};
+    use model_core::{AdcCode, Core, Sample};
+    use std::collections::VecDeque;
+    use std::io::{self, Read, Write};
+
+    /// Step that the board is at when somebody looks again.
+    const NOW: u32 = 3_000;
+
+    /// A board whose telemetry nobody has read for a while.
+    struct Unread {
+        telemetry: Telemetry,
+        divider: u32,
+        requests: Decoder,
+        waiting: VecDeque<u8>,
+    }
+
+    impl Unread {
+        fn new() -> Self {
+            let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+            let first = Core::new(&Config::default()).unwrap().step(&sample);
+            let telemetry =
+                Telemetry { step: 0, mode: Mode::Pressure, faults: Faults::NONE, ..first };
+            let (requests, waiting) = (Decoder::new(), VecDeque::new());
+            let mut board = Self { telemetry, divider: 1, requests, waiting };
+            (0..NOW).for_each(|_| board.step());
+            board
+        }
+
+        /// It holds a pressure, and vents from the last step on.
+        fn step(&mut self) {
+            self.telemetry.step += 1;
+            if self.telemetry.step == NOW {
+                (self.telemetry.mode, self.telemetry.faults) = (Mode::Vent, Faults::LINK_LOST);
+            }
+            if self.telemetry.step.is_multiple_of(self.divider) {
+                self.tell(Message::Telemetry(self.telemetry));
+            }
+        }
+
+        fn tell(&mut self, message: Message) {
+            self.waiting.extend(encode(&message).unwrap());
+        }
+    }
+
+    impl Read for Unread {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            if self.waiting.is_empty() {
+                (0..10).for_each(|_| self.step());
+            }
+            if self.waiting.is_empty() {
+                Err(io::ErrorKind::TimedOut.into())
+            } else {
+                self.waiting.read(buffer)
+            }
+        }
+    }
+
+    impl Write for Unread {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            for byte in bytes {
+                let Some(Request { sequence, command }) = self.requests.push(*byte) else {
+                    continue;
+                };
+                if let HostCommand::TelemetryDivider(divider) = command {
+                    self.divider = u32::from(divider);
+                }
+                let answer = Answer::Done { step: self.telemetry.step };
+                self.tell(Message::Reply(Reply { sequence, answer }));
+            }
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn unread() -> LiveBoard {
+        let version =
+            Version { protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false };
+        let line = Line::over(Box::new(Unread::new()), "unread");
+        LiveBoard::of(line, version)
+    }
+
+    #[test]
+    fn telemetry_that_nobody_has_read_is_not_of_now() {
+        let telemetry = unread().fresh_telemetry().unwrap();
+        assert!(telemetry.step >= NOW, "{}", telemetry.step);
+        assert_eq!((telemetry.mode, telemetry.faults), (Mode::Vent, Faults::LINK_LOST));
+        assert_eq!(unread().clear().unwrap(), Faults::LINK_LOST);
+    }
+
+    #[test]
+    fn telemetry_of_now_does_not_wait_for_a_slow_stream() {
+        let mut board = unread();
+        board.telemetry_every(u16::MAX).unwrap();
+        assert!(board.fresh_telemetry().unwrap().step <= NOW + 100);
+        board.stop().unwrap();
+        // The stream goes on as it was.
+        let next = board.line.wait(|link| link.take_telemetry(), "telemetry").unwrap();
+        assert!(next.step.is_multiple_of(u32::from(u16::MAX)), "{}", next.step);
     }
 }
