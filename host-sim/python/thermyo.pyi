@@ -247,8 +247,9 @@ class Board:
         """The telemetry of now, by the names of trace.csv; of a stream that has begun, what was not yet taken is
         forgotten."""
     def stream(self, duration_s: Optional[float] = None, every: int = 10) -> Stream:
-        """Telemetry as it comes, one dict per `every` steps, with time_s since the first; for ever without a
-        duration."""
+        """Telemetry as it comes, one dict per `every` steps (1 to 65535), with time_s since the first; for ever
+        without a duration. A board has one stream: a further one ends it, and the next dict that is asked of it
+        raises `BoardError`."""
     def close(self) -> None:
         """Vents it where it is driven, and lets go of it."""
     def __enter__(self) -> Board: ...

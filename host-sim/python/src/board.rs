@@ -16,16 +16,19 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// A board that says nothing for this time has gone.
+/// A board that says nothing for this time after it should have has gone.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A board, until it is closed; then it vents.
 #[pyclass(frozen, module = "thermyo")]
 pub struct Board {
     live: Mutex<Option<LiveBoard>>,
+    /// Streams that have begun; the last of them has the telemetry.
+    streams: AtomicU32,
 }
 
 impl Board {
@@ -68,7 +71,7 @@ impl Board {
             }
             LiveBoard::open(port).map_err(error::board)
         })?;
-        Ok(Self { live: Mutex::new(Some(live)) })
+        Ok(Self { live: Mutex::new(Some(live)), streams: AtomicU32::new(0) })
     }
 
     /// Who it is and what it knows of its muscle.
@@ -131,15 +134,24 @@ impl Board {
     }
 
     /// Telemetry as it comes, one dict per this many steps. It tells the board that its host is there.
-    #[pyo3(signature = (duration_s = None, every = VIEW_DIVIDER))]
-    fn stream(this: Bound<'_, Self>, duration_s: Option<f64>, every: u16) -> PyResult<Stream> {
-        let (py, board) = (this.py(), this.get());
-        let step_s = board.ask(py, |board| {
-            board.telemetry_anew(every)?;
-            board.config().map(|config| f64::from(config.step_s))
+    #[pyo3(signature = (duration_s = None, every = i64::from(VIEW_DIVIDER)))]
+    fn stream(this: Bound<'_, Self>, duration_s: Option<f64>, every: i64) -> PyResult<Stream> {
+        if let Some(duration_s) = duration_s.filter(|duration_s| !(*duration_s >= 0.0)) {
+            let text = format!("duration_s = {duration_s}: must be at least 0");
+            return Err(PyValueError::new_err(text));
+        }
+        let steps = u16::try_from(every).ok().filter(|steps| *steps > 0).ok_or_else(|| {
+            PyValueError::new_err(format!("every = {every}: must be from 1 to {} steps", u16::MAX))
         })?;
+        let (py, board) = (this.py(), this.get());
+        let (number, step_s) = board.ask(py, |live| {
+            let number = board.streams.fetch_add(1, Ordering::Relaxed) + 1;
+            live.telemetry_anew(steps)?;
+            Ok((number, f64::from(live.config()?.step_s)))
+        })?;
+        let patience = PATIENCE + Duration::from_secs_f64(f64::from(steps) * step_s);
         let first = Mutex::new(None);
-        Ok(Stream { board: this.unbind(), step_s, duration_s, first })
+        Ok(Stream { board: this.unbind(), number, step_s, patience, duration_s, first })
     }
 
     /// Vents it where it is driven, and lets go of it.
@@ -161,7 +173,9 @@ impl Board {
 #[pyclass(frozen, module = "thermyo")]
 pub struct Stream {
     board: Py<Board>,
+    number: u32,
     step_s: f64,
+    patience: Duration,
     duration_s: Option<f64>,
     /// Step that its time begins with.
     first: Mutex<Option<u32>>,
@@ -189,13 +203,16 @@ impl Stream {
 
 impl Stream {
     fn wait(&self, py: Python<'_>) -> PyResult<Telemetry> {
-        let start = Instant::now();
+        let (start, board) = (Instant::now(), self.board.get());
         loop {
-            if let Some(telemetry) = self.board.get().ask(py, LiveBoard::poll)? {
-                return Ok(telemetry);
+            let is_last = || board.streams.load(Ordering::Relaxed) == self.number;
+            let polled = board.ask(py, |live| is_last().then(|| live.poll()).transpose())?;
+            match polled {
+                None => return Err(BoardError::new_err("another stream of this board has begun")),
+                Some(Some(telemetry)) => return Ok(telemetry),
+                Some(None) => py.check_signals()?,
             }
-            py.check_signals()?;
-            if start.elapsed() > PATIENCE {
+            if start.elapsed() > self.patience {
                 return Err(error::silent("telemetry"));
             }
         }

@@ -61,6 +61,40 @@ def test_what_is_read_is_of_now_however_long_nobody_read(board):
     assert next(board.stream())["step"] > now["step"] + 700
 
 
+@emulated
+@pytest.mark.parametrize("every", [0, -1, 65536])
+def test_a_stream_has_a_whole_number_of_steps_between_its_dicts(board, every):
+    with pytest.raises(ValueError, match=f"^every = {every}: must be from 1 to 65535 steps$"):
+        board.stream(every=every)
+
+
+@emulated
+@pytest.mark.parametrize("duration_s", [-1.0, float("nan")])
+def test_a_stream_has_a_duration(board, duration_s):
+    with pytest.raises(ValueError, match="^duration_s = (-1|NaN): must be at least 0$"):
+        board.stream(duration_s=duration_s)
+
+
+@emulated
+def test_a_slow_stream_is_waited_for(board):
+    steps = [telemetry["step"] for telemetry in board.stream(duration_s=4.0, every=4000)]
+    assert len(steps) == 2 and steps[1] == steps[0] + 4000
+    # What is asked in between does not wait for it.
+    assert board.read()["step"] < steps[1] + 2000
+    board.stop()
+
+
+@emulated
+def test_the_last_stream_has_the_telemetry(board):
+    first = board.stream()
+    next(first)
+    second = board.stream(every=20)
+    next(second)
+    with pytest.raises(thermyo.BoardError, match="^another stream of this board has begun$"):
+        next(first)
+    assert next(second)["time_s"] == pytest.approx(0.02)
+
+
 def test_a_port_that_is_none_is_said():
     with pytest.raises(thermyo.BoardError, match="^/dev/none: "):
         thermyo.Board("/dev/none")
