@@ -7,7 +7,7 @@ use host_sim::commands::identify::identify_table;
 use host_sim::files::table::{Table, read_record};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::PyMapping;
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ pub fn identify<'py>(
 
 /// A table, and what messages call it.
 fn table(given: &Bound<'_, PyAny>, name: &str) -> PyResult<(Table, PathBuf)> {
-    if let Ok(columns) = given.cast::<PyDict>() {
+    if let Ok(columns) = given.cast::<PyMapping>() {
         let name = Path::new(name);
         let table = Table::parse(&to_csv(columns)?, name).map_err(error::input)?;
         return Ok((table, name.to_path_buf()));

@@ -8,7 +8,7 @@ use host_sim::simulation::run as simulation;
 use numpy::{AllowTypeChange, IntoPyArray, PyArrayLike1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 use serde::Serialize;
 use std::io;
 use std::time::{Duration, Instant};
@@ -59,10 +59,10 @@ pub fn run<'py>(
 /// Columns as the text of a CSV file: of a run, the bytes of its trace.csv. A summary is left out.
 #[pyfunction]
 #[pyo3(signature = (columns))]
-pub fn to_csv(columns: &Bound<'_, PyDict>) -> PyResult<String> {
+pub fn to_csv(columns: &Bound<'_, PyMapping>) -> PyResult<String> {
     let mut names = Vec::new();
     let mut table = Vec::new();
-    for (name, column) in columns.iter() {
+    for (name, column) in scenario::entries(columns)? {
         let name: String = name.extract()?;
         if name == SUMMARY {
             continue;

@@ -1,10 +1,10 @@
 //! A scenario as Python has it: a file, its text, or a dict.
 
 use crate::error::{self, ScenarioError, ScenarioWarning};
-use host_sim::files::input::{InputError, read_text};
+use host_sim::files::input::{InputError, quoted, read_text};
 use host_sim::scenario::{self, Document, Loaded};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyString, PyTuple};
+use pyo3::types::{PyList, PyMapping, PyString, PyTuple};
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
@@ -13,6 +13,8 @@ use toml::{Table, Value};
 const NAME: &str = "scenario";
 /// A text that ends like this names a file.
 const SUFFIX: &str = ".toml";
+/// Tables within tables; no scenario has as many. What contains itself has no end.
+const DEEPEST: usize = 32;
 
 /// The scenario with every default filled in and its meaning, as TOML: what `thermyo check` prints.
 #[pyfunction]
@@ -41,9 +43,9 @@ pub fn load(given: &Bound<'_, PyAny>, seed: Option<u64>) -> PyResult<Loaded> {
 
 /// Reads it; says whether it is a dict.
 pub fn document(given: &Bound<'_, PyAny>) -> PyResult<(Document, bool)> {
-    match given.cast::<PyDict>() {
+    match given.cast::<PyMapping>() {
         Ok(dict) => {
-            let text = table("", dict)?.to_string();
+            let text = table("", dict, 0)?.to_string();
             Ok((parse(&text, Path::new(NAME), true)?, true))
         }
         Err(_) => Ok((of_text_or_file(given)?, false)),
@@ -87,22 +89,54 @@ fn placed(mut error: InputError, origin: &Path, from_dict: bool) -> InputError {
     error
 }
 
-fn table(path: &str, dict: &Bound<'_, PyDict>) -> PyResult<Table> {
-    dict.iter()
+fn table(path: &str, dict: &Bound<'_, PyMapping>, depth: usize) -> PyResult<Table> {
+    entries(dict)?
+        .iter()
         .map(|(key, item)| {
-            let key: String = key.extract().map_err(|_| refused(path, &key))?;
+            let key = name_within(path, key)?;
             let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-            Ok((key, value(&path, &item)?))
+            let item = value(&path, item, depth + 1)?;
+            Ok((key, item))
         })
         .collect()
 }
 
-fn value(path: &str, item: &Bound<'_, PyAny>) -> PyResult<Value> {
-    if let Ok(dict) = item.cast::<PyDict>() {
-        return table(path, dict).map(Value::Table);
+/// What a mapping holds.
+pub fn entries<'py>(
+    mapping: &Bound<'py, PyMapping>,
+) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
+    mapping.items()?.extract()
+}
+
+/// A key of the table at `path`.
+fn name_within(path: &str, key: &Bound<'_, PyAny>) -> PyResult<String> {
+    let place = if path.is_empty() { String::new() } else { format!("{path}: ") };
+    let Ok(name) = key.extract::<String>() else {
+        let written = quoted(&key.repr()?.to_cow()?);
+        let text = format!("{NAME}: {place}key {written}: must be a text");
+        return Err(ScenarioError::new_err(text));
+    };
+    if name.contains('.') {
+        let nested = name.replace('.', "\": {\"");
+        let ends = "}".repeat(name.split('.').count());
+        return Err(ScenarioError::new_err(format!(
+            "{NAME}: {place}unknown key {name:?}: a table is a dict, {{\"{nested}\": ...{ends}"
+        )));
+    }
+    Ok(name)
+}
+
+fn value(path: &str, item: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
+    if depth > DEEPEST {
+        let path = quoted(path);
+        let text = format!("{NAME}: {path}: must not be nested more than {DEEPEST} deep");
+        return Err(ScenarioError::new_err(text));
+    }
+    if let Ok(dict) = item.cast::<PyMapping>() {
+        return table(path, dict, depth).map(Value::Table);
     }
     if item.is_instance_of::<PyList>() || item.is_instance_of::<PyTuple>() {
-        let items = item.try_iter()?.map(|item| value(path, &item?));
+        let items = item.try_iter()?.map(|item| value(path, &item?, depth + 1));
         return items.collect::<PyResult<_>>().map(Value::Array);
     }
     if let Ok(flag) = item.extract() {
@@ -123,7 +157,7 @@ fn value(path: &str, item: &Bound<'_, PyAny>) -> PyResult<Value> {
 }
 
 fn refused(path: &str, item: &Bound<'_, PyAny>) -> PyErr {
-    let written = item.repr().map_or_else(|_| String::new(), |text| text.to_string());
-    let allowed = "a number, a text, a bool, a list of texts, a path or a dict with texts as keys";
+    let written = item.repr().map_or_else(|_| String::new(), |text| quoted(&text.to_string()));
+    let allowed = "a number, a text, a bool, a list of texts, a path or a dict";
     ScenarioError::new_err(format!("{NAME}: {path} = {written}: must be {allowed}"))
 }

@@ -1,6 +1,7 @@
 """What is wrong with a scenario is said in the command's own words."""
 
 import pathlib
+import types
 import warnings
 
 import numpy
@@ -79,6 +80,45 @@ def test_a_file_that_is_not_there_is_said():
 def test_what_no_scenario_holds_is_refused(value):
     with pytest.raises(thermyo.ScenarioError, match="^scenario: run.duration_s|^scenario: run = "):
         thermyo.check({"run": {"duration_s": value}})
+
+
+def endless():
+    table, items = {}, []
+    table["run"], deep = table, {}
+    items.append(items)
+    for _ in range(20_000):
+        deep = {"run": deep}
+    return [table, {"run": items}, deep]
+
+
+@pytest.mark.parametrize("scenario", endless(), ids=["dict", "list", "deep"])
+def test_what_has_no_end_is_refused(scenario):
+    with pytest.raises(thermyo.ScenarioError, match="^scenario: run.*: must not be nested more than 32 deep$"):
+        thermyo.run(scenario)
+
+
+def test_a_key_is_a_text_and_no_path():
+    for scenario, message in [
+        ({1: {}}, "scenario: key 1: must be a text"),
+        ({"run": {2: 3}}, "scenario: run: key 2: must be a text"),
+        (
+            {"run.duration_s": 0.05},
+            'scenario: unknown key "run.duration_s": a table is a dict, {"run": {"duration_s": ...}}',
+        ),
+        (
+            {"believed": {"sensor.gas.span": 1}},
+            'scenario: believed: unknown key "sensor.gas.span": a table is a dict, {"sensor": {"gas": {"span": ...}}}',
+        ),
+    ]:
+        with pytest.raises(thermyo.ScenarioError) as raised:
+            thermyo.check(scenario)
+        assert str(raised.value) == message
+
+
+def test_any_mapping_is_a_dict():
+    scenario = types.MappingProxyType({"run": types.MappingProxyType({"duration_s": 0.1})})
+    run = thermyo.run(scenario)
+    assert thermyo.to_csv(types.MappingProxyType(run)) == thermyo.to_csv(run)
 
 
 @pytest.mark.parametrize("seed", [-1, 2**70, 1.5])
