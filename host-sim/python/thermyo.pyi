@@ -36,7 +36,7 @@ def run(scenario: Scenario, seed: Optional[int] = None) -> dict[str, Any]:
     """Runs a scenario with the core in the loop.
 
     Gives the columns of trace.csv as arrays of float64, one element per logged step (`[run] log_every`), and under
-    "summary" what summary.json says. `seed` takes the place of `[run] seed`.
+    "summary" what summary.json says. `seed`, 0 to 2**63 - 1, takes the place of `[run] seed`.
     """
 
 def check(scenario: Scenario) -> str:

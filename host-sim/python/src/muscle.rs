@@ -57,7 +57,7 @@ impl Muscle {
 impl Muscle {
     #[new]
     #[pyo3(signature = (scenario, seed = None))]
-    fn new(scenario: &Bound<'_, PyAny>, seed: Option<u64>) -> PyResult<Self> {
+    fn new(scenario: &Bound<'_, PyAny>, seed: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let loaded = scenario::load(scenario, seed)?;
         let rig = Rig::new(&loaded).map_err(|build| error::run(run::RunError::Build(build)))?;
         let mut moving = Moving {

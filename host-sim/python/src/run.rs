@@ -24,7 +24,7 @@ const LOOK: Duration = Duration::from_millis(50);
 pub fn run<'py>(
     py: Python<'py>,
     scenario: &Bound<'py, PyAny>,
-    seed: Option<u64>,
+    seed: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let loaded = scenario::load(scenario, seed)?;
     let run = &loaded.plant.run;

@@ -11,6 +11,8 @@ use toml::{Table, Value};
 
 /// What messages call a scenario that is no file.
 const NAME: &str = "scenario";
+/// The key that the keyword `seed` takes the place of.
+const SEED: &str = "run.seed";
 /// A text that ends like this names a file.
 const SUFFIX: &str = ".toml";
 /// Tables within tables; no scenario has as many. What contains itself has no end.
@@ -24,12 +26,13 @@ pub fn check(scenario: &Bound<'_, PyAny>) -> PyResult<String> {
 }
 
 /// Loads and checks it, and warns of what makes no sense.
-pub fn load(given: &Bound<'_, PyAny>, seed: Option<u64>) -> PyResult<Loaded> {
+pub fn load(given: &Bound<'_, PyAny>, seed: Option<&Bound<'_, PyAny>>) -> PyResult<Loaded> {
     let py = given.py();
     let (mut document, from_dict) = document(given)?;
     if let Some(seed) = seed {
+        let seed = value(SEED, seed, 0)?.to_string();
         document
-            .set("run.seed", seed as f64)
+            .set_word(SEED, &seed)
             .map_err(|problem| error::input(InputError::file(&document.origin, problem)))?;
     }
     let without_line = |error| placed(error, &document.origin, from_dict);

@@ -121,10 +121,22 @@ def test_any_mapping_is_a_dict():
     assert thermyo.to_csv(types.MappingProxyType(run)) == thermyo.to_csv(run)
 
 
-@pytest.mark.parametrize("seed", [-1, 2**70, 1.5])
-def test_a_seed_is_a_whole_number(seed):
-    with pytest.raises((OverflowError, TypeError)):
-        thermyo.run({}, seed=seed)
+@pytest.mark.parametrize("seed", [-1, 2**64 - 1, 2**70, 1.5, "7", True])
+def test_a_seed_is_refused_as_that_of_a_dict(seed):
+    for use in (thermyo.run, thermyo.Muscle):
+        with pytest.raises(thermyo.ScenarioError, match="^scenario: run.seed = ") as raised:
+            use({}, seed=seed)
+        with pytest.raises(thermyo.ScenarioError) as in_dict:
+            use({"run": {"seed": seed}})
+        assert str(raised.value) == str(in_dict.value)
+
+
+@pytest.mark.parametrize("seed", [2**53 + 1, 2**63 - 1, numpy.int64(7)])
+def test_a_seed_keeps_every_digit(seed):
+    def trace(seed_of_dict, **keywords):
+        return thermyo.to_csv(thermyo.run({"run": {"duration_s": 0.1, "seed": seed_of_dict}}, **keywords))
+
+    assert trace(1, seed=seed) == trace(seed) != trace(seed - 1)
 
 
 def test_what_makes_no_sense_warns_and_runs(command, tmp_path):

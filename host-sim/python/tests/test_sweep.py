@@ -19,6 +19,14 @@ def test_rows_are_the_commands(command, tmp_path):
     assert values.startswith("sensor.gas.time_constant_s = ") and ", plant.model = " in values
 
 
+def test_seeds_keep_every_digit():
+    seeds = [2**53 + 1, 2**53 + 3]
+    sweep = thermyo.Sweep(SCENARIO, [f"run.seed={seeds[0]},{seeds[1]}"])
+    for point, seed in enumerate(seeds, 1):
+        assert sweep.values(point) == f"run.seed = {seed}"
+        assert sweep.row(point).startswith(f"{point},{seed},{seed},")
+
+
 def test_what_cannot_be_varied_says_what_the_command_says():
     for vary, message in [
         (["sensor.gas.span=0:1"], "must have a COUNT"),

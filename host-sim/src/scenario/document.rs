@@ -121,7 +121,7 @@ impl Document {
         self.put(full_path, key, value, number.to_string())
     }
 
-    /// The same with a word: one of a choice, or "true" or "false".
+    /// The same with a word: one of a choice, "true" or "false", or a whole number with more digits than an `f64` has.
     ///
     /// # Errors
     /// When no key is called so, or it does not take this word.
@@ -132,6 +132,10 @@ impl Document {
                 words.contains(&word).then(|| Value::String(word.to_owned()))
             }
             (Allowed::Switch, "true" | "false") => Some(Value::Boolean(word == "true")),
+            (Allowed::Whole { min, max }, _) => {
+                let whole = word.parse().ok().filter(|whole| (min..=max).contains(whole));
+                whole.map(Value::Integer)
+            }
             _ => None,
         };
         self.put(full_path, key, value, word.to_owned())

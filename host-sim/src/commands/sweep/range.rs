@@ -18,7 +18,7 @@ pub struct Range {
     pub key: String,
     /// The values, rising; of words their places, from 0; of an interval its two ends.
     pub values: Vec<f64>,
-    /// The words, of a key that takes no numbers.
+    /// The words, of a key that takes no numbers, or of whole numbers with more digits than a value has.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<String>,
     /// Whether they are a fixed ratio apart, and not a fixed difference.
@@ -101,6 +101,11 @@ pub enum RangeError {
     /// A limit is no number.
     #[error("{0} = \"{1}\": must be a number")]
     NoNumber(&'static str, String),
+    /// A whole number between which and the next there is none to count with.
+    #[error(
+        "{0} = \"{1}\": has too many digits for a range, beyond 2^53: name each value, KEY=A,B,C"
+    )]
+    TooManyDigits(&'static str, String),
     /// The count is none.
     #[error("COUNT = \"{0}\": must be a whole number from 1 to {MOST_POINTS}")]
     NoCount(String),
@@ -139,6 +144,9 @@ impl FromStr for Range {
             return Err(RangeError::Form);
         }
         let limit = |name, text: &str| match text.parse::<f64>() {
+            Ok(number) if !keeps(text, number) => {
+                Err(RangeError::TooManyDigits(name, text.to_owned()))
+            }
             Ok(number) if number.is_finite() => Ok(number),
             _ => Err(RangeError::NoNumber(name, text.to_owned())),
         };
@@ -184,7 +192,10 @@ fn listed(text: &str, key: &str, list: &str) -> Result<Range, RangeError> {
             return Err(RangeError::Repeated((*part).to_owned()));
         }
     }
-    let number = |part: &&str| part.parse::<f64>().ok().filter(|number| number.is_finite());
+    let number = |part: &&str| {
+        let number = part.parse::<f64>().ok();
+        number.filter(|number| number.is_finite() && keeps(part, *number))
+    };
     let numbers: Option<Vec<f64>> = parts.iter().map(number).collect();
     let (values, words) = match numbers {
         Some(numbers) => (numbers, Vec::new()),
@@ -200,6 +211,11 @@ fn listed(text: &str, key: &str, list: &str) -> Result<Range, RangeError> {
     Ok(Range { key, values, words, logarithmic: false, interval: false, written })
 }
 
+/// Whether a number has every digit that is written; a seed may have more.
+fn keeps(text: &str, number: f64) -> bool {
+    text.parse::<i128>().map_or(true, |whole| whole == number as i128)
+}
+
 /// To 12 significant digits: 0.3 and not 0.30000000000000004, and the same value on every machine,
 /// whatever the last bit of its power function.
 fn rounded(value: f64) -> f64 {
@@ -209,6 +225,7 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::assemble;
 
     fn values(text: &str) -> Vec<f64> {
         text.parse::<Range>().unwrap().values
@@ -230,6 +247,31 @@ mod tests {
         assert_eq!(range.text(1.0), "full");
         let range: Range = "a.b=1:2:3".parse().unwrap();
         assert_eq!(range.text(1.5), "1.5");
+    }
+
+    /// Seeds, say.
+    #[test]
+    fn whole_numbers_keep_every_digit() {
+        let range: Range = "run.seed=9007199254740995,9007199254740997".parse().unwrap();
+        let mut document = Document::parse("", "test".as_ref()).unwrap();
+        for (value, seed) in [(0.0, 9_007_199_254_740_995), (1.0, 9_007_199_254_740_997)] {
+            range.set(&mut document, value).unwrap();
+            assert_eq!(assemble(&document).unwrap().plant.run.seed, seed);
+        }
+        for text in ["run.seed=9007199254740993:9007199254740999:2", "run.seed=1:9007199254740993"]
+        {
+            let error = text.parse::<Range>().unwrap_err().to_string();
+            assert!(
+                error.contains("\"9007199254740993\": has too many digits for a range"),
+                "{error}"
+            );
+        }
+        for seed in ["9223372036854775808,9223372036854775809", "-1,9007199254740993"] {
+            let range: Range = format!("run.seed={seed}").parse().unwrap();
+            let error = range.set(&mut document, 0.0).unwrap_err().to_string();
+            let (first, _) = seed.split_once(',').unwrap();
+            assert!(error.starts_with(&format!("run.seed = {first}: must be a whole")), "{error}");
+        }
     }
 
     #[test]
