@@ -56,7 +56,8 @@ pub fn describe(model: &Model, name: &str) -> Result<String, ModelError> {
          <LogCategories><Category name=\"logStatusError\"/></LogCategories>\n\
          <DefaultExperiment startTime=\"0\" stopTime=\"{}\" stepSize=\"{}\"/>\n\
          <ModelVariables>\n",
-        run.duration_s, run.step_s
+        run.end_s(),
+        run.step_s
     );
     let variables = variables(model.kind());
     for (reference, variable) in (0..).zip(&variables) {
@@ -143,6 +144,20 @@ mod tests {
             let count = |name: &str| names.iter().filter(|n| *n == name).count();
             assert_eq!(count("Float64") + count("Boolean"), variables(kind).len());
             assert_eq!(count("Output"), count("InitialUnknown"));
+        }
+    }
+
+    /// As `thermyo run` does.
+    #[test]
+    fn its_experiment_ends_with_a_whole_step() {
+        for (duration_s, step_s, end_s) in
+            [(2.0, 0.003, 2.001), (2.3, 0.001, 2.3), (2.0, 0.0015, 1.9995)]
+        {
+            let text = format!("run = {{ duration_s = {duration_s:?}, step_s = {step_s:?} }}");
+            let model = Model::new(parse(&text, "test".as_ref()).unwrap(), Kind::Plant).unwrap();
+            let xml = describe(&model, "a").unwrap();
+            let expected = format!("stopTime=\"{end_s}\" stepSize=\"{step_s}\"");
+            assert!(xml.contains(&expected), "{expected}: {xml}");
         }
     }
 

@@ -167,7 +167,7 @@ impl Run {
             waiting: VecDeque::new(),
             count: Count::STARTED,
             step: 0,
-            steps: (scenario.run.duration_s / scenario.run.step_s).round() as u64,
+            steps: scenario.run.steps(),
             rig,
             loaded: loaded.clone(),
         })

@@ -150,7 +150,7 @@ fn along(
     wanted: &dyn Fn() -> bool,
     each: &mut dyn FnMut(&Telemetry, Option<&Status>) -> io::Result<()>,
 ) -> Result<Ended, DriveError> {
-    let steps = (driven.plant.run.duration_s / driven.plant.run.step_s).round() as u64;
+    let steps = driven.plant.run.steps();
     let set_points = SetPoints::new(driven);
     board.start(set_points.at(0.0))?;
     let mut reported = 0;

@@ -13,6 +13,21 @@ table! {
     }
 }
 
+impl Run {
+    /// Steps of the whole run: the whole number that is nearest to its duration.
+    pub fn steps(&self) -> u64 {
+        (self.duration_s / self.step_s).round() as u64
+    }
+
+    /// When its last step ends \[s\].
+    pub fn end_s(&self) -> f64 {
+        let end_s = self.steps() as f64 * self.step_s;
+        // Where only its last digits differ, as it is written.
+        let is_duration = (end_s - self.duration_s).abs() < 1e-6 * self.step_s;
+        if is_duration { self.duration_s } else { end_s }
+    }
+}
+
 choice! {
     /// What drives the run.
     DriveKind {
