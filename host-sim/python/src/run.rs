@@ -18,6 +18,32 @@ pub const SUMMARY: &str = "summary";
 /// Time between two looks whether Ctrl-C was pressed.
 const LOOK: Duration = Duration::from_millis(50);
 
+/// Ctrl-C, looked for now and then while the interpreter goes on.
+pub struct Signals {
+    looked: Instant,
+    raised: Option<PyErr>,
+}
+
+impl Signals {
+    pub fn new() -> Self {
+        Self { looked: Instant::now(), raised: None }
+    }
+
+    /// Whether work may go on.
+    pub fn go_on(&mut self) -> io::Result<()> {
+        if self.looked.elapsed() > LOOK {
+            self.looked = Instant::now();
+            self.raised = Python::attach(|py| py.check_signals()).err();
+        }
+        if self.raised.is_some() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
+    }
+
+    /// What ended it, raised.
+    pub fn raise(self) -> PyResult<()> {
+        self.raised.map_or(Ok(()), Err)
+    }
+}
+
 /// Runs a scenario: the columns of trace.csv as numpy arrays, and the summary under "summary".
 #[pyfunction]
 #[pyo3(signature = (scenario, seed = None))]
@@ -30,23 +56,16 @@ pub fn run<'py>(
     let run = &loaded.plant.run;
     let rows = (run.duration_s / run.step_s / run.log_every as f64) as usize + 2;
     let mut columns: [Vec<f64>; COLUMNS.len()] = std::array::from_fn(|_| Vec::with_capacity(rows));
-    let mut interrupted = None;
-    let mut looked = Instant::now();
+    let mut signals = Signals::new();
     let mut observer = |row: &Row| {
         for (column, cell) in columns.iter_mut().zip(row.cells()) {
             column.push(cell);
         }
-        if looked.elapsed() > LOOK {
-            looked = Instant::now();
-            interrupted = Python::attach(|py| py.check_signals()).err();
-        }
-        if interrupted.is_some() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
+        signals.go_on()
     };
     let result =
         py.detach(|| simulation::run(&loaded, &mut CoreBoard::default(), None, &mut observer));
-    if let Some(interrupted) = interrupted {
-        return Err(interrupted);
-    }
+    signals.raise()?;
     let summary = result.map_err(error::run)?;
     let table = PyDict::new(py);
     for (name, column) in COLUMNS.iter().zip(columns) {

@@ -1,6 +1,7 @@
 //! Sweeps, a point at a time: for engines that spread them over machines.
 
 use crate::error::ScenarioError;
+use crate::run::Signals;
 use crate::scenario;
 use host_sim::commands::sweep::{Latin, Range, Shard, Sweep as Points};
 use pyo3::exceptions::PyIndexError;
@@ -48,7 +49,10 @@ impl Sweep {
 
     fn row(&self, py: Python<'_>, point: usize) -> PyResult<String> {
         let index = self.known(point)?;
-        Ok(py.detach(|| self.points.study.csv_row(&self.points.point(index))))
+        let mut signals = Signals::new();
+        let point = py.detach(|| self.points.point(index, &mut || signals.go_on()));
+        signals.raise()?;
+        Ok(self.points.study.csv_row(&point))
     }
 }
 

@@ -1,5 +1,10 @@
 """Sweeps point by point: the rows of the command's table."""
 
+import os
+import signal
+import threading
+import time
+
 import pytest
 import thermyo
 
@@ -52,3 +57,12 @@ def test_a_point_that_fails_is_a_row(tmp_path):
     sweep = thermyo.Sweep(scenario, ["run.duration_s=0.5,1"])
     assert sweep.row(1).endswith(",")
     assert ',"the plant diverged at ' in sweep.row(2)
+
+
+@pytest.mark.parametrize("use", [thermyo.run, lambda scenario: thermyo.Sweep(scenario, ["run.seed=1,2"]).row(1)])
+def test_ctrl_c_ends_what_takes_long(use):
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        use({"run": {"duration_s": 2000.0}, "plant": {"model": "lumped"}})
+    assert time.monotonic() - start < 2.0

@@ -5,6 +5,7 @@ use crate::files::summary::Errors;
 use crate::files::trace::Row;
 use crate::scenario::Loaded;
 use crate::simulation::run::{self, RunError};
+use std::io;
 
 /// The errors count from here on: the estimator needs time to learn, as in `thermyo evaluate` \[s\].
 const SETTLED_S: f64 = 10.0;
@@ -23,16 +24,21 @@ pub struct Figures {
     pub within_2sd: f64,
 }
 
-/// Runs a scenario with the core in this process; every step from `from_s` on counts \[s\].
+/// Runs a scenario with the core in this process; every step from `from_s` on counts \[s\]. `go_on` is asked at each.
 ///
 /// # Errors
-/// As [`run::run`].
-pub fn measure(mut loaded: Loaded, from_s: f64) -> Result<Figures, RunError> {
+/// As [`run::run`]; those of `go_on`.
+pub fn measure(
+    mut loaded: Loaded,
+    from_s: f64,
+    go_on: &mut dyn FnMut() -> io::Result<()>,
+) -> Result<Figures, RunError> {
     // The observer is to see every step.
     loaded.plant.run.log_every = 1;
     let mut squares = [0.0; 4];
     let (mut steps, mut within) = (0_u64, 0_u64);
     let mut observer = |row: &Row| {
+        go_on()?;
         let Row { truth, telemetry, .. } = row;
         if truth.time_s >= from_s {
             let estimate = &telemetry.estimate;

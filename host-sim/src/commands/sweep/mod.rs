@@ -142,7 +142,7 @@ impl Sweep {
         Ok(())
     }
 
-    /// Runs these points on all cores; `begun` and `done` are shown each. Before and after each `go_on` is asked.
+    /// Runs these points on all cores; `begun` and `done` are shown each. Before, during and after each `go_on` is asked.
     ///
     /// # Errors
     /// Those of `go_on`, `begun` and `done`. A point that fails is none: see [`Point::figures`].
@@ -156,7 +156,7 @@ impl Sweep {
         let rows = parallel::map(points, |point| {
             go_on()?;
             begun(*point)?;
-            let row = self.point(*point);
+            let row = self.point(*point, &mut || go_on());
             // What was stopped on its way is no result.
             go_on()?;
             done(&row)?;
@@ -165,8 +165,8 @@ impl Sweep {
         rows.into_iter().collect()
     }
 
-    /// Runs one point. Whatever goes wrong with it stands in it.
-    pub fn point(&self, point: usize) -> Point {
+    /// Runs one point. Whatever goes wrong with it stands in it, errors of `go_on`, which is asked at each step, too.
+    pub fn point(&self, point: usize, go_on: &mut dyn FnMut() -> io::Result<()>) -> Point {
         let failed = |settled_s, seed, failure: String| {
             let failure = failure.replace(['\n', '\r'], " ");
             Point { point, seed, settled_s, figures: Err(failure) }
@@ -177,7 +177,7 @@ impl Sweep {
         };
         let (settled_s, seed) = (settled_s(&loaded), loaded.plant.run.seed);
         // A point that brings the program down would take the others with it.
-        match catch_unwind(AssertUnwindSafe(|| measure::measure(loaded, settled_s))) {
+        match catch_unwind(AssertUnwindSafe(|| measure::measure(loaded, settled_s, go_on))) {
             Ok(Ok(figures)) => Point { point, seed, settled_s, figures: Ok(figures) },
             Ok(Err(error)) => failed(settled_s, seed, error.to_string()),
             Err(panic) => failed(settled_s, seed, format!("the program failed: {}", said(&*panic))),
