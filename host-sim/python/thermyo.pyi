@@ -194,9 +194,10 @@ class Core:
         contraction: Optional[float] = None,
         flow_kg_s: Optional[float] = None,
         period_s: Optional[float] = None,
-        duty: Optional[tuple[float, float]] = None,
+        duty: Optional[Sequence[float]] = None,
     ) -> None:
-        """Changes what it is to do, from the next PWM period on: one of the keywords, a period only with a flow.
+        """Changes what it is to do, from the next PWM period on: one of the keywords, a period only with a flow. A duty
+        is two shares of time, those of inlet and outlet.
 
         Raises `ValueError` for a value that is out of its range, `BoardError` while it vents or is not armed.
         """
@@ -236,7 +237,7 @@ class Board:
         contraction: Optional[float] = None,
         flow_kg_s: Optional[float] = None,
         period_s: Optional[float] = None,
-        duty: Optional[tuple[float, float]] = None,
+        duty: Optional[Sequence[float]] = None,
     ) -> None:
         """Another set point: one of the keywords, a period only with a flow. A pressure is absolute, from ambient on."""
     def stop(self) -> None:

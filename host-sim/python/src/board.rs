@@ -107,7 +107,7 @@ impl Board {
         contraction: Option<f32>,
         flow_kg_s: Option<f32>,
         period_s: Option<f32>,
-        duty: Option<(f32, f32)>,
+        duty: Option<[f32; 2]>,
     ) -> PyResult<()> {
         let set_point = set_point(pressure_pa, contraction, flow_kg_s, period_s, duty)?;
         self.ask(py, |board| board.set(set_point).map(drop))

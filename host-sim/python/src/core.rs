@@ -47,7 +47,7 @@ impl Core {
         contraction: Option<f32>,
         flow_kg_s: Option<f32>,
         period_s: Option<f32>,
-        duty: Option<(f32, f32)>,
+        duty: Option<[f32; 2]>,
     ) -> PyResult<()> {
         let set_point = set_point(pressure_pa, contraction, flow_kg_s, period_s, duty)?;
         self.core()?.set(set_point).map_err(error::set_point)

@@ -4,9 +4,11 @@ use host_sim::board;
 use host_sim::commands::identify::IdentifyError;
 use host_sim::files::input::InputError;
 use host_sim::simulation::run;
-use model_core::SetPointError;
+use model_core::link::Refusal;
+use model_core::{Faults, SetPointError};
 use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::{PyErr, create_exception};
+use std::fmt::Display;
 
 create_exception!(
     thermyo,
@@ -49,8 +51,24 @@ pub fn identify(error: IdentifyError) -> PyErr {
     }
 }
 
+/// What is wrong with a sweep's `vary`; the command's options are keywords here.
+pub fn sweep(error: impl Display) -> PyErr {
+    let text = error.to_string().replace("--vary", "vary").replace("--lhs", "lhs");
+    ScenarioError::new_err(text)
+}
+
+/// Where the command's text names a command, with the method in its place.
 pub fn board(error: board::BoardError) -> PyErr {
-    BoardError::new_err(error.to_string())
+    use SetPointError::{Faults as Latched, NotArmed};
+    BoardError::new_err(match error {
+        board::BoardError::Refused(
+            Refusal::NotConfigured | Refusal::SetPoint(Latched(Faults::NOT_CONFIGURED)),
+        ) => "the board does not know its muscle yet: board.configure(scenario)".to_owned(),
+        board::BoardError::Refused(Refusal::SetPoint(NotArmed)) => {
+            "the board is not armed: board.arm()".to_owned()
+        }
+        error => error.to_string(),
+    })
 }
 
 /// The board has not answered.
@@ -61,6 +79,7 @@ pub fn silent(asked: &'static str) -> PyErr {
 pub fn set_point(error: SetPointError) -> PyErr {
     match error {
         SetPointError::Range { .. } => PyValueError::new_err(error.to_string()),
+        SetPointError::NotArmed => BoardError::new_err("the core is not armed: core.arm()"),
         _ => BoardError::new_err(error.to_string()),
     }
 }

@@ -10,7 +10,7 @@ pub fn set_point(
     contraction: Option<f32>,
     flow_kg_s: Option<f32>,
     period_s: Option<f32>,
-    duty: Option<(f32, f32)>,
+    duty: Option<[f32; 2]>,
 ) -> PyResult<SetPoint> {
     match (pressure_pa, contraction, flow_kg_s, period_s, duty) {
         (Some(pressure_pa), None, None, None, None) => Ok(SetPoint::Pressure { pressure_pa }),
@@ -19,7 +19,7 @@ pub fn set_point(
         (None, None, Some(flow_kg_s), Some(period_s), None) => {
             Ok(SetPoint::MassFlowCycle { flow_kg_s, period_s })
         }
-        (None, None, None, None, Some((inlet, outlet))) => Ok(SetPoint::Duty { inlet, outlet }),
+        (None, None, None, None, Some([inlet, outlet])) => Ok(SetPoint::Duty { inlet, outlet }),
         _ => Err(PyValueError::new_err(
             "must be one set point: pressure_pa, contraction, flow_kg_s (with period_s: a cycle) or duty",
         )),

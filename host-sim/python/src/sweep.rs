@@ -1,10 +1,10 @@
 //! Sweeps, a point at a time: for engines that spread them over machines.
 
-use crate::error::ScenarioError;
+use crate::error;
 use crate::run::Signals;
 use crate::scenario;
 use host_sim::commands::sweep::{Latin, Range, Shard, Sweep as Points};
-use pyo3::exceptions::PyIndexError;
+use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 
 /// The points of `thermyo sweep`, and the rows of its table.
@@ -19,17 +19,22 @@ impl Sweep {
     #[pyo3(signature = (scenario, vary, lhs = None, seed = 1))]
     fn new(
         scenario: &Bound<'_, PyAny>,
-        vary: Vec<String>,
+        vary: &Bound<'_, PyAny>,
         lhs: Option<usize>,
         seed: u64,
     ) -> PyResult<Self> {
         let (document, _) = scenario::document(scenario)?;
-        let ranges = vary.iter().map(|text| {
-            text.parse::<Range>().map_err(|e| ScenarioError::new_err(format!("vary {text}: {e}")))
+        let texts = vary.extract::<Vec<String>>().map_err(|_| {
+            PyTypeError::new_err(
+                "vary: must be a list of texts, such as [\"plant.model=lumped,full\"]",
+            )
+        })?;
+        let ranges = texts.iter().map(|text| {
+            text.parse::<Range>().map_err(|e| error::sweep(format!("vary {text}: {e}")))
         });
         let latin = lhs.map(|points| Latin { points, seed });
         let points = Points::of(document, ranges.collect::<PyResult<_>>()?, latin, Shard::WHOLE)
-            .map_err(|error| ScenarioError::new_err(error.to_string()))?;
+            .map_err(error::sweep)?;
         Ok(Self { points })
     }
 

@@ -1,6 +1,7 @@
 """The emulated board: the real firmware, with a simulated muscle at its pins."""
 
 import os
+import tempfile
 import time
 
 import pytest
@@ -9,6 +10,14 @@ import thermyo
 SCENARIO = {"plant": {"model": "lumped"}, "load": {"force_n": 60.0}}
 
 emulated = pytest.mark.skipif("THERMYO_SKIP_EMULATOR" in os.environ, reason="THERMYO_SKIP_EMULATOR is set")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def place():
+    """An emulated board of these tests alone, of whose flash nothing is known."""
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
+        patch.setenv("TMPDIR", folder)
+        yield
 
 
 @pytest.fixture
@@ -21,9 +30,11 @@ def board():
 @emulated
 def test_a_board_is_armed_set_streamed_and_vents_at_the_end():
     with thermyo.Board("emulated", SCENARIO) as board:
+        with pytest.raises(thermyo.BoardError, match=r"^the board does not know its muscle yet: board.configure\(scenario\)$"):
+            board.arm()
         board.configure(SCENARIO)
         assert board.info()["version"]["chip"] == "Rp2040"
-        with pytest.raises(thermyo.BoardError, match="not armed"):
+        with pytest.raises(thermyo.BoardError, match=r"^the board is not armed: board.arm\(\)$"):
             board.set(pressure_pa=1.5e5)
         board.arm()
         with pytest.raises(thermyo.BoardError, match="pressure_pa = "):

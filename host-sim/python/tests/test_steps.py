@@ -61,15 +61,18 @@ def test_the_core_takes_set_points_and_stops():
     assert abs(readings.pressure_pa - 1.8e5) < 2.0e3 and output.mode.startswith("pressure")
     core.stop()
     assert core.armed_pa is None
-    with pytest.raises(thermyo.BoardError, match="not armed"):
+    with pytest.raises(thermyo.BoardError, match=r"^the core is not armed: core.arm\(\)$"):
         core.set(pressure_pa=1.8e5)
     output, readings = steps(4000)
     assert output.mode == "vent" and readings.pressure_pa < 1.2e5
     core.arm(1.5e5)
     with pytest.raises(ValueError, match="pressure_pa = 180000: must be from 0 to 150000"):
         core.set(pressure_pa=1.8e5)
-    core.set(duty=(0.1, 0.0))
-    assert steps(100)[0].mode == "duty"
+    for duty in [(0.1, 0.0), [0.1, 0.0], numpy.array([0.1, 0.0])]:
+        core.set(duty=duty)
+        assert steps(100)[0].mode == "duty"
+    with pytest.raises(ValueError, match="sequence of length 2"):
+        core.set(duty=[0.1])
 
 
 @pytest.mark.parametrize(

@@ -37,9 +37,13 @@ def test_what_cannot_be_varied_says_what_the_command_says():
         (["sensor.gas.span=0:1"], "must have a COUNT"),
         (["sensor.gas.spam=0:1:2"], "unknown key sensor.gas.spam; did you mean sensor.gas.span?"),
         (["sensor.gas.span"], "must be KEY=FROM:TO:COUNT"),
-        ([], "at least one key"),
+        ([], "^vary is missing: at least one key"),
+        (["run.seed=1:2"], "^vary run.seed=1:2: must have a COUNT: KEY=FROM:TO:COUNT; or give lhs N$"),
     ]:
         with pytest.raises(thermyo.ScenarioError, match=message.replace("?", r"\?")):
+            thermyo.Sweep(SCENARIO, vary)
+    for vary in ("run.seed=1,2", [1], 3):
+        with pytest.raises(TypeError, match="^vary: must be a list of texts"):
             thermyo.Sweep(SCENARIO, vary)
     with pytest.raises(IndexError, match="must be 1 to 2"):
         thermyo.Sweep(SCENARIO, ["sensor.gas.span=0:1:2"]).row(3)
