@@ -187,6 +187,55 @@ fn identify_takes_what_is_whole_and_refuses_what_nobody_can_mean() {
     assert!(said(&output).contains(expected), "{}", said(&output));
 }
 
+/// A fit to the rows before the damage would meet any target.
+#[test]
+fn published_data_that_are_damaged_are_refused() {
+    let rows: String = (0..9).map(|i| format!("{i},{},0.003\n", 780_000 + i)).collect();
+    let spring = format!("time_s,pressure_pa,volume_m3\n{rows}");
+    let map = "rest_length_m,gauge_pressure_pa,length_m,force_n\n0.25,600000,0.25,497\n0.25,200000,0.25,145\n\
+               0.25,600000,0.236,356\n0.25,200000,0.236,78\n0.25,600000,0.207,120\n";
+    let (spring_csv, map_csv) = ("gas_spring/upper_2022-01-28.csv", "muscle_static/five.csv");
+    for (file, text, message) in [
+        (
+            spring_csv,
+            spring.replace("5,780005", "%&,780005"),
+            ".csv:7: column time_s = %&: must be a finite number",
+        ),
+        (
+            spring_csv,
+            spring.trim_end().to_owned(),
+            ".csv:10: the last line has no end: it may be cut",
+        ),
+        (
+            "hyddown/air_discharge.csv",
+            "time_s,pressure_pa\n0,8e5\n1\n".to_owned(),
+            ".csv:3: 1 cells in this row: must be 2, one per column",
+        ),
+        (map_csv, map.trim_end().to_owned(), ".csv:6: the last line has no end: it may be cut"),
+        (
+            map_csv,
+            map.to_owned(),
+            "five.csv: 5 readings with a force above 1 % of the largest: must be more than five, which are fitted; \
+             the others are what they are compared with",
+        ),
+        (
+            "notes.txt",
+            String::new(),
+            "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv or",
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(file);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, text).unwrap();
+        let output = thermyo(&["evaluate", "truth", &name(folder.path()), "--quiet"]);
+        assert_eq!(output.status.code(), Some(2), "{message}: {}", said(&output));
+        assert!(output.stdout.is_empty(), "{message}");
+        assert!(said(&output).contains(message), "{message}: {}", said(&output));
+        assert_eq!(said(&output).lines().count(), 1, "{}", said(&output));
+    }
+}
+
 #[test]
 fn a_result_is_never_overwritten() {
     let (_folder, scenario, out) = place(RUN);

@@ -207,6 +207,14 @@ pub enum Problem {
         /// The name.
         column: String,
     },
+    /// A column whose values cannot be used together.
+    #[error("column {column}: {why}")]
+    UnusableColumn {
+        /// The name.
+        column: String,
+        /// What they would have to be.
+        why: String,
+    },
     /// Less is measured than is asked for.
     #[error("{points} measured values: must be more than the {parameters} parameters to fit")]
     TooFewPoints {
@@ -229,6 +237,21 @@ pub enum Problem {
         /// Fewest.
         fewest: usize,
     },
+    /// A static map of which nothing is left to compare with.
+    #[error(
+        "{found} readings with a force above 1 % of the largest: must be more than five, which are fitted; the others \
+         are what they are compared with"
+    )]
+    NoneHeldOut {
+        /// Loaded readings.
+        found: usize,
+    },
+    /// A folder of what others have measured that has nothing of it.
+    #[error(
+        "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv or hyddown/air_discharge.csv in it; \
+         docs/validation.md says where they are from"
+    )]
+    NoTruth,
     /// A file that ends within a line: what it would have said cannot be known.
     #[error("the last line has no end: it may be cut")]
     CutLine,

@@ -72,6 +72,15 @@ pub fn read_record(path: &Path) -> Result<Table, InputError> {
     Table::parse_record(&read_bytes(path)?, path)
 }
 
+/// Reads a CSV file that a program recorded and that has to be whole: as [`read_record`], but damage is an error.
+///
+/// # Errors
+/// As [`read_table`], and for a last line without an end.
+pub fn read_whole(path: &Path) -> Result<Table, InputError> {
+    let (table, damage) = Table::recorded(&read_bytes(path)?, path)?;
+    damage.map_or_else(|| table.with_rows(), Err)
+}
+
 impl Table {
     /// Reads a table's text; `file` is what messages call it.
     ///
@@ -87,14 +96,8 @@ impl Table {
     /// # Errors
     /// As [`read_record`].
     pub fn parse_record(bytes: &[u8], file: &Path) -> Result<Self, InputError> {
-        // A number cut short is still a number: a line counts once it has its end.
-        let whole =
-            bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
-        let (whole, rest) = bytes.split_at(whole);
-        let cut = || InputError::line(file, line_of(whole), Problem::CutLine);
-        let cut = (!rest.trim_ascii().is_empty()).then(cut);
-        let (mut table, damage) = Self::rows_of(whole, file)?;
-        let Some(damage) = damage.or(cut) else { return table.with_rows() };
+        let (mut table, damage) = Self::recorded(bytes, file)?;
+        let Some(damage) = damage else { return table.with_rows() };
         if table.lines.is_empty() {
             return Err(damage);
         }
@@ -106,6 +109,18 @@ impl Table {
             .count();
         table.damage = Some(Damage { what: damage.to_string(), rows: table.rows(), behind });
         Ok(table)
+    }
+
+    /// As [`Self::rows_of`], and a last line without an end is no row.
+    fn recorded(bytes: &[u8], file: &Path) -> Result<(Self, Option<InputError>), InputError> {
+        // A number cut short is still a number: a line counts once it has its end.
+        let whole =
+            bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
+        let (whole, rest) = bytes.split_at(whole);
+        let cut = || InputError::line(file, line_of(whole), Problem::CutLine);
+        let cut = (!rest.trim_ascii().is_empty()).then(cut);
+        let (table, damage) = Self::rows_of(whole, file)?;
+        Ok((table, damage.or(cut)))
     }
 
     /// The rows up to the first line that is none, and what is wrong with that.

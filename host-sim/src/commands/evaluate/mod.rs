@@ -11,7 +11,7 @@ pub mod tune;
 
 use crate::files::input::InputError;
 use crate::files::shipped;
-use crate::report::number::{COUNT, significant};
+use crate::report::number::{COUNT, fixed, significant};
 use crate::report::page::{Page, Section, Table, Tile};
 use crate::scenario::{self, Loaded};
 use crate::stop;
@@ -104,7 +104,7 @@ pub fn table(lines: &[CaseFigures]) -> String {
                         target if target.is_empty() => target,
                         target => format!(" ({target})"),
                     };
-                    format!("{mark}{name} {value:.3}{target}")
+                    format!("{mark}{name} {}{target}", fixed(*value, 3))
                 })
                 .collect();
             format!("{:width$}  {}\n", line.case, figures.join("  "))

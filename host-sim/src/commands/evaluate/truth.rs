@@ -9,7 +9,7 @@ use crate::commands::parallel::{self, Watch};
 use crate::files::input::{InputError, Problem};
 use crate::files::measured::Measured;
 use crate::files::shipped;
-use crate::files::table::{read_record, read_table};
+use crate::files::table::read_whole;
 use crate::files::trace::{COLUMNS, Row};
 use crate::scenario::core_config::core_config;
 use crate::scenario::{self, Loaded, Scenario};
@@ -49,8 +49,8 @@ pub enum TruthError {
     Run(#[from] RunError),
 }
 
-/// Runs every case whose data lie in `folder`, laid out as `docs/validation.md` says. Where it is stopped there are lines
-/// of the finished ones.
+/// Runs every case whose data lie in `folder`, laid out as `docs/validation.md` says. They are published, and whole: of
+/// a damaged file no figure counts. Where it is stopped there are lines of the finished ones.
 ///
 /// # Errors
 /// When none does, or one cannot be used.
@@ -80,8 +80,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
         add(air_discharge(&discharge, watch))?;
     }
     if lines.is_empty() && !stop::wanted() {
-        let why = "none of muscle_static, gas_spring, hyddown is there; docs/validation.md says where they are from";
-        return Err(InputError::file(folder, Problem::Unreadable(why.to_owned())).into());
+        return Err(InputError::file(folder, Problem::NoTruth).into());
     }
     Ok(lines)
 }
@@ -102,9 +101,13 @@ fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {
 
 fn static_map(file: &Path) -> Result<Vec<CaseFigures>, TruthError> {
     let (loaded, config) = shipped("static_map.toml")?;
-    let readings = Readings::of(&read_table(file)?)?;
+    let readings = Readings::of(&read_whole(file)?)?;
     let largest_n = readings.largest_n();
     let [five, others] = static_map::planned(&readings);
+    if others.loaded.is_empty() {
+        let found = readings.loaded.len();
+        return Err(InputError::file(file, Problem::NoneHeldOut { found }).into());
+    }
     let of_five = static_map::identify(&loaded, five, Some(&others), &config, file)?;
     let of_all = static_map::identify(&loaded, readings, None, &config, file)?;
     let fitted_n = of_all.findings.rmse.force_n;
@@ -153,7 +156,7 @@ fn strokes(loaded: &Loaded) -> [f64; 2] {
 }
 
 fn measured(file: &Path) -> Result<Measured, InputError> {
-    Measured::new(&read_record(file)?, &COLUMNS)
+    Measured::new(&read_whole(file)?, &COLUMNS)
 }
 
 fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<CaseFigures, TruthError> {
