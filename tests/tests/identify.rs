@@ -341,6 +341,26 @@ fn what_cannot_be_distinguished_is_said() {
 }
 
 #[test]
+fn a_fit_stays_where_a_scenario_may_be() {
+    // Gas is taken as ideal up to 3 MPa.
+    let rows: String = (0..50).map(|i| format!("{i},3.1e6\n")).collect();
+    let config =
+        "[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 2.8e6\n[drive]\nkind = \"closed\"\n";
+    let config = asking_for(config, &["plant.initial_pressure_pa"]);
+    let found = identify_texts(&format!("time_s,pressure_pa\n{rows}"), &config);
+    let Outcome { code, out, err } = &found.outcome;
+    assert!(out.contains("plant.initial_pressure_pa went to a limit"), "{code}: {out}{err}");
+    let checked =
+        thermyo(&["check", &found.folder.path().join("identified.toml").display().to_string()]);
+    assert_eq!(checked.code, 0, "{}", checked.err);
+    assert!(
+        checked.out.contains("# Pa, 1 to 3e6: absolute pressure at the start"),
+        "{}",
+        checked.out
+    );
+}
+
+#[test]
 fn bad_input_is_one_clear_message() {
     let data = "time_s,pressure_pa\n0,5e5\n1,4.9e5\n2,4.8e5\n";
     let fit = |parameters: &[&str]| asking_for(COOLING, parameters);

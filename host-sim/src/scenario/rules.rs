@@ -15,10 +15,6 @@ const MOST_STEPS: f64 = 1.0e9;
 /// Most steps of the core per PWM period: its timer counts no further.
 const MOST_PWM_STEPS: f64 = 1000.0;
 
-/// Highest pressure at which gas is taken as ideal \[Pa\]. Against reference equations of state air and nitrogen then end
-/// an adiabatic filling up to 4.4 K too warm, and weigh 1.2 % too little (`docs/model.md`).
-const IDEAL_GAS_PA: f64 = 3.0e6;
-
 /// Rules for what the plant is given. Its geometry is resolved.
 ///
 /// # Errors
@@ -28,14 +24,6 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     let longest = limits("run.duration_s").max.min(MOST_STEPS * run.step_s);
     let why = "one step to 1e9 steps of run.step_s";
     within("run.duration_s", run.duration_s, (run.step_s, longest), why)?;
-    ideal_gas("plant.initial_pressure_pa", scenario.plant.initial_pressure_pa)?;
-    for (window, pressure_pa) in scenario
-        .faults
-        .windows()
-        .filter_map(|(path, window)| Some((path, window.supply_pressure_pa?)))
-    {
-        ideal_gas(&format!("{window}.supply_pressure_pa"), pressure_pa)?;
-    }
     check_drive(scenario)?;
     check_identify(scenario)?;
     fault_rules::check(scenario)?;
@@ -53,17 +41,11 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     check_believed(scenario)
 }
 
-fn ideal_gas(path: &str, pressure_pa: f64) -> Result<(), Violation> {
-    let why = "above which no gas here is ideal any more";
-    within(path, pressure_pa, (limits(path).min, IDEAL_GAS_PA), why)
-}
-
 /// Rules for what the core is configured with, which hold for the plant too.
 ///
 /// # Errors
 /// The first rule that does not hold.
 pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
-    ideal_gas("supply.pressure_pa", scenario.supply.pressure_pa)?;
     let slowest = 1.0 / (MOST_PWM_STEPS * scenario.run.step_s);
     let fastest = limits("valve.pwm_hz").max;
     // A hair of room: 1/(1000 step) has been rounded.

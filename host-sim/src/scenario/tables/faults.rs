@@ -1,5 +1,6 @@
 //! Faults that a run injects: `[faults]` is one window of time, every `[faults.NAME]` another one.
 
+use super::air::IDEAL_GAS_PA;
 use crate::scenario::declare::{choice, table};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -133,7 +134,7 @@ table! {
         outlet: choice ValveWord::None, "fault of the outlet valve: stuck open, stuck shut, not tight";
         outlet_leak: optional "", 0.0 to 1.0, "share of the conductance passed when shut (leaking)";
         leak_conductance_m3_s_pa: real 0.0, "m3/(s Pa)", 0.0 to 1.0e-3, "sonic conductance of a hole from the gas to ambient, large for a burst; 0: none";
-        supply_pressure_pa: optional "Pa", 1.0 to 1.0e8, "in place of the supply's own; below the gas's, gas flows back through an open inlet";
+        supply_pressure_pa: optional "Pa", 1.0 to IDEAL_GAS_PA, "in place of the supply's own; below the gas's, gas flows back through an open inlet";
         emergency_stop: switch false, "the emergency stop is pressed";
         link: choice LinkFault::None, "fault of the line to the board: the host is silent, or sends too much";
         missed_steps: whole u8, 0, 0 to 200, "steps that the board leaves out together";

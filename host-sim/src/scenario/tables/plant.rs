@@ -1,5 +1,6 @@
 //! What is simulated, what holds the gas, and what it pulls.
 
+use super::air::IDEAL_GAS_PA;
 use crate::scenario::declare::{choice, table};
 use crate::scenario::geometry::Dimensions;
 
@@ -34,7 +35,7 @@ table! {
     Plant {
         kind: choice PlantKind::Muscle, "what holds the gas";
         model: choice PlantModel::Full, "zones, wall layers and real valves; one zone; the paper's eq. (12)";
-        initial_pressure_pa: real 120_000.0, "Pa", 1.0 to 1.0e8, "absolute pressure at the start";
+        initial_pressure_pa: real 120_000.0, "Pa", 1.0 to IDEAL_GAS_PA, "absolute pressure at the start; beyond, no gas is ideal";
         initial_temperature_k: real 298.0, "K", 100.0 to 1000.0, "temperature of gas, wall and sensors at the start";
         initial_gas_temperature_k: optional "K", 100.0 to 1000.0, "that of the gas, where it is not the wall's: a record that begins in the middle of a motion";
     }
