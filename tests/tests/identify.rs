@@ -192,6 +192,10 @@ fn a_hold_tells_the_leak_or_says_that_it_cannot() {
     assert!(!found.outcome.out.contains("not determined"), "{}", found.outcome.out);
     // Two seconds of it lose 9 Pa, of readings with a noise of 53 Pa.
     let found = held(2.0, 2.0e-14);
+    assert_eq!(found.outcome.code, 1, "{}", found.outcome.out);
+    assert_eq!(found.summary["converged"], Value::Bool(false));
+    let expected = "the data leave leak.conductance_m3_s_pa open";
+    assert!(found.outcome.err.contains(expected), "{}", found.outcome.err);
     let (out, value) =
         (&found.outcome.out, &found.summary["parameters"]["leak.conductance_m3_s_pa"]);
     let open = value["standard_error"].is_null() && out.contains("say nothing about it");
@@ -275,6 +279,22 @@ fn the_core_works_with_the_effective_values_of_a_muscle_in_zones() {
         println!("record from {from_s} s: the core is wrong by {error_k:.3} K");
         assert!((0.2..0.4).contains(&error_k), "from {from_s} s: {error_k} K");
     }
+}
+
+#[test]
+fn a_record_with_holes_or_of_something_else_is_remarked() {
+    let record = monitored("lumped", 0.0);
+    let whole = identify_texts(&record, &configured("lumped"));
+    assert!(!whole.outcome.out.contains("holes"), "{}", whole.outcome.out);
+    assert!(!whole.outcome.out.contains("is missed by"), "{}", whole.outcome.out);
+
+    let time_s = |line: &str| line.split(',').next().and_then(|cell| cell.parse::<f64>().ok());
+    let told = |line: &&str| time_s(line).is_none_or(|time_s| !(20.005..35.0).contains(&time_s));
+    let holed: String = record.lines().filter(told).map(|line| line.to_owned() + "\n").collect();
+    let found = identify_texts(&holed, &configured("lumped"));
+    let out = &found.outcome.out;
+    assert!(out.contains("The record has holes, from 20.00 to 35.00 s: "), "{out}");
+    assert!(out.contains("sensor_gas_k is missed by "), "{out}");
 }
 
 /// The board restarted in the middle, and had run for two minutes before the monitor looked.

@@ -11,6 +11,9 @@ use std::path::Path;
 /// Relative change above which a column of volumes is a piston's stroke.
 const STROKE: f64 = 1e-6;
 
+/// Distance of two rows, in typical ones, from which on what lies between them was not recorded.
+const HOLE_ROWS: f64 = 20.0;
+
 /// Steps of a raw code over a sensor's range.
 const CODE_STEPS: f64 = 32_760.0;
 
@@ -120,6 +123,8 @@ pub struct Data {
     pub volume: Option<Profile>,
     /// Typical distance of two rows \[s\].
     pub spacing_s: f64,
+    /// Where what drove the plant was not recorded: from, to \[s\].
+    pub holes: Vec<[f64; 2]>,
 }
 
 impl Data {
@@ -166,9 +171,7 @@ impl Data {
         };
         let pair = |names: [&str; 2]| -> Result<Vec<(f64, [f64; 2])>, InputError> {
             let (inlet, outlet) = (needed(names[0])?, needed(names[1])?);
-            let times =
-                |column: &Column| column.points.iter().map(|point| point.0).collect::<Vec<_>>();
-            if times(inlet) != times(outlet) {
+            if !times(&inlet.points).eq(times(&outlet.points)) {
                 return Err(unusable(names[1], &format!("must be filled where {} is", names[0])));
             }
             let both = inlet.points.iter().zip(&outlet.points);
@@ -205,7 +208,23 @@ impl Data {
 
         let volume = column("volume_m3").filter(|column| is_vessel && varies(&column.points));
         let volume = volume.map(|column| profile(&column.name)).transpose()?;
-        Ok(Self { spacing_s: spacing(&observed), observed, input, volume })
+        let bridged = match &input {
+            Input::Given(Given { pressure, length, .. }) => vec![pressure, length],
+            _ => volume.iter().collect(),
+        };
+        let mut recorded: Vec<Vec<f64>> =
+            bridged.into_iter().map(|profile| times(profile.points()).collect()).collect();
+        if matches!(input, Input::Flows(_) | Input::Duties(_)) {
+            // They hold over rows that leave them out.
+            let mut rows: Vec<f64> =
+                measured.columns.iter().flat_map(|column| times(&column.points)).collect();
+            rows.sort_by(f64::total_cmp);
+            recorded.push(rows);
+        }
+        let mut holes: Vec<[f64; 2]> = recorded.iter().flat_map(|times_s| holes(times_s)).collect();
+        holes.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        holes.dedup();
+        Ok(Self { spacing_s: spacing(&observed), observed, input, volume, holes })
     }
 
     /// Last time that something is compared at \[s\].
@@ -227,14 +246,30 @@ fn varies(points: &[(f64, f64)]) -> bool {
     points.iter().any(|point| (point.1 - first).abs() > STROKE * first.abs())
 }
 
+fn times(points: &[(f64, f64)]) -> impl Iterator<Item = f64> {
+    points.iter().map(|(time_s, _)| *time_s)
+}
+
 /// Median distance of two rows of the densest column \[s\].
 fn spacing(observed: &[Observed]) -> f64 {
     let densest = observed.iter().max_by_key(|observed| observed.points.len());
     let points = densest.map_or(&[][..], |observed| &observed.points);
+    median_distance(&times(points).collect::<Vec<_>>())
+}
+
+/// Median distance of times that differ.
+fn median_distance(times_s: &[f64]) -> f64 {
     let mut distances: Vec<f64> =
-        points.windows(2).map(|pair| pair[1].0 - pair[0].0).filter(|d| *d > 0.0).collect();
+        times_s.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0).collect();
     distances.sort_by(f64::total_cmp);
     distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// Between which of these times nothing was recorded for long.
+fn holes(times_s: &[f64]) -> Vec<[f64; 2]> {
+    let longest_s = HOLE_ROWS * median_distance(times_s);
+    let pairs = times_s.windows(2).map(|pair| [pair[0], pair[1]]);
+    pairs.filter(|[from_s, to_s]| to_s - from_s > longest_s).collect()
 }
 
 /// What holds at a time, of rows that each hold until the next; `row` is where the last call looked.

@@ -13,8 +13,14 @@ use std::collections::BTreeMap;
 const INSEPARABLE: f64 = 0.95;
 /// Relative standard error from which on a parameter is not determined.
 const UNDETERMINED: f64 = 0.5;
+/// Relative standard error from which on it might be nothing: the data leave it open.
+const OPEN: f64 = 1.0;
 /// Rows over which residuals are correlated, from which on that is worth a word.
 const LASTING_ROWS: f64 = 5.0;
+/// Root mean square of residuals, in standard deviations of one reading, from which on that is worth a word.
+const LARGE: f64 = 5.0;
+/// Holes of a record that are named.
+const NAMED_HOLES: usize = 5;
 
 /// One identified value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -28,6 +34,11 @@ pub struct Fitted {
 }
 
 impl Fitted {
+    /// Whether the data say too little about it.
+    fn is_open(&self) -> bool {
+        self.standard_error.is_none_or(|error| error > OPEN * self.value)
+    }
+
     /// A line for a terminal.
     pub fn line(&self, path: &str) -> String {
         let value = match self.standard_error {
@@ -183,7 +194,14 @@ impl Findings {
                  start closer, or fit fewer parameters"
             ))
         } else {
-            None
+            let open = self.parameters.iter().filter(|(_, fitted)| fitted.is_open());
+            let open: Vec<&str> = open.map(|(path, _)| path.as_str()).collect();
+            (!open.is_empty()).then(|| {
+                format!(
+                    "the data leave {} open: at a limit, or with a standard error beyond the value itself",
+                    open.join(" and ")
+                )
+            })
         }
     }
 
@@ -224,13 +242,39 @@ impl Findings {
                 }
             }
         }
+        if !data.holes.is_empty() {
+            let named = data.holes.iter().take(NAMED_HOLES);
+            let named: Vec<String> = named
+                .map(|[from_s, to_s]| {
+                    format!("{} to {} s", significant(*from_s, 4), significant(*to_s, 4))
+                })
+                .collect();
+            let more = match data.holes.len() - named.len() {
+                0 => String::new(),
+                more => format!(", and {more} more"),
+            };
+            remarks.push(format!(
+                "The record has holes, from {}{more}: what drove the plant there is not known, and what is fitted may \
+                 be wrong by it.",
+                named.join(", ")
+            ));
+        }
         for (observed, misfit) in data.observed.iter().zip(misfits) {
+            let column = observed.quantity.column();
+            if misfit.rms > LARGE * observed.deviation {
+                remarks.push(format!(
+                    "{column} is missed by {} RMS, {:.0} times what its sensor's noise and code make: model or record \
+                     is wrong by that.",
+                    of_column(misfit.rms, column),
+                    misfit.rms / observed.deviation
+                ));
+            }
             if misfit.correlation_rows > LASTING_ROWS && misfit.inflation > 1.0 {
                 remarks.push(format!(
                     "The residuals of {} go on over {:.0} rows: the model is wrong there by more \
                      than the sensor's noise. The standard errors count {:.0} independent rows of \
                      {}.",
-                    observed.quantity.column(),
+                    column,
                     misfit.correlation_rows,
                     observed.points.len() as f64 / misfit.correlation_rows,
                     observed.points.len()
