@@ -149,7 +149,7 @@ fn a_damaged_record_is_read_up_to_the_damage() {
             assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", said(&output));
             let expected = format!("{message}read up to there: {rows} rows");
             let first = said(&output).lines().next().unwrap_or_default().to_owned();
-            assert!(first.ends_with(&expected), "{arguments:?}: {first}");
+            assert!(first.contains(&expected), "{arguments:?}: {first}");
             assert!(String::from_utf8_lossy(&output.stdout).contains(&printed), "{arguments:?}");
         }
     }
