@@ -1,4 +1,4 @@
-//! The wish that what takes long ends before its time: Ctrl-C. A run, and the search of an identification, look at it
+//! The wish that what takes long ends before its time: Ctrl-C. A run, and whatever an identification simulates, look at it
 //! at every step, so that whoever waits for them can put away what is finished.
 
 use std::sync::atomic::{AtomicBool, Ordering};

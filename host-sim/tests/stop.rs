@@ -10,6 +10,7 @@ use host_sim::simulation::run::{self, RunError};
 use host_sim::{scenario, stop};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 /// Presses Ctrl-C after so many parts.
 struct After(AtomicUsize);
@@ -46,7 +47,8 @@ fn what_is_finished_is_kept() {
     assert!(matches!(ended, Err(RunError::Stopped)), "{ended:?}");
     stop::forget();
     let names = ["flow_in_kg_s", "flow_out_kg_s", "pressure_pa"];
-    let mut columns = names.map(|name| Column { name: name.to_owned(), points: Vec::new() });
+    let mut columns =
+        names.map(|name| Column { name: name.to_owned(), points: Vec::new() });
     let mut each = |row: &Row| {
         let truth = &row.truth;
         let values = [truth.flow_in_kg_s, truth.flow_out_kg_s, truth.pressure_pa];
@@ -70,5 +72,22 @@ fn what_is_finished_is_kept() {
         4,
         "{csv}"
     );
+    stop::forget();
+
+    // In the middle of one simulation, however long.
+    let text = "[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
+                parameters = [\"heat.inner_w_m2_k\"]\n";
+    let loaded = scenario::parse(text, name).unwrap();
+    let points = (0..10).map(|row| (1.0e5 * f64::from(row), 1.2e5)).collect();
+    let columns = vec![Column { name: "pressure_pa".to_owned(), points }];
+    let presser = std::thread::spawn(|| {
+        std::thread::sleep(Duration::from_millis(300));
+        stop::want();
+        Instant::now()
+    });
+    let ended = identify(&loaded, name, &Measured { columns }, Path::new("data.csv"), &());
+    let waited = presser.join().unwrap().elapsed();
+    assert!(matches!(ended, Err(IdentifyError::Stopped { finished: 0, .. })), "{ended:?}");
+    assert!(waited < Duration::from_secs(1), "{waited:?}");
     stop::forget();
 }

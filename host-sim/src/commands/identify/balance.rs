@@ -2,11 +2,13 @@
 //! the port follows from the energy balance, so that no valve and no flow needs to be known.
 
 use super::data::{Given, holding};
+use super::simulate::Failed;
 use crate::analysis::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
 use crate::plant::Diverged;
 use crate::scenario::Scenario;
 use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
+use crate::stop;
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use nalgebra::{DMatrix, DVector};
@@ -61,12 +63,12 @@ impl Balance {
     /// readings in `points` best. Their effect is linear, as far as that goes.
     ///
     /// # Errors
-    /// When its temperatures become no numbers.
+    /// When its temperatures become no numbers, or it is stopped.
     pub fn sensor_gas(
         &self,
         scenario: &Scenario,
         points: &[(f64, f64)],
-    ) -> Result<Vec<f64>, Diverged> {
+    ) -> Result<Vec<f64>, Failed> {
         let config = Config { step_s: self.step_s as f32, ..core_config(scenario) };
         let chamber = AnyChamber::new(&config.chamber);
         let mut known = self.known.clone();
@@ -74,7 +76,7 @@ impl Balance {
             known.volume_m3 = f64::from(chamber.volume_m3(known.length_m as f32));
         }
         let model = Model::new(&config);
-        let readings = |warmer_k: [f64; STARTS]| -> Result<DVector<f64>, Diverged> {
+        let readings = |warmer_k: [f64; STARTS]| -> Result<DVector<f64>, Failed> {
             let [gas_k, wall_k, sensor_k] = warmer_k.map(|warmer_k| self.start_k + warmer_k);
             let mut state = State::zeros();
             state[MASS] = model.mass(&known[0], gas_k);
@@ -108,16 +110,19 @@ impl Balance {
         model: &Model,
         known: &[Known],
         mut state: State,
-    ) -> Result<Profile, Diverged> {
+    ) -> Result<Profile, Failed> {
         let mut inflow_kg_s = 0.0;
         let mut readings = vec![(self.start_s, state[SENSOR])];
         for first in (0..known.len() - 1).step_by(INTERVAL_STEPS) {
+            if stop::wanted() {
+                return Err(Failed::Stopped);
+            }
             let last = (first + INTERVAL_STEPS).min(known.len() - 1);
             state = model.advance(state, &mut inflow_kg_s, &known[first..=last], |_| {});
             let time_s = self.start_s + last as f64 * self.step_s;
             if !state[SENSOR].is_finite() {
                 let state = format!("sensor = {} K, wall = {} K", state[SENSOR], state[WALL]);
-                return Err(Diverged { time_s, state });
+                return Err(Failed::Diverged(Diverged { time_s, state }));
             }
             readings.push((time_s, state[SENSOR]));
         }

@@ -113,21 +113,20 @@ pub fn identify(
         parameters.len(),
         parameters.iter().map(|parameter| parameter.place(parameter.given)),
     );
-    // A mistake in the scenario is reported as one, not as a search without success.
-    problem.residuals(&own).map_err(|failed| match failed {
+    let without = |failed: Failed, ends: &[End]| match failed {
         Failed::Build(error) => IdentifyError::Build(error),
         Failed::Diverged(error) => IdentifyError::Diverged(error),
-    })?;
+        Failed::Stopped => stopped(&problem, ends),
+    };
+    // A mistake in the scenario is reported as one, not as a search without success.
+    problem.residuals(&own).map_err(|failed| without(failed, &[]))?;
 
     let ends = problem.search(watch);
     if stop::wanted() {
         return Err(stopped(&problem, &ends));
     }
     let best = best(&ends);
-    let residuals = problem.residuals(&best.place).map_err(|failed| match failed {
-        Failed::Build(error) => IdentifyError::Build(error),
-        Failed::Diverged(error) => IdentifyError::Diverged(error),
-    })?;
+    let residuals = problem.residuals(&best.place).map_err(|failed| without(failed, &ends))?;
     let freedom = 1.0 - parameters.len() as f64 / data.values() as f64;
     let mut misfits = Vec::new();
     let mut columns = Vec::new();
@@ -139,6 +138,10 @@ pub fn identify(
         first += observed.points.len();
     }
     let covariance = covariance_inside(&problem, &best.place, &misfits);
+    if stop::wanted() {
+        // Its differences are of predictions that ended early.
+        return Err(stopped(&problem, &ends));
+    }
     let agreeing = agreeing(&ends, best, &parameters, covariance.as_ref());
     let mass = gas_mass(&problem, &best.place, covariance.as_ref());
     let findings = Findings::new(findings::Parts {

@@ -4,6 +4,7 @@ use super::balance::Balance;
 use super::data::{Data, Input, holding};
 use crate::plant::{self, Actuation, BuildError, Diverged, Truth};
 use crate::scenario::{PlantKind, Scenario};
+use crate::stop;
 
 /// Longest step between two looks at a vessel \[s\]: its integrator keeps its tolerance in between.
 const LONGEST_VESSEL_STEP_S: f64 = 0.02;
@@ -19,6 +20,8 @@ pub enum Failed {
     Build(BuildError),
     /// The plant diverges with it.
     Diverged(Diverged),
+    /// It was to end, [`stop`].
+    Stopped,
 }
 
 /// A recorded experiment, to be repeated with other parameters.
@@ -51,12 +54,12 @@ impl<'a> Experiment<'a> {
     /// What the plant of that scenario shows where something was measured, column after column.
     ///
     /// # Errors
-    /// When it cannot be built, or diverges.
+    /// When it cannot be built, diverges, or is stopped.
     pub fn predict(&self, scenario: &Scenario) -> Result<Vec<f64>, Failed> {
         let data = self.data;
         if let Some(balance) = &self.balance {
             let sensor_gas = &data.observed[0].points;
-            return balance.sensor_gas(scenario, sensor_gas).map_err(Failed::Diverged);
+            return balance.sensor_gas(scenario, sensor_gas);
         }
         let mut scenario = scenario.clone();
         scenario.run.step_s = self.step_s;
@@ -71,6 +74,9 @@ impl<'a> Experiment<'a> {
         let mut before = plant.truth();
         let mut row = 0;
         for step in 0..=steps {
+            if stop::wanted() {
+                return Err(Failed::Stopped);
+            }
             let now = plant.truth();
             let reached = now.time_s + SAME * self.step_s;
             for (observed, column) in data.observed.iter().zip(&mut columns) {
