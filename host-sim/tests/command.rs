@@ -79,6 +79,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
             "--recording goes with `evaluate estimator` only",
         ),
         (vec!["evaluate", "estimator", "--reference-lag", "1"], "--recording <DIR>"),
+        (
+            vec!["evaluate", "estimator", "--reference-lag", "1", "--random", "2"],
+            "cannot be used with",
+        ),
         (vec!["evaluate", "tune"], "--out goes with `evaluate control` and `evaluate faults` only"),
     ] {
         let mut all = arguments.clone();

@@ -41,7 +41,7 @@ pub(super) struct EvaluateArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]
     recording: Option<PathBuf>,
     /// Lag of that reference sensor in seconds [default: 0]
-    #[arg(long, value_name = "SECONDS", requires = "recording", value_parser = lag_s)]
+    #[arg(long, value_name = "SECONDS", requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
     reference_lag: Option<f64>,
 }
 
