@@ -48,7 +48,7 @@ fn what_is_finished_is_kept() {
     stop::forget();
     let names = ["flow_in_kg_s", "flow_out_kg_s", "pressure_pa"];
     let mut columns =
-        names.map(|name| Column { name: name.to_owned(), points: Vec::new() });
+        names.map(|name| Column { name: name.to_owned(), points: Vec::new(), lines: Vec::new() });
     let mut each = |row: &Row| {
         let truth = &row.truth;
         let values = [truth.flow_in_kg_s, truth.flow_out_kg_s, truth.pressure_pa];
@@ -79,7 +79,7 @@ fn what_is_finished_is_kept() {
                 parameters = [\"heat.inner_w_m2_k\"]\n";
     let loaded = scenario::parse(text, name).unwrap();
     let points = (0..10).map(|row| (1.0e5 * f64::from(row), 1.2e5)).collect();
-    let columns = vec![Column { name: "pressure_pa".to_owned(), points }];
+    let columns = vec![Column { name: "pressure_pa".to_owned(), points, lines: Vec::new() }];
     let presser = std::thread::spawn(|| {
         std::thread::sleep(Duration::from_millis(300));
         stop::want();

@@ -414,7 +414,7 @@ fn bad_input_is_one_clear_message() {
         (
             "time_s,pressure_pa,duty_in,duty_out\n0,2e5,0,0\n1,2e5,,1\n2,2e5,0,0\n",
             asking_for(WRONG, &["heat.scale"]),
-            "column duty_out: must be filled where duty_in is",
+            "data.csv: column duty_out: must be filled where duty_in is",
         ),
         (
             "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.29,298\n1,1e5,0.28,299\n",
@@ -425,6 +425,19 @@ fn bad_input_is_one_clear_message() {
             "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.3,298\n1,0,0.3,299\n2,2e5,0.3,298\n",
             configured("full").replace("\"heat.inner_per_flow\", \"wall.heat_capacity_j_k\", ", ""),
             "data.csv:3: column pressure_pa = 0.0: must be a number from 1000 to 1e8 Pa",
+        ),
+        (
+            "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n0,2e5,0.3,298,0,0\n0.1,2e5,0.3,298,0,0\n\n\
+             0.1,2e5,0.3,298,0,0\n0.2,2e5,0.3,298,0,0\n0.3,2e5,0.3,298,0,0\n",
+            configured("full"),
+            "data.csv:5: column time_s = 0.1: must be later than the row before, where pressure_pa drives the plant",
+        ),
+        (
+            "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n0,2e5,0.3,298,0,0\n10,2e5,0.3,298,0,0\n\
+             20,2e5,0.3,298,0,0\n30,2e5,0.3,298,0,0\n40,2e5,0.3,298,0,0\n",
+            configured("full"),
+            "data.csv: column time_s: rows are 10.0 s apart: must be at most 1 s where pressure and length drive a \
+             muscle. Is it in seconds?",
         ),
     ] {
         let found = identify_texts(data, &config);

@@ -5,7 +5,7 @@ use crate::files::table::Table;
 use crate::scenario::schema::Limits;
 
 /// The column that every other one is over.
-const TIME: &str = "time_s";
+pub const TIME: &str = "time_s";
 
 /// What can be measured: beyond lies another unit, or a broken line.
 const POSSIBLE: [(&str, Limits); 10] = [
@@ -35,6 +35,8 @@ pub struct Column {
     pub name: String,
     /// (time \[s\], value), times never falling.
     pub points: Vec<(f64, f64)>,
+    /// The line of each point in its file, where it is from one.
+    pub lines: Vec<u64>,
 }
 
 impl Measured {
@@ -74,13 +76,12 @@ impl Measured {
             .columns()
             .iter()
             .filter(|column| column.name != TIME)
-            .map(|column| Column {
-                name: column.name.clone(),
-                points: times
-                    .iter()
-                    .zip(&column.cells)
-                    .filter_map(|(time, cell)| cell.map(|value| (*time, value)))
-                    .collect(),
+            .map(|column| {
+                let rows = times.iter().zip(table.lines()).zip(&column.cells);
+                let filled =
+                    rows.filter_map(|((time, line), cell)| Some(((*time, (*cell)?), *line)));
+                let (points, lines) = filled.unzip();
+                Column { name: column.name.clone(), points, lines }
             })
             .filter(|column| !column.points.is_empty())
             .collect();
@@ -105,7 +106,9 @@ impl Measured {
             return Err(table.cell_error(0, TIME, &allowed));
         }
         self.columns.retain_mut(|column| {
-            column.points.retain(|(time_s, _)| *time_s <= duration_s);
+            let inside = column.points.partition_point(|(time_s, _)| *time_s <= duration_s);
+            column.points.truncate(inside);
+            column.lines.truncate(inside);
             comparable.contains(&column.name.as_str()) && !column.points.is_empty()
         });
         if self.columns.is_empty() {
@@ -132,13 +135,14 @@ mod tests {
     fn each_column_has_its_own_times() {
         let text =
             "sensor_gas_k,time_s,pressure_pa,length_m\n,0.2,768830,\n285.9,3.58,,\n,3.58,5e5,\n";
-        let column = |name: &str, points: &[(f64, f64)]| Column {
+        let column = |name: &str, points: &[(f64, f64)], lines: &[u64]| Column {
             name: name.to_owned(),
             points: points.to_vec(),
+            lines: lines.to_vec(),
         };
         let columns = vec![
-            column("sensor_gas_k", &[(3.58, 285.9)]),
-            column("pressure_pa", &[(0.2, 768_830.0), (3.58, 5e5)]),
+            column("sensor_gas_k", &[(3.58, 285.9)], &[3]),
+            column("pressure_pa", &[(0.2, 768_830.0), (3.58, 5e5)], &[2, 4]),
         ];
         assert_eq!(read(text), Ok(Measured { columns }));
     }

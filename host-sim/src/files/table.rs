@@ -263,6 +263,11 @@ impl Table {
         self.lines.len()
     }
 
+    /// The line of each row in the file.
+    pub fn lines(&self) -> &[u64] {
+        &self.lines
+    }
+
     /// The cells of a column that has to be there.
     ///
     /// # Errors

@@ -62,9 +62,14 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
         worst_k = worst_k.max(error_k.abs());
         within += u32::from(error_k.abs() <= 2.0 * sd_k[row]);
     }
+    let unusable = |why: String| {
+        recording.header_error(Problem::UnusableColumn { column: REFERENCE.to_owned(), why })
+    };
     if rows == 0 {
-        let why = format!("column {REFERENCE}: says nothing from {from_s} s on");
-        return Err(recording.header_error(Problem::Unreadable(why)));
+        return Err(unusable(format!("says nothing from {from_s} s on")));
+    }
+    if bare_square == 0.0 {
+        return Err(unusable("is the sensor's own reading: must be another sensor's".to_owned()));
     }
     let rows = f64::from(rows);
     let (rms_k, bare_k) = ((square / rows).sqrt(), (bare_square / rows).sqrt());
@@ -160,7 +165,11 @@ mod tests {
             ("0,,0.1,300,300\n", "trace.csv:2: column estimate_k"),
             (
                 "0,300,0.1,300,300\n20,300,0.1,300,\n",
-                "column reference_gas_k: says nothing from 10 s on",
+                "trace.csv: column reference_gas_k: says nothing from 10 s on",
+            ),
+            (
+                "0,300,0.1,300,300\n20,301,0.1,300,300\n",
+                "trace.csv: column reference_gas_k: is the sensor's own reading: must be another sensor's",
             ),
         ] {
             let error = judged(rows, 0.0).unwrap_err();

@@ -1,8 +1,9 @@
 //! The measurements: what the plant is compared with, and what drove it.
 
 use crate::files::input::{InputError, Problem};
-use crate::files::measured::{Column, Measured};
+use crate::files::measured::{Column, Measured, TIME};
 use crate::plant::Truth;
+use crate::report::number::significant;
 use crate::scenario::profile::Profile;
 use crate::scenario::{DriveKind, OBSERVABLE, PlantKind, Scenario, Sensors};
 use crate::simulation::adc::OVERSAMPLING;
@@ -13,6 +14,9 @@ const STROKE: f64 = 1e-6;
 
 /// Distance of two rows, in typical ones, from which on what lies between them was not recorded.
 const HOLE_ROWS: f64 = 20.0;
+
+/// Longest typical distance of rows that tell how a muscle moved \[s\].
+const SLOWEST_S: f64 = 1.0;
 
 /// Steps of a raw code over a sensor's range.
 const CODE_STEPS: f64 = 32_760.0;
@@ -167,7 +171,8 @@ impl Data {
         }
 
         let unusable = |name: &str, why: &str| {
-            InputError::file(path, Problem::Unreadable(format!("column {name}: {why}")))
+            let (column, why) = (name.to_owned(), why.to_owned());
+            InputError::file(path, Problem::UnusableColumn { column, why })
         };
         let pair = |names: [&str; 2]| -> Result<Vec<(f64, [f64; 2])>, InputError> {
             let (inlet, outlet) = (needed(names[0])?, needed(names[1])?);
@@ -186,8 +191,17 @@ impl Data {
             path.starts_with("valve.") || path.starts_with("leak.") || path == "supply.pressure_pa"
         });
         let profile = |name: &str| -> Result<Profile, InputError> {
-            let points = needed(name)?.points.clone();
-            Profile::new(points).map_err(|error| unusable(name, &error.to_string()))
+            let Column { points, lines, .. } = needed(name)?;
+            if let Some(row) = (1..points.len()).find(|row| points[*row].0 <= points[row - 1].0) {
+                let problem = Problem::Cell {
+                    column: TIME.to_owned(),
+                    value: format!("{:?}", points[row].0),
+                    allowed: format!("later than the row before, where {name} drives the plant"),
+                };
+                let line = lines.get(row).copied();
+                return Err(InputError { line, ..InputError::file(path, problem) });
+            }
+            Ok(Profile::new(points.clone()).expect("times rise, and every cell is finite"))
         };
         let gauged = ["pressure_pa", "length_m"].into_iter().all(|name| column(name).is_some());
         let sensor_only = matches!(&observed[..], [only] if only.quantity == Quantity::SensorGas);
@@ -220,6 +234,17 @@ impl Data {
                 measured.columns.iter().flat_map(|column| times(&column.points)).collect();
             rows.sort_by(f64::total_cmp);
             recorded.push(rows);
+        }
+        let slow = |times_s: &&Vec<f64>| median_distance(times_s) > SLOWEST_S;
+        if let (Input::Given(_), Some(times_s)) = (&input, recorded.iter().find(slow)) {
+            return Err(unusable(
+                TIME,
+                &format!(
+                    "rows are {} s apart: must be at most {SLOWEST_S} s where pressure and length drive a muscle. Is it \
+                     in seconds?",
+                    significant(median_distance(times_s), 3)
+                ),
+            ));
         }
         let mut holes: Vec<[f64; 2]> = recorded.iter().flat_map(|times_s| holes(times_s)).collect();
         holes.sort_by(|a, b| a[0].total_cmp(&b[0]));
