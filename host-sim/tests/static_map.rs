@@ -8,7 +8,10 @@ use host_sim::scenario::{self, Loaded, Muscle, at_rest};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
+use std::fs;
 use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
 
 const CONFIG: &str = "scenarios/static_map.toml";
 
@@ -28,14 +31,14 @@ fn muscle([length_m, diameter_m, angle_deg, full_n, strain, slack]: [f64; 6]) ->
     at_rest(&law, length_m, diameter_m, angle_deg)
 }
 
-/// Readings of it at these contractions and gauge pressures \[Pa\], with noise \[N\] and friction \[N\].
-fn readings(
+/// A map of it at these contractions and gauge pressures \[Pa\], with noise \[N\] and friction \[N\].
+fn map(
     muscle: &Muscle,
     places: &[(f64, f64, f64)],
     noise_n: f64,
     friction_n: f64,
     seed: u64,
-) -> Readings {
+) -> String {
     let law = braid::Muscle::of(muscle);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut table = "rest_length_m,gauge_pressure_pa,length_m,force_n,direction\n".to_owned();
@@ -47,7 +50,21 @@ fn readings(
         let rest_m = muscle.rest_length_m;
         table += &format!("{rest_m},{gauge_pa},{length_m},{force_n},{direction}\n");
     }
-    Readings::of(&Table::parse(&table, "map.csv".as_ref()).unwrap()).unwrap()
+    table
+}
+
+fn parse(map: &str) -> Readings {
+    Readings::of(&Table::parse(map, "map.csv".as_ref()).unwrap()).unwrap()
+}
+
+fn readings(
+    muscle: &Muscle,
+    places: &[(f64, f64, f64)],
+    noise_n: f64,
+    friction_n: f64,
+    seed: u64,
+) -> Readings {
+    parse(&map(muscle, places, noise_n, friction_n, seed))
 }
 
 fn grid(directions: &[f64]) -> Vec<(f64, f64, f64)> {
@@ -181,4 +198,57 @@ fn what_cannot_be_used_is_one_clear_message() {
     let all = readings(&muscle(MUSCLES[0]), &grid(&[0.0]), 0.0, 0.0, 1);
     let message = "c.toml: muscle.bladder_saturation_n = 0.0: must be above 0";
     assert!(refused(&plain, &all).starts_with(message), "{}", refused(&plain, &all));
+}
+
+/// A folder with files, and what the command makes of them.
+struct Bench(TempDir);
+
+impl Bench {
+    fn new(files: &[(&str, &str)]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in files {
+            fs::write(folder.path().join(name), text).unwrap();
+        }
+        Self(folder)
+    }
+
+    /// Exit code, stdout, stderr.
+    fn identify(&self, arguments: &[&str]) -> (i32, String, String) {
+        let output = Command::new(env!("CARGO_BIN_EXE_thermyo"))
+            .current_dir(self.0.path())
+            .args(["identify", "--quiet", "--out", "out"])
+            .args(arguments)
+            .output()
+            .unwrap();
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+        (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+    }
+
+    fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.0.path().join("out").join(name)).unwrap()
+    }
+}
+
+/// Exit code, stdout and stderr for one map.
+fn command(map: &str) -> (i32, String, String) {
+    Bench::new(&[("map.csv", map)]).identify(&["map.csv", "--config", CONFIG])
+}
+
+#[test]
+fn a_map_is_read_to_its_end_or_not_at_all() {
+    let muscle = muscle(MUSCLES[0]);
+    let whole = map(&muscle, &grid(&[0.0]), 0.5, 0.0, 1);
+    let loaded = parse(&whole).loaded.len();
+    // The last reading pulls: without its newline it is one all the same.
+    let last = map(&muscle, &[(0.0, 3.0e5, 0.0)], 0.0, 0.0, 1);
+    let (code, out, err) = command(&(whole.clone() + last.lines().nth(1).unwrap()));
+    assert!(code == 0 && out.contains(&format!("{} readings", loaded + 1)), "{out}{err}");
+    assert!(!err.contains("read up to"), "{err}");
+
+    let damaged = whole.replacen("\n0.08,", "\n0.08,x", 4).replacen("0.08,x", "0.08,", 3);
+    let (code, _, err) = command(&damaged);
+    assert!(code == 2 && err.contains("map.csv:5: column gauge_pressure_pa"), "{err}");
+    let bench = Bench::new(&[("map.csv", &whole), ("other.csv", &damaged)]);
+    let (code, _, err) = bench.identify(&["map.csv", "--config", CONFIG, "--against", "other.csv"]);
+    assert!(code == 2 && err.contains("other.csv:5: column gauge_pressure_pa"), "{err}");
 }

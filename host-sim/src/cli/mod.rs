@@ -25,7 +25,8 @@ use self::failure::Failure;
 use self::folded::Folded;
 use self::log::LogArgs;
 use crate::board::{Board, CoreBoard};
-use crate::commands::identify::{IdentifyError, identify_table, static_map};
+use crate::commands::identify::static_map::{self, Readings};
+use crate::commands::identify::{IdentifyError, identify_table};
 use crate::commands::monitor::{self, Recorder, Session};
 use crate::commands::parallel::Watch;
 use crate::commands::reproduce;
@@ -393,8 +394,9 @@ fn identify_command(
     let Some(data) = &args.data else {
         return print(stdout, &static_map::plan(&loaded.plant));
     };
-    let table = read_record(data, stderr)?;
-    let against = args.against.as_deref().map(|other| read_record(other, stderr)).transpose()?;
+    let table = table::read_either(data, Readings::are_in)?;
+    say_damage(&table, stderr);
+    let against = args.against.as_deref().map(table::read_table).transpose()?;
     interrupt::watch();
     // Made before the search: where it cannot be, nobody wants to wait for that.
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
@@ -588,10 +590,14 @@ fn trace_in(run: &Path) -> PathBuf {
 /// A recorded table, read up to where it is damaged; says so.
 fn read_record(path: &Path, stderr: &mut dyn Write) -> Result<Table, Failure> {
     let table = table::read_record(path)?;
+    say_damage(&table, stderr);
+    Ok(table)
+}
+
+fn say_damage(table: &Table, stderr: &mut dyn Write) {
     if let Some(damage) = table.damage() {
         let _ = writeln!(stderr, "thermyo: {damage}");
     }
-    Ok(table)
 }
 
 /// Measurements to compare a run of that length with; says how many of them lie after its end.

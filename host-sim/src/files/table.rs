@@ -81,13 +81,33 @@ pub fn read_whole(path: &Path) -> Result<Table, InputError> {
     damage.map_or_else(|| table.with_rows(), Err)
 }
 
+/// Reads a CSV file that is a record, as [`read_record`], or what a hand has made, as [`read_table`]: its names of columns say
+/// so. What ends such a table is no power cut but a slip, and a last line without an end is a row.
+///
+/// # Errors
+/// As those.
+pub fn read_either(path: &Path, made_by_hand: fn(&Table) -> bool) -> Result<Table, InputError> {
+    let bytes = read_bytes(path)?;
+    let mut lines = bytes.split(|byte| *byte == b'\n');
+    let first = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
+    let names = Table::rows_of(first, path);
+    if names.is_ok_and(|(names, _)| made_by_hand(&names)) {
+        return Table::parse_whole(&bytes, path);
+    }
+    Table::parse_record(&bytes, path)
+}
+
 impl Table {
     /// Reads a table's text; `file` is what messages call it.
     ///
     /// # Errors
     /// As [`read_table`].
     pub fn parse(text: &str, file: &Path) -> Result<Self, InputError> {
-        let (table, damage) = Self::rows_of(text.as_bytes(), file)?;
+        Self::parse_whole(text.as_bytes(), file)
+    }
+
+    fn parse_whole(bytes: &[u8], file: &Path) -> Result<Self, InputError> {
+        let (table, damage) = Self::rows_of(bytes, file)?;
         damage.map_or_else(|| table.with_rows(), Err)
     }
 
@@ -268,6 +288,11 @@ impl Table {
         &self.lines
     }
 
+    /// The line of a row in the file; rows count from zero.
+    pub fn line(&self, row: usize) -> u64 {
+        self.lines.get(row).copied().unwrap_or_default()
+    }
+
     /// The cells of a column that has to be there.
     ///
     /// # Errors
@@ -309,7 +334,7 @@ impl Table {
             value: value.map_or_else(|| "(empty)".to_owned(), |number| format!("{number:?}")),
             allowed: allowed.to_owned(),
         };
-        InputError::line(&self.file, self.lines.get(row).copied().unwrap_or_default(), problem)
+        InputError::line(&self.file, self.line(row), problem)
     }
 }
 
