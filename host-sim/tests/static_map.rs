@@ -252,3 +252,30 @@ fn a_map_is_read_to_its_end_or_not_at_all() {
     let (code, _, err) = bench.identify(&["map.csv", "--config", CONFIG, "--against", "other.csv"]);
     assert!(code == 2 && err.contains("other.csv:5: column gauge_pressure_pa"), "{err}");
 }
+
+#[test]
+fn the_residual_map_shows_the_worse_of_two_and_any_pressures() {
+    let muscle = muscle(MUSCLES[1]);
+    let clean = map(&muscle, &grid(&[0.0]), 0.0, 0.0, 1);
+    // Of two readings at one place the second is 40 N off.
+    let row = clean.lines().find(|line| line.starts_with("0.15,300000,0.15,")).unwrap();
+    let force_n: f64 = row.split(',').nth(3).unwrap().parse().unwrap();
+    let twice = clean.clone() + &format!("0.15,300000,0.15,{},0\n", force_n + 40.0);
+    let bench = Bench::new(&[("map.csv", &twice)]);
+    bench.identify(&["map.csv", "--config", CONFIG]);
+    let page = bench.read("report.html");
+    let map_of = |page: &str| page.split_once("Residual map").map(|(_, map)| map.to_owned());
+    let drawn = map_of(&page).unwrap();
+    assert!(drawn.contains(">−3") && drawn.contains("the worst"), "{drawn}");
+
+    let mut scattered = clean.lines().next().unwrap().to_owned() + "\n";
+    for (i, line) in clean.lines().skip(1).enumerate() {
+        let mut cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        cells[1] += 37.0 * i as f64;
+        let cells: Vec<String> = cells.iter().map(f64::to_string).collect();
+        scattered += &(cells.join(",") + "\n");
+    }
+    let bench = Bench::new(&[("map.csv", &scattered)]);
+    bench.identify(&["map.csv", "--config", CONFIG]);
+    assert!(map_of(&bench.read("report.html")).is_some());
+}

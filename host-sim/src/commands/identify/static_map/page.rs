@@ -11,8 +11,8 @@ use crate::scenario;
 /// Colours of the lengths, longest first, round and round.
 const COLOURS: [Colour; 6] =
     [Colour::Ink, Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple, Colour::Orange];
-/// Most columns of a map that can be read.
-const MOST_COLUMNS: usize = 30;
+/// Parts of a map's axis: readings that lie closer share a cell.
+const PARTS: f64 = 30.0;
 
 /// The page.
 pub fn page(identified: &Identified, title: &str) -> String {
@@ -35,7 +35,7 @@ pub fn page(identified: &Identified, title: &str) -> String {
 
 fn values(identified: &Identified) -> Section {
     let rows = identified.findings.parameters.iter().map(|(path, fitted)| {
-        let error = fitted.standard_error.unwrap_or_default();
+        let error = fitted.standard_error.unwrap_or(f64::NAN);
         let (value, error) = (significant(fitted.value, 5), significant(error, 2));
         vec![(*path).to_owned(), value, error, fitted.unit.to_owned()]
     });
@@ -92,35 +92,49 @@ pub fn plot(identified: &Identified, title: &str) -> String {
 
 fn fit(identified: &Identified) -> Section {
     let readings = &identified.readings;
-    let lengths_m = lengths_m(readings);
     let section = Section::new("Fit").figure(chart(identified).figure(
         "Readings and law",
         "Dots: readings at each length; lines: the law. Below: what it leaves.",
     ));
-    let pressures_pa = distinct(readings.loaded.iter().map(|reading| reading.gauge_pressure_pa));
-    if pressures_pa.len() > MOST_COLUMNS || lengths_m.len() > MOST_COLUMNS {
-        return section;
-    }
-    let cell = |length_m: &f64, gauge_pa: &f64| {
+    let lengths_m = groups(&lengths_m(readings));
+    let pressures_pa =
+        groups(&distinct(readings.loaded.iter().map(|reading| reading.gauge_pressure_pa)));
+    let within = |[low, high]: [f64; 2], value: f64| (low..=high).contains(&value);
+    let cell = |length_m: &[f64; 2], gauge_pa: &[f64; 2]| {
         let all = readings.loaded.iter().zip(&identified.residuals_n);
-        all.filter(|(r, _)| r.length_m == *length_m && r.gauge_pressure_pa == *gauge_pa)
+        all.filter(|(r, _)| within(*length_m, r.length_m) && within(*gauge_pa, r.gauge_pressure_pa))
             .map(|(_, left_n)| *left_n)
-            .next()
+            .max_by(|a, b| a.abs().total_cmp(&b.abs()))
             .unwrap_or(f64::NAN)
     };
+    let named = |[low, high]: &[f64; 2]| short((500.0 * 10.0 * (low + high)).round() / 10.0);
     let map = Heatmap {
         x_label: "Gauge pressure, kPa".to_owned(),
         y_label: "Length, mm".to_owned(),
         value_label: "Law less reading, N".to_owned(),
-        x: pressures_pa.iter().map(|pressure_pa| short(pressure_pa / 1000.0)).collect(),
-        y: lengths_m.iter().map(|length_m| short(1000.0 * length_m)).collect(),
+        x: pressures_pa.iter().map(|ends| named(&ends.map(|pascals| 1.0e-6 * pascals))).collect(),
+        y: lengths_m.iter().map(named).collect(),
         cells: lengths_m
             .iter()
-            .map(|length_m| {
-                pressures_pa.iter().map(|pressure_pa| cell(length_m, pressure_pa)).collect()
-            })
+            .map(|length_m| pressures_pa.iter().map(|gauge_pa| cell(length_m, gauge_pa)).collect())
             .collect(),
         style: Style::default(),
     };
-    section.figure(map.figure("Residual map", "Empty where the muscle was slack, or not measured."))
+    section.figure(map.figure(
+        "Residual map",
+        "Empty where the muscle was slack, or not measured. Of several readings in a cell the worst is shown.",
+    ))
+}
+
+/// Rising values, those that lie close together as one: the ends of each group.
+fn groups(values: &[f64]) -> Vec<[f64; 2]> {
+    let span = values.last().zip(values.first()).map_or(0.0, |(last, first)| last - first);
+    let mut groups: Vec<[f64; 2]> = Vec::new();
+    for value in values {
+        match groups.last_mut() {
+            Some([first, last]) if value - *first < span / PARTS => *last = *value,
+            _ => groups.push([*value; 2]),
+        }
+    }
+    groups
 }
