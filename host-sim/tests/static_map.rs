@@ -7,7 +7,7 @@ use host_sim::plant::chamber::{Chamber, braid};
 use host_sim::scenario::{self, Loaded, Muscle, at_rest};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use rand_xoshiro::rand_core::SeedableRng;
+use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -93,12 +93,13 @@ const MUSCLES: [[f64; 6]; 5] = [
 
 #[test]
 fn five_readings_make_the_muscle() {
+    let usual = shipped().plant.muscle;
     for (seed, dimensions) in (1..).zip(MUSCLES) {
         let muscle = muscle(dimensions);
         let all = readings(&muscle, &grid(&[0.0]), 0.0, 0.0, seed);
         let noise_n = 0.003 * all.largest_n();
         let [five, others] =
-            static_map::planned(&readings(&muscle, &grid(&[0.0]), noise_n, 0.0, seed));
+            static_map::planned(&usual, &readings(&muscle, &grid(&[0.0]), noise_n, 0.0, seed));
         assert_eq!(five.loaded.len(), 5);
         let found = identify(five, Some(&others)).findings;
         let against = found.against.unwrap();
@@ -154,7 +155,7 @@ fn what_the_readings_cannot_tell_is_said() {
 
 #[test]
 fn the_plan_is_a_map_without_its_forces() {
-    let plan = static_map::plan(&shipped().plant);
+    let plan = static_map::plan(&shipped(), CONFIG.as_ref()).unwrap();
     let measured =
         plan.lines().skip(1).fold(plan.lines().take(1).collect::<String>() + "\n", |text, line| {
             text + line + "100.0\n"
@@ -169,7 +170,7 @@ fn what_cannot_be_used_is_one_clear_message() {
     let header = "rest_length_m,gauge_pressure_pa,length_m,force_n";
     for (rows, message) in [
         ("0.25,6e5,0.25", "map.csv: column force_n is missing"),
-        ("0.25,6e5,0.25,-3", "map.csv:2: column force_n = -3.0: must be a number from 0 to 1e6 N"),
+        ("0.25,6e5,0.25,-3", "map.csv:2: column force_n = -3.0: must be a number from -2 % of the"),
         ("0.25,6,2.5,3", "map.csv:2: column length_m = 2.5: must be a number from 0.125 to 0.275"),
         ("0.25,-6,0.25,3", "map.csv:2: column gauge_pressure_pa = -6.0: must be a number from 0"),
         ("0.25,6e5,0.25,3\n0.3,6e5,0.25,3", "map.csv:3: column rest_length_m = 0.3: must be 0.25"),
@@ -254,6 +255,87 @@ fn a_map_is_read_to_its_end_or_not_at_all() {
 }
 
 #[test]
+fn a_comparison_with_nothing_or_another_muscle_is_refused() {
+    let of = |dimensions, places: &[_]| map(&muscle(dimensions), places, 0.5, 0.0, 1);
+    let slack = of(MUSCLES[0], &[(0.3, 1.0e5, 0.0), (0.25, 1.0e5, 0.0)]);
+    let other = of(MUSCLES[1], &grid(&[0.0]));
+    let own = of(MUSCLES[0], &grid(&[0.0]));
+    let one = of(MUSCLES[0], &[(0.01, 5.5e5, 0.0)]);
+    let bench = Bench::new(&[
+        ("map.csv", &own),
+        ("slack.csv", &slack),
+        ("other.csv", &other),
+        ("one.csv", &one),
+    ]);
+    let against = |name: &str| bench.identify(&["map.csv", "--config", CONFIG, "--against", name]);
+    let (code, out, err) = against("slack.csv");
+    let message = "slack.csv: 0 readings with a force above 1 % of the largest: must be at least 1";
+    assert!(code == 2 && err.contains(message), "{out}{err}");
+    let (code, out, err) = against("other.csv");
+    let message = "other.csv:2: column rest_length_m = 0.15: must be 0.08";
+    assert!(code == 2 && err.contains(message), "{out}{err}");
+    let (code, out, err) = against("one.csv");
+    assert!(code == 0 && out.contains(" of the largest, 1 reading\n"), "{out}{err}");
+}
+
+#[test]
+fn friction_is_never_negative() {
+    let muscle = muscle(MUSCLES[1]);
+    let places = grid(&[1.0, -1.0]);
+    let (code, out, err) = command(&map(&muscle, &places, 0.5, -10.0, 1));
+    assert!(
+        code == 2 && err.contains("map.csv: column direction seems the wrong way round"),
+        "{err}"
+    );
+    assert_eq!(out, "");
+    // Noise alone: none, in both places.
+    let negative = (1..20).find(|seed| {
+        let map = map(&muscle, &places, 3.0, 0.0, *seed);
+        let bench = Bench::new(&[("map.csv", &map)]);
+        let (code, out, err) = bench.identify(&["map.csv", "--config", CONFIG]);
+        assert!(code == 0 && !out.contains(['−', '-']), "{out}{err}");
+        let line = out.lines().find(|line| line.starts_with("friction.force_n")).unwrap();
+        line.contains(" 0.0")
+            && bench.read("summary.json").contains("\"value\": 0.0,")
+            && bench.read("identified.toml").contains("\nforce_n = 0.0")
+    });
+    assert!(negative.is_some());
+}
+
+#[test]
+fn a_wrong_unit_is_named() {
+    let muscle = muscle(MUSCLES[1]);
+    let text = map(&muscle, &grid(&[0.0]), 0.5, 0.0, 1);
+    let with = |pressure: f64, force: f64| {
+        let mut lines = text.lines();
+        lines.next().unwrap().to_owned()
+            + "\n"
+            + &lines
+                .map(|line| {
+                    let cells: Vec<f64> =
+                        line.split(',').map(|cell| cell.parse().unwrap()).collect();
+                    format!(
+                        "{},{},{},{},0\n",
+                        cells[0],
+                        pressure * cells[1],
+                        cells[2],
+                        force * cells[3]
+                    )
+                })
+                .collect::<String>()
+    };
+    for (pressure, unit) in [(1.0e-3, "kPa"), (1.0e-5, "bar"), (1.0e-6, "MPa")] {
+        let (code, out, err) = command(&with(pressure, 1.0));
+        assert!(code == 2 && err.contains("column gauge_pressure_pa"), "{out}{err}");
+        assert!(err.contains(&format!("is this {unit}?")), "{err}");
+    }
+    let (code, out, err) = command(&with(1.0, 1.0e-3));
+    assert_eq!(code, 1, "{out}{err}");
+    assert!(out.contains(" went to a limit of what is searched"), "{out}");
+    assert!(!out.contains("say little about muscle.diameter_m"), "{out}");
+}
+
+#[test]
 fn the_residual_map_shows_the_worse_of_two_and_any_pressures() {
     let muscle = muscle(MUSCLES[1]);
     let clean = map(&muscle, &grid(&[0.0]), 0.0, 0.0, 1);
@@ -278,4 +360,152 @@ fn the_residual_map_shows_the_worse_of_two_and_any_pressures() {
     let bench = Bench::new(&[("map.csv", &scattered)]);
     bench.identify(&["map.csv", "--config", CONFIG]);
     assert!(map_of(&bench.read("report.html")).is_some());
+}
+
+#[test]
+fn messages_are_those_of_a_map() {
+    let text = map(&muscle(MUSCLES[0]), &grid(&[0.0]), 0.0, 0.0, 1);
+    // A load cell that is a little off at zero.
+    assert!(text.contains(",0,0\n"));
+    let (code, _, err) = command(&text.replace(",0,0\n", ",-0.3,0\n"));
+    assert_eq!(code, 0, "{err}");
+    let (code, _, err) = command(&text.replace(",0,0\n", ",-30,0\n"));
+    assert!(
+        code == 2 && err.contains("column force_n = -30.0: must be a number from -2 %"),
+        "{err}"
+    );
+    let (code, _, err) = command(&text.replace("gauge_pressure_pa", "pressure_pa"));
+    assert!(code == 2 && err.contains("map.csv: column gauge_pressure_pa is missing"), "{err}");
+    let (code, _, err) =
+        command(&text.lines().take(2).map(|l| l.to_owned() + "\n").collect::<String>());
+    assert!(code == 2 && err.contains("1 reading with a force above 1 %"), "{err}");
+}
+
+#[test]
+fn a_slack_reading_is_told_where_it_pulls() {
+    let muscle = muscle(MUSCLES[0]);
+    let places = [(0.0, 5.0e5), (0.0, 2.5e5), (0.03, 5.0e5), (0.03, 3.5e5), (0.3, 5.0e5)]
+        .map(|(c, p)| (c, p, 0.0));
+    let (code, _, err) = command(&map(&muscle, &places, 0.0, 0.0, 1));
+    assert!(code == 2 && err.contains("map.csv: 4 readings with a force above 1 %"), "{err}");
+    assert!(err.contains("line 6 is slack: take it at length_m = 0.0"), "{err}");
+}
+
+#[test]
+fn the_plan_refuses_what_the_fit_refuses() {
+    let table = "length_m,volume_m3,force_n\n0.1,1e-5,0\n0.15,2e-5,1\n0.2,3e-5,2\n";
+    let map = map(&muscle(MUSCLES[0]), &grid(&[0.0]), 0.0, 0.0, 1);
+    let law = "[muscle]\nbladder_saturation_n = 180.0\nbladder_strain = 0.018\n";
+    for (text, refused, fit_too) in [
+        (
+            "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"closed\"\n",
+            "plant.kind = \"vessel\": must be",
+            true,
+        ),
+        (
+            "[plant]\nkind = \"table\"\n[table]\ncsv = \"t.csv\"\n",
+            "plant.kind = \"table\": must be",
+            true,
+        ),
+        ("", "muscle.bladder_saturation_n = 0.0: must be above 0", true),
+        (
+            &format!("{law}[supply]\npressure_pa = 9e4\n"),
+            "supply.pressure_pa = 90000.0: must be higher",
+            false,
+        ),
+    ] {
+        let bench = Bench::new(&[("c.toml", text), ("t.csv", table), ("map.csv", &map)]);
+        let (code, out, plan) = bench.identify(&["--plan", "--config", "c.toml"]);
+        assert!(code == 2 && out.is_empty() && plan.contains(refused), "{text}: {out}{plan}");
+        if fit_too {
+            let (code, _, fit) = bench.identify(&["map.csv", "--config", "c.toml"]);
+            assert_eq!((code, fit), (2, plan), "{text}");
+        }
+    }
+}
+
+/// Muscles around the measured one of 10 mm, as long as the user says but for a millimetre, read with 3 N of noise.
+#[test]
+fn what_the_plan_asks_for_pulls() {
+    let uniform = |random: &mut Xoshiro256PlusPlus, spread: f64| {
+        spread * (2.0 * (random.next_u64() as f64 / u64::MAX as f64) - 1.0)
+    };
+    let supplies_pa = [7.0e5, 6.0e5, 4.0e5, 3.0e5, 2.0e5];
+    let spreads = [(0.1, 0.995), (0.3, 0.94)];
+    let cases = supplies_pa.into_iter().flat_map(|supply_pa| spreads.map(|of| (supply_pa, of)));
+    for (supply_pa, (spread, fewest)) in cases {
+        let mut errors_n = Vec::new();
+        let mut maps = 0.0;
+        for (i, length_m) in [0.08, 0.12, 0.2, 0.25, 0.4].into_iter().enumerate() {
+            let mut loaded = shipped();
+            loaded.plant.supply.pressure_pa = supply_pa;
+            let usual = loaded.plant.muscle.clone();
+            let (diameter_m, angle_deg) = (usual.diameter_m, usual.braid_angle_deg);
+            loaded.plant.muscle = at_rest(&usual, length_m, diameter_m, angle_deg);
+            // A muscle that hardly contracts is not asked for anything.
+            let Ok(plan) = static_map::plan(&loaded, CONFIG.as_ref()) else {
+                assert!(supply_pa < 3.5e5, "{supply_pa} Pa, {length_m} m");
+                continue;
+            };
+            for seed in 0..40 {
+                let mut random = Xoshiro256PlusPlus::seed_from_u64(1000 * i as u64 + seed);
+                let [k1, e1] = [spread, spread].map(|spread| 1.0 + uniform(&mut random, spread));
+                let angle_deg = 28.55 + uniform(&mut random, 1.5);
+                let own_m = length_m + uniform(&mut random, 1.0e-3);
+                let slack = if seed % 2 == 0 { 0.00534 } else { 0.00134 / own_m };
+                let law = [own_m, 0.0142, angle_deg, 186.7 * k1, 0.0238 * e1, slack];
+                let law = braid::Muscle::of(&muscle(law));
+                let pull_n = |gauge_pa: f64, length_m: f64| {
+                    gauge_pa * law.force_area(length_m) + law.elastic(length_m)
+                };
+                let mut text = String::new();
+                for line in plan.lines() {
+                    text += line;
+                    let cells: Vec<f64> = line.split(',').filter_map(|c| c.parse().ok()).collect();
+                    if let [_, gauge_pa, length_m] = cells[..] {
+                        let pull_n = pull_n(gauge_pa, length_m);
+                        let noise_n: f64 = StandardNormal.sample(&mut random);
+                        let force_n = if pull_n > 0.0 { pull_n + 3.0 * noise_n } else { 0.0 };
+                        text += &format!("{}", force_n.max(0.0));
+                    }
+                    text += "\n";
+                }
+                let five = parse(&text);
+                maps += 1.0;
+                if five.loaded.len() < 5 {
+                    continue;
+                }
+                let highest_pa = five.loaded[0].gauge_pressure_pa;
+                let mut unseen = "rest_length_m,gauge_pressure_pa,length_m,force_n\n".to_owned();
+                for contraction in 0..25 {
+                    let at_m = length_m * (1.0 - 0.01 * f64::from(contraction));
+                    for share in [0.2, 0.4, 0.6, 0.8, 1.0] {
+                        let force_n = pull_n(share * highest_pa, at_m).max(0.0);
+                        unseen += &format!("{length_m},{},{at_m},{force_n}\n", share * highest_pa);
+                    }
+                }
+                let found = static_map::identify(
+                    &loaded,
+                    five,
+                    Some(&parse(&unseen)),
+                    CONFIG.as_ref(),
+                    "map.csv".as_ref(),
+                );
+                errors_n.push(found.unwrap().findings.against.unwrap().force_n);
+            }
+        }
+        if supply_pa < 2.5e5 {
+            assert_eq!(maps, 0.0);
+            continue;
+        }
+        errors_n.sort_by(f64::total_cmp);
+        let pulled = errors_n.len() as f64 / maps;
+        let [half, most, worst] =
+            [0.5, 0.95, 1.0].map(|q| errors_n[(q * (errors_n.len() - 1) as f64) as usize]);
+        println!(
+            "{supply_pa} Pa, {spread}: {pulled:.3} of {maps} pull, {half:.1}, {most:.1}, {worst:.1} N"
+        );
+        assert!(pulled >= fewest, "{supply_pa} Pa, {spread}: {pulled}");
+        assert!(most < 15.0, "{supply_pa} Pa: {half}, {most}, {worst} N");
+    }
 }

@@ -392,7 +392,7 @@ fn identify_command(
 ) -> Result<(), Failure> {
     let loaded = load(&args.config, stderr)?;
     let Some(data) = &args.data else {
-        return print(stdout, &static_map::plan(&loaded.plant));
+        return print(stdout, &static_map::plan(&loaded, &args.config)?);
     };
     let table = table::read_either(data, Readings::are_in)?;
     say_damage(&table, stderr);

@@ -228,23 +228,25 @@ pub enum Problem {
     NoMap,
     /// A static map that hardly pulls.
     #[error(
-        "{found} readings with a force above 1 % of the largest: must be at least {fewest}; thermyo identify \
-         --plan says which"
+        "{found} {} with a force above 1 % of the largest: must be at least {fewest}; {why}",
+        if *found == 1 { "reading" } else { "readings" }
     )]
     TooFewLoaded {
         /// Loaded readings.
         found: usize,
         /// Fewest.
         fewest: usize,
+        /// What they are for, or what to do.
+        why: String,
     },
-    /// A static map of which nothing is left to compare with.
+    /// A muscle that would pull more while it contracts.
     #[error(
-        "{found} readings with a force above 1 % of the largest: must be more than five, which are fitted; the others \
-         are what they are compared with"
+        "column direction seems the wrong way round: friction would be {friction_n:.1} N. 1 is come to by \
+         contracting, -1 by lengthening"
     )]
-    NoneHeldOut {
-        /// Loaded readings.
-        found: usize,
+    Backwards {
+        /// What the readings say \[N\].
+        friction_n: f64,
     },
     /// A folder of what others have measured that has nothing of it.
     #[error(

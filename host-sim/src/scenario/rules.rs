@@ -219,6 +219,6 @@ pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
 }
 
 /// What the supply gives, and the board does not vent for \[Pa\].
-fn highest_pa(scenario: &Scenario) -> f64 {
+pub fn highest_pa(scenario: &Scenario) -> f64 {
     scenario.supply.pressure_pa.min(pressure_limit_pa(scenario))
 }

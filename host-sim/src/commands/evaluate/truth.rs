@@ -103,10 +103,12 @@ fn static_map(file: &Path) -> Result<Vec<CaseFigures>, TruthError> {
     let (loaded, config) = shipped("static_map.toml")?;
     let readings = Readings::of(&read_whole(file)?)?;
     let largest_n = readings.largest_n();
-    let [five, others] = static_map::planned(&readings);
+    let [five, others] = static_map::planned(&loaded.plant.muscle, &readings);
     if others.loaded.is_empty() {
         let found = readings.loaded.len();
-        return Err(InputError::file(file, Problem::NoneHeldOut { found }).into());
+        let why = "five are fitted, the others compared".to_owned();
+        let problem = Problem::TooFewLoaded { found, fewest: static_map::FEWEST + 1, why };
+        return Err(InputError::file(file, problem).into());
     }
     let of_five = static_map::identify(&loaded, five, Some(&others), &config, file)?;
     let of_all = static_map::identify(&loaded, readings, None, &config, file)?;

@@ -35,8 +35,8 @@ pub fn identify_table(
     watch: &dyn Watch,
 ) -> Result<Found, IdentifyError> {
     if Readings::are_in(table) {
-        let against = against.map(Readings::of).transpose()?;
         let readings = Readings::of(table)?;
+        let against = against.map(|other| readings.to_compare(other)).transpose()?;
         let found = static_map::identify(loaded, readings, against.as_ref(), config, data)?;
         if stop::wanted() {
             // Its searches are one piece of work, done within a second.

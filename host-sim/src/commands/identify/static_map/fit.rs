@@ -26,10 +26,14 @@ const SPREADS: [f64; 6] = [1.0, 0.1, 0.5, 0.5, 0.006, 0.1];
 const STARTS: [f64; 3] = [0.0, -0.08, 0.08];
 /// Step of the differences; what is searched is of the order of one.
 const DIFFERENCE: f64 = 1e-6;
+/// Diameters that are searched \[m\].
+const DIAMETERS_M: [f64; 2] = [1.0e-3, 0.2];
 /// Braid angles that are searched \[deg\]: at 54.7 the force vanishes.
 const ANGLES_DEG: [f64; 2] = [5.0, 53.0];
 /// Strains over which a bladder fills that are searched \[-\].
 const STRAINS: [f64; 2] = [1.0e-3, 1.0];
+/// Relative difference up to which a value is at the limit of what is searched.
+const AT_LIMIT: f64 = 1.0e-3;
 
 /// Readings, and the scenario's own muscle.
 #[derive(Debug)]
@@ -65,7 +69,24 @@ impl<'a> Problem<'a> {
             slack_m: place[4] * rest_length_m,
             ..self.given.clone()
         };
-        at_rest(&muscle, rest_length_m, place[0].exp(), angle_deg)
+        let diameter_m = place[0].exp().clamp(DIAMETERS_M[0], DIAMETERS_M[1]);
+        at_rest(&muscle, rest_length_m, diameter_m, angle_deg)
+    }
+
+    /// The scenario's muscle, as long as that of the readings.
+    pub fn usual(&self) -> Muscle {
+        self.muscle(&DVector::from_vec(self.usual.clone()))
+    }
+
+    /// Whether what is searched ended at a limit, or wanted beyond.
+    pub fn at_limit(place: &DVector<f64>, i: usize) -> bool {
+        let (value, [low, high]) = match i {
+            0 => (place[0].exp(), DIAMETERS_M),
+            1 => (place[1].to_degrees(), ANGLES_DEG),
+            3 => (place[3].exp(), STRAINS),
+            _ => return false,
+        };
+        !(low * (1.0 + AT_LIMIT)..=high * (1.0 - AT_LIMIT)).contains(&value)
     }
 
     /// Friction at a place of the search \[N\], where readings tell of it.
