@@ -91,7 +91,8 @@ const CLOSED: Actuation = Actuation { inlet: 0.0, outlet: 0.0 };
 /// Whatever a scenario may say of friction, heat and wall, its plant takes steps that are short enough.
 #[test]
 fn the_ends_of_the_ranges_run() {
-    let ends: [(&str, fn(&mut Scenario)); 8] = [
+    type Set = fn(&mut Scenario);
+    let ends: [(&str, Set); 8] = [
         ("no sliding friction", |s| s.friction.force_n = 0.0),
         ("no friction", |s| (s.friction.force_n, s.friction.stribeck_force_n) = (0.0, 0.0)),
         ("stiff bristles", |s| s.friction.presliding_stiffness_n_m = 1e7),

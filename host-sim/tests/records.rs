@@ -215,8 +215,8 @@ fn published_data_that_are_damaged_are_refused() {
         (
             map_csv,
             map.to_owned(),
-            "five.csv: 5 readings with a force above 1 % of the largest: must be more than five, which are fitted; \
-             the others are what they are compared with",
+            "five.csv: 5 readings with a force above 1 % of the largest: must be at least 6; five are fitted, the \
+             others compared",
         ),
         (
             "notes.txt",
