@@ -136,7 +136,9 @@ impl Board {
     /// Telemetry as it comes, one dict per this many steps. It tells the board that its host is there.
     #[pyo3(signature = (duration_s = None, every = i64::from(VIEW_DIVIDER)))]
     fn stream(this: Bound<'_, Self>, duration_s: Option<f64>, every: i64) -> PyResult<Stream> {
-        if let Some(duration_s) = duration_s.filter(|duration_s| !(*duration_s >= 0.0)) {
+        if let Some(duration_s) =
+            duration_s.filter(|duration_s| duration_s.is_nan() || *duration_s < 0.0)
+        {
             let text = format!("duration_s = {duration_s}: must be at least 0");
             return Err(PyValueError::new_err(text));
         }
