@@ -54,7 +54,7 @@ pub fn run<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let loaded = scenario::load(scenario, seed)?;
     let run = &loaded.plant.run;
-    let rows = (run.duration_s / run.step_s / run.log_every as f64) as usize + 2;
+    let rows = (run.steps() / run.log_every) as usize + 2;
     let mut columns: [Vec<f64>; COLUMNS.len()] = std::array::from_fn(|_| Vec::with_capacity(rows));
     let mut signals = Signals::new();
     let mut observer = |row: &Row| {

@@ -77,9 +77,9 @@ impl Measured {
             .iter()
             .filter(|column| column.name != TIME)
             .map(|column| {
-                let rows = times.iter().zip(table.lines()).zip(&column.cells);
-                let filled =
-                    rows.filter_map(|((time, line), cell)| Some(((*time, (*cell)?), *line)));
+                let cells = times.iter().zip(&column.cells).enumerate();
+                let filled = cells
+                    .filter_map(|(row, (time, cell))| Some(((*time, (*cell)?), table.line(row))));
                 let (points, lines) = filled.unzip();
                 Column { name: column.name.clone(), points, lines }
             })

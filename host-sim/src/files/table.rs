@@ -77,8 +77,7 @@ pub fn read_record(path: &Path) -> Result<Table, InputError> {
 /// # Errors
 /// As [`read_table`], and for a last line without an end.
 pub fn read_whole(path: &Path) -> Result<Table, InputError> {
-    let (table, damage) = Table::recorded(&read_bytes(path)?, path)?;
-    damage.map_or_else(|| table.with_rows(), Err)
+    Table::undamaged(Table::recorded(&read_bytes(path)?, path)?)
 }
 
 /// Reads a CSV file that is a record, as [`read_record`], or what a hand has made, as [`read_table`]: its names of columns say
@@ -92,7 +91,7 @@ pub fn read_either(path: &Path, made_by_hand: fn(&Table) -> bool) -> Result<Tabl
     let first = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
     let names = Table::rows_of(first, path);
     if names.is_ok_and(|(names, _)| made_by_hand(&names)) {
-        return Table::parse_whole(&bytes, path);
+        return Table::undamaged(Table::rows_of(&bytes, path)?);
     }
     Table::parse_record(&bytes, path)
 }
@@ -103,11 +102,10 @@ impl Table {
     /// # Errors
     /// As [`read_table`].
     pub fn parse(text: &str, file: &Path) -> Result<Self, InputError> {
-        Self::parse_whole(text.as_bytes(), file)
+        Self::undamaged(Self::rows_of(text.as_bytes(), file)?)
     }
 
-    fn parse_whole(bytes: &[u8], file: &Path) -> Result<Self, InputError> {
-        let (table, damage) = Self::rows_of(bytes, file)?;
+    fn undamaged((table, damage): (Self, Option<InputError>)) -> Result<Self, InputError> {
         damage.map_or_else(|| table.with_rows(), Err)
     }
 
@@ -281,11 +279,6 @@ impl Table {
     /// How many rows there are; at least one.
     pub fn rows(&self) -> usize {
         self.lines.len()
-    }
-
-    /// The line of each row in the file.
-    pub fn lines(&self) -> &[u64] {
-        &self.lines
     }
 
     /// The line of a row in the file; rows count from zero.
@@ -499,36 +492,51 @@ mod tests {
 
     #[test]
     fn a_record_is_read_up_to_the_damage() {
-        for (bytes, rows, message) in [
+        for (bytes, rows, behind, message) in [
             // As a kill leaves it: the number may be the beginning of another.
-            (&b"a,b\n1,2\n3,4"[..], 1, "t.csv:3: the last line has no end: it may be cut"),
-            (b"a,b\n1,2\n3,4\n5", 2, "t.csv:4: the last line has no end: it may be cut"),
-            (b"a,b\n1,2\n3\n5,6\n", 1, "t.csv:3: 1 cells in this row: must be 2, one per column"),
-            (b"a,b\n1,2\n3,4,x\n5,6", 1, "t.csv:3: 3 cells in this row: must be 2, one per column"),
-            (b"a,b\n1,2\n3,x\n5,6\n", 1, "t.csv:3: column b = x: must be a finite number"),
-            (b"a,b\n1,2\n3,4\n5,\xff6\n", 2, "t.csv:4: is not UTF-8 text"),
-            (b"a,b\n1,2\n3,\0\0\n", 1, "t.csv:3: column b = \\u{0}\\u{0}: must be a finite number"),
+            (&b"a,b\n1,2\n3,4"[..], 1, 0, "t.csv:3: the last line has no end: it may be cut"),
+            (b"a,b\n1,2\n3,4\n5", 2, 0, "t.csv:4: the last line has no end: it may be cut"),
+            (
+                b"a,b\n1,2\n3\n5,6\n",
+                1,
+                1,
+                "t.csv:3: 1 cells in this row: must be 2, one per column",
+            ),
+            (
+                b"a,b\n1,2\n3,4,x\n5,6",
+                1,
+                1,
+                "t.csv:3: 3 cells in this row: must be 2, one per column",
+            ),
+            (b"a,b\n1,2\n3,x\n5,6\n", 1, 1, "t.csv:3: column b = x: must be a finite number"),
+            (b"a,b\n1,2\n3,4\n5,\xff6\n", 2, 0, "t.csv:4: is not UTF-8 text"),
+            (
+                b"a,b\n1,2\n3,\0\0\n",
+                1,
+                0,
+                "t.csv:3: column b = \\u{0}\\u{0}: must be a finite number",
+            ),
             // A block of zeros in place of what was written, to the end of the file.
-            (b"a,b\n1,2\n3,4\n\0\0\0\0", 2, "t.csv:4: the last line has no end: it may be cut"),
+            (b"a,b\n1,2\n3,4\n\0\0\0\0", 2, 0, "t.csv:4: the last line has no end: it may be cut"),
             (
                 b"a,b\n1,2\n3,4\n\0\0\0\0\n",
                 2,
+                0,
                 "t.csv:4: 1 cells in this row: must be 2, one per column",
             ),
             // A quotation mark that swallows the rest.
-            (b"a,b\n1,2\n3,\"4\n5,6\n7,8\n", 1, "t.csv:3: a quotation mark is not closed"),
+            (b"a,b\n1,2\n3,\"4\n5,6\n7,8\n", 1, 2, "t.csv:3: a quotation mark is not closed"),
             // What follows it may be cut.
-            (b"a,b\n1,2\n3,\"\n", 1, "t.csv:3: a quotation mark is not closed"),
+            (b"a,b\n1,2\n3,\"\n", 1, 0, "t.csv:3: a quotation mark is not closed"),
         ] {
             let count = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
-            let said = format!("{message}; read up to there: {count}");
-            let (found, damage) = record(bytes).unwrap();
-            assert_eq!(found, rows, "{}", bytes.escape_ascii());
-            assert!(
-                damage.is_some_and(|damage| damage.starts_with(&said)),
-                "{}",
-                bytes.escape_ascii()
-            );
+            let behind = match behind {
+                0 => String::new(),
+                1 => ", without the line behind it".to_owned(),
+                lines => format!(", without the {lines} lines behind it"),
+            };
+            let said = format!("{message}; read up to there: {count}{behind}");
+            assert_eq!(record(bytes), Ok((rows, Some(said))), "{}", bytes.escape_ascii());
         }
         // Whoever fits to such a record knows how much of it he has.
         let behind = "t.csv:3: column b = x: must be a finite number; read up to there: 1 row, without the 3 lines \

@@ -4,7 +4,7 @@ use crate::files::input::{InputError, Problem};
 use crate::files::measured::{Column, Measured, TIME};
 use crate::plant::Truth;
 use crate::report::number::significant;
-use crate::scenario::profile::Profile;
+use crate::scenario::profile::{Profile, ProfileError};
 use crate::scenario::{DriveKind, OBSERVABLE, PlantKind, Scenario, Sensors};
 use crate::simulation::adc::OVERSAMPLING;
 use std::path::Path;
@@ -192,16 +192,19 @@ impl Data {
         });
         let profile = |name: &str| -> Result<Profile, InputError> {
             let Column { points, lines, .. } = needed(name)?;
-            if let Some(row) = (1..points.len()).find(|row| points[*row].0 <= points[row - 1].0) {
-                let problem = Problem::Cell {
-                    column: TIME.to_owned(),
-                    value: format!("{:?}", points[row].0),
-                    allowed: format!("later than the row before, where {name} drives the plant"),
-                };
-                let line = lines.get(row).copied();
-                return Err(InputError { line, ..InputError::file(path, problem) });
-            }
-            Ok(Profile::new(points.clone()).expect("times rise, and every cell is finite"))
+            Profile::new(points.clone()).map_err(|error| match error {
+                ProfileError::NotIncreasing { row } => {
+                    let problem = Problem::Cell {
+                        column: TIME.to_owned(),
+                        value: format!("{:?}", points[row].0),
+                        allowed: format!(
+                            "later than the row before, where {name} drives the plant"
+                        ),
+                    };
+                    InputError { line: lines.get(row).copied(), ..InputError::file(path, problem) }
+                }
+                error => unusable(name, &error.to_string()),
+            })
         };
         let gauged = ["pressure_pa", "length_m"].into_iter().all(|name| column(name).is_some());
         let sensor_only = matches!(&observed[..], [only] if only.quantity == Quantity::SensorGas);

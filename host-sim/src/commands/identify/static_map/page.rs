@@ -107,13 +107,17 @@ fn fit(identified: &Identified) -> Section {
             .max_by(|a, b| a.abs().total_cmp(&b.abs()))
             .unwrap_or(f64::NAN)
     };
-    let named = |[low, high]: &[f64; 2]| short((500.0 * 10.0 * (low + high)).round() / 10.0);
+    // The middle of a group, to a tenth of the shown unit.
+    let named = |groups: &[[f64; 2]], per_si: f64| -> Vec<String> {
+        let middles = groups.iter().map(|[low, high]| 0.5 * per_si * (low + high));
+        middles.map(|middle| short((10.0 * middle).round() / 10.0)).collect()
+    };
     let map = Heatmap {
         x_label: "Gauge pressure, kPa".to_owned(),
         y_label: "Length, mm".to_owned(),
         value_label: "Law less reading, N".to_owned(),
-        x: pressures_pa.iter().map(|ends| named(&ends.map(|pascals| 1.0e-6 * pascals))).collect(),
-        y: lengths_m.iter().map(named).collect(),
+        x: named(&pressures_pa, 1.0e-3),
+        y: named(&lengths_m, 1.0e3),
         cells: lengths_m
             .iter()
             .map(|length_m| pressures_pa.iter().map(|gauge_pa| cell(length_m, gauge_pa)).collect())
