@@ -199,13 +199,13 @@ impl EmulatedBoard {
         Self::start_up(&scripts, &image::firmware(image::Variant::Standard)?, None)
     }
 
-    /// ... whose flash is kept in a file between one board and the next, which is made when there is none.
+    /// A board with an image, whose flash is kept in a file between one board and the next, which is made when there is
+    /// none. The emulator's scripts are prepared.
     ///
     /// # Errors
     /// [`BoardError`]
-    pub fn with_flash(file: &Path) -> Result<Self, BoardError> {
-        let scripts = image::prepare_emulator()?;
-        Self::start_up(&scripts, &image::firmware(image::Variant::Standard)?, Some(file))
+    pub fn with_flash(scripts: &Path, image: &Path, file: &Path) -> Result<Self, BoardError> {
+        Self::start_up(scripts, image, Some(file))
     }
 
     /// A board with an image, ELF or UF2, right after power came.

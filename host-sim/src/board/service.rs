@@ -38,7 +38,7 @@ const LOOK: Duration = Duration::from_millis(20);
 const PLUGGED_STEPS: u32 = 500;
 /// A board that is further behind than that does not catch up.
 const FURTHEST_BEHIND: Duration = Duration::from_millis(50);
-/// It has to be there after this time, the build of its firmware included.
+/// It has to be there after this time, however slow the machine is.
 const LONGEST_START: Duration = Duration::from_secs(900);
 
 /// Where it says how to reach it.
@@ -86,11 +86,10 @@ fn plugged_in() -> Option<TcpStream> {
 /// [`BoardError`], where it cannot be made.
 pub fn plug(scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
     // Here, where whoever waits for it hears of it.
-    image::firmware(Variant::Standard)?;
-    image::prepare_emulator()?;
+    let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
     let mut command = Command::new(env::current_exe()?);
-    command.arg(TASK).arg(file()).args(scenario);
+    command.arg(TASK).args([&scripts, &image, &file()]).args(scenario);
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
     // What the user types is not for it.
     #[cfg(unix)]
@@ -123,8 +122,9 @@ pub fn is_plugged_in() -> bool {
 /// # Errors
 /// [`BoardError`], where it cannot be made.
 pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
+    let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
-    let board = thread::spawn(move || serve(&file(), &loaded));
+    let board = thread::spawn(move || serve(&scripts, &image, &file(), &loaded));
     while !is_plugged_in() {
         if board.is_finished() {
             let silent = Err(BoardError::Silent { asked: "a connection" });
@@ -149,12 +149,14 @@ pub fn unplug() -> bool {
     fs::remove_file(file()).is_ok()
 }
 
-/// Is the board, until it is unplugged or has been idle for long.
+/// Is the board, with the emulator's scripts and an image of the firmware, until it is unplugged or has been idle for
+/// long.
 ///
 /// # Errors
 /// [`BoardError`]
-pub fn serve(file: &Path, loaded: &Loaded) -> Result<(), BoardError> {
-    let mut board = Emulated::new(loaded, &file.with_extension("flash"))?;
+pub fn serve(scripts: &Path, image: &Path, file: &Path, loaded: &Loaded) -> Result<(), BoardError> {
+    let flash = file.with_extension("flash");
+    let mut board = Emulated::new(loaded, EmulatedBoard::with_flash(scripts, image, &flash)?)?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     listener.set_nonblocking(true)?;
     let card = format!("{} {}", listener.local_addr()?.port(), build());
@@ -218,10 +220,10 @@ struct Emulated {
 }
 
 impl Emulated {
-    fn new(loaded: &Loaded, flash: &Path) -> Result<Self, BoardError> {
+    fn new(loaded: &Loaded, board: EmulatedBoard) -> Result<Self, BoardError> {
         let rig = Rig::behind_pins(loaded)
             .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
-        Ok(Self { board: EmulatedBoard::with_flash(flash)?, rig, to_client: Vec::new() })
+        Ok(Self { board, rig, to_client: Vec::new() })
     }
 
     /// One millisecond; whether the client is still there.

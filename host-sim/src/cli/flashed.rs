@@ -247,6 +247,8 @@ fn plug(port: &str, task: BoardTask, said: SaidArgs, out: &mut dyn Write) -> Res
 /// The hidden task behind the port "emulated".
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
+    scripts: PathBuf,
+    image: PathBuf,
     file: PathBuf,
     scenario: Option<PathBuf>,
 }
@@ -256,7 +258,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
         Some(path) => scenario::load(path)?,
         None => scenario::parse("", Path::new("the nominal muscle"))?,
     };
-    Ok(service::serve(&args.file, &loaded)?)
+    Ok(service::serve(&args.scripts, &args.image, &args.file, &loaded)?)
 }
 
 fn info(board: &mut LiveBoard, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
