@@ -5,6 +5,7 @@
 //! get the duties that the PWM's registers hold, and telemetry is what comes out of the UART, or of USB. At
 //! 921600 baud a frame takes most of a millisecond, so that the telemetry of a step comes with the step after it.
 
+use super::armed::if_armed;
 use super::link::Link;
 use super::{Board, BoardError, BoardStep, image};
 use crate::plant::Actuation;
@@ -569,7 +570,7 @@ impl Board for EmulatedBoard {
         self.ask(HostCommand::TelemetryDivider(1))?;
         self.ask(HostCommand::Configure(*config))?;
         let armed = self.ask(HostCommand::Arm { most_pa: None });
-        let set_point = super::if_armed(armed, set_point)?;
+        let set_point = if_armed(armed, set_point)?;
         self.wire().from_board.clear();
         // It takes a fraction of the coming exchange to arrive: the next one is the first judged.
         self.send(HostCommand::Start(set_point));

@@ -2,7 +2,7 @@
 
 use super::link::Link;
 use super::port::{self, Port};
-use super::{BoardError, serial};
+use super::{BoardError, serial_port};
 use model_core::Telemetry;
 use model_core::link::{Answer, HostCommand, PROTOCOL, Status, Version};
 use std::time::{Duration, Instant};
@@ -107,7 +107,7 @@ impl Line {
     /// [`BoardError::Line`]
     pub fn poll(&mut self) -> Result<(), BoardError> {
         let mut buffer = [0; 4096];
-        let count = serial::read(&mut self.port, &mut buffer)?;
+        let count = serial_port::read(&mut self.port, &mut buffer)?;
         self.link.feed(&buffer[..count]);
         Ok(())
     }

@@ -2,6 +2,8 @@
 //! firmware on a real one behind a serial port.
 
 #[cfg(feature = "command")]
+mod armed;
+#[cfg(feature = "command")]
 pub mod emulated;
 #[cfg(feature = "command")]
 pub mod image;
@@ -17,16 +19,14 @@ pub mod pty;
 #[cfg(feature = "command")]
 pub mod serial;
 #[cfg(feature = "command")]
+pub mod serial_port;
+#[cfg(feature = "command")]
 pub mod service;
 
 use crate::plant::Actuation;
 use model_core::control::Mode;
-#[cfg(feature = "command")]
-use model_core::link::Answer;
 use model_core::link::{Chip, PROTOCOL, Refusal, Timing};
-use model_core::{
-    Command, Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry,
-};
+use model_core::{Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use std::io;
 use std::path::PathBuf;
 
@@ -284,25 +284,6 @@ fn refused(refusal: &Refusal) -> String {
             "the board is not armed: `thermyo board PORT arm`, or `--arm`".to_owned()
         }
         refusal => format!("the board refused: {refusal}"),
-    }
-}
-
-/// The set point to start with: while faults vent, nothing else is taken, and the telemetry says why.
-#[cfg(feature = "command")]
-fn if_armed(
-    armed: Result<Answer, BoardError>,
-    set_point: SetPoint,
-) -> Result<SetPoint, BoardError> {
-    match armed {
-        Ok(_) => Ok(set_point),
-        Err(BoardError::Refused(Refusal::SetPoint(SetPointError::Faults(_)))) => Ok(SetPoint::Vent),
-        Err(error) => Err(error),
-    }
-}
-
-impl From<Command> for Actuation {
-    fn from(command: Command) -> Self {
-        Self { inlet: f64::from(command.inlet.share()), outlet: f64::from(command.outlet.share()) }
     }
 }
 

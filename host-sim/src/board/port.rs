@@ -1,6 +1,6 @@
 //! Where a flashed board is found: at a serial port, or emulated in a process of its own.
 
-use super::{BoardError, serial, service};
+use super::{BoardError, serial_port, service};
 use std::io::{Read, Write};
 
 /// The name of the emulated board.
@@ -19,6 +19,6 @@ impl<P: Read + Write + Send> Port for P {}
 pub fn open(name: &str) -> Result<Box<dyn Port>, BoardError> {
     match name {
         EMULATED => Ok(Box::new(service::connect()?)),
-        _ => Ok(Box::new(serial::open(name)?)),
+        _ => Ok(Box::new(serial_port::open(name)?)),
     }
 }

@@ -1,7 +1,7 @@
 //! The emulated board behind a pseudo-terminal, for programs that open a serial port. Unix only.
 
 use super::emulated::EmulatedBoard;
-use super::{BoardError, serial};
+use super::{BoardError, serial_port};
 use model_core::Sample;
 use serialport::{SerialPort, TTYPort};
 use std::io::Write;
@@ -40,7 +40,7 @@ impl PtyBoard {
             let _slave = slave;
             let mut buffer = [0; 512];
             while !stopped.load(Ordering::Relaxed) {
-                if let Ok(count) = serial::read(&mut master, &mut buffer) {
+                if let Ok(count) = serial_port::read(&mut master, &mut buffer) {
                     board.write(&buffer[..count]);
                 }
                 let Ok(exchange) = board.exchange(&sample) else { break };

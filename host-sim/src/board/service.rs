@@ -9,7 +9,7 @@
 use super::BoardError;
 use super::emulated::EmulatedBoard;
 use super::image::{self, Variant};
-use super::serial::READ;
+use super::serial_port::READ;
 use crate::scenario::Loaded;
 use crate::simulation::rig::Rig;
 use model_core::link::PROTOCOL;

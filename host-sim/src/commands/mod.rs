@@ -19,3 +19,5 @@ pub mod replay;
 pub mod reproduce;
 pub mod sweep;
 pub mod tune;
+#[cfg(feature = "command")]
+mod usb;

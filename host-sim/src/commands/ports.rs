@@ -2,9 +2,10 @@
 
 use crate::board::line::Line;
 use crate::commands::flash::{Drive, find, version_text};
+use crate::commands::usb::usb;
 use model_core::link::{USB_ID, Version};
 use serde::Serialize;
-use serialport::{SerialPortType, UsbPortInfo};
+use serialport::UsbPortInfo;
 use std::fmt;
 use std::path::PathBuf;
 use std::thread;
@@ -34,28 +35,6 @@ pub fn list(mounts: &[PathBuf]) -> Vec<Found> {
         usb().into_iter().map(|(port, info)| thread::spawn(move || ask(port, &info))).collect();
     let answers = asked.into_iter().filter_map(|thread| thread.join().ok());
     answers.chain(find(mounts).into_iter().map(waiting)).collect()
-}
-
-/// Names of the ports that are the boards' own USB, whatever firmware they run.
-pub fn boards() -> Vec<String> {
-    usb()
-        .into_iter()
-        .filter(|(_, info)| (info.vid, info.pid) == USB_ID)
-        .map(|(port, _)| port)
-        .collect()
-}
-
-fn usb() -> Vec<(String, UsbPortInfo)> {
-    let ports = serialport::available_ports().unwrap_or_default();
-    let mut usb: Vec<_> = ports
-        .into_iter()
-        .filter_map(|port| match port.port_type {
-            SerialPortType::UsbPort(info) => Some((port.port_name, info)),
-            _ => None,
-        })
-        .collect();
-    usb.sort_by(|(a, _), (b, _)| a.cmp(b));
-    usb
 }
 
 fn ask(port: String, info: &UsbPortInfo) -> Found {

@@ -5,7 +5,7 @@ use crate::files::rows::Rows;
 use crate::files::sinks::Sinks;
 use crate::files::trace::{COLUMNS, Row, cells_text};
 use crate::plant::Truth;
-use crate::scenario::from_config::short;
+use crate::scenario::short;
 use model_core::link::Status;
 use model_core::sensing::Sensing;
 use model_core::{Config, SetPoint, Telemetry};

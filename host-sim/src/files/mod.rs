@@ -17,3 +17,4 @@ pub mod summary;
 pub mod table;
 pub mod topics;
 pub mod trace;
+pub mod units;

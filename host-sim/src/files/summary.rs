@@ -3,14 +3,47 @@
 use crate::files::measured::Measured;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::{Ledger, Truth};
-use crate::report::number::fixed;
-use crate::report::run_report::Controlled;
+use crate::report::number::{Unit, fixed, significant};
 use model_core::Faults;
 use model_core::link::Timing;
 use model_core::safety::supervisor::VENTING;
 use model_core::sensing::adc::at_rail;
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+/// What a set point stood for, where one was driven.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Controlled {
+    /// Absolute pressure \[Pa\].
+    Pressure,
+    /// Contraction, fraction of the rest length \[-\].
+    Contraction,
+}
+
+impl Controlled {
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pressure => "Absolute pressure",
+            Self::Contraction => "Contraction",
+        }
+    }
+
+    /// How it is shown.
+    pub fn unit(self) -> Unit {
+        match self {
+            Self::Pressure => Unit::of_column("pressure_pa"),
+            Self::Contraction => Unit { symbol: "% of rest length", factor: 100.0 },
+        }
+    }
+
+    /// A value of it, or a difference of two, for a sentence.
+    pub fn text(self, value: f64) -> String {
+        let Unit { symbol, factor } = self.unit();
+        format!("{} {symbol}", significant(value * factor, 3))
+    }
+}
 
 /// Everything that `summary.json` says of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]

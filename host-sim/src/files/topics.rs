@@ -1,7 +1,7 @@
 //! The columns of a trace as topics of a log: what belongs together, what it means, in which unit.
 
 use crate::files::board_trace::every_column;
-use crate::fmu::variables::unit_of;
+use crate::files::units::unit_of;
 use serde_json::{Map, Value, json};
 
 /// Columns that belong together. The time is in every topic.

@@ -2,7 +2,8 @@
 
 use super::Kind;
 use super::model::{Model, ModelError};
-use super::variables::{Role, SET_POINT, UNITS, Unit, Variable, unit_of, variables};
+use super::variables::{Role, SET_POINT, Variable, variables};
+use crate::files::units::{UNITS, Unit, unit_of};
 use crate::scenario::{DriveKind, render};
 use std::fmt::Write;
 use std::hash::{DefaultHasher, Hash, Hasher};

@@ -6,6 +6,7 @@
 #![warn(clippy::disallowed_methods)]
 
 mod bristle;
+mod build;
 pub mod chamber;
 mod closure;
 mod end;
@@ -25,9 +26,10 @@ mod sensors;
 mod vessel;
 mod zones;
 
-use crate::scenario::profile::Profile;
-use crate::scenario::{PlantModel, Scenario};
-use chamber::{Chamber, with_chamber};
+use crate::scenario::Scenario;
+pub use build::{build, build_driven_by_flows};
+use chamber::Chamber;
+use model_core::Command;
 use piping::Piping;
 pub use piping::{Disturbance, Travel};
 pub use pull::load_n;
@@ -41,6 +43,12 @@ pub struct Actuation {
     pub inlet: f64,
     /// Outlet valve. A normally open valve is driven to close; this is already its opening.
     pub outlet: f64,
+}
+
+impl From<Command> for Actuation {
+    fn from(command: Command) -> Self {
+        Self { inlet: f64::from(command.inlet.share()), outlet: f64::from(command.outlet.share()) }
+    }
 }
 
 /// The plant's state as an outside observer with perfect instruments would see it, SI.
@@ -249,65 +257,6 @@ impl fmt::Display for BuildError {
 }
 
 impl std::error::Error for BuildError {}
-
-/// The plant of a scenario, at rest at time zero. `volume_profile` is the table that
-/// `vessel.volume_csv` names, volume \[m3\] over time \[s\].
-///
-/// # Errors
-/// [`BuildError`] for what validation of the scenario alone cannot see.
-pub fn build(
-    scenario: &Scenario,
-    volume_profile: Option<Profile>,
-) -> Result<Box<dyn Plant>, BuildError> {
-    of_kind(scenario, volume_profile, Drive::Valves)
-}
-
-/// The plant of a scenario without its valves or nozzle: its [`Actuation`] is mass flows \[kg/s\], the
-/// inflow at the supply's temperature. What moves is always lumped, or the paper's.
-///
-/// # Errors
-/// As [`build`].
-pub fn build_driven_by_flows(
-    scenario: &Scenario,
-    volume_profile: Option<Profile>,
-) -> Result<Box<dyn Plant>, BuildError> {
-    of_kind(scenario, volume_profile, Drive::Flows)
-}
-
-/// What an [`Actuation`] is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Drive {
-    Valves,
-    Flows,
-}
-
-/// The kinds of plant that there are.
-fn of_kind(
-    scenario: &Scenario,
-    volume_profile: Option<Profile>,
-    drive: Drive,
-) -> Result<Box<dyn Plant>, BuildError> {
-    with_chamber!(scenario, chamber => moving(scenario, drive, chamber), vessel => {
-        let vessel = vessel::Vessel::new(scenario, volume_profile)?;
-        Ok(match drive {
-            Drive::Valves => Box::new(vessel),
-            Drive::Flows => Box::new(vessel.driven_by_flows(scenario.supply.temperature_k)),
-        })
-    })
-}
-
-fn moving<C: Chamber + Copy + Send + 'static>(
-    scenario: &Scenario,
-    drive: Drive,
-    chamber: C,
-) -> Result<Box<dyn Plant>, BuildError> {
-    let lumped = || lumped::Lumped::new(scenario, chamber);
-    Ok(match (drive, scenario.plant.model) {
-        (Drive::Flows, _) => Box::new(lumped()?.driven_by_flows()),
-        (Drive::Valves, PlantModel::Full) => Box::new(full::Full::new(scenario, chamber)?),
-        (Drive::Valves, PlantModel::Lumped | PlantModel::Paper) => Box::new(lumped()?),
-    })
-}
 
 /// Number of integration steps in an exchange step, each of at most `longest_s`; `because` names the
 /// keys that limit it.

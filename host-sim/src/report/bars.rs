@@ -5,8 +5,8 @@ use maud::{Markup, html};
 use super::Colour;
 use super::axes::{Area, FOOT, axis_title, ticks};
 use super::chart::{FULL_WIDTH, NARROW_WIDTH};
+use super::figure::{Drawing, Figure};
 use super::number::{px, significant};
-use super::page::{Drawing, Figure};
 use super::path::Path;
 use super::scale::{Scale, Spacing, data_range};
 

@@ -6,8 +6,8 @@ use super::Colour;
 use super::axes::FOOT;
 use super::chart::{CHARACTER, FULL_WIDTH, HALF_WIDTH};
 use super::colour::{hex, text_on};
+use super::figure::{Drawing, Figure};
 use super::number::{MISSING, px, significant};
-use super::page::{Drawing, Figure};
 use super::path::Path;
 use super::scale::{Scale, Spacing, data_range};
 

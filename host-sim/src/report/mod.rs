@@ -2,7 +2,7 @@
 //!
 //! From below to above: [`number`] and [`scale`] turn values into text and positions, [`decimate`]
 //! keeps the drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a
-//! [`page::Figure`] each, [`page`] puts text and figures on a page, and [`run_report`] is the page
+//! [`figure::Figure`] each, [`page`] puts text and figures on a page, and [`run_report`] is the page
 //! of a generic run. [`series`] records what is drawn, in bounded memory, while the run streams by.
 //!
 //! A drawing names its colours by class and leaves their values to the page's style sheet, so one
@@ -15,6 +15,7 @@ pub mod chart;
 mod colour;
 pub mod decimate;
 mod faulted;
+pub mod figure;
 pub mod heatmap;
 mod layer;
 pub mod muscle;

@@ -8,9 +8,9 @@ use maud::{Markup, html};
 use super::axes::{Area, FOOT, ticks};
 use super::chart::{FULL_WIDTH, NARROW_WIDTH};
 use super::colour::{fraction, hex};
+use super::figure::{Drawing, Figure};
 use super::heatmap::colour_bar;
 use super::number::{fixed, px};
-use super::page::{Drawing, Figure};
 use super::path::Path;
 use super::scale::{Scale, Spacing, data_range, with_room};
 

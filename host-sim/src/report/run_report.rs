@@ -6,8 +6,8 @@ use super::muscle::Muscle;
 use super::number::{Unit, quantity, significant};
 use super::page::{Page, Section, Table, Tile};
 use super::series::Recorder;
+use crate::files::summary::Controlled;
 use crate::scenario::PlantKind;
-use serde::Serialize;
 
 /// The plant's gas temperature, which the others are compared with.
 const TRUTH: &str = "gas_temperature_k";
@@ -76,40 +76,6 @@ impl Measured {
         let span =
             values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
         if span > 0.0 { self.rmse / span } else { 0.0 }
-    }
-}
-
-/// What a set point stood for, where one was driven.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Controlled {
-    /// Absolute pressure \[Pa\].
-    Pressure,
-    /// Contraction, fraction of the rest length \[-\].
-    Contraction,
-}
-
-impl Controlled {
-    /// What it is called.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pressure => "Absolute pressure",
-            Self::Contraction => "Contraction",
-        }
-    }
-
-    /// How it is shown.
-    pub fn unit(self) -> Unit {
-        match self {
-            Self::Pressure => Unit::of_column("pressure_pa"),
-            Self::Contraction => Unit { symbol: "% of rest length", factor: 100.0 },
-        }
-    }
-
-    /// A value of it, or a difference of two, for a sentence.
-    pub fn text(self, value: f64) -> String {
-        let Unit { symbol, factor } = self.unit();
-        format!("{} {symbol}", significant(value * factor, 3))
     }
 }
 

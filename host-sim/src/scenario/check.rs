@@ -1,10 +1,10 @@
 //! A scenario as `thermyo check` prints it: every key, its value, and what it may be.
 
-use super::geometry::DIMENSIONS;
-use super::load::Loaded;
-use super::schema::{Allowed, FAULTS, Key, TABLES, Table};
+use super::loaded::Loaded;
+use super::schema::{Allowed, DIMENSIONS, FAULTS, Key, TABLES, Table};
 use super::sense::{model_is_unused, unused_tables};
 use super::tables::Scenario;
+use super::tree::{same, tree, value};
 use std::fmt::Write;
 use toml::Value;
 
@@ -91,21 +91,5 @@ fn key_line(key: &Key, value: Option<&Value>) -> String {
                 if matches!(key.allowed, Allowed::Csv { .. }) { "\"FILE.csv\"" } else { "NUMBER" };
             format!("# {} = {missing}  # {comment}\n", key.name)
         }
-    }
-}
-
-pub(super) fn tree(scenario: &Scenario) -> toml::Table {
-    toml::Table::try_from(scenario).expect("a checked scenario is plain TOML")
-}
-
-pub(super) fn value<'a>(tree: &'a toml::Table, table: &str, key: &str) -> Option<&'a Value> {
-    table.split('.').try_fold(tree, |tree, name| tree.get(name)?.as_table())?.get(key)
-}
-
-/// Equal to the bit: 0.0 and -0.0 are not.
-pub(super) fn same(a: Option<&Value>, b: Option<&Value>) -> bool {
-    match (a, b) {
-        (Some(Value::Float(a)), Some(Value::Float(b))) => a.to_bits() == b.to_bits(),
-        _ => a == b,
     }
 }

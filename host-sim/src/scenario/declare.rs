@@ -16,8 +16,8 @@
 //!
 //! What leaves one of these out does not compile, or fails a test that names it.
 
-pub use super::schema::Allowed;
-use super::schema::{Key, Limits};
+pub use super::key::Allowed;
+use super::key::{Key, Limits};
 use model_core::parameter::Parameter;
 
 /// The parameter of that name, while compiling.
@@ -299,14 +299,14 @@ macro_rules! table {
         }
 
         impl $struct {
-            const KEYS: &[$crate::scenario::schema::Key] = {
+            const KEYS: &[$crate::scenario::key::Key] = {
                 use $crate::scenario::declare::*;
                 &[$($key),*]
             };
 
             /// Its entry in the schema.
-            pub const TABLE: $crate::scenario::schema::Table =
-                $crate::scenario::schema::Table::new($path, $meaning, Self::KEYS)$(.$flag())*;
+            pub const TABLE: $crate::scenario::key::Table =
+                $crate::scenario::key::Table::new($path, $meaning, Self::KEYS)$(.$flag())*;
         }
 
         $crate::scenario::declare::table! { @core $struct [$($core)?] $shared }

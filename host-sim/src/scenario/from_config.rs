@@ -4,7 +4,7 @@
 use super::core_config::{OneZone, core_config};
 use super::{
     GasElementKind, HeatModel, LoadKind, Loaded, PlantKind, PlantModel, PressureKind, Scenario,
-    parse, render, with_numbers,
+    parse, render, short, with_numbers,
 };
 use crate::files::input::{InputError, Problem};
 use crate::math;
@@ -44,11 +44,6 @@ pub fn say(config: &Config) -> Result<Said, InputError> {
     let scenario = parse(&render(&loaded), origin)?;
     let exact = core_config(&scenario.believed) == *config;
     Ok(Said { scenario, exact })
-}
-
-/// The shortest number that is this one in f32.
-pub fn short(value: f32) -> f64 {
-    value.to_string().parse().unwrap_or(f64::from(value))
 }
 
 /// `None` for a chamber whose dimensions a scenario has in other words.

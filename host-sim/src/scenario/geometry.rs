@@ -2,16 +2,12 @@
 //! L = b cos(theta), D = b sin(theta)/(n pi).
 
 use super::document::Entries;
-use super::schema::limits;
+use super::schema::{DIMENSIONS, limits};
 use super::tables::Muscle;
 use super::violation::Violation;
 use crate::math;
 use std::f64::consts::PI;
 
-/// The keys of `[muscle]` that say its dimensions: two pairs, each with the rest length. They follow from
-/// each other.
-pub const DIMENSIONS: [&str; 5] =
-    ["thread_length_m", "turns", "rest_length_m", "diameter_m", "braid_angle_deg"];
 /// Rest length where nothing is said \[m\].
 const REST_LENGTH_M: f64 = 0.30;
 /// Diameter at rest where nothing is said \[m\].

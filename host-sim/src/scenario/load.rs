@@ -3,11 +3,12 @@
 use super::document::{Document, Entries, Entry};
 use super::fault_rules;
 use super::geometry::{Dimensions, Given};
+use super::loaded::Loaded;
 use super::rules;
 use super::schema::{Allowed, Limits, limits};
 use super::sense::warnings;
-use super::tables::{DriveKind, PlantKind, PlantModel, Scenario};
-use super::violation::{Fault, Violation};
+use super::tables::{PlantKind, Scenario};
+use super::violation::{Fault, Violation, WrongCell};
 use crate::files::input::{InputError, Problem, read_text};
 use crate::files::table::read_table;
 use crate::math;
@@ -19,54 +20,6 @@ use toml::{Table, Value};
 /// Part of the length sensor's range that the longest length takes where the file does not give the
 /// range.
 const LENGTH_USE: f64 = 0.8;
-
-/// A cell of a CSV file that may not be what it is.
-#[derive(Debug, Clone, PartialEq)]
-pub struct WrongCell {
-    /// Its row, from 0.
-    pub row: usize,
-    /// Its column, from 0, in the order of the key's columns.
-    pub column: usize,
-    /// What it may be.
-    pub allowed: String,
-}
-
-/// A scenario, checked, with every default filled in.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Loaded {
-    /// What the plant is. Its CSV paths are absolute.
-    pub plant: Scenario,
-    /// What the core believes: the plant's scenario, overlaid by `[believed]`.
-    pub believed: Scenario,
-    /// The vessel's volume \[m3\] over time, where `vessel.volume_csv` gives it.
-    pub volume_profile: Option<Profile>,
-    /// The set point over time in the drive's unit, where `drive.profile_csv` gives it.
-    pub drive_profile: Option<Profile>,
-}
-
-impl Loaded {
-    /// The same scenario on another plant. The core knows it: it drives ideal valves differently.
-    pub fn with_model(&self, model: PlantModel) -> Self {
-        let mut other = self.clone();
-        other.plant.plant.model = model;
-        other.believed.plant.model = model;
-        other
-    }
-
-    /// The same scenario driven along set points \[s, the kind's own unit\] to the last of them, with
-    /// every step logged.
-    ///
-    /// # Panics
-    /// When there is none, or times do not increase.
-    pub fn driven(&self, kind: DriveKind, set_points: Vec<(f64, f64)>) -> Self {
-        let mut other = self.clone();
-        other.plant.run.log_every = 1;
-        other.plant.run.duration_s = set_points.last().map_or(0.0, |point| point.0);
-        other.plant.drive.kind = kind;
-        other.drive_profile = Some(Profile::new(set_points).expect("times increase"));
-        other
-    }
-}
 
 /// Loads a scenario file. CSV files that it names are looked for from its own folder.
 ///

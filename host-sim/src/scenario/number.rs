@@ -28,6 +28,11 @@ pub fn with_numbers<'a>(
     tree.try_into().expect("numbers were replaced by numbers")
 }
 
+/// The shortest number that is this one in f32.
+pub fn short(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or(f64::from(value))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,14 +1,13 @@
 //! Rules that tie several keys together.
 
 use super::fault_rules;
-use super::number::number;
+use super::number::{number, short};
 use super::schema::{Limits, fittable, fittable_paths, limits};
 use super::tables::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Tube};
 use super::violation::{Violation, within};
 use crate::files::input::nearest;
 use crate::plant::chamber;
 use crate::scenario::core_config::{pressure_limit_pa, pwm_period_steps};
-use crate::scenario::from_config::short;
 
 /// Most steps of a run: more take days.
 const MOST_STEPS: f64 = 1.0e9;

@@ -1,11 +1,11 @@
 //! What a scenario may say though it makes no sense: it is valid and runs, and is hardly what was meant.
 
-use super::check::{same, tree, value};
 use super::document::{Document, Entry};
-use super::load::Loaded;
+use super::loaded::Loaded;
 use super::tables::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
 };
+use super::tree::{same, tree, value};
 use crate::files::input::{InputError, Problem};
 use crate::plant::chamber;
 use crate::scenario::core_config::pressure_limit_pa;

@@ -2,6 +2,17 @@
 
 use super::schema::{Limits, limits};
 
+/// A cell of a CSV file that may not be what it is.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WrongCell {
+    /// Its row, from 0.
+    pub row: usize,
+    /// Its column, from 0, in the order of the key's columns.
+    pub column: usize,
+    /// What it may be.
+    pub allowed: String,
+}
+
 /// A rule that does not hold, and the key to blame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {

@@ -6,11 +6,10 @@
 
 use crate::board::{Board, BoardError, BoardStep};
 use crate::files::measured::Measured;
-use crate::files::summary::{Accumulator, Ending, Summary};
+use crate::files::summary::{Accumulator, Controlled, Ending, Summary};
 use crate::files::trace::Row;
 use crate::plant::chamber;
 use crate::plant::{BuildError, Diverged, Truth};
-use crate::report::run_report::Controlled;
 use crate::scenario::core_config::core_config;
 use crate::scenario::profile::Profile;
 use crate::scenario::{Drive, DriveKind, LoadKind, Loaded, Scenario};

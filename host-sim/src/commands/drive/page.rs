@@ -1,12 +1,13 @@
 //! The page of a run on a board.
 
 use super::Driven;
+use crate::files::summary::Controlled;
 use crate::files::trace::{COLUMNS, Row};
 use crate::plant::chamber;
 use crate::report::Faulted;
 use crate::report::number::COUNT;
 use crate::report::page::Tile;
-use crate::report::run_report::{self, Controlled, RunReport, SummaryRow};
+use crate::report::run_report::{self, RunReport, SummaryRow};
 use crate::report::series::Recorder;
 use crate::scenario::{self, Loaded};
 use model_core::SetPoint;

@@ -9,7 +9,7 @@ pub use drive::{Drive, find, mounts};
 use crate::board::BoardError;
 use crate::board::image::{self, Variant};
 use crate::board::line::Line;
-use crate::commands::ports;
+use crate::commands::usb;
 use crate::files::input::InputError;
 use clap::ValueEnum;
 use model_core::link::{Chip, HostCommand, Version};
@@ -260,7 +260,7 @@ pub fn run(
         say(&format!("would write {size} to {} ({model})", target.name()));
         return Ok(Flashed { written: false, ..flashed });
     }
-    let before = ports::boards();
+    let before = usb::boards();
     let (drive, port) = match target {
         Target::Drive(drive) => (drive, None),
         Target::Port { name, line, model } => {
@@ -319,7 +319,7 @@ fn named(name: &str) -> Result<Target, FlashError> {
 fn only(mounts: &dyn Fn() -> Vec<PathBuf>) -> Result<Target, FlashError> {
     let drives: Vec<String> =
         find(&mounts()).iter().map(|drive| drive.path.display().to_string()).collect();
-    let mut names = if drives.is_empty() { ports::boards() } else { drives };
+    let mut names = if drives.is_empty() { usb::boards() } else { drives };
     match (names.pop(), names.is_empty()) {
         (None, _) => Err(FlashError::NothingFound),
         (Some(name), true) => named(&name),
@@ -351,7 +351,7 @@ fn through_boot_loader(
 
 /// The board that answers where it was, or where none was.
 fn back(port: Option<&str>, before: &[String]) -> Option<(String, Version)> {
-    let new = ports::boards().into_iter().filter(|name| !before.contains(name));
+    let new = usb::boards().into_iter().filter(|name| !before.contains(name));
     let mut names = port.map(str::to_owned).into_iter().chain(new);
     names.find_map(|name| Some((name.clone(), Line::meet(&name).ok()?.1)))
 }

@@ -2,7 +2,7 @@
 //! the port follows from the energy balance, so that no valve and no flow needs to be known.
 
 use super::data::{Given, holding};
-use super::simulate::Failed;
+use super::failed::Failed;
 use crate::analysis::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
 use crate::plant::Diverged;
 use crate::scenario::Scenario;

@@ -1,9 +1,10 @@
 //! The search: weighted least squares by Levenberg and Marquardt, from several starts.
 
 use super::data::Data;
+use super::failed::Failed;
 use super::parameter::Parameter;
 use super::search::{self, LeastSquares};
-use super::simulate::{Experiment, Failed};
+use super::simulate::Experiment;
 use crate::commands::parallel::{self, Watch};
 use crate::scenario::{Scenario, with_numbers};
 use crate::stop;

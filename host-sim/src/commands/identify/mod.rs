@@ -15,6 +15,7 @@
 
 mod balance;
 mod data;
+mod failed;
 mod findings;
 mod fit;
 mod page;
@@ -39,10 +40,11 @@ use crate::scenario::schema::{self, fittable};
 use crate::scenario::{Loaded, PlantModel, Scenario, number, with_numbers};
 use crate::stop;
 use data::Input;
+use failed::Failed;
 use fit::{End, Problem};
 use nalgebra::{DMatrix, DVector};
 use parameter::Parameter;
-use simulate::{Experiment, Failed};
+use simulate::Experiment;
 use std::path::Path;
 pub(crate) use uncertainty::correlation_rows;
 use uncertainty::{Misfit, covariance};

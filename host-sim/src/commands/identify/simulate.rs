@@ -2,7 +2,8 @@
 
 use super::balance::Balance;
 use super::data::{Data, Input, holding};
-use crate::plant::{self, Actuation, BuildError, Diverged, Truth};
+use super::failed::Failed;
+use crate::plant::{self, Actuation, Truth};
 use crate::scenario::{PlantKind, Scenario};
 use crate::stop;
 
@@ -12,17 +13,6 @@ const LONGEST_VESSEL_STEP_S: f64 = 0.02;
 const SHORTEST_STEP_S: f64 = 1.0e-4;
 /// Part of a step that two times may differ by and still be one.
 const SAME: f64 = 1e-6;
-
-/// Why a set of values has no prediction.
-#[derive(Debug)]
-pub enum Failed {
-    /// The plant cannot be built with it.
-    Build(BuildError),
-    /// The plant diverges with it.
-    Diverged(Diverged),
-    /// It was to end, [`stop`].
-    Stopped,
-}
 
 /// A recorded experiment, to be repeated with other parameters.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 use super::{MonitorError, Recorder};
 use crate::board::link::Link;
 use crate::board::port::Port;
-use crate::board::{BoardError, port, serial};
+use crate::board::{BoardError, port, serial_port};
 use model_core::control::Mode;
 use model_core::link::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing, Version};
 use model_core::safety::supervisor::FirstFailure;
@@ -110,7 +110,7 @@ impl Session {
             return Ok(());
         };
         let mut buffer = [0; 4096];
-        let Ok(count) = serial::read(port, &mut buffer) else {
+        let Ok(count) = serial_port::read(port, &mut buffer) else {
             self.port = None;
             return Ok(());
         };

@@ -6,9 +6,10 @@ use super::reach::with_unit;
 use super::{Outcome, Study};
 use crate::report::Colour;
 use crate::report::chart::{Axis, Chart, Panel};
+use crate::report::figure::Figure;
 use crate::report::heatmap::{Heatmap, Style};
 use crate::report::number::fixed;
-use crate::report::page::{Figure, Page, Section, Table, Tile};
+use crate::report::page::{Page, Section, Table, Tile};
 use crate::report::scale::{Spacing, data_range};
 
 /// Colours of the ways, as in the report of a run.

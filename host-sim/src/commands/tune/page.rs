@@ -6,8 +6,9 @@ use super::force::Point;
 use super::{Figures, Tuned};
 use crate::report::Colour;
 use crate::report::chart::{Axis, Chart, Panel};
+use crate::report::figure::Figure;
 use crate::report::number::{MISSING, significant};
-use crate::report::page::{Figure, Page, Section, Table, Tile};
+use crate::report::page::{Page, Section, Table, Tile};
 use crate::scenario;
 
 /// What a chart of one step of the pressure shows before and after it \[s\].

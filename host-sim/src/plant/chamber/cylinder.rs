@@ -2,34 +2,9 @@
 //! the other.
 
 use super::{Chamber, Tunable};
-use crate::scenario::declare::{choice, table};
+use crate::scenario::{Acts, Cylinder};
 use model_core::physics::chamber::{self as configured, ChamberConfig};
 use std::f64::consts::PI;
-
-choice! {
-    /// What pressure does to a cylinder.
-    Acts {
-        /// Its rod comes out: it lengthens.
-        Push = "push",
-        /// Its rod goes in: it shortens.
-        Pull = "pull",
-    }
-}
-
-table! {
-    "cylinder", "a single-acting cylinder; at rest its gas volume is the dead volume", believed, physical;
-    Cylinder {
-        acts: choice Acts::Push, "what pressure does: lengthen it, or shorten it";
-        rest_length_m: real 0.25, "m", 0.001 to 10.0, "length at rest, between what holds its ends";
-        stroke_m: real 0.1, "m", 0.001 to 10.0, "way of the piston";
-        area_m2: real 1.25e-3, "m2", 1.0e-7 to 10.0, "area of the piston under pressure";
-        // The core has the tube's volume in it too, and allows for both together.
-        dead_volume_m3: real 2.0e-5, "m3", 1.0e-8 to 0.05, "gas volume at rest";
-        spring_n: real 50.0, "N", 0.0 to 1.0e6, "force of the return spring at rest";
-        spring_stiffness_n_m: real 500.0, "N/m", 0.0 to 1.0e6, "stiffness of the return spring";
-        zones: whole usize, 4, 1 to 64, "axial zones of gas and wall (full)";
-    }
-}
 
 /// Piston, bore and spring, with the way of the piston counted from where the gas is least.
 #[derive(Debug, Clone, Copy, PartialEq)]

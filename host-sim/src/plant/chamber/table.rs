@@ -6,22 +6,11 @@
 
 use super::{Chamber, LARGEST_LOAD_N};
 use crate::math;
+use crate::scenario::ChamberTable as Table;
 use crate::scenario::WrongCell;
-use crate::scenario::declare::table;
 use model_core::physics::chamber::ChamberConfig;
 use model_core::physics::chamber::table::{self as configured, MOST_ROWS};
 use std::f64::consts::PI;
-
-table! {
-    "table", "a chamber of which volume and force have been measured, such as a bellows", believed, physical;
-    Table {
-        csv: csv ["length_m", "volume_m3", "force_n"], "gas volume, and force without gauge pressure, positive where it pulls the ends together; 3 to 12 rows by rising length";
-        rest_length_m: optional "m", 0.001 to 10.0, "length that contraction counts from; left out: where the force is 0, or the end nearest to it";
-        // The core has the tube's volume in it too.
-        dead_volume_m3: real 0.0, "m3", 0.0 to 0.05, "gas volume beside the table's";
-        zones: whole usize, 4, 1 to 64, "axial zones of gas and wall (full)";
-    }
-}
 
 /// The first cell that makes the rows no chamber: lengths and forces rise, volumes rise or fall.
 pub fn wrong_cell(rows: &[[f64; 3]]) -> Option<WrongCell> {

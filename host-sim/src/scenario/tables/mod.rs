@@ -4,6 +4,7 @@
 //! parameter is added.
 
 mod air;
+mod chambers;
 mod faults;
 mod losses;
 mod plant;
@@ -11,6 +12,7 @@ mod run;
 mod sensors;
 
 pub use air::*;
+pub use chambers::{Acts, Cylinder, Table as ChamberTable};
 pub use faults::*;
 pub use losses::*;
 pub use plant::*;
@@ -18,9 +20,7 @@ pub use run::*;
 pub use sensors::*;
 
 use super::declare::keys_of;
-use super::schema::Table;
-use crate::plant::chamber::cylinder::Cylinder;
-use crate::plant::chamber::table::Table as ChamberTable;
+use super::key::Table;
 use model_core::config::{ControllerConfig, EstimatorConfig};
 use model_core::sensing::gas::{Max31865, Ntc};
 use model_core::sensing::pressure::Mpr;

@@ -1,0 +1,26 @@
+//! Serial ports of USB.
+
+use model_core::link::USB_ID;
+use serialport::{SerialPortType, UsbPortInfo};
+
+/// Names of the ports that are the boards' own USB, whatever firmware they run.
+pub fn boards() -> Vec<String> {
+    usb()
+        .into_iter()
+        .filter(|(_, info)| (info.vid, info.pid) == USB_ID)
+        .map(|(port, _)| port)
+        .collect()
+}
+
+pub(crate) fn usb() -> Vec<(String, UsbPortInfo)> {
+    let ports = serialport::available_ports().unwrap_or_default();
+    let mut usb: Vec<_> = ports
+        .into_iter()
+        .filter_map(|port| match port.port_type {
+            SerialPortType::UsbPort(info) => Some((port.port_name, info)),
+            _ => None,
+        })
+        .collect();
+    usb.sort_by(|(a, _), (b, _)| a.cmp(b));
+    usb
+}

@@ -1,0 +1,31 @@
+//! Units of the columns of a trace.
+
+/// The unit that a name ends with; none of a ratio, a count or a flag.
+pub fn unit_of(name: &str) -> Option<&'static Unit> {
+    UNITS.iter().find(|unit| name.ends_with(unit.suffix))
+}
+
+/// A unit and its exponents.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unit {
+    suffix: &'static str,
+    /// As the SI writes it.
+    pub name: &'static str,
+    /// Exponents of kg, m, s and K.
+    pub exponents: [(&'static str, i32); 4],
+}
+
+/// Every unit. One whose suffix ends another comes after that.
+pub const UNITS: [Unit; 7] = [
+    unit("_pa", "Pa", [1, -1, -2, 0]),
+    unit("_kg_s", "kg/s", [1, 0, -1, 0]),
+    unit("_m3", "m3", [0, 3, 0, 0]),
+    unit("_kg", "kg", [1, 0, 0, 0]),
+    unit("_m", "m", [0, 1, 0, 0]),
+    unit("_k", "K", [0, 0, 0, 1]),
+    unit("_s", "s", [0, 0, 1, 0]),
+];
+
+const fn unit(suffix: &'static str, name: &'static str, [kg, m, s, k]: [i32; 4]) -> Unit {
+    Unit { suffix, name, exponents: [("kg", kg), ("m", m), ("s", s), ("K", k)] }
+}

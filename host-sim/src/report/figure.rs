@@ -1,0 +1,56 @@
+//! A drawing, and its place on a page.
+
+use super::chart::Chart;
+use maud::{Markup, html};
+
+/// Colours, and how a drawing's parts look.
+pub(crate) const DRAWING_STYLE: &str = include_str!("drawing.css");
+
+/// What a drawing module returns.
+#[derive(Debug, Clone)]
+pub struct Drawing {
+    /// Stands above the drawing; may be empty.
+    pub legend: Markup,
+    /// One `svg` element.
+    pub svg: Markup,
+    /// What the page's script draws in its place, where there is a closer look.
+    pub chart: Option<Chart>,
+}
+
+impl Drawing {
+    /// A drawing that stays as it is.
+    pub fn still(legend: Markup, svg: Markup) -> Self {
+        Self { legend, svg, chart: None }
+    }
+}
+
+/// A drawing with its title and caption. The page numbers it.
+#[derive(Debug, Clone)]
+pub struct Figure {
+    title: String,
+    caption: String,
+    pub(super) drawing: Drawing,
+}
+
+impl Figure {
+    /// A figure; the caption may be empty.
+    pub fn new(title: &str, caption: &str, drawing: Drawing) -> Self {
+        Self { title: title.to_owned(), caption: caption.to_owned(), drawing }
+    }
+
+    /// The drawing itself, an `svg` element.
+    pub fn svg(&self) -> &str {
+        &self.drawing.svg.0
+    }
+
+    pub(super) fn render(&self, number: usize) -> Markup {
+        html! {
+            figure id=(figure_id(number)) {
+                div.figure-title { (self.title) }
+                (self.drawing.legend)
+                div.plot tabindex="0" { (self.drawing.svg) }
+                figcaption { b { "Figure " (number) "." } " " (self.caption) }
+            }
+        }
+    }
+}
