@@ -11,12 +11,12 @@ use maud::{Markup, PreEscaped, html};
 use super::Colour;
 use super::axes::{Area, FOOT, Tick, axis_title, ticks};
 use super::decimate;
-use super::figure::{DRAWING_STYLE, Drawing, Figure};
 use super::layer::{Layer, Mark};
 use super::number::px;
 use super::path::Path;
 use super::plot::Store;
 use super::scale::{Scale, Spacing, data_range, to_round_ends, with_room};
+use super::style::DRAWING_STYLE;
 use serde_json::{Value, json};
 
 /// Width of a chart across the page \[px\].
@@ -204,13 +204,6 @@ impl Chart {
         self
     }
 
-    /// Draws it.
-    pub fn figure(&self, title: &str, caption: &str) -> Figure {
-        let chart = Some(self.clone());
-        let drawing = Drawing { legend: self.legend(), svg: self.svg(title).0, chart };
-        Figure::new(title, caption, drawing)
-    }
-
     /// One layer for each entry of the legend.
     fn named(&self) -> Vec<&Layer> {
         let named =
@@ -255,7 +248,7 @@ impl Chart {
         document.into_string()
     }
 
-    fn legend(&self) -> Markup {
+    pub(super) fn legend(&self) -> Markup {
         let shown = self.named();
         html! {
             @if !shown.is_empty() {
@@ -289,7 +282,7 @@ impl Chart {
     }
 
     /// The drawing and its height \[px\].
-    fn svg(&self, title: &str) -> (Markup, f64) {
+    pub(super) fn svg(&self, title: &str) -> (Markup, f64) {
         let window = self.window();
         let (left, right) = self.sides(window);
         let x = Scale::new(window, (left, right), self.x.spacing);

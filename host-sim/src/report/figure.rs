@@ -3,9 +3,6 @@
 use super::chart::Chart;
 use maud::{Markup, html};
 
-/// Colours, and how a drawing's parts look.
-pub(crate) const DRAWING_STYLE: &str = include_str!("drawing.css");
-
 /// What a drawing module returns.
 #[derive(Debug, Clone)]
 pub struct Drawing {
@@ -53,4 +50,17 @@ impl Figure {
             }
         }
     }
+}
+
+impl Chart {
+    /// Draws it.
+    pub fn figure(&self, title: &str, caption: &str) -> Figure {
+        let chart = Some(self.clone());
+        let drawing = Drawing { legend: self.legend(), svg: self.svg(title).0, chart };
+        Figure::new(title, caption, drawing)
+    }
+}
+
+pub(super) fn figure_id(number: usize) -> String {
+    format!("fig-{number}")
 }

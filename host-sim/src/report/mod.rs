@@ -27,6 +27,7 @@ pub mod run_page;
 pub mod run_report;
 pub mod scale;
 pub mod series;
+pub mod style;
 
 pub use colour::Colour;
 pub use faulted::Faulted;

@@ -4,18 +4,15 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::figure::{DRAWING_STYLE, Figure};
+use super::figure::{Figure, figure_id};
 use super::number::{MISSING, quantity};
 use super::plot::Store;
+use super::style::DRAWING_STYLE;
 use serde_json::{Map, Value, json};
 
 const STYLE: &str = include_str!("style.css");
 /// Draws the charts anew, to be looked into; without it the page stays what it is.
 const SCRIPT: &str = include_str!("plot.js");
-
-fn figure_id(number: usize) -> String {
-    format!("fig-{number}")
-}
 
 /// A figure that matters, at the head of the page.
 #[derive(Debug, Clone, PartialEq)]
