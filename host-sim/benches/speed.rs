@@ -4,11 +4,11 @@
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use host_sim::board::CoreBoard;
-use host_sim::files::trace::{Row, TraceWriter};
-use host_sim::scenario::{self, PlantModel};
-use host_sim::simulation::run;
 use std::io;
+use thermyo_record::trace::{Row, TraceWriter};
+use thermyo_scenario::PlantModel;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
 
 fn main() {
     divan::main();
@@ -16,7 +16,7 @@ fn main() {
 
 #[divan::bench(args = [PlantModel::Lumped, PlantModel::Paper, PlantModel::Full], sample_count = 10)]
 fn real_time_factor(bencher: Bencher, model: PlantModel) {
-    let default = scenario::parse("", "default".as_ref()).expect("the defaults are valid");
+    let default = thermyo_setup::parse("", "default".as_ref()).expect("the defaults are valid");
     let mut loaded = default.with_model(model);
     loaded.plant.run.duration_s = 20.0;
     bencher.counter(ItemsCount::new(20_u64)).bench_local(|| {

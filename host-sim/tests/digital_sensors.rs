@@ -1,10 +1,10 @@
 //! Digital parts in the place of the converter: the estimate is as good, at their own rate, and what is lost vents.
 
-use host_sim::board::CoreBoard;
-use host_sim::files::summary::Summary;
-use host_sim::scenario;
-use host_sim::simulation::run;
+use thermyo_record::summary::Summary;
+use thermyo_simulation::board::CoreBoard;
+
 use model_core::{Command, Faults};
+use thermyo_simulation::run;
 
 const MAX31865: &str = "[sensor.gas]\nkind = \"max31865\"\n";
 const MPR: &str = "[sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n";
@@ -20,9 +20,9 @@ struct Ran {
 fn run_with(sensor: &str) -> Ran {
     let text =
         format!("[run]\nduration_s = 60\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n{sensor}");
-    let loaded = scenario::parse(&text, "digital.toml".as_ref()).unwrap();
+    let loaded = thermyo_setup::parse(&text, "digital.toml".as_ref()).unwrap();
     let (mut faults, mut found_s, mut vents) = (Faults::NONE, None, false);
-    let mut observer = |row: &host_sim::files::trace::Row| {
+    let mut observer = |row: &thermyo_record::trace::Row| {
         faults = faults.with(row.telemetry.faults);
         if row.telemetry.faults != Faults::NONE {
             found_s.get_or_insert(row.truth.time_s);
@@ -103,7 +103,7 @@ fn what_is_no_such_part_is_named() {
         ("[sensor.gas]\nkind = \"max6675\"\n", "sensor.gas.kind = \"max6675\": must be one of"),
         ("[sensor.mpr]\ntimeout_s = 0.0\n", "sensor.mpr.timeout_s = 0.0: must be a number"),
     ] {
-        let parsed = scenario::parse(text, "given.toml".as_ref());
+        let parsed = thermyo_setup::parse(text, "given.toml".as_ref());
         let error = parsed.map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(message), "{error}");
     }

@@ -2,19 +2,20 @@
 
 mod run_support;
 
-use host_sim::board::BoardError;
-use host_sim::files::trace::Row;
-use host_sim::plant::{Travel, Truth};
-use host_sim::scenario::{self, ChannelFault, Document, Loaded};
-use host_sim::simulation::adc::{Codes, VirtualAdc};
-use host_sim::simulation::faults::InjectedFaults;
 use model_core::control::Mode;
 use model_core::{Command, Faults};
 use run_support::rows;
 use std::path::Path;
+use thermyo_plant::{Travel, Truth};
+use thermyo_record::trace::Row;
+use thermyo_scenario::{ChannelFault, Document};
+use thermyo_setup::Loaded;
+use thermyo_simulation::adc::{Codes, VirtualAdc};
+use thermyo_simulation::board::BoardError;
+use thermyo_simulation::faults::InjectedFaults;
 
 fn parse(text: &str) -> Result<Loaded, String> {
-    scenario::parse(text, Path::new("scenario.toml")).map_err(|error| error.to_string())
+    thermyo_setup::parse(text, Path::new("scenario.toml")).map_err(|error| error.to_string())
 }
 
 fn valid(text: &str) -> Loaded {
@@ -33,7 +34,7 @@ fn windows_are_read_and_printed() {
     assert_eq!(paths, ["faults", "faults.burst", "faults.cold-start_2"]);
     assert_eq!(faults.named["cold-start_2"].gas, ChannelFault::Drifting { rate_per_s: -0.5 });
     assert_eq!(faults.largest_leak_m3_s_pa(), 1e-7);
-    let printed = scenario::render(&loaded);
+    let printed = thermyo_setup::render(&loaded);
     assert_eq!(parse(&printed), Ok(loaded), "{printed}");
     let inline = "faults = { gas = \"open\", until_s = 1, later = { gas = \"open\", from_s = 1 } }";
     assert_eq!(valid(inline).plant.faults.named["later"].gas, ChannelFault::Open);
@@ -192,7 +193,7 @@ fn a_sweep_changes_windows_that_there_are() {
     let mut document = Document::parse(text, Path::new("scenario.toml")).unwrap();
     document.set("faults.burst.leak_conductance_m3_s_pa", 2e-9).unwrap();
     document.set("faults.burst.from_s", 1.0).unwrap();
-    let burst = &scenario::assemble(&document).unwrap().plant.faults.named["burst"];
+    let burst = &thermyo_setup::assemble(&document).unwrap().plant.faults.named["burst"];
     assert_eq!((burst.leak_conductance_m3_s_pa, burst.from_s), (2e-9, 1.0));
     let error = document.set("faults.brust.from_s", 1.0).unwrap_err().to_string();
     assert_eq!(

@@ -3,12 +3,12 @@
 
 mod run_support;
 
-use host_sim::analysis::signals::rms_difference;
-use host_sim::files::trace::Row;
-use host_sim::plant::{self, Actuation, BuildError, Truth};
-use host_sim::scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 use model_core::Faults;
 use run_support::rows;
+use thermyo_plant::{Actuation, BuildError, Truth};
+use thermyo_record::trace::Row;
+use thermyo_runs::signals::rms_difference;
+use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 
 const CRITICAL_RATIO: f64 = 0.3;
 
@@ -55,7 +55,7 @@ fn a_leak_down_at_constant_temperature_is_the_closed_form() {
         for (from_pa, fallen) in [(7.0e5, 0.2), (4.0e5, 0.4), (1.8e5, 0.6)] {
             let mut scenario = leaking(kind, model, from_pa);
             scenario.vessel.volume_m3 = 1.0e-4;
-            let mut plant = plant::build(&scenario, None).unwrap();
+            let mut plant = thermyo_plant::build(&scenario, None).unwrap();
             let Truth { volume_m3, .. } = plant.truth();
             let full = model == PlantModel::Full;
             let tube_m3 = scenario.tube.volume_m3 / scenario.gas.heat_capacity_ratio;
@@ -86,7 +86,7 @@ fn a_leak_that_is_too_large_to_integrate_is_named() {
     for model in [PlantModel::Lumped, PlantModel::Full] {
         let mut scenario = leaking(PlantKind::Muscle, model, 3.0e5);
         scenario.leak.conductance_m3_s_pa = 1.0e-3;
-        let error = plant::build(&scenario, None).err().unwrap();
+        let error = thermyo_plant::build(&scenario, None).err().unwrap();
         assert!(matches!(error, BuildError::TooFast { .. }));
         assert!(error.to_string().starts_with("leak.conductance_m3_s_pa is too large"), "{error}");
     }

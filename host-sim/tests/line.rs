@@ -4,18 +4,18 @@
 mod plant_support;
 mod run_support;
 
-use host_sim::analysis::signals::rms_difference;
-use host_sim::files::trace::Row;
-use host_sim::plant::chamber::braid::Geometry;
-use host_sim::plant::flow::{Iso6358, Streams};
-use host_sim::plant::gas::{IdealGas, air_conductivity, air_viscosity};
-use host_sim::plant::{self, Actuation};
-use host_sim::scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 use model_core::Faults;
 use ode_solvers::{DVector, Dop853, OutputType, System};
 use plant_support::{MassFlow, muscle};
 use run_support::rows;
 use std::f64::consts::PI;
+use thermyo_plant::Actuation;
+use thermyo_plant::chamber::braid::Geometry;
+use thermyo_plant::flow::{Iso6358, Streams};
+use thermyo_plant::gas::{IdealGas, air_conductivity, air_viscosity};
+use thermyo_record::trace::Row;
+use thermyo_runs::signals::rms_difference;
+use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 
 const BORE_M: f64 = 0.004;
 const AIR_K: f64 = 298.0;
@@ -189,7 +189,7 @@ fn fill_times_agree_with_a_fine_discretisation() {
         let scenario = filled(length_m);
         let levels =
             shares.map(|share| START_PA + share * (scenario.supply.pressure_pa - START_PA));
-        let mut plant = plant::build(&scenario, None).unwrap();
+        let mut plant = thermyo_plant::build(&scenario, None).unwrap();
         let mut curve = vec![(0.0, START_PA)];
         while curve.last().unwrap().1 < levels[3] {
             plant.advance(Actuation { inlet: 1.0, outlet: 0.0 }).unwrap();
@@ -245,7 +245,7 @@ fn the_books_close_behind_a_line() {
     scenario.tube.length_m = Some(4.0);
     scenario.tube.diameter_m = Some(BORE_M);
     let drive = MassFlow::new(&scenario);
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     for _ in 0..20_000 {
         plant.advance(drive.actuation(&plant.truth())).unwrap();
     }
@@ -264,7 +264,7 @@ fn a_line_of_no_length_is_none() {
     zero.tube.length_m = Some(0.0);
     zero.tube.diameter_m = Some(BORE_M);
     let drive = MassFlow::new(&scenario);
-    let mut plants = [scenario, zero].map(|s| plant::build(&s, None).unwrap());
+    let mut plants = [scenario, zero].map(|s| thermyo_plant::build(&s, None).unwrap());
     for _ in 0..1000 {
         for plant in &mut plants {
             plant.advance(drive.actuation(&plant.truth())).unwrap();
@@ -276,13 +276,13 @@ fn a_line_of_no_length_is_none() {
 #[test]
 fn a_line_that_is_too_fast_is_named() {
     let mut scenario = filled(1.0e-4);
-    let error = plant::build(&scenario, None).err().unwrap().to_string();
+    let error = thermyo_plant::build(&scenario, None).err().unwrap().to_string();
     assert!(
         error.starts_with("tube.length_m is too short, or tube.diameter_m too small"),
         "{error}"
     );
     scenario.tube.length_m = Some(0.1);
-    assert!(plant::build(&scenario, None).is_ok());
+    assert!(thermyo_plant::build(&scenario, None).is_ok());
 }
 
 #[test]

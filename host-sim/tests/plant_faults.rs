@@ -2,13 +2,13 @@
 
 mod plant_support;
 
-use host_sim::plant::flow::Iso6358;
-use host_sim::plant::gas::IdealGas;
-use host_sim::plant::{self, Actuation, BuildError, Disturbance, Plant, Travel, Truth};
-use host_sim::scenario::{
+use plant_support::{MassFlow, muscle};
+use thermyo_plant::flow::Iso6358;
+use thermyo_plant::gas::IdealGas;
+use thermyo_plant::{Actuation, BuildError, Disturbance, Plant, Travel, Truth};
+use thermyo_scenario::{
     DriveKind, FaultWindow, HeatModel, LoadKind, PlantKind, PlantModel, Scenario,
 };
-use plant_support::{MassFlow, muscle};
 
 const SHUT: Actuation = Actuation { inlet: 0.0, outlet: 0.0 };
 const FILLING: Actuation = Actuation { inlet: 1.0, outlet: 0.0 };
@@ -29,13 +29,13 @@ fn held(model: PlantModel, pressure_pa: f64) -> Scenario {
 fn holed(scenario: &Scenario, leak_m3_s_pa: f64) -> Box<dyn Plant> {
     let mut scenario = scenario.clone();
     scenario.faults.own.leak_conductance_m3_s_pa = leak_m3_s_pa;
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     plant.disturb(Disturbance { leak_m3_s_pa, ..Disturbance::default() });
     plant
 }
 
 fn broken(scenario: &Scenario, disturbance: Disturbance) -> Box<dyn Plant> {
-    let mut plant = plant::build(scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(scenario, None).unwrap();
     plant.disturb(disturbance);
     plant
 }
@@ -185,7 +185,7 @@ fn a_leaking_valve_passes_its_share_when_shut_and_all_when_open() {
         };
         assert!((flow / (SHARE * full * volumes) - 1.0).abs() < tolerance, "{model:?}");
         let open = run(&mut *broken(&scenario, leaking), FILLING, 0.05);
-        let healthy = run(&mut *plant::build(&scenario, None).unwrap(), FILLING, 0.05);
+        let healthy = run(&mut *thermyo_plant::build(&scenario, None).unwrap(), FILLING, 0.05);
         let ratio = (open.mass_kg - 1.3e-4) / (healthy.mass_kg - 1.3e-4);
         assert!((0.999..1.05).contains(&ratio), "{model:?}: {ratio}");
     }
@@ -219,7 +219,7 @@ fn the_books_close_over_all_faults_at_once() {
         let leak_m3_s_pa = 2.0e-9;
         scenario.faults.own.leak_conductance_m3_s_pa = 50.0 * leak_m3_s_pa;
         let drive = MassFlow::new(&scenario);
-        let mut plant = plant::build(&scenario, None).unwrap();
+        let mut plant = thermyo_plant::build(&scenario, None).unwrap();
         for step in 0..20_000 {
             plant.disturb(match step / 2500 {
                 0 => Disturbance::default(),
@@ -273,7 +273,7 @@ fn a_hole_that_is_too_large_to_integrate_is_named() {
         let mut scenario = muscle(model);
         let window = FaultWindow { leak_conductance_m3_s_pa: 1e-3, ..FaultWindow::default() };
         scenario.faults.named.insert("burst".to_owned(), window);
-        let error = plant::build(&scenario, None).err().unwrap();
+        let error = thermyo_plant::build(&scenario, None).err().unwrap();
         assert!(matches!(error, BuildError::TooFast { .. }));
         assert!(error.to_string().starts_with("leak_conductance_m3_s_pa of [faults] is too large"));
     }

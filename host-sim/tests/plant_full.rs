@@ -2,17 +2,17 @@
 
 mod plant_support;
 
-use host_sim::plant::chamber::braid::Geometry;
-use host_sim::plant::flow::{Iso6358, Streams};
-use host_sim::plant::gas::IdealGas;
-use host_sim::plant::{self, Actuation, Plant, Truth};
-use host_sim::scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 use ode_solvers::{Dop853, SVector, System};
 use plant_support::{MassFlow, muscle};
+use thermyo_plant::chamber::braid::Geometry;
+use thermyo_plant::flow::{Iso6358, Streams};
+use thermyo_plant::gas::IdealGas;
+use thermyo_plant::{Actuation, Plant, Truth};
+use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 
 fn cycle(scenario: &Scenario, steps: usize) -> Box<dyn Plant> {
     let drive = MassFlow::new(scenario);
-    let mut plant = plant::build(scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(scenario, None).unwrap();
     for _ in 0..steps {
         plant.advance(drive.actuation(&plant.truth())).unwrap();
     }
@@ -23,7 +23,7 @@ fn cycle(scenario: &Scenario, steps: usize) -> Box<dyn Plant> {
 fn the_working_cycle() {
     let scenario = muscle(PlantModel::Full);
     let drive = MassFlow::new(&scenario);
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let mut pressure = (f64::MAX, f64::MIN);
     let mut gas = (f64::MAX, f64::MIN);
     let mut shortest = f64::MAX;
@@ -107,7 +107,7 @@ fn the_ends_of_the_ranges_run() {
             let mut scenario = muscle(model);
             set(&mut scenario);
             let drive = MassFlow::new(&scenario);
-            let mut plant = plant::build(&scenario, None).unwrap();
+            let mut plant = thermyo_plant::build(&scenario, None).unwrap();
             for step in 0..300 {
                 let advanced = plant.advance(drive.actuation(&plant.truth()));
                 assert!(advanced.is_ok(), "{name}, {model:?}, step {step}: {advanced:?}");
@@ -148,7 +148,7 @@ fn integration_is_of_fourth_order() {
     scenario.tube.volume_m3 = 3.0e-5;
     let mut pressure = |step: f64| {
         scenario.run.step_s = step;
-        let mut plant = plant::build(&scenario, None).unwrap();
+        let mut plant = thermyo_plant::build(&scenario, None).unwrap();
         hold(&mut *plant, INLET_OPEN, (0.008 / step).round() as usize).pressure_pa
     };
     let exact = pressure(1.25e-5);
@@ -165,7 +165,7 @@ fn differences(step_s: f64) -> [f64; 4] {
     let built = |step_s: f64| {
         let mut scenario = muscle(PlantModel::Full);
         scenario.run.step_s = step_s;
-        (plant::build(&scenario, None).unwrap(), (0.001 / step_s).round() as usize)
+        (thermyo_plant::build(&scenario, None).unwrap(), (0.001 / step_s).round() as usize)
     };
     let ((mut plant, steps), (mut exact, exact_steps)) = (built(step_s), built(1e-5));
     let (mut squares, mut largest) = ([0.0_f64; 3], 0.0_f64);
@@ -281,7 +281,7 @@ fn agrees_with_an_independent_solver() {
     let mut solver = Dop853::new(system, 0.0, 0.3, 0.001, initial, 1e-11, 1e-13);
     solver.integrate().unwrap();
     let end = *solver.y_out().last().unwrap();
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let truth = hold(&mut *plant, INLET_OPEN, 300);
     for (name, ours, theirs) in [
         ("mass", truth.mass_kg, end[0]),
@@ -301,7 +301,7 @@ fn the_closed_end_is_compressed_isentropically() {
     scenario.heat.model = HeatModel::Adiabatic;
     scenario.load.kind = LoadKind::Isometric;
     scenario.muscle.zones = 20;
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let truth = hold(&mut *plant, INLET_OPEN, 60);
     let gas = plant.axial_gas_k();
     let isentrope = 298.0 * (truth.pressure_pa / 120_000.0).powf(0.4 / 1.4);
@@ -317,7 +317,7 @@ fn the_closed_end_is_compressed_isentropically() {
 #[test]
 fn the_load_rests_on_the_stop_until_it_is_lifted() {
     let scenario = muscle(PlantModel::Full);
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let mut lifted_at = None;
     for _ in 0..500 {
         let truth = hold(&mut *plant, Actuation { inlet: 0.2, outlet: 0.0 }, 1);
@@ -349,7 +349,7 @@ fn a_slack_muscle_does_not_hold_its_load() {
         scenario.friction.stribeck_force_n = 0.0;
         scenario.muscle.bladder_stiffness_n_m = 1500.0;
         scenario.plant.initial_pressure_pa = 101_325.0;
-        let mut plant = plant::build(&scenario, None).unwrap();
+        let mut plant = thermyo_plant::build(&scenario, None).unwrap();
         let truths: Vec<Truth> = (0..200).map(|_| hold(&mut *plant, INLET_OPEN, 1)).collect();
         let step = scenario.run.step_s;
         // Positive in contraction.
@@ -379,7 +379,7 @@ fn a_slack_muscle_does_not_hold_its_load() {
 fn a_load_of_no_force_may_fly_away() {
     let mut scenario = muscle(PlantModel::Full);
     scenario.load.force_n = 0.0;
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     for _ in 0..3 {
         let filled = hold(&mut *plant, Actuation { inlet: 1.0, outlet: 0.0 }, 1000);
         assert!((0.19..0.22).contains(&filled.length_m), "{} m", filled.length_m);
@@ -392,7 +392,7 @@ fn a_load_of_no_force_may_fly_away() {
 fn friction_makes_a_loop_of_pressure_over_length() {
     // The same length takes more pressure on the way in than on the way out.
     let scenario = muscle(PlantModel::Full);
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let crossing = |plant: &mut dyn Plant, actuation: Actuation, contracting: bool| loop {
         let truth = hold(plant, actuation, 1);
         if (truth.length_m < 0.27) == contracting {
@@ -413,7 +413,7 @@ fn droop_and_dead_time_slow_the_filling() {
     let mut scenario = muscle(PlantModel::Full);
     scenario.load.kind = LoadKind::Isometric;
     let pressure = |scenario: &Scenario| {
-        hold(&mut *plant::build(scenario, None).unwrap(), INLET_OPEN, 50).pressure_pa
+        hold(&mut *thermyo_plant::build(scenario, None).unwrap(), INLET_OPEN, 50).pressure_pa
     };
     let nominal = pressure(&scenario);
     scenario.supply.droop_pa_s_kg = 0.0;

@@ -2,13 +2,13 @@
 
 mod plant_support;
 
-use host_sim::plant::chamber::braid::Geometry;
-use host_sim::plant::flow::Iso6358;
-use host_sim::plant::gas::IdealGas;
-use host_sim::plant::{self, Actuation, Truth};
-use host_sim::scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 use ode_solvers::{Dop853, SVector, System};
 use plant_support::{MassFlow, muscle};
+use thermyo_plant::chamber::braid::Geometry;
+use thermyo_plant::flow::Iso6358;
+use thermyo_plant::gas::IdealGas;
+use thermyo_plant::{Actuation, Truth};
+use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 
 /// Smallest and largest of a quantity.
 #[derive(Debug, Clone, Copy)]
@@ -26,7 +26,7 @@ impl Range {
 fn the_working_cycle() {
     let scenario = muscle(PlantModel::Lumped);
     let drive = MassFlow::new(&scenario);
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let (mut pressure, mut length, mut gas) = (Range::EMPTY, Range::EMPTY, Range::EMPTY);
     let mut square = 0.0;
     for _ in 0..100_000 {
@@ -67,7 +67,7 @@ fn mass_and_energy_are_conserved_over_100_s() {
                 scenario.heat.model = heat;
                 scenario.load.kind = load;
                 let drive = MassFlow::new(&scenario);
-                let mut plant = plant::build(&scenario, None).unwrap();
+                let mut plant = thermyo_plant::build(&scenario, None).unwrap();
                 for _ in 0..100_000 {
                     plant.advance(drive.actuation(&plant.truth())).unwrap();
                 }
@@ -96,7 +96,7 @@ fn smooth() -> Scenario {
 const OPEN: Actuation = Actuation { inlet: 0.08, outlet: 0.02 };
 
 fn run(scenario: &Scenario, until: f64) -> Truth {
-    let mut plant = plant::build(scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(scenario, None).unwrap();
     for _ in 0..(until / scenario.run.step_s).round() as u64 {
         plant.advance(OPEN).unwrap();
     }
@@ -170,7 +170,7 @@ impl System<f64, SVector<f64, 3>> for Independent {
 #[test]
 fn agrees_with_an_independent_solver() {
     let scenario = smooth();
-    let start = plant::build(&scenario, None).unwrap().truth();
+    let start = thermyo_plant::build(&scenario, None).unwrap().truth();
     let gas = IdealGas::new(&scenario.gas);
     let system = Independent {
         braid: Geometry::new(
@@ -224,7 +224,7 @@ fn integration_is_of_fourth_order() {
 fn friction_holds_the_length_and_heats_the_wall() {
     let mut scenario = muscle(PlantModel::Lumped);
     scenario.plant.initial_pressure_pa = 300_000.0;
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let start = plant.truth();
     assert!(start.length_m < 0.29 && (start.friction_n - 15.0).abs() < 1e-6, "{start:?}");
     // Venting: the pull must fall through the whole band of 30 N before the braid slides back.
@@ -251,14 +251,14 @@ fn flow_reverses_through_an_open_valve() {
     scenario.load.kind = LoadKind::Isometric;
     scenario.plant.initial_pressure_pa = 600_000.0;
     scenario.supply.pressure_pa = 300_000.0;
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     for _ in 0..5000 {
         plant.advance(Actuation { inlet: 1.0, outlet: 0.0 }).unwrap();
     }
     assert!((plant.truth().pressure_pa / 300_000.0 - 1.0).abs() < 1e-3);
     assert!(plant.ledger().mass_out_kg > 1e-4);
     scenario.plant.initial_pressure_pa = 60_000.0;
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     for _ in 0..5000 {
         plant.advance(Actuation { inlet: 0.0, outlet: 1.0 }).unwrap();
     }
@@ -273,7 +273,7 @@ fn a_wild_scenario_diverges_with_its_state() {
     scenario.paper.alpha_in = 1.4;
     scenario.paper.alpha_out = 1.0;
     let drive = MassFlow::new(&scenario);
-    let mut plant = plant::build(&scenario, None).unwrap();
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let diverged = (0..100_000).find_map(|_| plant.advance(drive.actuation(&plant.truth())).err());
     let message = diverged.expect("it must diverge").to_string();
     assert!(message.contains("temperature = ") && message.contains(" s: "), "{message}");

@@ -1,10 +1,10 @@
 //! The vessel against closed forms, conservation and measured air.
 
-use host_sim::plant::{self, Actuation, Plant, Truth};
-use host_sim::scenario::profile::Profile;
-use host_sim::scenario::{DriveKind, HeatModel, PlantKind, PlantModel, Scenario};
 use proptest::prelude::*;
 use std::f64::consts::PI;
+use thermyo_plant::{Actuation, Plant, Truth};
+use thermyo_scenario::profile::Profile;
+use thermyo_scenario::{DriveKind, HeatModel, PlantKind, PlantModel, Scenario};
 
 /// What every closed form starts from.
 #[derive(Debug, Clone)]
@@ -92,7 +92,7 @@ proptest! {
         let t = case.step * steps as f64;
         let x = 1.0 + (case.k - 1.0) / 2.0 * t / case.tau;
         prop_assume!(x < x_end);
-        let truth = run(&mut *plant::build(&s, None).unwrap(), steps);
+        let truth = run(&mut *thermyo_plant::build(&s, None).unwrap(), steps);
         let pressure = case.pressure * x.powf(-2.0 * case.k / (case.k - 1.0));
         prop_assert!(relative(truth.pressure_pa, pressure) < 1e-9, "{} for {pressure}", truth.pressure_pa);
         let temperature = case.temperature / (x * x);
@@ -107,7 +107,7 @@ proptest! {
         let steps = case.steps(choked_until);
         let t = case.step * steps as f64;
         prop_assume!(t < choked_until);
-        let mut plant = plant::build(&s, None).unwrap();
+        let mut plant = thermyo_plant::build(&s, None).unwrap();
         let truth = run(&mut *plant, steps);
         prop_assert!(relative(truth.pressure_pa, case.pressure * (-t / case.tau).exp()) < 1e-9);
         prop_assert_eq!(truth.gas_temperature_k, case.temperature);
@@ -131,7 +131,7 @@ proptest! {
         let steps = case.steps(choked_until);
         let t = case.step * steps as f64;
         prop_assume!(t < choked_until);
-        let truth = run(&mut *plant::build(&s, None).unwrap(), steps);
+        let truth = run(&mut *thermyo_plant::build(&s, None).unwrap(), steps);
         let pressure = start + slope * t;
         prop_assert!(relative(truth.pressure_pa, pressure) < 1e-9);
         let mass = start * case.volume / (case.r * case.temperature) + flow * t;
@@ -154,7 +154,7 @@ proptest! {
         let profile = Profile::new(points).unwrap();
         let steps = (0.2 / case.step) as usize;
         let volume = profile.value(case.step * steps as f64);
-        let mut plant = plant::build(&s, Some(profile)).unwrap();
+        let mut plant = thermyo_plant::build(&s, Some(profile)).unwrap();
         let truth = run(&mut *plant, steps);
         let e = if isothermal { 1.0 } else { case.k };
         let pressure = case.pressure * (case.volume / volume).powf(e);
@@ -166,8 +166,8 @@ proptest! {
     #[test]
     fn discharge_comes_to_rest(case in cases()) {
         let s = case.scenario(DriveKind::Discharge, HeatModel::Isothermal);
-        let mut plant = plant::build(&Scenario {
-            run: host_sim::scenario::Run { step_s: case.tau * 0.1, ..s.run },
+        let mut plant = thermyo_plant::build(&Scenario {
+            run: thermyo_scenario::Run { step_s: case.tau * 0.1, ..s.run },
             ..s
         }, None).unwrap();
         let truth = run(&mut *plant, 400);
@@ -186,7 +186,7 @@ fn heat_and_wall_are_conserved_over_100_s() {
             s.plant.initial_pressure_pa = 4.0e5;
             s.heat.model = heat;
             s.drive.kind = drive;
-            let mut plant = plant::build(&s, None).unwrap();
+            let mut plant = thermyo_plant::build(&s, None).unwrap();
             for i in 0..100_000 {
                 let filling = (i / 2500) % 2 == 0;
                 plant
@@ -217,7 +217,7 @@ fn eq_9_with_equal_coefficients_is_polytropic() {
     s.paper.alpha = 1.25;
     s.drive.kind = DriveKind::Discharge;
     let profile = Profile::new(vec![(0.0, 1e-3), (1.0, 2e-3), (2.0, 5e-4)]).unwrap();
-    let mut plant = plant::build(&s, Some(profile)).unwrap();
+    let mut plant = thermyo_plant::build(&s, Some(profile)).unwrap();
     let start = plant.truth();
     let end = run(&mut *plant, 1500);
     let polytrope = |t: &Truth| t.pressure_pa * (t.volume_m3 / t.mass_kg).powf(1.25);
@@ -261,7 +261,7 @@ fn measured_air_discharge() {
     let mut rms = |heat: HeatModel, lag: f64| {
         s.heat.model = heat;
         s.sensor.gas.time_constant_s = lag;
-        let mut plant = plant::build(&s, None).unwrap();
+        let mut plant = thermyo_plant::build(&s, None).unwrap();
         let (mut t2, mut n_t, mut p2, mut n_p) = (0.0, 0.0, 0.0, 0.0);
         for (time, gas, pressure) in &measured {
             while plant.truth().time_s < time - 0.5 * s.run.step_s {
@@ -309,7 +309,7 @@ fn gas_that_starts_warm_cools_to_its_wall() {
     s.heat.inner_w_m2_k = 30.0;
     s.heat.outer_w_m2_k = 0.0;
     s.vessel.wall_heat_capacity_j_k = 1.0e9;
-    let mut plant = plant::build(&s, None).unwrap();
+    let mut plant = thermyo_plant::build(&s, None).unwrap();
     assert_eq!(plant.truth().wall_temperature_k, 298.0);
     let mass_kg = 4.0e5 * s.vessel.volume_m3 / (s.gas.gas_constant_j_kg_k * 340.0);
     assert!((plant.truth().mass_kg / mass_kg - 1.0).abs() < 1e-12);

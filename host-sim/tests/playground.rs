@@ -1,10 +1,10 @@
 //! `thermyo playground`: its module under Node, to the bit; its page in headless Chromium.
 
-use host_sim::board::image::prepare_node;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
+use thermyo_boards::image::prepare_node;
 
 mod browser_support;
 use browser_support::{chromium, look};

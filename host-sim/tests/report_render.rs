@@ -5,17 +5,19 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use host_sim::report::Colour;
-use host_sim::report::bars::Bars;
-use host_sim::report::chart::{Axis, Chart, Panel};
-use host_sim::report::heatmap::{Heatmap, Style};
-use host_sim::report::muscle::Muscle;
-use host_sim::report::page::{Figure, Page, Section, Table, Tile};
-use host_sim::report::run_report::{self, Controlled, Measured, RunReport, SummaryRow};
-use host_sim::report::series::Recorder;
-use host_sim::scenario::PlantKind;
 use quick_xml::Reader;
 use quick_xml::events::Event;
+use thermyo_record::summary::Controlled;
+use thermyo_report::Colour;
+use thermyo_report::bars::Bars;
+use thermyo_report::chart::{Axis, Chart, Panel};
+use thermyo_report::heatmap::{Heatmap, Style};
+use thermyo_report::muscle::Muscle;
+use thermyo_report::page::{Figure, Page, Section, Table, Tile};
+use thermyo_report::series::Recorder;
+use thermyo_runs::run_report;
+use thermyo_runs::run_report::{Measured, RunReport, SummaryRow};
+use thermyo_scenario::PlantKind;
 
 const COLUMNS: [&str; 19] = [
     "time_s",

@@ -1,22 +1,24 @@
 //! Scenario files as users write them: what is taken, and what is said of what is not.
 
-use host_sim::board::{BoardError, CoreBoard};
-use host_sim::files::trace::{COLUMNS, Row};
-use host_sim::plant::BuildError;
-use host_sim::scenario::core_config::core_config;
-use host_sim::scenario::schema::{Allowed, TABLES};
-use host_sim::scenario::{self, LoadKind, Loaded, Run, Scenario};
-use host_sim::simulation::run::{self, RunError};
 use model_core::Command;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use std::fs;
 use std::path::Path;
+use thermyo_plant::BuildError;
+use thermyo_record::trace::{COLUMNS, Row};
+use thermyo_scenario::schema::{Allowed, TABLES};
+use thermyo_scenario::{LoadKind, Run, Scenario};
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::board::{BoardError, CoreBoard};
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
 
 const NAME: &str = "scenario.toml";
 
 fn parse(text: &str) -> Result<Loaded, String> {
-    scenario::parse(text, Path::new(NAME)).map_err(|error| error.to_string())
+    thermyo_setup::parse(text, Path::new(NAME)).map_err(|error| error.to_string())
 }
 
 fn valid(text: &str) -> Loaded {
@@ -217,7 +219,7 @@ fn broken_toml_is_said_in_one_line() {
 #[test]
 fn files_that_cannot_be_read_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    let load = |path: &Path| scenario::load(path).unwrap_err().to_string();
+    let load = |path: &Path| thermyo_setup::load(path).unwrap_err().to_string();
     let absent = folder.path().join("absent.toml");
     assert_eq!(load(&absent), format!("{}: no such file", absent.display()));
     assert_eq!(
@@ -229,7 +231,7 @@ fn files_that_cannot_be_read_are_named() {
     assert_eq!(load(&latin), format!("{}:2: is not UTF-8 text", latin.display()));
     let empty = folder.path().join("empty.toml");
     fs::write(&empty, "").unwrap();
-    assert_eq!(scenario::load(&empty).unwrap(), valid(""));
+    assert_eq!(thermyo_setup::load(&empty).unwrap(), valid(""));
 }
 
 #[test]
@@ -472,13 +474,13 @@ fn profiles_lie_beside_the_scenario() {
     // Other columns may be there; a measured file serves as it is.
     let csv = "time_s,pressure_pa,volume_m3\n0,1e5,0.02\n0.5,,0.01\n";
     let folder = folder(PISTON, &[("piston.csv", csv)]);
-    let loaded = scenario::load(&folder.path().join(NAME)).unwrap();
+    let loaded = thermyo_setup::load(&folder.path().join(NAME)).unwrap();
     let profile = loaded.volume_profile.as_ref().unwrap();
     assert_eq!(profile.points(), [(0.0, 0.02), (0.5, 0.01)]);
     assert_eq!(loaded.plant.vessel.volume_csv, Some(folder.path().join("piston.csv")));
     assert_eq!(loaded.plant.vessel.characteristic_length_m, 0.02_f64.cbrt());
     // What `check` prints works from another folder.
-    assert_eq!(parse(&scenario::render(&loaded)), Ok(loaded));
+    assert_eq!(parse(&thermyo_setup::render(&loaded)), Ok(loaded));
 }
 
 #[test]
@@ -517,7 +519,7 @@ fn broken_profiles_are_named_by_file_line_and_column() {
         ),
     ] {
         let folder = folder(scenario, &[(file, csv)]);
-        let found = scenario::load(&folder.path().join(NAME)).unwrap_err().to_string();
+        let found = thermyo_setup::load(&folder.path().join(NAME)).unwrap_err().to_string();
         assert_eq!(found, folder.path().join(message).display().to_string(), "{csv}");
     }
     for (csv, message) in [
@@ -529,7 +531,7 @@ fn broken_profiles_are_named_by_file_line_and_column() {
         let files: Vec<_> = csv.iter().map(|csv| ("piston.csv", *csv)).collect();
         let folder = folder(PISTON, &files);
         let (scenario, file) = (folder.path().join(NAME), folder.path().join("piston.csv"));
-        let found = scenario::load(&scenario).unwrap_err().to_string();
+        let found = thermyo_setup::load(&scenario).unwrap_err().to_string();
         let (scenario, file) = (scenario.display(), file.display());
         assert_eq!(found, format!("{scenario}:4: vessel.volume_csv: {file}: {message}"));
     }
@@ -543,9 +545,9 @@ fn broken_profiles_are_named_by_file_line_and_column() {
 
 /// The warnings of a scenario's text.
 fn warned(text: &str) -> Vec<String> {
-    let document = scenario::Document::parse(text, "scenario.toml".as_ref()).unwrap();
-    let loaded = scenario::assemble(&document).unwrap();
-    scenario::warnings(&document, &loaded).iter().map(ToString::to_string).collect()
+    let document = thermyo_scenario::Document::parse(text, "scenario.toml".as_ref()).unwrap();
+    let loaded = thermyo_setup::assemble(&document).unwrap();
+    thermyo_setup::warnings(&document, &loaded).iter().map(ToString::to_string).collect()
 }
 
 #[test]
@@ -659,7 +661,7 @@ fn what_makes_no_sense_is_said() {
     ] {
         assert_eq!(warned(text), [warning], "{text}");
         // What is printed says it too, and nothing else.
-        let printed = warned(&scenario::render(&valid(text)));
+        let printed = warned(&thermyo_setup::render(&valid(text)));
         assert!(printed.len() <= 1, "{text}: {printed:?}");
     }
 }
@@ -680,13 +682,13 @@ fn no_warning_without_reason() {
         "[drive]\nkind = \"pressure\"\n[controller]\nlength_gain = 0.5",
     ] {
         assert_eq!(warned(text), [""; 0]);
-        assert_eq!(warned(&scenario::render(&valid(text))), [""; 0]);
+        assert_eq!(warned(&thermyo_setup::render(&valid(text))), [""; 0]);
     }
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios");
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.extension().is_some_and(|extension| extension == "toml") {
-            let (_, warnings) = scenario::load_with_warnings(&path).unwrap();
+            let (_, warnings) = thermyo_setup::load_with_warnings(&path).unwrap();
             assert!(warnings.is_empty(), "{warnings:?}");
         }
     }
@@ -694,7 +696,7 @@ fn no_warning_without_reason() {
 
 #[test]
 fn the_print_explains_every_key() {
-    let text = scenario::render(&valid("[believed.heat]\nouter_w_m2_k = 5"));
+    let text = thermyo_setup::render(&valid("[believed.heat]\nouter_w_m2_k = 5"));
     for line in [
         "duration_s = 100.0  # s, 0.001 to 1e6: simulated time",
         "zones = 8  # 1 to 64: axial zones of gas and wall (full)",
@@ -777,11 +779,11 @@ proptest! {
     fn the_print_reads_back_to_the_bit(text in any_scenario(0.03)) {
         match parse(&text) {
             Ok(loaded) => {
-                let printed = scenario::render(&loaded);
+                let printed = thermyo_setup::render(&loaded);
                 let again = parse(&printed);
                 prop_assert_eq!(again.as_ref(), Ok(&loaded), "{}", printed);
                 // Equal numbers may differ in the sign of zero; equal prints may not.
-                prop_assert_eq!(scenario::render(&again.unwrap()), printed);
+                prop_assert_eq!(thermyo_setup::render(&again.unwrap()), printed);
                 // What passes here, the core takes.
                 prop_assert_eq!(core_config(&loaded.believed).check(), Ok(()));
                 let working = loaded.plant.load.kind != LoadKind::Isometric
@@ -798,7 +800,7 @@ proptest! {
         length in 0_usize..6,
         inserted in "[\\[\\]=.\"'{}#\n a-z0-9-]{0,5}|\\PC{0,3}",
     ) {
-        let mut text = scenario::render(&valid("[believed.heat]\ninner_w_m2_k = 20"));
+        let mut text = thermyo_setup::render(&valid("[believed.heat]\ninner_w_m2_k = 20"));
         let boundary = |text: &str, mut at: usize| {
             while !text.is_char_boundary(at) {
                 at += 1;

@@ -1,12 +1,13 @@
 //! The yardstick of the estimator: what can be known at best from a run's samples.
 
-use host_sim::analysis::smoother::{self, Best};
-use host_sim::board::CoreBoard;
-use host_sim::files::trace::Row;
-use host_sim::scenario::core_config::core_config;
-use host_sim::scenario::{self, Loaded};
-use host_sim::simulation::run;
 use model_core::{AdcCode, Estimate, Telemetry};
+use thermyo_evaluate::smoother;
+use thermyo_evaluate::smoother::Best;
+use thermyo_record::trace::Row;
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
 
 struct Recorded {
     loaded: Loaded,
@@ -18,7 +19,7 @@ impl Recorded {
     /// 20 s of the nominal cycle on `lumped`, with so many times the true heat transfer believed.
     fn new(heat: f64) -> Self {
         let text = "[run]\nduration_s = 20.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
-        let mut loaded = scenario::parse(text, "test".as_ref()).unwrap();
+        let mut loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
         loaded.believed.heat.inner_w_m2_k *= heat;
         loaded.believed.heat.inner_per_flow *= heat;
         let (mut telemetry, mut truth_k) = (Vec::new(), Vec::new());

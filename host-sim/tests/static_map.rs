@@ -1,10 +1,6 @@
 //! `thermyo identify` of static maps: muscles of known law come back from few readings, what the readings
 //! cannot tell is said, and what cannot be used is refused.
 
-use host_sim::commands::identify::static_map::{self, Identified, Reading, Readings};
-use host_sim::files::table::Table;
-use host_sim::plant::chamber::{Chamber, braid};
-use host_sim::scenario::{self, Loaded, Muscle, at_rest};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -12,11 +8,17 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
+use thermyo_files::table::Table;
+use thermyo_identify::static_map;
+use thermyo_identify::static_map::{Identified, Reading, Readings};
+use thermyo_plant::chamber::{Chamber, braid};
+use thermyo_scenario::{Muscle, at_rest};
+use thermyo_setup::Loaded;
 
 const CONFIG: &str = "scenarios/static_map.toml";
 
 fn shipped() -> Loaded {
-    scenario::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(CONFIG)).unwrap()
+    thermyo_setup::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(CONFIG)).unwrap()
 }
 
 /// A muscle of that length and diameter at rest \[m\], angle \[deg\], K1 \[N\], e1 and slack over the length.
@@ -195,7 +197,7 @@ fn what_cannot_be_used_is_one_clear_message() {
         error.unwrap_err().to_string()
     };
     assert!(refused(&shipped(), &four).starts_with("map.csv: 4 readings with a force above 1 %"));
-    let plain = scenario::parse("", "c.toml".as_ref()).unwrap();
+    let plain = thermyo_setup::parse("", "c.toml".as_ref()).unwrap();
     let all = readings(&muscle(MUSCLES[0]), &grid(&[0.0]), 0.0, 0.0, 1);
     let message = "c.toml: muscle.bladder_saturation_n = 0.0: must be above 0";
     assert!(refused(&plain, &all).starts_with(message), "{}", refused(&plain, &all));

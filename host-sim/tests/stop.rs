@@ -1,16 +1,17 @@
 //! What long work keeps that is ended before its time. The wish is one for the whole process: one test, and no other here.
 
-use host_sim::board::CoreBoard;
-use host_sim::commands::evaluate::{self, estimator};
-use host_sim::commands::identify::{IdentifyError, identify};
-use host_sim::commands::parallel::Watch;
-use host_sim::files::measured::{Column, Measured};
-use host_sim::files::trace::Row;
-use host_sim::simulation::run::{self, RunError};
-use host_sim::{scenario, stop};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+use thermyo_compute::parallel::Watch;
+use thermyo_compute::stop;
+use thermyo_evaluate::estimator;
+use thermyo_identify::{IdentifyError, identify};
+use thermyo_record::measured::{Column, Measured};
+use thermyo_record::trace::Row;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
 
 /// Presses Ctrl-C after so many parts.
 struct After(AtomicUsize);
@@ -35,13 +36,13 @@ fn what_is_finished_is_kept() {
     let (total, muscles) = lines.split_last().unwrap();
     assert!((3..30).contains(&muscles.len()), "{lines:?}");
     assert_eq!(total.case, format!("{} muscles of seed 1", muscles.len()));
-    assert_eq!(evaluate::missed(muscles).1, 2 * muscles.len());
+    assert_eq!(thermyo_evaluate::missed(muscles).1, 2 * muscles.len());
 
     // A run says that it was ended, at whatever it is.
     let text = "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 40\n\
                 parameters = [\"heat.inner_w_m2_k\", \"friction.force_n\"]\n";
     let name = Path::new("scenario.toml");
-    let loaded = scenario::parse(text, name).unwrap();
+    let loaded = thermyo_setup::parse(text, name).unwrap();
     let mut ignored = |_: &Row| Ok(());
     let ended = run::run(&loaded, &mut CoreBoard::default(), None, &mut ignored);
     assert!(matches!(ended, Err(RunError::Stopped)), "{ended:?}");
@@ -77,7 +78,7 @@ fn what_is_finished_is_kept() {
     // In the middle of one simulation, however long.
     let text = "[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
                 parameters = [\"heat.inner_w_m2_k\"]\n";
-    let loaded = scenario::parse(text, name).unwrap();
+    let loaded = thermyo_setup::parse(text, name).unwrap();
     let points = (0..10).map(|row| (1.0e5 * f64::from(row), 1.2e5)).collect();
     let columns = vec![Column { name: "pressure_pa".to_owned(), points, lines: Vec::new() }];
     let presser = std::thread::spawn(|| {

@@ -1,16 +1,16 @@
 //! A thermistor in place of the Pt1000: the estimate is as good, from one that is configured right.
 
-use host_sim::board::CoreBoard;
-use host_sim::files::summary::Summary;
-use host_sim::scenario;
-use host_sim::simulation::run;
+use thermyo_record::summary::Summary;
+use thermyo_simulation::board::CoreBoard;
+
 use model_core::Faults;
+use thermyo_simulation::run;
 
 fn run_with(sensor: &str) -> (Summary, Faults) {
     let text = format!("[run]\nduration_s = 60\n[plant]\nmodel = \"lumped\"\n{sensor}");
-    let loaded = scenario::parse(&text, "thermistor.toml".as_ref()).unwrap();
+    let loaded = thermyo_setup::parse(&text, "thermistor.toml".as_ref()).unwrap();
     let mut faults = Faults::NONE;
-    let mut observer = |row: &host_sim::files::trace::Row| {
+    let mut observer = |row: &thermyo_record::trace::Row| {
         faults = faults.with(row.telemetry.faults);
         Ok(())
     };
@@ -34,7 +34,7 @@ fn the_estimate_is_as_good_from_a_thermistor() {
 #[test]
 fn what_is_no_thermistor_is_named() {
     let text = "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3.9\n";
-    let error = scenario::parse(text, "given.toml".as_ref()).unwrap_err().to_string();
+    let error = thermyo_setup::parse(text, "given.toml".as_ref()).unwrap_err().to_string();
     assert!(
         error.starts_with("given.toml:4: sensor.ntc.beta_k = 3.9: must be a number"),
         "{error}"

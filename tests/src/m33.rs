@@ -1,8 +1,6 @@
 //! The core on an emulated Cortex-M33 (`tests/m33`), as a board.
 
 use crate::repository;
-use host_sim::board::link::Link;
-use host_sim::board::{Board, BoardError, BoardStep};
 use model_core::control::Mode;
 use model_core::link::{Answer, HostCommand};
 use model_core::{Config, Sample, SetPoint};
@@ -11,6 +9,8 @@ use rp2350_emu::{Config as EmulatorConfig, Emulator, EmulatorBuilder};
 use std::collections::BTreeMap;
 use std::mem::offset_of;
 use std::process::Command;
+use thermyo_boards::link::Link;
+use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 #[path = "../m33/src/mailbox.rs"]
 mod mailbox;

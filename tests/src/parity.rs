@@ -2,10 +2,10 @@
 //! the core in this process: equal to the bit.
 
 use crate::rig::Muscle;
-use host_sim::board::{Board, BoardStep, CoreBoard};
-use host_sim::commands::replay::{Row, replay};
 use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
 use std::collections::BTreeSet;
+use thermyo_runs::replay::{Row, replay};
+use thermyo_simulation::board::{Board, BoardStep, CoreBoard};
 
 /// Steps.
 pub const STEPS: u32 = 10_000;

@@ -1,12 +1,12 @@
 //! A muscle for a board to drive, a step at a time: the simulated plant behind its front end.
 
-use host_sim::board::Board;
-use host_sim::board::emulated::{EmulatedBoard, Exchange};
-use host_sim::plant::{self, Actuation, Plant};
-use host_sim::scenario;
-use host_sim::scenario::core_config::core_config;
-use host_sim::simulation::adc::VirtualAdc;
+use thermyo_boards::emulated::{EmulatedBoard, Exchange};
+use thermyo_plant::{Actuation, Plant};
+use thermyo_simulation::board::Board;
+
 use model_core::{AdcCode, Config, Sample, SetPoint};
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::adc::VirtualAdc;
 
 /// Steps for which a core judges its sensors after a start, at a step of a millisecond.
 pub const JUDGING_STEPS: u16 = 50;
@@ -24,8 +24,8 @@ impl Muscle {
     /// # Panics
     /// For a scenario that is refused.
     pub fn new(text: &str) -> Self {
-        let loaded = scenario::parse(text, "rig".as_ref()).expect("the scenario holds");
-        let plant = plant::build(&loaded.plant, None).expect("the plant is built");
+        let loaded = thermyo_setup::parse(text, "rig".as_ref()).expect("the scenario holds");
+        let plant = thermyo_plant::build(&loaded.plant, None).expect("the plant is built");
         let adc = VirtualAdc::new(&loaded.plant);
         Self { plant, adc, config: core_config(&loaded.believed) }
     }

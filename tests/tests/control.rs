@@ -1,13 +1,14 @@
 //! Where the muscle goes: short cases of what `thermyo evaluate control` measures in full. Bounds on
 //! both sides: a figure far better than it can be is a broken measurement.
 
-use host_sim::board::CoreBoard;
-use host_sim::commands::evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
-use host_sim::commands::evaluate::pid::PidBoard;
-use host_sim::scenario::{DriveKind, LoadKind, Loaded, PlantModel, Scenario};
+use thermyo_evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
+use thermyo_evaluate::pid::PidBoard;
+use thermyo_scenario::{DriveKind, LoadKind, PlantModel, Scenario};
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::CoreBoard;
 
 fn nominal() -> Loaded {
-    full(&host_sim::commands::evaluate::nominal().unwrap())
+    full(&thermyo_evaluate::nominal().unwrap())
 }
 
 /// Changes what the plant is and what the core is configured with.
@@ -107,18 +108,18 @@ fn temperature_compensation_earns_its_place() {
 }
 
 /// Rows of a run on the core in this process.
-fn rows(loaded: &Loaded) -> Vec<host_sim::files::trace::Row> {
+fn rows(loaded: &Loaded) -> Vec<thermyo_record::trace::Row> {
     let mut rows = Vec::new();
-    let mut observer = |row: &host_sim::files::trace::Row| {
+    let mut observer = |row: &thermyo_record::trace::Row| {
         rows.push(*row);
         Ok(())
     };
-    host_sim::simulation::run::run(loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    thermyo_simulation::run::run(loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
     rows
 }
 
 /// Highest pressure of the plant between two times \[Pa\].
-fn peak_pa(rows: &[host_sim::files::trace::Row], from_s: f64, until_s: f64) -> f64 {
+fn peak_pa(rows: &[thermyo_record::trace::Row], from_s: f64, until_s: f64) -> f64 {
     let within = rows.iter().filter(|row| (from_s..until_s).contains(&row.truth.time_s));
     within.map(|row| row.truth.pressure_pa).fold(0.0, f64::max)
 }
@@ -132,7 +133,7 @@ fn the_working_cycle_stays_where_it_is() {
             for (supply_pa, conductance) in
                 [(7.0e5, 1.0), (6.65e5, 1.0), (7.35e5, 0.7), (7.0e5, 1.3)]
             {
-                let mut loaded = both(host_sim::commands::evaluate::nominal().unwrap(), |s| {
+                let mut loaded = both(thermyo_evaluate::nominal().unwrap(), |s| {
                     s.drive.period_s = period_s;
                     s.run.duration_s = 30.0;
                     s.run.log_every = 1;

@@ -1,9 +1,9 @@
 //! The image that is flashed drives the muscle as the core in this process does: the same cases of
 //! pressure and contraction control. Mass flow and duty are in `emulated_parity`.
 
-use host_sim::board::emulated::EmulatedBoard;
-use host_sim::commands::evaluate::control::{full, pressure_step, rest};
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_evaluate::control::{full, pressure_step, rest};
 
 /// The budget of one core step, whatever the mode.
 fn assert_on_time(board: &mut EmulatedBoard) {
@@ -19,7 +19,7 @@ fn contraction_at_rest() {
     if skip_emulator() {
         return;
     }
-    let loaded = full(&host_sim::commands::evaluate::nominal().unwrap());
+    let loaded = full(&thermyo_evaluate::nominal().unwrap());
     let mut board = EmulatedBoard::new().unwrap();
     let held = rest::hold(&loaded, 0, &mut board).unwrap();
     println!("{held:?}");
@@ -33,7 +33,7 @@ fn pressure_as_fast_as_the_valve() {
     if skip_emulator() {
         return;
     }
-    let loaded = full(&host_sim::commands::evaluate::nominal().unwrap());
+    let loaded = full(&thermyo_evaluate::nominal().unwrap());
     let mut board = EmulatedBoard::new().unwrap();
     let step = pressure_step(&loaded, &mut board).unwrap();
     println!("{step:?}");

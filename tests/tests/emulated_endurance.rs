@@ -3,7 +3,6 @@
 //! `cargo test` runs a few of each. All of them take long:
 //! `cargo test --release --test emulated_endurance -- --ignored --nocapture`
 
-use host_sim::board::emulated::{Exchange, Injection, Place};
 use model_core::control::Mode;
 use model_core::link::{HostCommand, LastReset, Name, Phase, Request, encode};
 use model_core::{Command, Faults, Sample, SetPoint};
@@ -13,6 +12,7 @@ use std::ops::Range;
 use std::thread;
 use system_tests::rig::{JUDGING_STEPS, Rig};
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::{Exchange, Injection, Place};
 
 /// Both coils must be without power within this time \[ms\].
 const SAFE_MS: f64 = 100.0;

@@ -2,14 +2,14 @@
 //! written; and what it says to everything that cannot be flashed.
 #![cfg(unix)]
 
-use host_sim::board::emulated::EmulatedBoard;
-use host_sim::board::pty::PtyBoard;
 use host_sim::commands::flash::{FlashError, Model, Request, run};
 use model_core::{AdcCode, Sample};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use std::{fs, thread};
 use system_tests::{skip_emulator, thermyo};
+use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_boards::pty::PtyBoard;
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 const PICO: &str = "UF2 Bootloader v3.0\r\nModel: Raspberry Pi RP2\r\nBoard-ID: RPI-RP2\r\n";

@@ -1,12 +1,12 @@
 //! The arithmetic in the firmware's image, called on the emulated chip, against the host's FPU.
 
-use host_sim::board::image::{Variant, firmware, prepare_emulator};
 use object::{Object, ObjectSymbol};
 use std::io::{BufWriter, Read, Write};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use system_tests::float_pairs::{KINDS, Random, edge_pairs, same};
 use system_tests::skip_emulator;
+use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 
 /// Number pairs per operation and kind.
 const PAIRS: usize = 40_000;

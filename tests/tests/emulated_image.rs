@@ -1,12 +1,13 @@
 //! The image itself: its size, and what must not be in it.
 
-use host_sim::board::image::{Variant, firmware, prepare_emulator};
-use host_sim::board::{BoardError, emulated::EmulatedBoard};
 use model_core::link::HostCommand;
 use model_core::{Sample, SetPoint};
 use object::{Object, ObjectSection, ObjectSymbol};
 use system_tests::rig::Rig;
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_boards::image::{Variant, firmware, prepare_emulator};
+use thermyo_simulation::board::BoardError;
 
 /// Flash of the image \[bytes\].
 const FLASH: u64 = 128 * 1024;

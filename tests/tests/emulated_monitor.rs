@@ -1,9 +1,7 @@
 //! `thermyo monitor` on the emulated board, through a pseudo-terminal, and through its unplugging.
 #![cfg(unix)]
 
-use host_sim::board::emulated::EmulatedBoard;
-use host_sim::board::pty::PtyBoard;
-use host_sim::commands::monitor::{Recorder, Session, Status, draw};
+use host_sim::commands::monitor::{Session, Status, draw};
 use model_core::link::LastReset;
 use model_core::{AdcCode, Sample};
 use ratatui::Terminal;
@@ -11,6 +9,9 @@ use ratatui::backend::TestBackend;
 use std::fs::File;
 use std::time::{Duration, Instant};
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_boards::pty::PtyBoard;
+use thermyo_record::board_trace::Recorder;
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 

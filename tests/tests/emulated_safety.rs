@@ -1,13 +1,13 @@
 //! Whatever happens to the firmware, the valves are safe within 100 ms and it can say afterwards
 //! what happened.
 
-use host_sim::board::BoardError;
-use host_sim::board::emulated::{Exchange, Injection, Place};
 use model_core::config::LinkConfig;
 use model_core::link::{Answer, HostCommand, LastReset, Phase, Refusal};
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use system_tests::rig::{JUDGING_STEPS, Rig};
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::{Exchange, Injection, Place};
+use thermyo_simulation::board::BoardError;
 
 /// Valves must be safe within this time \[ms\].
 const SAFE_MS: u32 = 100;

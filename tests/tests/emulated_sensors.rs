@@ -1,10 +1,10 @@
 //! Digital sensors at the pins of the emulated Pico: a MAX31865 on its SPI, an MPR on its I2C.
 
-use host_sim::board::emulated::{Injection, PartFault};
 use model_core::sample::Sample;
 use model_core::{AdcCode, Command, Faults, SetPoint, Telemetry};
 use system_tests::rig::Rig;
 use system_tests::{run_text, skip_emulator};
+use thermyo_boards::emulated::{Injection, PartFault};
 
 const MAX31865: &str = "[sensor.gas]\nkind = \"max31865\"\nnoise_k = 0.01\n";
 const MPR: &str = "[sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n";

@@ -1,17 +1,17 @@
 //! A flashed board in the loop, through a pseudo-terminal and the emulated UART.
 #![cfg(unix)]
 
-use host_sim::board::emulated::EmulatedBoard;
-use host_sim::board::image::{Variant, firmware, prepare_emulator};
-use host_sim::board::pty::PtyBoard;
-use host_sim::board::serial::SerialBoard;
-use host_sim::board::{Board, BoardError, CoreBoard};
-use host_sim::commands::replay::{Row, replay};
 use model_core::{AdcCode, Sample, SetPoint};
 use std::time::Duration;
 use std::{fs, thread};
 use system_tests::rig::Muscle;
 use system_tests::{skip_emulator, thermyo};
+use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_boards::image::{Variant, firmware, prepare_emulator};
+use thermyo_boards::pty::PtyBoard;
+use thermyo_boards::serial::SerialBoard;
+use thermyo_runs::replay::{Row, replay};
+use thermyo_simulation::board::{Board, BoardError, CoreBoard};
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 

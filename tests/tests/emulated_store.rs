@@ -1,11 +1,11 @@
 //! What the board remembers without power, on the emulated board: power fails in every operation of its flash.
 
-use host_sim::board::BoardError;
-use host_sim::board::emulated::{EmulatedBoard, Injection};
 use model_core::link::{Answer, ConfigSource, Event, HostCommand, Name, Refusal, Status, checksum};
 use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
 use system_tests::rig::{JUDGING_STEPS, Rig};
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::{EmulatedBoard, Injection};
+use thermyo_simulation::board::BoardError;
 
 /// Saves that are cut in each of their operations: some 13 fill a sector.
 const ROUNDS: u32 = 15;

@@ -1,13 +1,13 @@
 //! The link over the chip's own USB, alone and together with the UART.
 
-use host_sim::board::BoardError;
-use host_sim::board::emulated::{Exchange, Port};
 use model_core::link::{Answer, HostCommand, PROTOCOL, Refusal, Timing};
 use model_core::{Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use system_tests::rig::{JUDGING_STEPS, Rig};
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::{Exchange, Port};
+use thermyo_simulation::board::BoardError;
 
 /// A step starts this much off its mean delay at most \[us\].
 const JITTER_US: f64 = 5.0;

@@ -1,16 +1,16 @@
 //! What breaks is found in time, and what is healthy is left alone: a few runs each of what
 //! `thermyo evaluate faults` runs a hundred times. And the same on the emulated board.
 
-use host_sim::board::emulated::EmulatedBoard;
-use host_sim::commands::evaluate::faults::cases;
-use host_sim::commands::evaluate::faults::muscle::Task;
-use host_sim::commands::evaluate::faults::trial::Trial;
-use host_sim::commands::evaluate::faults::{alarms, table, vent};
-use host_sim::commands::evaluate::{missed, nominal};
-use host_sim::commands::parallel;
-use host_sim::scenario::{Faults as Injected, PlantModel};
 use model_core::Faults;
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_compute::parallel;
+use thermyo_evaluate::faults::cases;
+use thermyo_evaluate::faults::muscle::Task;
+use thermyo_evaluate::faults::trial::Trial;
+use thermyo_evaluate::faults::{alarms, table, vent};
+use thermyo_evaluate::{missed, nominal};
+use thermyo_scenario::{Faults as Injected, PlantModel};
 
 /// Runs of each fault, the last of them on `full`.
 const RUNS: u64 = 4;
@@ -18,7 +18,7 @@ const RUNS: u64 = 4;
 #[test]
 fn every_fault_is_found_in_time_and_what_has_to_follow_does() {
     let lines = table(&cases::all(), RUNS, &|| ()).unwrap();
-    print!("{}", host_sim::commands::evaluate::table(&lines));
+    print!("{}", thermyo_evaluate::table(&lines));
     assert_eq!(missed(&lines).0, 0);
     assert_eq!(lines.len(), 31);
 }

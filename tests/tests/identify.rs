@@ -4,12 +4,10 @@
 //! More seeds: `THERMYO_IDENTIFY_SEEDS=20 cargo test -p system-tests --test identify`. The measured
 //! cases need `THERMYO_DATA`, the folder with `gas_spring` and `hyddown`; without it they are skipped.
 
-use host_sim::board::CoreBoard;
-use host_sim::commands::monitor::Recorder;
-use host_sim::files::trace::Row;
-use host_sim::scenario;
-use host_sim::scenario::core_config::core_config;
-use host_sim::simulation::run;
+use thermyo_record::board_trace::Recorder;
+use thermyo_record::trace::Row;
+use thermyo_simulation::board::CoreBoard;
+
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -19,6 +17,8 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 use system_tests::{Outcome, repository, run_text, thermyo};
 use tempfile::TempDir;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::run;
 
 /// A short cycle of the lumped muscle; the default values are the true ones.
 const CYCLE: &str = "[run]\nduration_s = 15.0\nseed = 1\n[plant]\nmodel = \"lumped\"\n";
@@ -301,7 +301,7 @@ fn a_record_with_holes_or_of_something_else_is_remarked() {
 #[test]
 fn a_monitors_record_of_a_board_that_restarted_is_taken() {
     let cycle = "[run]\nduration_s = 60.0\nlog_every = 10\n[plant]\nmodel = \"lumped\"\n";
-    let loaded = scenario::parse(cycle, "cycle.toml".as_ref()).expect("a scenario");
+    let loaded = thermyo_setup::parse(cycle, "cycle.toml".as_ref()).expect("a scenario");
     let config = core_config(&loaded.believed);
     let mut recorder = Recorder::new(Vec::new()).expect("memory takes it");
     let mut observer = |row: &Row| {

@@ -1,13 +1,13 @@
 //! A day of board time: the core alone, on the codes of one recorded working cycle, over and over.
 
-use host_sim::board::CoreBoard;
-use host_sim::commands::evaluate;
-use host_sim::files::trace::Row;
-use host_sim::scenario::PlantModel;
-use host_sim::scenario::core_config::core_config;
-use host_sim::simulation::run;
+use thermyo_simulation::board::CoreBoard;
+
 use model_core::{Config, Core, Estimate, Sample, SetPoint};
 use std::time::Instant;
+use thermyo_record::trace::Row;
+use thermyo_scenario::PlantModel;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::run;
 
 /// Steps of one working cycle of 5 s.
 const CYCLE: usize = 5_000;
@@ -16,7 +16,7 @@ const SETTLED_CYCLE: u32 = 100;
 
 /// Config, set point, and the samples of the last cycle of the nominal run.
 fn recorded(model: PlantModel) -> (Config, SetPoint, Vec<Sample>) {
-    let mut loaded = evaluate::nominal().unwrap().with_model(model);
+    let mut loaded = thermyo_evaluate::nominal().unwrap().with_model(model);
     loaded.plant.run.log_every = 1;
     let mut samples = Vec::new();
     let mut observer = |row: &Row| {
@@ -76,7 +76,7 @@ fn the_estimate_does_not_drift_in_a_day() {
 /// RMS error of the estimate and mean stated deviation of each hour of the nominal cycle \[K\].
 fn hours_k(hours: usize) -> Vec<(f64, f64)> {
     const HOUR_S: f64 = 3600.0;
-    let mut loaded = evaluate::nominal().unwrap().with_model(PlantModel::Lumped);
+    let mut loaded = thermyo_evaluate::nominal().unwrap().with_model(PlantModel::Lumped);
     loaded.plant.run.duration_s = hours as f64 * HOUR_S;
     let mut sums = vec![(0.0, 0.0, 0.0); hours];
     let mut observer = |row: &Row| {

@@ -1,10 +1,10 @@
 //! `thermyo tune`: what it finds of a muscle that the core is configured wrong, what that is worth, and when it
 //! refuses. Bounds on both sides: a figure far better than it can be is a broken measurement.
 
-use host_sim::board::CoreBoard;
-use host_sim::commands::evaluate::control::sine;
-use host_sim::commands::evaluate::tune::{ALL_WRONG, configured, error_percent, tuned};
-use host_sim::scenario;
+use thermyo_evaluate::control::sine;
+use thermyo_evaluate::tune::{ALL_WRONG, configured, error_percent, tuned};
+use thermyo_simulation::board::CoreBoard;
+
 use std::fs;
 use system_tests::{Outcome, thermyo};
 use tempfile::TempDir;
@@ -15,7 +15,7 @@ fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
 
 #[test]
 fn a_muscle_configured_wrong_is_found() {
-    let loaded = configured(&host_sim::commands::evaluate::nominal().unwrap(), ALL_WRONG.1);
+    let loaded = configured(&thermyo_evaluate::nominal().unwrap(), ALL_WRONG.1);
     let tuned = tuned(&loaded).unwrap();
     let (plant, findings) = (&loaded.plant, &tuned.findings);
     let turns = plant.muscle.turns;
@@ -67,7 +67,7 @@ fn what_it_writes_can_be_used_next() {
     let summary: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
     let first = &summary["parameters"][0];
     assert_eq!((&first["path"], &first["before"]), (&"friction.force_n".into(), &10.0.into()));
-    let tuned = scenario::load(&folder.path().join("out/tuned.toml")).unwrap();
+    let tuned = thermyo_setup::load(&folder.path().join("out/tuned.toml")).unwrap();
     assert_eq!(Some(tuned.believed.friction.force_n), first["after"].as_f64());
     // What the plant is stays what it was; the controller has no truth to differ from.
     assert_eq!(tuned.plant.friction.force_n, 15.0);

@@ -1,11 +1,11 @@
 //! An instance, and who is told what is wrong with it.
 
-use host_sim::fmu::description::token;
-use host_sim::fmu::model::{Model, ModelError};
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::ptr;
+use thermyo_cosimulation::description::token;
+use thermyo_cosimulation::model::{Model, ModelError};
 
 /// `fmi3Status`.
 #[repr(C)]

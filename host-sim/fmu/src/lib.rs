@@ -1,4 +1,4 @@
-//! The C interface of FMI 3.0 co-simulation around [`host_sim::fmu::model::Model`].
+//! The C interface of FMI 3.0 co-simulation around [`thermyo_cosimulation::model::Model`].
 //!
 //! The names and signatures are those of `fmi3FunctionTypes.h`. Whatever is wrong is logged once, in one line, by the
 //! importer's callback; a panic does not leave the library.
@@ -8,9 +8,9 @@
 mod instance;
 mod unsupported;
 
-use host_sim::fmu::model::ModelError;
 use instance::{Instance, LogMessage, Status, guarded};
 use std::ffi::{c_char, c_void};
+use thermyo_cosimulation::model::ModelError;
 
 /// The version of the standard.
 #[unsafe(no_mangle)]
@@ -88,7 +88,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3ExitInitializationMode(instance: *mut Instance) -> Status {
     // Safety: the caller's.
-    unsafe { guarded(instance, host_sim::fmu::model::Model::start) }
+    unsafe { guarded(instance, thermyo_cosimulation::model::Model::start) }
 }
 
 /// Ends it; the last values can still be had.
@@ -104,7 +104,7 @@ pub extern "C" fn fmi3Terminate(_instance: *mut Instance) -> Status {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Reset(instance: *mut Instance) -> Status {
     // Safety: the caller's.
-    unsafe { guarded(instance, host_sim::fmu::model::Model::reset) }
+    unsafe { guarded(instance, thermyo_cosimulation::model::Model::reset) }
 }
 
 /// Numbers of the unit.

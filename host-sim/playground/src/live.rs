@@ -1,12 +1,13 @@
 //! A scenario that runs on and on, and is turned while it does.
 
-use host_sim::board::CoreBoard;
-use host_sim::files::trace::{COLUMNS, Row, cells_text};
-use host_sim::scenario::{self, Document, Loaded};
-use host_sim::simulation::run::{Run, run};
 use model_core::Faults;
 use model_core::Telemetry;
 use model_core::control::Mode;
+use thermyo_record::trace::{COLUMNS, Row, cells_text};
+use thermyo_scenario::Document;
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run::{Run, run};
 
 /// What messages call the scenario.
 const ORIGIN: &str = "scenario.toml";
@@ -46,8 +47,8 @@ fn parsed_with_warnings(text: &str) -> Result<(Loaded, String), String> {
             entry.path(),
         ));
     }
-    let (loaded, warnings) =
-        scenario::parse_with_warnings(text, ORIGIN.as_ref()).map_err(|error| error.to_string())?;
+    let (loaded, warnings) = thermyo_setup::parse_with_warnings(text, ORIGIN.as_ref())
+        .map_err(|error| error.to_string())?;
     let lines: Vec<String> = warnings.iter().map(ToString::to_string).collect();
     Ok((loaded, lines.join("\n")))
 }
@@ -97,15 +98,16 @@ impl Live {
     /// Sets a key's number.
     pub fn turn(&mut self, key: &str, value: f64, configured: bool) -> Result<(), String> {
         let mut turned = self.loaded.clone();
-        let known = scenario::number(&turned.believed, key) == scenario::number(&turned.plant, key);
-        turned.plant = scenario::with_numbers(&turned.plant, [(key, value)]);
+        let known = thermyo_scenario::number(&turned.believed, key)
+            == thermyo_scenario::number(&turned.plant, key);
+        turned.plant = thermyo_scenario::with_numbers(&turned.plant, [(key, value)]);
         if configured && known {
-            turned.believed = scenario::with_numbers(&turned.believed, [(key, value)]);
+            turned.believed = thermyo_scenario::with_numbers(&turned.believed, [(key, value)]);
         }
         // There is nothing that the core could be configured with of these apart from the plant's.
         turned.believed.drive = turned.plant.drive.clone();
         // By every rule of a file, and with its messages.
-        let turned = parsed(&scenario::render(&turned))?;
+        let turned = parsed(&thermyo_setup::render(&turned))?;
         if configured {
             *self = Self::of(turned, self.warnings.clone())?;
             return Ok(());
@@ -152,6 +154,6 @@ impl Live {
 
     /// The scenario as it is now.
     pub fn scenario(&self) -> String {
-        scenario::render(&self.loaded)
+        thermyo_setup::render(&self.loaded)
     }
 }

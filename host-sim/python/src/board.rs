@@ -5,11 +5,6 @@ use crate::error::{self, BoardError};
 use crate::run::plain;
 use crate::scenario;
 use crate::set_point::set_point;
-use host_sim::board::live::{LiveBoard, VIEW_DIVIDER};
-use host_sim::board::port::EMULATED;
-use host_sim::board::service;
-use host_sim::scenario::core_config::core_config;
-use host_sim::scenario::parse;
 use model_core::Telemetry;
 use model_core::safety::supervisor::VENTING;
 use pyo3::exceptions::PyValueError;
@@ -19,6 +14,11 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
+use thermyo_boards::port::EMULATED;
+use thermyo_boards::service;
+use thermyo_setup::core_config::core_config;
+use thermyo_setup::parse;
 
 /// A board that says nothing for this time after it should have has gone.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -40,7 +40,7 @@ impl Board {
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
-        ask: impl FnOnce(&mut LiveBoard) -> Result<T, host_sim::board::BoardError> + Send,
+        ask: impl FnOnce(&mut LiveBoard) -> Result<T, thermyo_simulation::board::BoardError> + Send,
     ) -> PyResult<T> {
         py.detach(|| match self.lock().as_mut() {
             Some(board) => ask(board).map_err(error::board),

@@ -4,14 +4,14 @@ use crate::error::{self, ScenarioError};
 use crate::muscle::Readings;
 use crate::scenario;
 use crate::set_point::set_point;
-use host_sim::board::{Board, CoreBoard};
-use host_sim::files::board_trace::kind_and_values;
-use host_sim::scenario::core_config::core_config;
-use host_sim::simulation::run::SetPoints;
 use model_core::control::Mode;
 use model_core::{Duty, Faults, Telemetry};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use thermyo_record::board_trace::kind_and_values;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::board::{Board, CoreBoard};
+use thermyo_simulation::run::SetPoints;
 
 /// Model, estimator, controller and supervisor, configured with what the scenario believes.
 #[pyclass(module = "thermyo")]

@@ -1,14 +1,14 @@
 //! Exceptions, with the command's own texts.
 
-use host_sim::board;
-use host_sim::commands::identify::IdentifyError;
-use host_sim::files::input::InputError;
-use host_sim::simulation::run;
 use model_core::link::Refusal;
 use model_core::{Faults, SetPointError};
 use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::{PyErr, create_exception};
 use std::fmt::Display;
+use thermyo_files::input::InputError;
+use thermyo_identify::IdentifyError;
+use thermyo_simulation::board;
+use thermyo_simulation::run;
 
 create_exception!(
     thermyo,

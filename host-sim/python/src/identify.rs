@@ -3,13 +3,13 @@
 use crate::error;
 use crate::run::{plain, to_csv};
 use crate::scenario;
-use host_sim::commands::identify::identify_table;
-use host_sim::files::table::{Table, read_record};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyMapping;
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
+use thermyo_files::table::{Table, read_record};
+use thermyo_identify::identify_table;
 
 /// Finds the parameters that make the plant follow recorded data, or the muscle behind a static map: what
 /// `summary.json` says, and under "scenario" the scenario with them, as TOML.
@@ -30,7 +30,7 @@ pub fn identify<'py>(
         .detach(|| identify_table(&loaded, &config, &table, &file, against, &()))
         .map_err(error::identify)?;
     let findings = plain(py, &found.findings())?;
-    findings.set_item("scenario", host_sim::scenario::render(found.scenario()))?;
+    findings.set_item("scenario", thermyo_setup::render(found.scenario()))?;
     Ok(findings)
 }
 

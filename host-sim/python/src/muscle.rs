@@ -3,14 +3,14 @@
 use crate::error::{self, RunError};
 use crate::run::plain;
 use crate::scenario;
-use host_sim::plant::{Actuation, Truth, chamber};
-use host_sim::scenario::core_config::core_config;
-use host_sim::simulation::rig::{MeanFlows, Reader, Rig};
-use host_sim::simulation::run;
 use model_core::Sample;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use thermyo_plant::{Actuation, Truth, chamber};
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::rig::{MeanFlows, Reader, Rig};
+use thermyo_simulation::run;
 
 /// A muscle, or vessel, whose valves somebody else drives.
 #[pyclass(frozen, module = "thermyo")]

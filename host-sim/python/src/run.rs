@@ -2,9 +2,6 @@
 
 use crate::error;
 use crate::scenario;
-use host_sim::board::CoreBoard;
-use host_sim::files::trace::{COLUMNS, Row, cells_text};
-use host_sim::simulation::run as simulation;
 use numpy::{AllowTypeChange, IntoPyArray, PyArrayLike1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -12,6 +9,9 @@ use pyo3::types::{PyDict, PyMapping};
 use serde::Serialize;
 use std::io;
 use std::time::{Duration, Instant};
+use thermyo_record::trace::{COLUMNS, Row, cells_text};
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run as simulation;
 
 /// Key of the summary beside the columns.
 pub const SUMMARY: &str = "summary";

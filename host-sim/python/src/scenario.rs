@@ -1,12 +1,13 @@
 //! A scenario as Python has it: a file, its text, or a dict.
 
 use crate::error::{self, ScenarioError, ScenarioWarning};
-use host_sim::files::input::{InputError, quoted, read_text};
-use host_sim::scenario::{self, Document, Loaded};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyMapping, PyString, PyTuple};
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
+use thermyo_files::input::{InputError, quoted, read_text};
+use thermyo_scenario::Document;
+use thermyo_setup::Loaded;
 use toml::{Table, Value};
 
 /// What messages call a scenario that is no file.
@@ -22,7 +23,7 @@ const DEEPEST: usize = 32;
 #[pyfunction]
 #[pyo3(signature = (scenario))]
 pub fn check(scenario: &Bound<'_, PyAny>) -> PyResult<String> {
-    Ok(scenario::render(&load(scenario, None)?))
+    Ok(thermyo_setup::render(&load(scenario, None)?))
 }
 
 /// Loads and checks it, and warns of what makes no sense.
@@ -36,8 +37,8 @@ pub fn load(given: &Bound<'_, PyAny>, seed: Option<&Bound<'_, PyAny>>) -> PyResu
             .map_err(|problem| error::input(InputError::file(&document.origin, problem)))?;
     }
     let without_line = |error| placed(error, &document.origin, from_dict);
-    let loaded = scenario::assemble(&document).map_err(|e| error::input(without_line(e)))?;
-    for warning in scenario::warnings(&document, &loaded) {
+    let loaded = thermyo_setup::assemble(&document).map_err(|e| error::input(without_line(e)))?;
+    for warning in thermyo_setup::warnings(&document, &loaded) {
         let text = CString::new(without_line(warning).to_string())?;
         PyErr::warn(py, &py.get_type::<ScenarioWarning>(), &text, 2)?;
     }

@@ -3,9 +3,9 @@
 use crate::error;
 use crate::run::Signals;
 use crate::scenario;
-use host_sim::commands::sweep::{Latin, Range, Shard, Sweep as Points};
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
+use thermyo_studies::sweep::{Latin, Range, Shard, Sweep as Points};
 
 /// The points of `thermyo sweep`, and the rows of its table.
 #[pyclass(frozen, module = "thermyo")]

@@ -1,11 +1,11 @@
 //! `--board` and `--image`.
 
 use super::Failure;
-use crate::board::emulated::EmulatedBoard;
-use crate::board::serial::SerialBoard;
-use crate::board::{Board, BoardError, CoreBoard};
 use clap::Args;
 use std::path::PathBuf;
+use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_boards::serial::SerialBoard;
+use thermyo_simulation::board::{Board, BoardError, CoreBoard};
 
 #[derive(Debug, Args)]
 pub(super) struct BoardArgs {

@@ -1,9 +1,6 @@
 //! `thermyo board PORT calibrate`: leads through the two points, and tells the board.
 
 use super::{Failure, SaidArgs, interrupt, number, print};
-use crate::board::BoardError;
-use crate::board::live::LiveBoard;
-use crate::commands::calibrate::{Guide, Point, Sensor};
 use clap::{Args, ValueEnum};
 use model_core::link::ConfigSource;
 use model_core::safety::supervisor::VENTING;
@@ -11,6 +8,9 @@ use model_core::{Faults, Sample, SetPoint};
 use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::thread;
+use thermyo_boards::live::LiveBoard;
+use thermyo_simulation::board::BoardError;
+use thermyo_studies::calibrate::{Guide, Point, Sensor};
 
 /// Steps that the muscle is given to come to rest at a pressure that is held for a point.
 const SETTLING_STEPS: u32 = 3000;
@@ -115,7 +115,7 @@ pub(super) fn run(
     )
 }
 
-fn implausible(why: crate::commands::calibrate::Implausible) -> Failure {
+fn implausible(why: thermyo_studies::calibrate::Implausible) -> Failure {
     Failure::Usage(format!("not calibrated: {why}"))
 }
 

@@ -1,11 +1,12 @@
 //! `thermyo compare`: its arguments, and what it prints and writes.
 
 use super::{Failure, OutputArgs, print, publish, read_record, trace_in};
-use crate::commands::compare::{self, Compared, Run};
-use crate::files::output::OutputDir;
 use clap::Args;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use thermyo_files::output::OutputDir;
+use thermyo_runs::compare;
+use thermyo_runs::compare::{Compared, Run};
 
 /// Arguments of `thermyo compare`.
 #[derive(Debug, Args)]

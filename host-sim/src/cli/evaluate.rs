@@ -1,12 +1,12 @@
 //! `thermyo evaluate`: its arguments, and what it prints and writes.
 
 use super::{Bar, Failure, interrupt, load, print, progress_bar, publish, read_record, whole};
-use crate::commands::evaluate::{self, CaseFigures, control_page, faults, recording};
-use crate::files::output::OutputDir;
-use crate::scenario::Loaded;
 use clap::{Args, ValueEnum};
 use std::io::Write;
 use std::path::PathBuf;
+use thermyo_evaluate::{CaseFigures, control_page, faults, recording};
+use thermyo_files::output::OutputDir;
+use thermyo_setup::Loaded;
 
 /// Arguments of `thermyo evaluate`.
 #[derive(Debug, Args)]
@@ -114,7 +114,7 @@ pub(super) fn run(
     let drawn = args.out.as_deref().map(OutputDir::create).transpose()?;
     let nominal = match &args.scenario {
         Some(path) => load(path, err)?,
-        None => evaluate::nominal()?,
+        None => thermyo_evaluate::nominal()?,
     };
     let lines = evaluated(args, &nominal, err)?;
     let stopped = interrupt::wanted();
@@ -122,7 +122,7 @@ pub(super) fn run(
         let json = serde_json::to_string_pretty(&lines).expect("a table is plain data") + "\n";
         print(out, &json)?;
     } else {
-        print(out, &evaluate::table(&lines))?;
+        print(out, &thermyo_evaluate::table(&lines))?;
     }
     if stopped {
         let _ = writeln!(err, "thermyo: {}", finished(lines.len()));
@@ -131,7 +131,7 @@ pub(super) fn run(
     if let Some(files) = drawn {
         report(args.what, &nominal, &lines, files, err)?;
     }
-    match evaluate::missed(&lines) {
+    match thermyo_evaluate::missed(&lines) {
         (0, _) => Ok(()),
         (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),
     }
@@ -152,16 +152,20 @@ fn evaluated(
             }
             (None, Some(count)) => {
                 let seed = args.seed.unwrap_or(1);
-                evaluate::estimator::random(seed, count, &bar).map_err(Failure::Run)?
+                thermyo_evaluate::estimator::random(seed, count, &bar).map_err(Failure::Run)?
             }
-            (None, None) => evaluate::estimator::evaluate(nominal, &bar).map_err(Failure::Run)?,
+            (None, None) => {
+                thermyo_evaluate::estimator::evaluate(nominal, &bar).map_err(Failure::Run)?
+            }
         },
-        Subject::Control => evaluate::control::evaluate(nominal, &bar).map_err(Failure::Run)?,
+        Subject::Control => {
+            thermyo_evaluate::control::evaluate(nominal, &bar).map_err(Failure::Run)?
+        }
         Subject::Truth => {
             let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());
-            evaluate::truth::evaluate(args.data.as_deref().ok_or_else(missing)?, &bar)?
+            thermyo_evaluate::truth::evaluate(args.data.as_deref().ok_or_else(missing)?, &bar)?
         }
-        Subject::Tune => evaluate::tune::evaluate(nominal, &bar)?,
+        Subject::Tune => thermyo_evaluate::tune::evaluate(nominal, &bar)?,
         Subject::Faults => {
             let evaluation = faults::Evaluation::new(nominal, args.hours.unwrap_or(faults::HOURS));
             let bar = progress_bar(evaluation.runs(), args.quiet);

@@ -1,16 +1,16 @@
 //! Why a command does not end with 0.
 
-use crate::board::BoardError;
-use crate::commands::evaluate::truth::TruthError;
 use crate::commands::flash::FlashError;
-use crate::commands::identify::IdentifyError;
 use crate::commands::monitor::MonitorError;
-use crate::commands::sweep::{MergeError, SweepError};
-use crate::commands::tune::{Refusal, TuneError};
-use crate::files::input::InputError;
-use crate::serve::OpenError;
-use crate::simulation::run::RunError;
 use std::fmt;
+use thermyo_evaluate::truth::TruthError;
+use thermyo_files::input::InputError;
+use thermyo_identify::IdentifyError;
+use thermyo_serve::OpenError;
+use thermyo_simulation::board::BoardError;
+use thermyo_simulation::run::RunError;
+use thermyo_studies::sweep::{MergeError, SweepError};
+use thermyo_studies::tune::{Refusal, TuneError};
 
 /// What shells report of a command that Ctrl-C ended.
 pub(super) const STOPPED: u8 = 130;

@@ -1,7 +1,8 @@
 //! `thermyo flash` and `thermyo ports`.
 
 use super::{Failure, SaidArgs, print};
-use crate::commands::flash::{self, FlashError, Model, Request, mounts};
+use crate::commands::flash;
+use crate::commands::flash::{FlashError, Model, Request, mounts};
 use crate::commands::ports;
 use clap::Args;
 use std::io::Write;

@@ -5,14 +5,6 @@ use super::{
     Failure, SaidArgs, calibrate, interrupt, load, number, print, progress_bar, publish,
     read_to_compare, tune,
 };
-use crate::board::live::LiveBoard;
-use crate::board::{BoardError, port, service};
-use crate::commands::drive::{self, Drawn, DriveError, Driven, Ended, Gathered};
-use crate::files::board_trace::Recorder;
-use crate::files::input::write_new;
-use crate::files::output::OutputDir;
-use crate::scenario::core_config::core_config;
-use crate::scenario::{self, from_config};
 use clap::{Args, Subcommand};
 use model_core::control::Mode;
 use model_core::link::{ConfigSource, Event, LastReset, Status, Timing};
@@ -21,6 +13,16 @@ use model_core::{Faults, SetPoint, Telemetry};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use thermyo_boards::live::LiveBoard;
+use thermyo_boards::{port, service};
+use thermyo_files::input::write_new;
+use thermyo_files::output::OutputDir;
+use thermyo_record::board_trace::Recorder;
+use thermyo_setup::core_config::core_config;
+use thermyo_setup::from_config;
+use thermyo_simulation::board::BoardError;
+use thermyo_studies::drive;
+use thermyo_studies::drive::{Drawn, DriveError, Driven, Ended, Gathered};
 
 /// Arguments of `thermyo board`.
 #[derive(Debug, Args)]
@@ -232,7 +234,7 @@ fn plug(port: &str, task: BoardTask, said: SaidArgs, out: &mut dyn Write) -> Res
     match task {
         BoardTask::Plug { scenario } => {
             if let Some(scenario) = &scenario {
-                scenario::load(scenario)?;
+                thermyo_setup::load(scenario)?;
             }
             service::plug(scenario.as_deref())?;
             said.done(out, &json!({ "plugged": true }), "plugged in\n")
@@ -255,8 +257,8 @@ pub(super) struct ServeArgs {
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let loaded = match &args.scenario {
-        Some(path) => scenario::load(path)?,
-        None => scenario::parse("", Path::new("the nominal muscle"))?,
+        Some(path) => thermyo_setup::load(path)?,
+        None => thermyo_setup::parse("", Path::new("the nominal muscle"))?,
     };
     Ok(service::serve(&args.scripts, &args.image, &args.file, &loaded)?)
 }
@@ -455,7 +457,7 @@ fn configure(
             let status = board.status()?;
             let scenario = from_config::say(&config)?;
             let head = format!("# {}\n\n", configuration(&status));
-            write_new(&file, &(head + &scenario::render(&scenario.scenario)))?;
+            write_new(&file, &(head + &thermyo_setup::render(&scenario.scenario)))?;
             if !scenario.exact {
                 let _ = writeln!(
                     err,
@@ -535,7 +537,7 @@ fn drive_and_record(
         args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
     let mut files = OutputDir::create(&folder)?;
-    files.text("scenario.toml", &scenario::render(&driven))?;
+    files.text("scenario.toml", &thermyo_setup::render(&driven))?;
     if let Some(profile) = &driven.drive_profile {
         let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
         files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;

@@ -1,13 +1,14 @@
 //! `thermyo fmu`: its arguments, and what it says.
 
 use super::{Failure, SaidArgs, load, title_of};
-use crate::files::input::{is_new, write_new};
 use crate::fmu::archive::archive;
-use crate::fmu::variables::variables;
-use crate::fmu::{Kind, library};
+use crate::fmu::library;
 use clap::Args;
 use std::io::Write;
 use std::path::PathBuf;
+use thermyo_cosimulation::Kind;
+use thermyo_cosimulation::variables::variables;
+use thermyo_files::input::{is_new, write_new};
 
 /// Arguments of `thermyo fmu`.
 #[derive(Debug, Args)]

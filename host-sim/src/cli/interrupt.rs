@@ -2,12 +2,12 @@
 //! twice, it ends the program: the board then vents by its link's timeout.
 
 use super::failure::STOPPED;
-pub(super) use crate::stop::wanted;
-use crate::stop::{forget, want};
 #[cfg(unix)]
 use signal_hook::{consts::SIGTERM, iterator::Signals};
 use std::io;
 use std::sync::Once;
+pub(super) use thermyo_compute::stop::wanted;
+use thermyo_compute::stop::{forget, want};
 
 static INSTALLED: Once = Once::new();
 

@@ -1,8 +1,8 @@
 //! Where else recorded rows go: `--log mcap`, `--stream udp:HOST:PORT`.
 
-use crate::files::logs::Logs;
-use crate::files::stream::StreamTo;
 use clap::{Args, ValueEnum};
+use thermyo_logs::Logs;
+use thermyo_logs::stream::StreamTo;
 
 /// Formats of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

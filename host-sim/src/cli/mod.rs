@@ -24,25 +24,8 @@ use self::board::BoardArgs;
 use self::failure::Failure;
 use self::folded::Folded;
 use self::log::LogArgs;
-use crate::board::{Board, CoreBoard};
-use crate::commands::identify::static_map::{self, Readings};
-use crate::commands::identify::{IdentifyError, identify_table};
-use crate::commands::monitor::{self, Recorder, Session};
-use crate::commands::parallel::Watch;
-use crate::commands::reproduce;
-use crate::files::board_trace::every_column;
-use crate::files::input::InputError;
-use crate::files::logs::Logs;
-use crate::files::measured::Measured;
-use crate::files::output::OutputDir;
-use crate::files::shipped;
-use crate::files::summary::Summary;
-use crate::files::table::{self, Table};
-use crate::files::trace::{COMPARABLE, Row, TraceWriter};
-use crate::report::number::of_column;
-use crate::report::run_page::RunRecorder;
-use crate::scenario::{self, Loaded};
-use crate::simulation::run::{self, RunError};
+use crate::commands::monitor;
+use crate::commands::monitor::Session;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -55,6 +38,28 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 use std::time::Duration;
+use thermyo_compute::parallel::Watch;
+use thermyo_files::input::InputError;
+use thermyo_files::number::of_column;
+use thermyo_files::output::OutputDir;
+use thermyo_files::shipped;
+use thermyo_files::table;
+use thermyo_files::table::Table;
+use thermyo_identify::static_map;
+use thermyo_identify::static_map::Readings;
+use thermyo_identify::{IdentifyError, identify_table};
+use thermyo_logs::Logs;
+use thermyo_record::board_trace::Recorder;
+use thermyo_record::board_trace::every_column;
+use thermyo_record::measured::Measured;
+use thermyo_record::summary::Summary;
+use thermyo_record::trace::{COMPARABLE, Row, TraceWriter};
+use thermyo_runs::reproduce;
+use thermyo_runs::run_page::RunRecorder;
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::{Board, CoreBoard};
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
 
 /// Time between two looks of a bar whose parts are long.
 const TICK: Duration = Duration::from_millis(200);
@@ -113,7 +118,7 @@ enum Task {
     /// A flashed board: asked, armed, driven, configured
     Board(flashed::BoardCommand),
     /// The process behind the port "emulated"
-    #[command(name = crate::board::service::TASK, hide = true)]
+    #[command(name = thermyo_boards::service::TASK, hide = true)]
     EmulatedBoard(flashed::ServeArgs),
     /// The boards that are plugged in
     Ports(flash::PortsArgs),
@@ -324,12 +329,12 @@ fn check_command(
 ) -> Result<(), Failure> {
     let loaded = load(path, err)?;
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
-    said.done(out, &both, &scenario::render(&loaded))
+    said.done(out, &both, &thermyo_setup::render(&loaded))
 }
 
 /// Loads a scenario; says what of it makes no sense, and where it is the program's own.
 fn load(path: &Path, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
-    let (loaded, warnings) = scenario::load_with_warnings(path)?;
+    let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
     if shipped::instead_of(path).is_some() {
         let path = path.display();
         let _ =
@@ -414,7 +419,7 @@ fn identify_command(
     let json =
         serde_json::to_string_pretty(&found.findings()).expect("findings are plain data") + "\n";
     out.text("summary.json", &json)?;
-    out.text("identified.toml", &scenario::render(found.scenario()))?;
+    out.text("identified.toml", &thermyo_setup::render(found.scenario()))?;
     out.text("report.html", &found.page(&title))?;
     let (name, plot) = found.plot(&title);
     out.text(name, &plot)?;
@@ -521,7 +526,7 @@ fn record(
     mut each: impl FnMut(&Row),
 ) -> Result<Summary, Failure> {
     // First of all: a trace whose program was killed is replayed with it.
-    out.text("scenario.toml", &scenario::render(loaded))?;
+    out.text("scenario.toml", &thermyo_setup::render(loaded))?;
     let file = out.file("trace.csv")?;
     let beside = logs.open(out)?;
     let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);

@@ -1,11 +1,12 @@
 //! `thermyo playground`: its arguments, and what it says.
 
 use super::{Failure, SaidArgs};
-use crate::commands::playground::{self, PlaygroundError};
-use crate::files::output::OutputDir;
+use crate::commands::playground;
+use crate::commands::playground::PlaygroundError;
 use clap::Args;
 use std::io::Write;
 use std::path::PathBuf;
+use thermyo_files::output::OutputDir;
 
 #[derive(Debug, Args)]
 pub(super) struct PlaygroundArgs {

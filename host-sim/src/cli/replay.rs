@@ -3,17 +3,18 @@
 use super::{
     BoardArgs, Failure, OutputArgs, interrupt, print, progress_bar, publish, read_record, trace_in,
 };
-use crate::commands::replay::{self, Replay};
-use crate::files::output::OutputDir;
-use crate::report::Colour;
-use crate::report::Recorder;
-use crate::report::chart::{Axis, Chart, Panel};
-use crate::report::number::COUNT;
-use crate::report::page::{Page, Section, Tile};
 use clap::Args;
 use model_core::Telemetry;
 use std::io::Write;
 use std::path::PathBuf;
+use thermyo_files::number::COUNT;
+use thermyo_files::output::OutputDir;
+use thermyo_report::Colour;
+use thermyo_report::Recorder;
+use thermyo_report::chart::{Axis, Chart, Panel};
+use thermyo_report::page::{Page, Section, Tile};
+use thermyo_runs::replay;
+use thermyo_runs::replay::Replay;
 
 /// Arguments of `thermyo replay`.
 #[derive(Debug, Args)]

@@ -2,11 +2,11 @@
 
 use super::log::LogArgs;
 use super::{Failure, OutputArgs, interrupt, print, whole};
-use crate::files::output::OutputDir;
-use crate::serve::{Operator, Target, listen, serve};
 use clap::Args;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
+use thermyo_files::output::OutputDir;
+use thermyo_serve::{Operator, Target, listen, serve};
 
 /// Arguments of `thermyo serve`.
 #[derive(Debug, Args)]

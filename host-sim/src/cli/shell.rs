@@ -1,11 +1,11 @@
 //! `thermyo completions` and `thermyo man`: what a shell and a reader want to know of the command line.
 
 use super::{Cli, Failure, SaidArgs};
-use crate::files::input::InputError;
 use clap::{Command, CommandFactory};
 use clap_complete::Shell;
 use std::io::Write;
 use std::path::Path;
+use thermyo_files::input::InputError;
 
 pub(super) fn completions(
     shell: Shell,

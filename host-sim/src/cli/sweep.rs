@@ -1,14 +1,14 @@
 //! `thermyo sweep`: its arguments, and what it prints and writes.
 
 use super::{Failure, OutputArgs, interrupt, load, print, progress_bar, publish, whole};
-use crate::commands::sweep::page::page;
-use crate::commands::sweep::{Journal, Latin, MOST_POINTS, Outcome, Range, Shard, Sweep, merge};
-use crate::files::input::InputError;
-use crate::files::output::OutputDir;
 use clap::Args;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use thermyo_files::input::InputError;
+use thermyo_files::output::OutputDir;
+use thermyo_studies::sweep::page::page;
+use thermyo_studies::sweep::{Journal, Latin, MOST_POINTS, Outcome, Range, Shard, Sweep, merge};
 
 /// Arguments of `thermyo sweep`.
 #[derive(Debug, Args)]

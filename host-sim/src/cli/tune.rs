@@ -1,19 +1,20 @@
 //! `thermyo tune`: its arguments, and what it prints and writes.
 
 use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, progress_bar, publish};
-use crate::board::BoardError;
-use crate::board::live::LiveBoard;
-use crate::commands::drive::LiveBench;
-use crate::commands::tune::{self, Bench, Simulated};
-use crate::files::output::OutputDir;
-use crate::scenario::core_config::core_config;
-use crate::scenario::{self, Loaded};
-use crate::simulation::run::RunError;
 use clap::Args;
 use indicatif::ProgressBar;
 use model_core::{Config, Telemetry};
 use std::io::Write;
 use std::path::PathBuf;
+use thermyo_boards::live::LiveBoard;
+use thermyo_files::output::OutputDir;
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::board::BoardError;
+use thermyo_simulation::run::RunError;
+use thermyo_studies::drive::LiveBench;
+use thermyo_studies::tune;
+use thermyo_studies::tune::{Bench, Simulated};
 
 /// Arguments of `thermyo tune`.
 #[derive(Debug, Args)]
@@ -111,7 +112,7 @@ pub(super) fn run(
     let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
     let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
     out.text("summary.json", &json)?;
-    out.text("tuned.toml", &scenario::render(&tuned.scenario))?;
+    out.text("tuned.toml", &thermyo_setup::render(&tuned.scenario))?;
     out.text("report.html", &tune::page(&tuned, &title))?;
     publish(out, stderr)?;
     if args.output.json {

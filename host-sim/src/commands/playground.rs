@@ -1,17 +1,17 @@
 //! `thermyo playground`: core and plant in a page, as a folder for any web host.
 
-use crate::board::image::{NotBuilt, build, workspace};
-use crate::files::input::InputError;
-use crate::files::output::OutputDir;
-use crate::files::shipped;
-use crate::inside;
-use crate::report::muscle::palette;
-use crate::report::style::DRAWING_STYLE;
-use crate::serve::page;
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
 use std::{fs, io};
+use thermyo_boards::image::{NotBuilt, build, workspace};
+use thermyo_boards::inside;
+use thermyo_files::input::InputError;
+use thermyo_files::output::OutputDir;
+use thermyo_files::shipped;
+use thermyo_report::muscle::palette;
+use thermyo_report::style::DRAWING_STYLE;
+use thermyo_serve::page;
 
 /// What the module is compiled for, and how: small and fast, `Cargo.toml`.
 const TARGET: &str = "wasm32-unknown-unknown";

@@ -1,6 +1,5 @@
 //! `thermyo ports`: what is plugged in that is a board, or may be one.
 
-use crate::board::line::Line;
 use crate::commands::flash::{Drive, find, version_text};
 use crate::commands::usb::usb;
 use model_core::link::{USB_ID, Version};
@@ -9,6 +8,7 @@ use serialport::UsbPortInfo;
 use std::fmt;
 use std::path::PathBuf;
 use std::thread;
+use thermyo_boards::line::Line;
 
 /// What is at a port.
 #[derive(Debug, Clone, PartialEq, Serialize)]

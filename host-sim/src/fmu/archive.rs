@@ -1,12 +1,13 @@
 //! The `.fmu` file: a zip archive.
 
-use super::description::{LIBRARY, describe};
-use super::model::{Model, ModelError};
-use super::{Kind, library};
-use crate::files::input::{InputError, read_bytes};
-use crate::scenario::{Loaded, render};
+use super::library;
 use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
+use thermyo_cosimulation::Kind;
+use thermyo_cosimulation::description::{LIBRARY, describe};
+use thermyo_cosimulation::model::{Model, ModelError};
+use thermyo_files::input::{InputError, read_bytes};
+use thermyo_setup::{Loaded, render};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 

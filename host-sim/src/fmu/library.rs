@@ -2,11 +2,11 @@
 //!
 //! A program that is given away has it inside; one of a checkout has it built when it is stale, as the firmware is.
 
-use super::description::LIBRARY;
-use crate::board::image::workspace;
-use crate::inside;
 use std::process::{Command, Stdio};
 use std::{env, fs};
+use thermyo_boards::image::workspace;
+use thermyo_boards::inside;
+use thermyo_cosimulation::description::LIBRARY;
 
 /// Why there is none.
 #[derive(Debug, thiserror::Error)]

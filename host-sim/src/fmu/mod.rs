@@ -1,40 +1,4 @@
-//! A scenario as a unit for other simulators: FMI 3.0 co-simulation, <https://fmi-standard.org>.
-//!
-//! ```text
-//! modelDescription.xml   variables, units, the default experiment       description
-//! resources/             the scenario and the tables that it names      archive
-//! binaries/PLATFORM/     the C interface around the model, host-sim/fmu library
-//! ```
-//!
-//! Outputs are columns of `trace.csv`, the same to the bit. A unit is the [plant](Kind::Plant), whose valves the
-//! importer drives, or [plant and core](Kind::WithCore), which is what `thermyo run` runs.
+//! The file of a unit: its archive, and the shared library in it.
 
-#[cfg(feature = "command")]
 pub mod archive;
-pub mod description;
-#[cfg(feature = "command")]
 pub mod library;
-pub mod model;
-pub mod variables;
-
-/// What a unit has in it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// The plant.
-    Plant,
-    /// The plant and the core that drives it.
-    WithCore,
-}
-
-impl Kind {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Plant, Self::WithCore];
-
-    /// Name of the scenario in the unit's resources: it says what the unit is.
-    pub fn scenario_file(self) -> &'static str {
-        match self {
-            Self::Plant => "plant.toml",
-            Self::WithCore => "plant_and_core.toml",
-        }
-    }
-}

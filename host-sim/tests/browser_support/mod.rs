@@ -1,12 +1,12 @@
 //! Headless Chromium for tests of pages. Without it nothing is tested, and that is said; `THERMYO_CHROMIUM` names
 //! one that lies elsewhere.
 
-use host_sim::board::image::prepare_node;
 use serde_json::Value;
 use std::env;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use thermyo_boards::image::prepare_node;
 
 const NAMES: [&str; 5] =
     ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];

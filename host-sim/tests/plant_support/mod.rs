@@ -1,9 +1,9 @@
 //! What the tests of the muscle share: a scenario and a drive by mass flow.
 
-use host_sim::plant::flow::Iso6358;
-use host_sim::plant::gas::IdealGas;
-use host_sim::plant::{Actuation, Truth};
-use host_sim::scenario::{PlantModel, Scenario};
+use thermyo_plant::flow::Iso6358;
+use thermyo_plant::gas::IdealGas;
+use thermyo_plant::{Actuation, Truth};
+use thermyo_scenario::{PlantModel, Scenario};
 
 /// The default muscle, 0.30 m long, 20 mm wide, braided at 23 degrees.
 pub fn muscle(model: PlantModel) -> Scenario {

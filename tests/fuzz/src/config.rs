@@ -2,7 +2,6 @@
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
-use host_sim::scenario::{GasElementKind, PressureKind};
 use model_core::Config;
 use model_core::config::{ConfigError, Load};
 use model_core::link::MAX_FRAME;
@@ -11,6 +10,7 @@ use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasElement;
 use model_core::sensing::pressure::{Mpr, PressurePart};
 use std::sync::OnceLock;
+use thermyo_scenario::{GasElementKind, PressureKind};
 
 /// A kind of chamber, load, gas and pressure sensor, with the number of each field.
 struct Kind {
@@ -257,7 +257,7 @@ mod tests {
     fn every_number_is_named_by_a_key_of_the_scenario() {
         for name in kinds().iter().flat_map(|kind| &kind.names) {
             let key = name.split(' ').next().unwrap_or_default();
-            let known = host_sim::scenario::schema::key(key).is_some();
+            let known = thermyo_scenario::schema::key(key).is_some();
             assert!(known || *name == "vessel.section_m2", "{name}");
         }
     }

@@ -5,11 +5,11 @@ use crate::config;
 use crate::flush::flushed;
 use crate::signal::Signal;
 use arbitrary::Unstructured;
-use host_sim::commands::replay::identical;
 use model_core::control::Mode;
 use model_core::{Command, Config, Core, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
 use rand_xoshiro::Xoshiro128PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
+use thermyo_runs::replay::identical;
 
 /// Faults that vent, as the table of `model_core::safety::supervisor` has them.
 const VENTING: Faults = Faults::EMERGENCY_STOP

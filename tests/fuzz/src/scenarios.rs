@@ -2,14 +2,14 @@
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
-use host_sim::files::input::InputError;
-use host_sim::scenario::core_config::core_config;
-use host_sim::scenario::schema::{Allowed, Key, TABLES, Table, fittable_paths};
-use host_sim::scenario::{self, Loaded, OBSERVABLE};
 use model_core::Core;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
+use thermyo_files::input::InputError;
+use thermyo_scenario::schema::{Allowed, Key, TABLES, Table, fittable_paths};
+use thermyo_setup::core_config::core_config;
+use thermyo_setup::{Loaded, OBSERVABLE};
 
 /// Keys of one case.
 const MOST_KEYS: usize = 24;
@@ -26,7 +26,7 @@ pub fn run(bytes: &[u8]) -> u64 {
         0 => String::from_utf8_lossy(bytes.take_rest()).into_owned(),
         _ => made(&mut bytes),
     };
-    match scenario::parse(&text, Path::new(ORIGIN)) {
+    match thermyo_setup::parse(&text, Path::new(ORIGIN)) {
         Ok(loaded) => loads(&loaded, &text),
         Err(error) => says_where(&error, ORIGIN),
     }
@@ -40,8 +40,8 @@ fn loads(loaded: &Loaded, text: &str) {
             panic!("the core does not take what is loaded: {error}\n{text}");
         }
     }
-    let printed = scenario::render(loaded);
-    match scenario::parse(&printed, Path::new(ORIGIN)) {
+    let printed = thermyo_setup::render(loaded);
+    match thermyo_setup::parse(&printed, Path::new(ORIGIN)) {
         Ok(again) => assert_eq!(&again, loaded, "what is printed is another:\n{text}"),
         Err(error) => panic!("what is printed is refused: {error}\n{text}"),
     }

@@ -3,15 +3,15 @@
 use crate::any::{self, Choices, byte};
 use crate::scenarios::says_where;
 use arbitrary::Unstructured;
-use host_sim::commands::identify::Data;
-use host_sim::commands::replay;
-use host_sim::files::measured::Measured;
-use host_sim::files::table::Table;
-use host_sim::files::trace::COLUMNS;
-use host_sim::scenario::{self, Loaded};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use tempfile::TempDir;
+use thermyo_files::table::Table;
+use thermyo_identify::Data;
+use thermyo_record::measured::Measured;
+use thermyo_record::trace::COLUMNS;
+use thermyo_runs::replay;
+use thermyo_setup::Loaded;
 
 const FILE: &str = "nowhere/data.csv";
 /// Cells of one case.
@@ -26,7 +26,7 @@ static SCENARIOS: LazyLock<Vec<Loaded>> = LazyLock::new(|| {
         "[plant]\nkind = \"vessel\"\nmodel = \"lumped\"\n[drive]\nkind = \"discharge\"\n",
         "[plant]\nkind = \"vessel\"\nmodel = \"lumped\"\n[drive]\nkind = \"closed\"\n",
     ]
-    .map(|text| scenario::parse(text, Path::new("own.toml")).expect("it holds"))
+    .map(|text| thermyo_setup::parse(text, Path::new("own.toml")).expect("it holds"))
     .into()
 });
 

@@ -1,10 +1,10 @@
 //! The drive that a board in its boot loader is.
 
 use super::{FlashError, Model};
-use crate::files::input::InputError;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use thermyo_files::input::InputError;
 
 /// What every such drive holds, and nothing else does.
 const INFO: &str = "INFO_UF2.TXT";

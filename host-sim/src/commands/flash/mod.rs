@@ -6,17 +6,18 @@ mod uf2;
 
 pub use drive::{Drive, find, mounts};
 
-use crate::board::BoardError;
-use crate::board::image::{self, Variant};
-use crate::board::line::Line;
 use crate::commands::usb;
-use crate::files::input::InputError;
 use clap::ValueEnum;
 use model_core::link::{Chip, HostCommand, Version};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{fmt, fs, thread};
+use thermyo_boards::image;
+use thermyo_boards::image::Variant;
+use thermyo_boards::line::Line;
+use thermyo_files::input::InputError;
+use thermyo_simulation::board::BoardError;
 
 /// A board that has not come as a drive, or back from it, after this time will not.
 const PATIENCE: Duration = Duration::from_secs(20);

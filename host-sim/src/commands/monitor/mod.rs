@@ -6,18 +6,17 @@
 mod session;
 mod view;
 
-pub use crate::files::board_trace::Recorder;
 pub use session::{Configured, MOVE_PA, Session, Status};
 pub use view::draw;
 
-use crate::board::BoardError;
-use crate::files::input::InputError;
-use crate::files::output::OutputDir;
-use crate::scenario::{self, from_config};
-use crate::stop;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use std::io;
 use std::time::{Duration, Instant};
+use thermyo_compute::stop;
+use thermyo_files::input::InputError;
+use thermyo_files::output::OutputDir;
+use thermyo_setup::from_config;
+use thermyo_simulation::board::BoardError;
 
 /// Time between two pictures.
 const FRAME: Duration = Duration::from_millis(100);
@@ -94,7 +93,7 @@ fn watch(
             out.text("config.json", &json)?;
             // A configuration that no scenario may have is in the other file all the same.
             if let Ok(said) = from_config::say(&session.config()) {
-                out.text("scenario.toml", &scenario::render(&said.scenario))?;
+                out.text("scenario.toml", &thermyo_setup::render(&said.scenario))?;
             }
         }
         let Some(terminal) = &mut terminal else {

@@ -1,9 +1,6 @@
 //! What a monitor knows of its board, and how it stays connected.
 
-use super::{MonitorError, Recorder};
-use crate::board::link::Link;
-use crate::board::port::Port;
-use crate::board::{BoardError, port, serial_port};
+use super::MonitorError;
 use model_core::control::Mode;
 use model_core::link::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing, Version};
 use model_core::safety::supervisor::FirstFailure;
@@ -12,6 +9,11 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::io::Write;
 use std::time::{Duration, Instant};
+use thermyo_boards::link::Link;
+use thermyo_boards::port::Port;
+use thermyo_boards::{port, serial_port};
+use thermyo_record::board_trace::Recorder;
+use thermyo_simulation::board::BoardError;
 
 /// Time between two attempts to open a port that is gone, and between two questions.
 const RETRY: Duration = Duration::from_millis(500);

@@ -1,7 +1,6 @@
 //! One picture of a session. It fits a terminal of 80 by 24; in a narrower one lines fold, and the plot makes room.
 
 use super::{Session, Status};
-use crate::files::board_trace::kind_and_values;
 use model_core::control::Mode;
 use model_core::link::LastReset;
 use model_core::sensing::Sensing;
@@ -12,6 +11,7 @@ use ratatui::style::{Color, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Wrap};
+use thermyo_record::board_trace::kind_and_values;
 
 /// Draws the session.
 pub fn draw(frame: &mut Frame, session: &Session) {

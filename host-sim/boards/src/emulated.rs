@@ -1,0 +1,625 @@
+//! The firmware's image on an emulated RP2040: `rp2040js` in a process of Node.js, one exchange per
+//! millisecond of its time.
+//!
+//! Nothing of the firmware is known here but its pins and its wire: samples go to the ADC, the valves
+//! get the duties that the PWM's registers hold, and telemetry is what comes out of the UART, or of USB. At
+//! 921600 baud a frame takes most of a millisecond, so that the telemetry of a step comes with the step after it.
+
+use super::armed::if_armed;
+use super::image;
+use super::link::Link;
+use model_core::control::Mode;
+use model_core::link::{Answer, BAUD, HostCommand, LastReset, PROTOCOL, Timing, Version};
+use model_core::step_counts::StepCounts;
+use model_core::{AdcCode, Config, Sample, SetPoint, Telemetry};
+use std::io::{BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use thermyo_plant::Actuation;
+use thermyo_simulation::board::{Board, BoardError, BoardStep};
+
+/// One exchange [ns].
+const STEP_NS: u32 = 1_000_000;
+/// The first exchange ends here, when the firmware has copied itself into RAM and listens, and a tenth before a
+/// step: inputs change between two steps.
+const START_NS: u32 = 17_900_000;
+/// Exchanges after which a board that has not answered will not.
+const PATIENCE: u32 = 200;
+/// Steps between two words of a host that has nothing to ask.
+const ALIVE_STEPS: u32 = 100;
+/// What the line to the UART carries.
+const BYTES_PER_MS: u64 = BAUD as u64 / 10_000;
+/// No more than this is left to the host's end of USB at a time, which sends it as fast as the board takes it.
+const USB_BYTES: usize = 4096;
+
+/// Healthy inputs, until somebody gives others.
+const IDLE: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+
+/// What goes wrong on the board, for tests of what it does about it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Injection {
+    /// The converter does not finish, or it does again.
+    AdcStalled(bool),
+    /// An instruction becomes an endless loop, once.
+    Hang {
+        /// Where.
+        place: Place,
+        /// Which of those that are executed there from now on: 1 is the next.
+        instruction: u32,
+    },
+    /// A fault of the processor, now.
+    Fault,
+    /// Something is wrong with a digital sensor, or nothing any more.
+    Part(PartFault),
+    /// Power fails during an operation of the flash, once, and comes back at once.
+    PowerCut {
+        /// Which of those that begin from now on, each an erased sector or a programmed page: 1 is the
+        /// next; `u32::MAX`: at once, whatever the flash is at.
+        operation: u32,
+        /// Share of the operation's time that it had.
+        done: f32,
+    },
+}
+
+/// What is wrong with a digital sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum PartFault {
+    /// Nothing.
+    #[default]
+    None,
+    /// The wires of the MAX31865 are off.
+    GasUnplugged,
+    /// It converts nothing more: its DRDY stays high.
+    GasSilent,
+    /// The wires of the MPR are off.
+    PressureUnplugged,
+    /// It stays busy.
+    PressureSilent,
+}
+
+/// Where the firmware executes instructions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// The control task and its executor.
+    Control,
+    /// The tasks of the thread.
+    Thread,
+    /// The other interrupts.
+    Interrupts,
+}
+
+/// A line to the board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Port {
+    /// UART0.
+    Uart,
+    /// The chip's own USB.
+    Usb,
+}
+
+/// One line and what is on it.
+#[derive(Debug, Default)]
+struct Wire {
+    link: Link,
+    to_board: Vec<u8>,
+    from_board: Vec<u8>,
+}
+
+impl Wire {
+    fn feed(&mut self, bytes: &[u8]) {
+        self.link.feed(bytes);
+        self.from_board.extend_from_slice(bytes);
+    }
+}
+
+/// What one exchange has shown.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Exchange {
+    /// Share of the time in which the inlet's coil was powered.
+    pub inlet_coil: f64,
+    /// Share of the time in which the outlet's coil was powered.
+    pub outlet_coil: f64,
+    /// Share of the PWM period that the inlet's coil is set to.
+    pub inlet_duty: f64,
+    /// Share of the PWM period that the outlet's coil is set to.
+    pub outlet_duty: f64,
+    /// Cycles in which the core did not sleep.
+    pub busy_cycles: u32,
+    /// Reads of flash, instructions included.
+    pub flash_reads: u32,
+    /// Those of them that found nothing in the flash cache, and waited.
+    pub flash_misses: u32,
+    /// Restarts by the watchdog since power first came.
+    pub restarts: u32,
+    /// Times that power came back.
+    pub power_cuts: u32,
+    /// Operations of the flash since power first came: sectors erased and pages programmed.
+    pub flash_operations: u32,
+    /// Reads of flash while it was written, which give nothing on silicon, and operations with a wrong
+    /// argument: 0.
+    pub flash_violations: u32,
+    /// The fault output is high.
+    pub fault_output: bool,
+    /// The LED is on.
+    pub led: bool,
+    /// The hang that was injected has not happened yet.
+    pub hang_to_come: bool,
+    /// The board has left for its boot loader.
+    pub boot_loader: bool,
+}
+
+impl Exchange {
+    /// What the valves did: the inlet opens with power, the outlet closes with it.
+    pub fn actuation(&self) -> Actuation {
+        Actuation { inlet: self.inlet_coil, outlet: 1.0 - self.outlet_coil }
+    }
+
+    /// What the valves are set to do: the duties from which the plant makes its own pulses.
+    pub fn set_duty(&self) -> Actuation {
+        Actuation { inlet: self.inlet_duty, outlet: 1.0 - self.outlet_duty }
+    }
+}
+
+/// The emulated board.
+pub struct EmulatedBoard {
+    process: Child,
+    requests: ChildStdin,
+    responses: BufReader<ChildStdout>,
+    wires: [Wire; 2],
+    /// The one that is used.
+    port: Port,
+    plugged: bool,
+    enumerated: bool,
+    open: bool,
+    identities: Vec<String>,
+    log: Vec<u8>,
+    /// What the board reads now.
+    inputs: Sample,
+    adc_stalled: bool,
+    part_fault: PartFault,
+    hang: Option<(Place, u32)>,
+    fault: bool,
+    power_cut: Option<(u32, f32)>,
+    restarts: u32,
+    /// It was made to restart since the last start.
+    restarted: bool,
+    shown: Option<Exchange>,
+    /// Whether the core has started and not yet judged its sensors.
+    judging_steps: u16,
+    started: Exchange,
+    /// Steps since the board last heard that its host is there.
+    quiet_steps: u32,
+}
+
+impl EmulatedBoard {
+    /// A board with the firmware of this program or its checkout.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn new() -> Result<Self, BoardError> {
+        let scripts = image::prepare_emulator()?;
+        Self::start_up(&scripts, &image::firmware(image::Variant::Standard)?, None)
+    }
+
+    /// A board with an image, whose flash is kept in a file between one board and the next, which is made when there is
+    /// none. The emulator's scripts are prepared.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn with_flash(scripts: &Path, image: &Path, file: &Path) -> Result<Self, BoardError> {
+        Self::start_up(scripts, image, Some(file))
+    }
+
+    /// A board with an image, ELF or UF2, right after power came.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn with_image(path: &Path) -> Result<Self, BoardError> {
+        Self::start_up(&image::prepare_emulator()?, path, None)
+    }
+
+    fn start_up(scripts: &Path, path: &Path, flash: Option<&Path>) -> Result<Self, BoardError> {
+        if !path.is_file() {
+            return Err(BoardError::NoImage { path: path.to_path_buf() });
+        }
+        let mut process = Command::new("node")
+            .arg(scripts.join("emulator.mjs"))
+            .arg(path)
+            .args(flash)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|_| BoardError::NoNode)?;
+        let (Some(requests), Some(responses)) = (process.stdin.take(), process.stdout.take())
+        else {
+            return Err(BoardError::NoNode);
+        };
+        let mut board = Self {
+            process,
+            requests,
+            responses: BufReader::new(responses),
+            wires: [Wire::default(), Wire::default()],
+            port: Port::Uart,
+            plugged: false,
+            enumerated: false,
+            open: false,
+            identities: Vec::new(),
+            log: Vec::new(),
+            inputs: IDLE,
+            adc_stalled: false,
+            part_fault: PartFault::None,
+            hang: None,
+            fault: false,
+            power_cut: None,
+            restarts: 0,
+            restarted: false,
+            shown: None,
+            judging_steps: 0,
+            started: Exchange::default(),
+            quiet_steps: 0,
+        };
+        board.response().map_err(|error| match error {
+            BoardError::Emulator { message } => BoardError::Image { message },
+            other => other,
+        })?;
+        board.started = board.run(&IDLE, START_NS)?;
+        Ok(board)
+    }
+
+    /// One millisecond with these inputs. Where the sample says that the host is heard, it says so now
+    /// and then.
+    ///
+    /// # Errors
+    /// [`BoardError::Emulator`]
+    pub fn exchange(&mut self, sample: &Sample) -> Result<Exchange, BoardError> {
+        self.quiet_steps = if sample.heard { self.quiet_steps + 1 } else { 0 };
+        if self.quiet_steps >= ALIVE_STEPS {
+            self.quiet_steps = 0;
+            self.send(HostCommand::Alive);
+        }
+        self.run(sample, STEP_NS)
+    }
+
+    /// What the start has shown, from power on until the board listened.
+    pub fn started(&self) -> Exchange {
+        self.started
+    }
+
+    /// What the last step has shown, pins included; nothing before the first one.
+    pub fn shown(&self) -> Option<Exchange> {
+        self.shown
+    }
+
+    /// What is sent and read from now on goes over this line. Both carry on: what has come over the other
+    /// one is kept.
+    pub fn use_port(&mut self, port: Port) {
+        self.port = port;
+    }
+
+    /// The USB cable is in or out, with the next exchange.
+    pub fn plug(&mut self, plugged: bool) {
+        self.plugged = plugged;
+        self.enumerated &= plugged;
+    }
+
+    /// A program has the USB port open or not, with the next exchange.
+    pub fn open(&mut self, open: bool) {
+        self.open = open;
+    }
+
+    /// Plugs USB in, opens its port and uses it, once the board is there.
+    ///
+    /// # Errors
+    /// [`BoardError::Silent`]
+    pub fn connect_usb(&mut self) -> Result<(), BoardError> {
+        self.plug(true);
+        self.open(true);
+        self.use_port(Port::Usb);
+        let inputs = self.inputs;
+        for _ in 0..PATIENCE {
+            self.exchange(&inputs)?;
+            if self.enumerated {
+                return Ok(());
+            }
+        }
+        Err(BoardError::Silent { asked: "USB" })
+    }
+
+    /// What the board has said of itself over USB since the last call, once each time it was plugged in: vendor
+    /// and product, their names, its number.
+    pub fn take_identities(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.identities)
+    }
+
+    fn wire(&mut self) -> &mut Wire {
+        &mut self.wires[self.port as usize]
+    }
+
+    /// Bytes for the board, as they are.
+    pub fn write(&mut self, bytes: &[u8]) {
+        self.wire().to_board.extend_from_slice(bytes);
+    }
+
+    /// Bytes that wait for their turn on the line to the board.
+    pub fn waiting(&self) -> usize {
+        self.wires[self.port as usize].to_board.len()
+    }
+
+    /// Takes the bytes back that wait.
+    pub fn discard(&mut self) {
+        self.wire().to_board.clear();
+    }
+
+    /// A request, whose answer nobody waits for.
+    pub fn send(&mut self, command: HostCommand) {
+        let (_, frame) = self.wire().link.request(command);
+        self.write(&frame);
+    }
+
+    /// Bytes that the board has sent since the last call, as they are.
+    pub fn read(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.wire().from_board)
+    }
+
+    /// Telemetry that has come since the last call, or the last step.
+    pub fn take_telemetry(&mut self) -> Vec<Telemetry> {
+        let link = &mut self.wire().link;
+        std::iter::from_fn(|| link.take_telemetry()).collect()
+    }
+
+    /// Lets something go wrong.
+    pub fn inject(&mut self, injection: Injection) {
+        match injection {
+            Injection::AdcStalled(stalled) => self.adc_stalled = stalled,
+            Injection::Part(fault) => self.part_fault = fault,
+            Injection::Hang { place, instruction } => self.hang = Some((place, instruction)),
+            Injection::Fault => self.fault = true,
+            Injection::PowerCut { operation, done } => self.power_cut = Some((operation, done)),
+        }
+    }
+
+    /// What the firmware has logged since the last call: frames of defmt.
+    pub fn take_log(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.log)
+    }
+
+    /// Asks, and lets time pass until the answer is there; the inputs stay as they are.
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`], [`BoardError::Silent`]
+    pub fn ask(&mut self, command: HostCommand) -> Result<Answer, BoardError> {
+        let (sequence, frame) = self.wire().link.request(command);
+        self.write(&frame);
+        let inputs = self.inputs;
+        for _ in 0..PATIENCE {
+            self.exchange(&inputs)?;
+            match self.wire().link.take_answer(sequence) {
+                Some(Answer::Refused(refusal)) => return Err(BoardError::Refused(refusal)),
+                Some(answer) => return Ok(answer),
+                None => (),
+            }
+        }
+        Err(BoardError::Silent { asked: "a request" })
+    }
+
+    /// Who is there.
+    ///
+    /// # Errors
+    /// As [`EmulatedBoard::ask`].
+    pub fn version(&mut self) -> Result<Version, BoardError> {
+        match self.ask(HostCommand::Version)? {
+            Answer::Version(version) => Ok(version),
+            _ => Err(BoardError::Silent { asked: "version" }),
+        }
+    }
+
+    /// How the steps were timed.
+    ///
+    /// # Errors
+    /// As [`EmulatedBoard::ask`].
+    pub fn timing(&mut self) -> Result<Timing, BoardError> {
+        match self.ask(HostCommand::Timing)? {
+            Answer::Timing(timing) => Ok(timing),
+            _ => Err(BoardError::Silent { asked: "timing" }),
+        }
+    }
+
+    /// Why it started last.
+    ///
+    /// # Errors
+    /// As [`EmulatedBoard::ask`].
+    pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
+        match self.ask(HostCommand::LastReset)? {
+            Answer::LastReset(last_reset) => Ok(last_reset),
+            _ => Err(BoardError::Silent { asked: "reason of the last restart" }),
+        }
+    }
+
+    /// As [`EmulatedBoard::exchange`], for any time; the host says nothing of its own accord.
+    ///
+    /// # Errors
+    /// [`BoardError::Emulator`]
+    pub fn run(&mut self, sample: &Sample, nanoseconds: u32) -> Result<Exchange, BoardError> {
+        self.inputs = *sample;
+        let carried = u64::from(nanoseconds) * BYTES_PER_MS / u64::from(STEP_NS);
+        let [uart, usb] = &mut self.wires;
+        let uart = drain(&mut uart.to_board, carried as usize);
+        let usb = drain(&mut usb.to_board, USB_BYTES);
+        let mut request = Vec::with_capacity(26 + uart.len() + usb.len());
+        request.extend_from_slice(&nanoseconds.to_le_bytes());
+        for code in [sample.pressure, sample.gas, sample.length] {
+            request.extend_from_slice(&code.0.to_le_bytes());
+        }
+        let fault = core::mem::take(&mut self.fault);
+        request.push(
+            u8::from(!sample.emergency_stop)
+                | u8::from(self.adc_stalled) << 1
+                | u8::from(fault) << 2
+                | u8::from(self.plugged) << 3
+                | u8::from(self.open) << 4
+                | (self.part_fault as u8) << 5,
+        );
+        let (place, instruction) = self.hang.take().unwrap_or((Place::Control, 0));
+        request.push(place as u8);
+        request.extend_from_slice(&instruction.to_le_bytes());
+        let (operation, done) = self.power_cut.take().unwrap_or_default();
+        request.extend_from_slice(&operation.to_le_bytes());
+        request.extend_from_slice(&((done * 65_535.0) as u16).to_le_bytes());
+        for bytes in [&uart, &usb] {
+            request.extend_from_slice(&(bytes.len() as u16).to_le_bytes());
+        }
+        request.extend(uart);
+        request.extend(usb);
+        if self.requests.write_all(&request).and_then(|()| self.requests.flush()).is_err() {
+            return Err(self.ended());
+        }
+        let mut exchange = self.response()?;
+        let share = |powered_ns: f64| (powered_ns / f64::from(nanoseconds)).min(1.0);
+        exchange.inlet_coil = share(exchange.inlet_coil);
+        exchange.outlet_coil = share(exchange.outlet_coil);
+        self.restarts = exchange.restarts;
+        Ok(exchange)
+    }
+
+    /// Reads a response; the coils' shares are still nanoseconds in it.
+    fn response(&mut self) -> Result<Exchange, BoardError> {
+        match self.read_response() {
+            Ok(exchange) => Ok(exchange),
+            Err(_) => Err(self.ended()),
+        }
+    }
+
+    fn read_response(&mut self) -> std::io::Result<Exchange> {
+        let mut word = || {
+            let mut bytes = [0; 4];
+            self.responses.read_exact(&mut bytes).map(|()| u32::from_le_bytes(bytes))
+        };
+        let [inlet_ns, outlet_ns, busy_cycles] = [word()?, word()?, word()?];
+        let [restarts, flash_reads, flash_misses] = [word()?, word()?, word()?];
+        let [power_cuts, flash_operations, flash_violations] = [word()?, word()?, word()?];
+        let mut half_word = || {
+            let mut bytes = [0; 2];
+            self.responses.read_exact(&mut bytes).map(|()| f64::from(u16::from_le_bytes(bytes)))
+        };
+        let [inlet_duty, outlet_duty] = [half_word()? / 65_535.0, half_word()? / 65_535.0];
+        let mut state = [0];
+        self.responses.read_exact(&mut state)?;
+        for port in [Port::Uart, Port::Usb] {
+            let bytes = self.read_counted()?;
+            self.wires[port as usize].feed(&bytes);
+        }
+        let said = self.read_counted()?;
+        self.enumerated |= !said.is_empty();
+        self.identities.extend(String::from_utf8_lossy(&said).lines().map(str::to_owned));
+        let log = self.read_counted()?;
+        self.log.extend(log);
+        let [state] = state;
+        Ok(Exchange {
+            inlet_coil: f64::from(inlet_ns),
+            outlet_coil: f64::from(outlet_ns),
+            inlet_duty,
+            outlet_duty,
+            busy_cycles,
+            flash_reads,
+            flash_misses,
+            restarts,
+            power_cuts,
+            flash_operations,
+            flash_violations,
+            fault_output: state & 1 != 0,
+            led: state & 2 != 0,
+            hang_to_come: state & 4 != 0,
+            boot_loader: state & 8 != 0,
+        })
+    }
+
+    fn read_counted(&mut self) -> std::io::Result<Vec<u8>> {
+        let mut count = [0; 2];
+        self.responses.read_exact(&mut count)?;
+        let mut bytes = vec![0; usize::from(u16::from_le_bytes(count))];
+        self.responses.read_exact(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Why the process ended.
+    fn ended(&mut self) -> BoardError {
+        let mut message = String::new();
+        if let Some(mut errors) = self.process.stderr.take() {
+            // It has ended: this does not block.
+            let _ = errors.read_to_string(&mut message);
+        }
+        BoardError::Emulator { message: message.trim().to_owned() }
+    }
+}
+
+/// Takes what is first in line, so many bytes at most.
+fn drain(bytes: &mut Vec<u8>, most: usize) -> Vec<u8> {
+    bytes.drain(..bytes.len().min(most)).collect()
+}
+
+impl Board for EmulatedBoard {
+    fn name(&self) -> &'static str {
+        "emulated"
+    }
+
+    fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError> {
+        let version = self.version()?;
+        if version.protocol != PROTOCOL {
+            return Err(BoardError::Protocol { board: version.protocol });
+        }
+        self.ask(HostCommand::TelemetryDivider(1))?;
+        self.ask(HostCommand::Configure(*config))?;
+        let armed = self.ask(HostCommand::Arm { most_pa: None });
+        let set_point = if_armed(armed, set_point)?;
+        self.wire().from_board.clear();
+        // It takes a fraction of the coming exchange to arrive: the next one is the first judged.
+        self.send(HostCommand::Start(set_point));
+        let inputs = self.inputs;
+        self.exchange(&inputs)?;
+        self.judging_steps = StepCounts::new(config).judging_steps;
+        self.restarted = false;
+        Ok(())
+    }
+
+    fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
+        self.send(HostCommand::Set(set_point));
+        Ok(())
+    }
+
+    fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
+        let wanted = self.restarts + u32::from(self.fault);
+        for _ in 1..std::mem::take(&mut self.judging_steps) {
+            self.exchange(sample)?;
+        }
+        let exchange = self.exchange(sample)?;
+        self.shown = Some(exchange);
+        self.wire().from_board.clear();
+        if exchange.restarts != wanted {
+            return Err(BoardError::Restarted);
+        }
+        let restarted = self.restarted;
+        let link = &mut self.wire().link;
+        let mut telemetry = std::iter::from_fn(|| link.take_telemetry());
+        let telemetry = telemetry.find(|seen| restarted || seen.mode != Mode::Judging);
+        Ok(BoardStep { telemetry, actuation: exchange.set_duty() })
+    }
+
+    fn restart(&mut self) -> Result<(), BoardError> {
+        self.inject(Injection::Fault);
+        self.restarted = true;
+        Ok(())
+    }
+
+    fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
+        // The one that is its own.
+        Self::timing(self).map(Some)
+    }
+}
+
+impl Drop for EmulatedBoard {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

@@ -1,0 +1,15 @@
+//! Boards with a firmware: on an emulated chip, or on a real one behind a serial port.
+
+mod armed;
+pub mod emulated;
+pub mod image;
+pub mod inside;
+pub mod line;
+pub mod link;
+pub mod live;
+pub mod port;
+#[cfg(unix)]
+pub mod pty;
+pub mod serial;
+pub mod serial_port;
+pub mod service;

@@ -1,0 +1,460 @@
+//! A flashed board that samples its own muscle, in its own time.
+
+use super::line::Line;
+use model_core::control::Mode;
+use model_core::link::{
+    Answer, Chip, Event, HostCommand, LastReset, Name, Refusal, Status, Timing, Version, checksum,
+};
+use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
+use std::time::{Duration, Instant};
+use thermyo_simulation::board::BoardError;
+
+/// Time between two words of a host that has nothing to ask: a fraction of `link.timeout_s`.
+const ALIVE: Duration = Duration::from_millis(100);
+/// Steps per telemetry frame where nobody records.
+pub const VIEW_DIVIDER: u16 = 10;
+
+/// The board. Dropped while it drives, it vents.
+pub struct LiveBoard {
+    line: Line,
+    version: Version,
+    /// As it was asked for last.
+    config: Option<Config>,
+    /// Steps per telemetry frame, as asked for last.
+    every: u16,
+    said: Instant,
+    driving: bool,
+}
+
+impl LiveBoard {
+    /// The board at a port.
+    ///
+    /// # Errors
+    /// [`BoardError`], where nobody answers, another protocol is spoken, or samples are waited for.
+    pub fn open(port: &str) -> Result<Self, BoardError> {
+        let (line, version) = Line::open(port)?;
+        if version.hil {
+            return Err(BoardError::Hil { chip: version.chip });
+        }
+        let mut board = Self::of(line, version);
+        board.telemetry_every(VIEW_DIVIDER)?;
+        Ok(board)
+    }
+
+    fn of(line: Line, version: Version) -> Self {
+        let (every, said) = (VIEW_DIVIDER, Instant::now());
+        Self { line, version, config: None, every, said, driving: false }
+    }
+
+    /// Who it is.
+    pub fn version(&self) -> Version {
+        self.version
+    }
+
+    /// Name of its port.
+    pub fn port(&self) -> &str {
+        self.line.name()
+    }
+
+    /// One frame per this many steps.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.line.ask(HostCommand::TelemetryDivider(steps), "telemetry")?;
+        self.every = steps;
+        Ok(())
+    }
+
+    /// The same, and what was sent before is forgotten: what comes next is of now.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn telemetry_anew(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.telemetry_every(steps)?;
+        // The board sends in order: what it sent before its answer is of before the question.
+        while self.line.take_telemetry().is_some() {}
+        Ok(())
+    }
+
+    /// What changes rarely.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn status(&mut self) -> Result<Status, BoardError> {
+        match self.line.ask(HostCommand::Status, "status")? {
+            Answer::Status(status) => Ok(status),
+            _ => Err(BoardError::Silent { asked: "status" }),
+        }
+    }
+
+    /// What changes rarely, as the board has said it last of its own accord.
+    pub fn last_status(&self) -> Option<Status> {
+        self.line.status()
+    }
+
+    /// The configuration in use.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn config(&mut self) -> Result<Config, BoardError> {
+        match self.line.ask(HostCommand::ReadConfig, "configuration")? {
+            Answer::Config(config) => {
+                self.config = Some(config);
+                Ok(config)
+            }
+            _ => Err(BoardError::Silent { asked: "configuration" }),
+        }
+    }
+
+    /// Another configuration, taken as a whole or refused as a whole, and what it is called.
+    ///
+    /// # Errors
+    /// [`BoardError::Config`] with the value that is out of its range; [`BoardError::OtherChip`];
+    /// [`BoardError::Damaged`] where the board
+    /// has another one afterwards.
+    pub fn configure(&mut self, config: &Config, name: &str) -> Result<Status, BoardError> {
+        config.check().map_err(BoardError::Config)?;
+        let chip = self.version.chip;
+        if chip != Chip::Rp2040 && config.sensors.adc.wide_code_lsb > 0.0 {
+            return Err(BoardError::OtherChip { chip });
+        }
+        self.config = None;
+        self.line.ask(HostCommand::Configure(*config), "configure")?;
+        self.line.ask(HostCommand::Name(Name::new(name)), "name")?;
+        let status = self.status()?;
+        if status.config_checksum == checksum(config) {
+            Ok(status)
+        } else {
+            Err(BoardError::Damaged)
+        }
+    }
+
+    /// Keeps the configuration in use over the loss of power.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn save(&mut self) -> Result<(), BoardError> {
+        self.line.ask(HostCommand::Save, "save").map(drop)
+    }
+
+    /// Forgets what was saved.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn forget(&mut self) -> Result<(), BoardError> {
+        self.line.ask(HostCommand::Forget, "forget").map(drop)
+    }
+
+    /// How the steps were timed.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn timing(&mut self) -> Result<Timing, BoardError> {
+        match self.line.ask(HostCommand::Timing, "timing")? {
+            Answer::Timing(timing) => Ok(timing),
+            _ => Err(BoardError::Silent { asked: "timing" }),
+        }
+    }
+
+    /// Why it started last.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
+        match self.line.ask(HostCommand::LastReset, "reason of the last restart")? {
+            Answer::LastReset(last_reset) => Ok(last_reset),
+            _ => Err(BoardError::Silent { asked: "reason of the last restart" }),
+        }
+    }
+
+    /// What happened, the last event first.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn history(&mut self) -> Result<Vec<Event>, BoardError> {
+        let mut events = Vec::new();
+        for number in 0..=u8::MAX {
+            match self.line.ask(HostCommand::History(number), "history")? {
+                Answer::Event(Some(event)) => events.push(event),
+                Answer::Event(None) => break,
+                _ => return Err(BoardError::Silent { asked: "history" }),
+            }
+        }
+        Ok(events)
+    }
+
+    /// Set points are taken from now on, up to this absolute pressure \[Pa\].
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`]
+    pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
+        self.line.ask(HostCommand::Arm { most_pa }, "arm").map(drop)
+    }
+
+    /// Another set point; the step from which on it holds.
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`], below ambient too, where the board vents.
+    pub fn set(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
+        if let SetPoint::Pressure { pressure_pa } = set_point {
+            let config = self.known_config()?;
+            let least_pa = config.ambient.pressure_pa;
+            if pressure_pa < least_pa {
+                let most_pa = self.status()?.armed_pa.unwrap_or(config.working_limit_pa());
+                return Err(BoardError::Pressure { pressure_pa, least_pa, most_pa });
+            }
+            return self.set_any(set_point).map_err(|error| match error {
+                BoardError::Refused(Refusal::SetPoint(SetPointError::Range {
+                    maximum, ..
+                })) => BoardError::Pressure { pressure_pa, least_pa, most_pa: maximum },
+                other => other,
+            });
+        }
+        self.set_any(set_point)
+    }
+
+    fn set_any(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
+        self.driving |= set_point != SetPoint::Vent;
+        match self.line.ask(HostCommand::Set(set_point), "set point")? {
+            Answer::Done { step } => Ok(step),
+            _ => Err(BoardError::Silent { asked: "set point" }),
+        }
+    }
+
+    /// The configuration in use, asked for where it may have become another one.
+    fn known_config(&mut self) -> Result<Config, BoardError> {
+        let said = self.last_status();
+        let in_use =
+            |config: &Config| said.is_none_or(|said| said.config_checksum == checksum(config));
+        match self.config.filter(in_use) {
+            Some(config) => Ok(config),
+            None => self.config(),
+        }
+    }
+
+    /// The core starts anew, with this set point in its step 0.
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`]
+    pub fn start(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
+        self.driving = true;
+        self.line.ask(HostCommand::Start(set_point), "start").map(drop)
+    }
+
+    /// Another set point, without a wait for the answer.
+    ///
+    /// # Errors
+    /// [`BoardError::Line`]
+    pub fn send(&mut self, set_point: SetPoint) -> Result<u8, BoardError> {
+        self.driving |= set_point != SetPoint::Vent;
+        self.said = Instant::now();
+        self.line.send(HostCommand::Set(set_point))
+    }
+
+    /// Whether telemetry has come that nobody has taken: what it says of now is later than what was taken.
+    pub fn is_behind(&self) -> bool {
+        self.line.is_behind()
+    }
+
+    /// Whether the answer to a request that was only sent is a refusal.
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`]
+    pub fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
+        match self.line.take_answer(sequence) {
+            Some(Answer::Refused(refusal)) => Err(BoardError::Refused(refusal)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Vents; returns when the board says that it does.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn stop(&mut self) -> Result<(), BoardError> {
+        self.vent()?;
+        let vents = |telemetry: &Telemetry| matches!(telemetry.mode, Mode::Vent | Mode::Judging);
+        self.fresh(vents).map(drop)
+    }
+
+    /// Vents, for those who take every telemetry themselves.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn vent(&mut self) -> Result<(), BoardError> {
+        self.line.ask(HostCommand::Stop, "stop")?;
+        self.driving = false;
+        Ok(())
+    }
+
+    /// Forgets the latched faults whose cause is gone; those that are left.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn clear(&mut self) -> Result<Faults, BoardError> {
+        self.forget_faults()?;
+        Ok(self.fresh_telemetry()?.faults)
+    }
+
+    /// The same, for those who take every telemetry themselves.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn forget_faults(&mut self) -> Result<(), BoardError> {
+        self.line.ask(HostCommand::ClearFaults, "clear")?;
+        self.driving = false;
+        Ok(())
+    }
+
+    /// The telemetry of now, however much of before nobody has read.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn fresh_telemetry(&mut self) -> Result<Telemetry, BoardError> {
+        self.fresh(|_| true)
+    }
+
+    /// The first telemetry from now on that is wanted. Nobody waits for it as long as for rare frames.
+    fn fresh(&mut self, wanted: impl Fn(&Telemetry) -> bool) -> Result<Telemetry, BoardError> {
+        let every = self.every;
+        self.telemetry_anew(every.min(VIEW_DIVIDER))?;
+        let fresh = self.line.wait(|link| link.take_telemetry().filter(&wanted), "telemetry");
+        if every != self.every {
+            self.telemetry_anew(every)?;
+        }
+        fresh
+    }
+
+    /// The next telemetry that has come; tells the board that its host is there, and waits some milliseconds.
+    ///
+    /// # Errors
+    /// [`BoardError::Line`]
+    pub fn poll(&mut self) -> Result<Option<Telemetry>, BoardError> {
+        if let Some(telemetry) = self.line.take_telemetry() {
+            return Ok(Some(telemetry));
+        }
+        if self.said.elapsed() > ALIVE {
+            self.said = Instant::now();
+            self.line.send(HostCommand::Alive)?;
+        }
+        self.line.poll()?;
+        Ok(self.line.take_telemetry())
+    }
+}
+
+impl Drop for LiveBoard {
+    fn drop(&mut self) {
+        if self.driving {
+            // Without a line the board finds out for itself.
+            let _ = self.line.ask(HostCommand::Stop, "stop");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use model_core::link::{Decoder, Message, PROTOCOL, Reply, Request, encode};
+    use model_core::{AdcCode, Core, Sample};
+    use std::collections::VecDeque;
+    use std::io::{self, Read, Write};
+
+    /// Step that the board is at when somebody looks again.
+    const NOW: u32 = 3_000;
+
+    /// A board whose telemetry nobody has read for a while.
+    struct Unread {
+        telemetry: Telemetry,
+        divider: u32,
+        requests: Decoder,
+        waiting: VecDeque<u8>,
+    }
+
+    impl Unread {
+        fn new() -> Self {
+            let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
+            let first = Core::new(&Config::default()).unwrap().step(&sample);
+            let telemetry =
+                Telemetry { step: 0, mode: Mode::Pressure, faults: Faults::NONE, ..first };
+            let (requests, waiting) = (Decoder::new(), VecDeque::new());
+            let mut board = Self { telemetry, divider: 1, requests, waiting };
+            (0..NOW).for_each(|_| board.step());
+            board
+        }
+
+        /// It holds a pressure, and vents from the last step on.
+        fn step(&mut self) {
+            self.telemetry.step += 1;
+            if self.telemetry.step == NOW {
+                (self.telemetry.mode, self.telemetry.faults) = (Mode::Vent, Faults::LINK_LOST);
+            }
+            if self.telemetry.step.is_multiple_of(self.divider) {
+                self.tell(Message::Telemetry(self.telemetry));
+            }
+        }
+
+        fn tell(&mut self, message: Message) {
+            self.waiting.extend(encode(&message).unwrap());
+        }
+    }
+
+    impl Read for Unread {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            if self.waiting.is_empty() {
+                (0..10).for_each(|_| self.step());
+            }
+            if self.waiting.is_empty() {
+                Err(io::ErrorKind::TimedOut.into())
+            } else {
+                self.waiting.read(buffer)
+            }
+        }
+    }
+
+    impl Write for Unread {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            for byte in bytes {
+                let Some(Request { sequence, command }) = self.requests.push(*byte) else {
+                    continue;
+                };
+                if let HostCommand::TelemetryDivider(divider) = command {
+                    self.divider = u32::from(divider);
+                }
+                let answer = Answer::Done { step: self.telemetry.step };
+                self.tell(Message::Reply(Reply { sequence, answer }));
+            }
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn unread() -> LiveBoard {
+        let version =
+            Version { protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false };
+        let line = Line::over(Box::new(Unread::new()), "unread");
+        LiveBoard::of(line, version)
+    }
+
+    #[test]
+    fn telemetry_that_nobody_has_read_is_not_of_now() {
+        let telemetry = unread().fresh_telemetry().unwrap();
+        assert!(telemetry.step >= NOW, "{}", telemetry.step);
+        assert_eq!((telemetry.mode, telemetry.faults), (Mode::Vent, Faults::LINK_LOST));
+        assert_eq!(unread().clear().unwrap(), Faults::LINK_LOST);
+    }
+
+    #[test]
+    fn telemetry_of_now_does_not_wait_for_a_slow_stream() {
+        let mut board = unread();
+        board.telemetry_every(u16::MAX).unwrap();
+        assert!(board.fresh_telemetry().unwrap().step <= NOW + 100);
+        board.stop().unwrap();
+        // The stream goes on as it was.
+        let next = board.line.wait(|link| link.take_telemetry(), "telemetry").unwrap();
+        assert!(next.step.is_multiple_of(u32::from(u16::MAX)), "{}", next.step);
+    }
+}

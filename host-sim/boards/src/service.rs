@@ -1,0 +1,261 @@
+//! The emulated board as a thing of its own: a process that runs the firmware with a simulated muscle behind its
+//! pins, in real time where the machine can, for every program that opens the port "emulated".
+//!
+//! A file in the folder for temporary files says at which local port it listens. It is plugged in by the first
+//! who asks for it, and unplugged by removing that file. While nobody is connected its time stands still, after
+//! as much of it as a board needs to notice that its host is gone; unused for long, it ends. Beside that file lies what
+//! its flash keeps: as any board's, over the loss of power.
+
+use super::emulated::EmulatedBoard;
+use super::image::{self, Variant};
+use super::serial_port::READ;
+use model_core::link::PROTOCOL;
+use std::io::{ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use std::{env, fs, io, thread};
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::BoardError;
+use thermyo_simulation::rig::Rig;
+
+/// The command's hidden task that serves.
+pub const TASK: &str = "emulated-board";
+
+/// One step [ns].
+const STEP_NS: u32 = 1_000_000;
+const STEP: Duration = Duration::from_nanos(STEP_NS as u64);
+/// Steps that are run after the last client has gone.
+const STEPS_ALONE: u32 = 2_000;
+/// It ends when nobody has come for so long.
+const LONGEST_IDLE: Duration = Duration::from_secs(600);
+/// Who comes while another one is there is shown the door after this time: that one may just be leaving.
+const LONGEST_WAIT: Duration = Duration::from_millis(300);
+/// Time between two looks for a client while there is none.
+const LOOK: Duration = Duration::from_millis(20);
+/// Steps between two looks whether it is still plugged in.
+const PLUGGED_STEPS: u32 = 500;
+/// A board that is further behind than that does not catch up.
+const FURTHEST_BEHIND: Duration = Duration::from_millis(50);
+/// It has to be there after this time, however slow the machine is.
+const LONGEST_START: Duration = Duration::from_secs(900);
+
+/// Where it says how to reach it.
+fn file() -> PathBuf {
+    let user = env::var("USER").or_else(|_| env::var("USERNAME")).unwrap_or_default();
+    env::temp_dir().join(format!("thermyo-emulated-{user}"))
+}
+
+/// What another build of this program does not take for its own.
+fn build() -> String {
+    let built = env::current_exe().and_then(fs::metadata).and_then(|exe| exe.modified());
+    let built = built.ok().and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok());
+    format!("{PROTOCOL} {}", built.unwrap_or_default().as_nanos())
+}
+
+/// Connects with the board, plugged in if it is not.
+///
+/// # Errors
+/// [`BoardError`], where it cannot be made.
+pub fn connect() -> Result<TcpStream, BoardError> {
+    match plugged_in() {
+        Some(stream) => Ok(stream),
+        None => plug(None),
+    }
+}
+
+/// Local port at which the board that is plugged in listens.
+fn address() -> Option<u16> {
+    let text = fs::read_to_string(file()).ok()?;
+    let (port, by) = text.trim().split_once(' ')?;
+    if by == build() { port.parse().ok() } else { None }
+}
+
+/// The board that is plugged in.
+fn plugged_in() -> Option<TcpStream> {
+    let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, address()?)).ok()?;
+    stream.set_read_timeout(Some(READ)).ok()?;
+    stream.set_nodelay(true).ok()?;
+    Some(stream)
+}
+
+/// Plugs a board in, with the muscle of a scenario file, in place of one that is.
+///
+/// # Errors
+/// [`BoardError`], where it cannot be made.
+pub fn plug(scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
+    // Here, where whoever waits for it hears of it.
+    let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
+    unplug();
+    let mut command = Command::new(env::current_exe()?);
+    command.arg(TASK).args([&scripts, &image, &file()]).args(scenario);
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+    // What the user types is not for it.
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(&mut command, 0);
+    #[cfg(windows)]
+    std::os::windows::process::CommandExt::creation_flags(&mut command, 0x200);
+    let mut process = command.spawn()?;
+    let start = Instant::now();
+    while start.elapsed() < LONGEST_START {
+        if let Some(stream) = plugged_in() {
+            return Ok(stream);
+        }
+        if process.try_wait()?.is_some() {
+            return Err(BoardError::Emulator { message: last_words(&mut process) });
+        }
+        thread::sleep(LOOK);
+    }
+    let _ = process.kill();
+    Err(BoardError::Silent { asked: "a connection" })
+}
+
+/// Whether a board is plugged in.
+pub fn is_plugged_in() -> bool {
+    plugged_in().is_some()
+}
+
+/// Plugs a board in that lives in a thread of this process and ends with it, with the muscle of a scenario, in
+/// place of one that is: for a program that cannot be started anew as the board's process.
+///
+/// # Errors
+/// [`BoardError`], where it cannot be made.
+pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
+    let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
+    unplug();
+    let board = thread::spawn(move || serve(&scripts, &image, &file(), &loaded));
+    while !is_plugged_in() {
+        if board.is_finished() {
+            let silent = Err(BoardError::Silent { asked: "a connection" });
+            return board.join().unwrap_or(silent);
+        }
+        thread::sleep(LOOK);
+    }
+    Ok(())
+}
+
+fn last_words(process: &mut Child) -> String {
+    let mut message = String::new();
+    if let Some(mut errors) = process.stderr.take() {
+        // It has ended: this does not block.
+        let _ = errors.read_to_string(&mut message);
+    }
+    message.trim().trim_start_matches("thermyo: ").to_owned()
+}
+
+/// Unplugs the board; whether there was one.
+pub fn unplug() -> bool {
+    fs::remove_file(file()).is_ok()
+}
+
+/// Is the board, with the emulator's scripts and an image of the firmware, until it is unplugged or has been idle for
+/// long.
+///
+/// # Errors
+/// [`BoardError`]
+pub fn serve(scripts: &Path, image: &Path, file: &Path, loaded: &Loaded) -> Result<(), BoardError> {
+    let flash = file.with_extension("flash");
+    let mut board = Emulated::new(loaded, EmulatedBoard::with_flash(scripts, image, &flash)?)?;
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+    listener.set_nonblocking(true)?;
+    let card = format!("{} {}", listener.local_addr()?.port(), build());
+    // At once whole.
+    let part = file.with_extension(std::process::id().to_string());
+    fs::write(&part, &card)?;
+    fs::rename(&part, file)?;
+    let plugged = || fs::read_to_string(file).is_ok_and(|text| text == card);
+
+    let mut client: Option<TcpStream> = None;
+    let mut next: Option<(TcpStream, Instant)> = None;
+    let mut left = Instant::now();
+    let mut steps_alone = STEPS_ALONE;
+    let mut due = Instant::now();
+    for step in 0_u32.. {
+        if let Ok((stream, _)) = listener.accept() {
+            next = Some((stream, Instant::now()));
+        }
+        if client.is_none()
+            && let Some((stream, _)) = next.take()
+        {
+            stream.set_nonblocking(true)?;
+            stream.set_nodelay(true)?;
+            client = Some(stream);
+        }
+        next = next.filter(|(_, since)| since.elapsed() < LONGEST_WAIT);
+        if (step.is_multiple_of(PLUGGED_STEPS) || client.is_none()) && !plugged() {
+            return Ok(());
+        }
+        if client.is_some() {
+            (steps_alone, left) = (0, Instant::now());
+        } else if steps_alone < STEPS_ALONE {
+            steps_alone += 1;
+        } else if left.elapsed() < LONGEST_IDLE {
+            thread::sleep(LOOK);
+            continue;
+        } else {
+            let _ = fs::remove_file(file);
+            return Ok(());
+        }
+        if !board.step(client.as_mut())? {
+            client = None;
+        }
+        due += STEP;
+        let now = Instant::now();
+        if due > now + 2 * STEP {
+            thread::sleep(due - now);
+        } else if due + FURTHEST_BEHIND < now {
+            due = now;
+        }
+    }
+    Ok(())
+}
+
+/// The board and its muscle.
+struct Emulated {
+    board: EmulatedBoard,
+    rig: Rig,
+    /// Bytes for a client that has not taken them yet.
+    to_client: Vec<u8>,
+}
+
+impl Emulated {
+    fn new(loaded: &Loaded, board: EmulatedBoard) -> Result<Self, BoardError> {
+        let rig = Rig::behind_pins(loaded)
+            .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
+        Ok(Self { board, rig, to_client: Vec::new() })
+    }
+
+    /// One millisecond; whether the client is still there.
+    fn step(&mut self, client: Option<&mut TcpStream>) -> Result<bool, BoardError> {
+        let mut connected = client.is_some();
+        if let Some(client) = client {
+            let mut buffer = [0; 1024];
+            match client.read(&mut buffer) {
+                Ok(0) => connected = false,
+                Ok(count) => self.board.write(&buffer[..count]),
+                Err(error) => connected = waits(&error),
+            }
+            match client.write(&self.to_client) {
+                Ok(count) => drop(self.to_client.drain(..count)),
+                Err(error) => connected &= waits(&error),
+            }
+        }
+        if !connected {
+            self.to_client.clear();
+        }
+        let sample = self.rig.sample();
+        let exchange = self.board.run(&sample, STEP_NS)?;
+        self.to_client.extend(self.board.read());
+        self.board.take_telemetry();
+        self.rig
+            .advance(exchange.actuation())
+            .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
+        Ok(connected)
+    }
+}
+
+/// Whether there is only nothing to be done now.
+fn waits(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}

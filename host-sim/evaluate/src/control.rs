@@ -1,0 +1,544 @@
+//! Whether the muscle goes where it is asked to: at rest, in motion, warm and cold, configured wrong, and against
+//! the usual practice.
+
+use super::pid::{PidBoard, PidGains};
+use super::{CaseFigures, Figure, finished};
+use model_core::Duty;
+use std::f64::consts::TAU;
+use thermyo_compute::parallel;
+use thermyo_compute::parallel::Watch;
+use thermyo_record::trace::Row;
+use thermyo_scenario::{DriveKind, Load, LoadKind, PlantModel, Scenario};
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::{Board, CoreBoard};
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
+
+/// The stroke that errors are a share of: 30 % of the rest length, as a contraction \[-\].
+pub(super) const STROKE: f64 = 0.3;
+/// Shares of the stroke that are held, one after the other; up and down, far and near.
+const HELD: [f64; 7] = [1.0 / 6.0, 0.5, 5.0 / 6.0, 0.5, 1.0 / 6.0, 2.0 / 3.0, 1.0 / 3.0];
+/// How long each \[s\].
+const HOLD_S: f64 = 2.5;
+/// The last part of it counts as rest \[s\].
+const REST_S: f64 = 0.5;
+/// Where a sine swings around \[-\].
+pub(super) const MIDDLE: f64 = 0.15;
+/// Rest before a sine \[s\].
+const BEFORE_S: f64 = 1.0;
+/// The least error on the slow sine of some 170 combinations, on the nominal muscle, that hunts by no
+/// more than 1 % of the stroke when it should rest.
+pub const USUAL_GAINS: PidGains =
+    PidGains { proportional_pa: 1.2e6, integral_pa_s: 6.0e7, derivative_pa_s: 2.0e4 };
+
+/// One row of what a control run is judged by.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    time_s: f64,
+    value: f64,
+    driven: bool,
+    /// A valve is open for a whole period.
+    open: bool,
+}
+
+/// Runs a scenario along a set-point profile.
+fn trace(
+    loaded: &Loaded,
+    kind: DriveKind,
+    profile: Vec<(f64, f64)>,
+    board: &mut dyn Board,
+) -> Result<Vec<Point>, RunError> {
+    let loaded = loaded.driven(kind, profile);
+    let rest_m = loaded.plant.muscle.rest_length_m;
+    let mut points = Vec::new();
+    let mut observer = |row: &Row| {
+        let command = row.telemetry.command;
+        points.push(Point {
+            time_s: row.truth.time_s,
+            value: match kind {
+                DriveKind::Contraction => 1.0 - row.truth.length_m / rest_m,
+                _ => row.truth.pressure_pa,
+            },
+            driven: command.inlet > Duty::ZERO || command.outlet > Duty::ZERO,
+            open: command.inlet.max(command.outlet) >= Duty::FULL,
+        });
+        Ok(())
+    };
+    run::run(&loaded, board, None, &mut observer)?;
+    Ok(points)
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
+}
+
+/// Set point after set point, held.
+pub mod rest {
+    use super::{
+        Board, DriveKind, HELD, HOLD_S, Loaded, Point, REST_S, RunError, STROKE, mean, trace,
+    };
+
+    /// What holding gave, the worst of all holds; in percent of full scale.
+    #[derive(Debug, Clone, Copy, Default)]
+    pub struct Held {
+        /// Largest error at rest \[%\].
+        pub error_percent: f64,
+        /// Largest motion at rest, peak to peak \[%\].
+        pub ripple_percent: f64,
+        /// Share of the rest in which a valve is driven \[-\].
+        pub driven: f64,
+    }
+
+    /// Values held one after the other.
+    #[derive(Debug, Clone, Copy)]
+    pub(super) struct Holds<'a> {
+        pub values: &'a [f64],
+        /// When the first begins \[s\].
+        pub start_s: f64,
+        /// What errors are a share of.
+        pub full_scale: f64,
+    }
+
+    impl Holds<'_> {
+        /// Their set points.
+        pub fn profile(&self) -> Vec<(f64, f64)> {
+            let holds = self.values.iter().enumerate();
+            holds
+                .flat_map(|(i, value)| {
+                    let time_s = self.start_s + i as f64 * HOLD_S;
+                    [(time_s, *value), (time_s + HOLD_S - 0.001, *value)]
+                })
+                .collect()
+        }
+
+        /// The worst of them.
+        pub fn worst(&self, points: &[Point]) -> Held {
+            let mut held = Held::default();
+            for (i, value) in self.values.iter().enumerate() {
+                let end_s = self.start_s + (i + 1) as f64 * HOLD_S - 0.002;
+                let at_rest: Vec<&Point> = points
+                    .iter()
+                    .filter(|point| (end_s - REST_S..end_s).contains(&point.time_s))
+                    .collect();
+                let error = mean(at_rest.iter().map(|point| point.value)) - value;
+                let low = at_rest.iter().map(|point| point.value).fold(f64::INFINITY, f64::min);
+                let high =
+                    at_rest.iter().map(|point| point.value).fold(f64::NEG_INFINITY, f64::max);
+                let driven = mean(at_rest.iter().map(|point| f64::from(u8::from(point.driven))));
+                let percent = 100.0 / self.full_scale;
+                held.error_percent = held.error_percent.max(error.abs() * percent);
+                held.ripple_percent = held.ripple_percent.max((high - low) * percent);
+                held.driven = held.driven.max(driven);
+            }
+            held
+        }
+    }
+
+    /// Holds the evaluated contractions, after `strokes` full strokes of 2 s each.
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    pub fn hold(loaded: &Loaded, strokes: u32, board: &mut dyn Board) -> Result<Held, RunError> {
+        hold_within(loaded, strokes, [STROKE; 2], board)
+    }
+
+    /// [`hold`] on a muscle of another stroke, of which its load leaves it `reach`; contractions \[-\].
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    pub fn hold_within(
+        loaded: &Loaded,
+        strokes: u32,
+        [stroke, reach]: [f64; 2],
+        board: &mut dyn Board,
+    ) -> Result<Held, RunError> {
+        let mut profile = Vec::new();
+        let mut start_s = 0.0;
+        for _ in 0..strokes {
+            profile.extend([(start_s, reach / 6.0), (start_s + 1.0, reach * 5.0 / 6.0)]);
+            start_s += 2.0;
+        }
+        let values = HELD.map(|share| share * reach);
+        let holds = Holds { values: &values, start_s, full_scale: stroke };
+        profile.extend(holds.profile());
+        Ok(holds.worst(&trace(loaded, DriveKind::Contraction, profile, board)?))
+    }
+}
+
+/// What a sine gave.
+#[derive(Debug, Clone, Copy)]
+pub struct Sine {
+    /// Amplitude out over amplitude in \[-\].
+    pub gain: f64,
+    /// Phase \[deg\].
+    pub phase_deg: f64,
+    /// Error to the set point, RMS, of the stroke \[%\].
+    pub rms_percent: f64,
+    /// Share of the time in which a valve is fully open \[-\].
+    pub open: f64,
+}
+
+/// One row of a sine, counted from when the first periods have died away.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SinePoint {
+    /// Time since the sine began \[s\].
+    pub time_s: f64,
+    /// Contraction \[-\].
+    pub value: f64,
+    /// Contraction less set point \[-\].
+    pub error: f64,
+    /// A valve is open for a whole period.
+    pub open: bool,
+}
+
+/// Whole periods of a sine of an amplitude \[share of the stroke\] around the middle of the stroke.
+///
+/// # Errors
+/// When the run could not be finished.
+pub(super) fn sine_trace(
+    loaded: &Loaded,
+    frequency_hz: f64,
+    amplitude: f64,
+    board: &mut dyn Board,
+) -> Result<Vec<SinePoint>, RunError> {
+    let amplitude = amplitude * STROKE;
+    let set_point = |time_s: f64| {
+        MIDDLE + amplitude * (TAU * frequency_hz * (time_s - BEFORE_S).max(0.0)).sin()
+    };
+    let counted_s = (2.0 * frequency_hz).ceil().max(2.0) / frequency_hz;
+    let from_s = BEFORE_S + 1.0_f64.max(1.0 / frequency_hz);
+    let end_s = from_s + counted_s;
+    let rows = (end_s * 100.0).ceil() as usize;
+    let profile = (0..=rows).map(|row| row as f64 * 0.01).map(|t| (t, set_point(t))).collect();
+    let points = trace(loaded, DriveKind::Contraction, profile, board)?;
+    let counted = points.iter().filter(|p| p.time_s >= from_s && p.time_s < end_s);
+    let row = |p: &Point| SinePoint {
+        time_s: p.time_s - BEFORE_S,
+        value: p.value,
+        error: p.value - set_point(p.time_s),
+        open: p.open,
+    };
+    Ok(counted.map(row).collect())
+}
+
+/// A sine of an amplitude \[share of the stroke\] around the middle of the stroke.
+///
+/// # Errors
+/// When the run could not be finished.
+pub fn sine(
+    loaded: &Loaded,
+    frequency_hz: f64,
+    amplitude: f64,
+    board: &mut dyn Board,
+) -> Result<Sine, RunError> {
+    let points = sine_trace(loaded, frequency_hz, amplitude, board)?;
+    let scale = 2.0 / (amplitude * STROKE);
+    let angle = |p: &SinePoint| TAU * frequency_hz * p.time_s;
+    let in_phase = scale * mean(points.iter().map(|p| p.value * angle(p).sin()));
+    let quadrature = scale * mean(points.iter().map(|p| p.value * angle(p).cos()));
+    let square = mean(points.iter().map(|p| p.error * p.error));
+    Ok(Sine {
+        gain: in_phase.hypot(quadrature),
+        phase_deg: quadrature.atan2(in_phase).to_degrees(),
+        rms_percent: square.sqrt() / STROKE * 100.0,
+        open: mean(points.iter().map(|p| f64::from(u8::from(p.open)))),
+    })
+}
+
+/// What a step of the pressure gave.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// Until it stays within 2 % of the step, over what the open valve needs \[-\].
+    pub times_open_valve: f64,
+    /// Above the set point, share of the step \[%\].
+    pub overshoot_percent: f64,
+}
+
+/// The pressures between which it is stepped \[Pa\].
+const STEP_PA: [f64; 2] = [2.0e5, 4.0e5];
+
+/// Pressure over the time since a step, with the loop closed and with the valve simply open.
+pub(super) type StepTraces = (Vec<(f64, f64)>, Vec<(f64, f64)>);
+
+/// A step of the pressure on a board, and the open valve on the same plant from the same rest.
+pub(super) fn pressure_step_traces(
+    loaded: &Loaded,
+    board: &mut dyn Board,
+) -> Result<StepTraces, RunError> {
+    const STEP_S: f64 = 1.5;
+    const OPEN_S: f64 = 0.1;
+    let [low, high] = STEP_PA;
+    let since = |points: Vec<Point>, start_s: f64| -> Vec<(f64, f64)> {
+        points.iter().map(|point| (point.time_s - start_s, point.value)).collect()
+    };
+    let profile = vec![(0.0, low), (STEP_S, low), (STEP_S + 0.001, high), (STEP_S + 2.0, high)];
+    let closed = trace(loaded, DriveKind::Pressure, profile, board)?;
+    // The profile of duties starts where the loop has rested.
+    let mut open = loaded.clone();
+    open.plant.plant.initial_pressure_pa = low;
+    let duties = vec![(0.0, 0.0), (OPEN_S - 0.001, 0.0), (OPEN_S, 1.0), (1.0, 1.0)];
+    let open = trace(&open, DriveKind::Duty, duties, &mut CoreBoard::default())?;
+    Ok((since(closed, STEP_S), since(open, OPEN_S)))
+}
+
+/// A step of the pressure from 2 to 4 bar, compared with the open valve on the same plant.
+///
+/// # Errors
+/// When a run could not be finished.
+pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, RunError> {
+    let [low, high] = STEP_PA;
+    let (closed, open) = pressure_step_traces(loaded, board)?;
+    let band = 0.02 * (high - low);
+    let late = closed.iter().filter(|(since_s, _)| *since_s >= 0.0);
+    let settled_s = late
+        .clone()
+        .filter(|(_, pa)| (pa - high).abs() > band)
+        .map(|(since_s, _)| *since_s)
+        .fold(0.0, f64::max);
+    let peak = late.map(|(_, pa)| *pa).fold(f64::NEG_INFINITY, f64::max);
+    let reached = open.iter().find(|(_, pa)| *pa >= high - band);
+    let reached_s = reached.map_or(f64::INFINITY, |(since_s, _)| *since_s);
+    Ok(Step {
+        times_open_valve: settled_s / reached_s,
+        overshoot_percent: (peak - high).max(0.0) / (high - low) * 100.0,
+    })
+}
+
+/// Both plant and core know the ambient; supply and muscle have its temperature.
+pub(super) fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
+    for scenario in [&mut loaded.plant, &mut loaded.believed] {
+        scenario.ambient.temperature_k = temperature_k;
+        scenario.supply.temperature_k = temperature_k;
+        scenario.plant.initial_temperature_k = temperature_k;
+    }
+    loaded
+}
+
+pub(super) fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
+    loaded.plant.load.force_n = force_n;
+    loaded.believed.load.force_n = force_n;
+    loaded
+}
+
+/// What the core is configured with differently.
+pub type Change = fn(&mut Scenario);
+
+pub(super) fn configured(mut loaded: Loaded, change: Change) -> Loaded {
+    change(&mut loaded.believed);
+    loaded
+}
+
+fn hold_line(
+    case: String,
+    loaded: &Loaded,
+    strokes: u32,
+    bound_percent: f64,
+) -> Result<CaseFigures, RunError> {
+    let held = rest::hold(loaded, strokes, &mut CoreBoard::default())?;
+    Ok(CaseFigures {
+        case,
+        figures: vec![
+            Figure::at_most("error_percent", held.error_percent, bound_percent),
+            Figure::at_most("ripple_percent", held.ripple_percent, 0.2),
+            Figure::at_most("valves_driven", held.driven, 0.0),
+        ],
+    })
+}
+
+/// The nominal muscle with everything that the core leaves out.
+pub fn full(nominal: &Loaded) -> Loaded {
+    let mut loaded = nominal.clone();
+    loaded.plant.plant.model = PlantModel::Full;
+    loaded.believed.plant.model = PlantModel::Full;
+    loaded
+}
+
+type Job<'a> = Box<dyn Fn() -> Result<CaseFigures, RunError> + Send + Sync + 'a>;
+
+fn holding(full: &Loaded) -> Vec<Job<'_>> {
+    let mut jobs: Vec<Job> = Vec::new();
+    for temperature_k in [283.15, 298.15, 313.15] {
+        for force_n in [20.0, 100.0, 200.0] {
+            jobs.push(Box::new(move || {
+                let loaded = load(ambient(full.clone(), temperature_k), force_n);
+                let celsius = temperature_k - 273.15;
+                hold_line(format!("hold, {force_n} N, {celsius:.0} degC, cold"), &loaded, 0, 1.0)
+            }));
+        }
+        jobs.push(Box::new(move || {
+            let loaded = ambient(full.clone(), temperature_k);
+            let celsius = temperature_k - 273.15;
+            let case = format!("hold, 100 N, {celsius:.0} degC, after 200 strokes");
+            hold_line(case, &loaded, 200, 1.0)
+        }));
+    }
+    let wrong: [(&str, Change); 8] = [
+        ("friction 20 % low", |s| s.friction.force_n *= 0.8),
+        ("friction 20 % high", |s| s.friction.force_n *= 1.2),
+        ("volume 20 % low", |s| volume(s, 0.8)),
+        ("volume 20 % high", |s| volume(s, 1.2)),
+        ("conductance 20 % low", |s| s.valve.conductance_m3_s_pa *= 0.8),
+        ("conductance 20 % high", |s| s.valve.conductance_m3_s_pa *= 1.2),
+        ("load 80 N too high", |s| s.load.force_n += 80.0),
+        ("load 80 N too low", |s| s.load.force_n -= 80.0),
+    ];
+    for (name, change) in wrong {
+        jobs.push(Box::new(move || {
+            hold_line(format!("hold, {name}"), &configured(full.clone(), change), 0, 2.0)
+        }));
+    }
+    jobs
+}
+
+/// Another volume by another number of turns, which go into it, and into the force, squared.
+pub(super) fn volume(scenario: &mut Scenario, factor: f64) {
+    let muscle = &mut scenario.muscle;
+    muscle.turns /= factor.sqrt();
+    muscle.diameter_m *= factor.sqrt();
+}
+
+/// Loads that are no constant force: a hanging mass, and a fixed length.
+fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
+    let with = |change: &dyn Fn(&mut Load)| {
+        let mut loaded = full.clone();
+        change(&mut loaded.plant.load);
+        change(&mut loaded.believed.load);
+        loaded
+    };
+    let mut jobs: Vec<Job> = Vec::new();
+    for mass_kg in [2.0, 10.0, 20.0] {
+        let loaded = with(&|load| {
+            load.kind = LoadKind::Mass;
+            load.mass_kg = mass_kg;
+        });
+        jobs.push(Box::new(move || {
+            hold_line(format!("hold, {mass_kg} kg hanging"), &loaded, 0, 1.0)
+        }));
+    }
+    for length_m in [0.29, 0.27, 0.24] {
+        let loaded = with(&|load| {
+            load.kind = LoadKind::Isometric;
+            load.length_m = length_m;
+        });
+        jobs.push(Box::new(move || {
+            let step = pressure_step(&loaded, &mut CoreBoard::default())?;
+            let held = force_hold(&loaded, &mut CoreBoard::default())?;
+            Ok(CaseFigures {
+                case: format!("isometric, {:.0} mm", 1e3 * length_m),
+                figures: vec![
+                    Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
+                    Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
+                    Figure::at_most("force_error_percent", held.error_percent, 1.0),
+                    Figure::at_most("force_ripple_percent", held.ripple_percent, 0.2),
+                    Figure::at_most("valves_driven", held.driven, 0.0),
+                ],
+            })
+        }));
+    }
+    jobs
+}
+
+/// Pressures held one after the other at a fixed length: the force there, in percent of the largest.
+/// Force and gauge pressure go together, less what the bladder pulls, which does not change.
+fn force_hold(loaded: &Loaded, board: &mut dyn Board) -> Result<rest::Held, RunError> {
+    let ambient_pa = loaded.plant.ambient.pressure_pa;
+    let held_pa = [1.5e5, 3.0e5, 4.0e5, 3.0e5, 2.0e5];
+    let largest_pa = 4.0e5 - ambient_pa;
+    let holds = rest::Holds { values: &held_pa, start_s: 0.0, full_scale: largest_pa };
+    let points = trace(loaded, DriveKind::Pressure, holds.profile(), board)?;
+    Ok(holds.worst(&points))
+}
+
+fn moving(full: &Loaded) -> Vec<Job<'_>> {
+    let mut jobs: Vec<Job> = Vec::new();
+    // At 50 N the muscle works at 1.4 bar, where the open outlet passes 0.5 g/s: the turn of 30 N of
+    // friction alone takes it a third of half a period at 5 Hz.
+    for (force_n, bandwidth_target_hz) in [(50.0, 5.0), (100.0, 5.0), (200.0, 5.0)] {
+        jobs.push(Box::new(move || {
+            let loaded = load(full.clone(), force_n);
+            let step = pressure_step(&loaded, &mut CoreBoard::default())?;
+            Ok(CaseFigures {
+                case: format!("pressure 2 to 4 bar, {force_n} N"),
+                figures: vec![
+                    Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
+                    Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
+                ],
+            })
+        }));
+        jobs.push(Box::new(move || {
+            let loaded = load(full.clone(), force_n);
+            let at = |hz: f64| sine(&loaded, hz, 0.025, &mut CoreBoard::default());
+            let mut peak: f64 = 0.0;
+            let mut bandwidth_hz: f64 = 0.0;
+            // The last frequency up to which every gain is above -3 dB.
+            let mut within = true;
+            for step in 2..=16 {
+                let hz = 0.5 * f64::from(step);
+                let gain = at(hz)?.gain;
+                peak = peak.max(gain);
+                within &= gain >= 0.5_f64.sqrt();
+                if within {
+                    bandwidth_hz = hz;
+                }
+            }
+            Ok(CaseFigures {
+                case: format!("sine of 2.5 % of stroke, {force_n} N"),
+                figures: vec![
+                    Figure::at_least("bandwidth_hz", bandwidth_hz, bandwidth_target_hz),
+                    Figure::at_most("largest_gain", peak, 1.5),
+                ],
+            })
+        }));
+        jobs.push(Box::new(move || {
+            let loaded = load(full.clone(), force_n);
+            let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default())?;
+            Ok(CaseFigures {
+                case: format!("0.5 Hz over 30 % of stroke, {force_n} N"),
+                figures: vec![Figure::at_most("rms_percent", slow.rms_percent, 2.0)],
+            })
+        }));
+    }
+    jobs
+}
+
+fn compared(full: &Loaded) -> Vec<Job<'_>> {
+    [283.15, 313.15]
+        .into_iter()
+        .map(|temperature_k| -> Job {
+            Box::new(move || {
+                let loaded = ambient(full.clone(), temperature_k);
+                let fixed = configured(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
+                let rms = |loaded: &Loaded, board: &mut dyn Board| {
+                    sine(loaded, 0.5, 0.15, board).map(|slow| slow.rms_percent)
+                };
+                let rest_m = full.plant.muscle.rest_length_m;
+                let compensated = rms(&loaded, &mut CoreBoard::default())?;
+                let uncompensated = rms(&fixed, &mut CoreBoard::default())?;
+                let usual = rms(&loaded, &mut PidBoard::new(USUAL_GAINS, rest_m))?;
+                Ok(CaseFigures {
+                    case: format!("0.5 Hz sine, {:.0} degC", temperature_k - 273.15),
+                    figures: vec![
+                        Figure::at_most("rms_percent", compensated, 2.0),
+                        Figure::at_least("fixed_friction_times", uncompensated / compensated, 2.0),
+                        Figure::at_least("pid_times", usual / compensated, 3.0),
+                    ],
+                })
+            })
+        })
+        .collect()
+}
+
+/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario. Where it is stopped there are lines of
+/// the finished cases.
+///
+/// # Errors
+/// The first run that could not be finished.
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
+    let full = &full(nominal);
+    let jobs: Vec<Job> = [holding(full), other_loads(full), moving(full), compared(full)]
+        .into_iter()
+        .flatten()
+        .collect();
+    finished(parallel::map_watched(&jobs, watch, |job| job()))
+}

@@ -1,0 +1,332 @@
+//! How well the core knows the gas temperature: knowing the plant, configured wrong, started wrong, and on
+//! other motions than the one it was tuned on; and in errors of what could be known at best from the
+//! same samples.
+
+use super::faults::muscle::{self, Draw, Spread, Task};
+use super::{CaseFigures, Figure, finished};
+use crate::smoother;
+use model_core::Telemetry;
+use thermyo_compute::parallel;
+use thermyo_compute::parallel::Watch;
+use thermyo_record::trace::Row;
+use thermyo_scenario::profile::Profile;
+use thermyo_scenario::{DriveKind, LoadKind, PlantModel};
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
+
+/// The errors count from here on: the estimator needs time to learn \[s\].
+const SETTLED_S: f64 = 10.0;
+/// Where it started 10 K wrong, from here on \[s\].
+const RECOVERED_S: f64 = 15.0;
+
+/// A case: a name, what it changes, and its bounds on the RMS error for `lumped` and `full` \[K\].
+#[derive(Debug, Clone, Copy)]
+pub struct Case {
+    /// What it is called in the table.
+    pub name: &'static str,
+    /// What it changes in the nominal scenario.
+    pub change: fn(&mut Loaded),
+    bounds_k: [f64; 2],
+    /// Bounds on the share of time within two stated standard deviations.
+    within: (f64, f64),
+    /// The errors count from here on \[s\].
+    pub from_s: f64,
+}
+
+/// Largest error of the estimate, in errors of the smoother that knows the whole run.
+const TIMES_SMOOTHER: f64 = 1.5;
+
+const NOMINAL: (f64, f64) = (0.93, 0.97);
+const MISMATCHED: (f64, f64) = (0.85, 1.0);
+
+/// Every case of the table.
+pub fn cases() -> Vec<Case> {
+    let case = |name, bounds_k, change| Case {
+        name,
+        change,
+        bounds_k,
+        within: MISMATCHED,
+        from_s: SETTLED_S,
+    };
+    vec![
+        Case { within: NOMINAL, ..case("nominal", [0.15, 0.4], |_| {}) },
+        case("heat transfer believed 30 % low", [0.3, 0.6], |l| scale_heat(l, 0.7)),
+        case("heat transfer believed 30 % high", [0.3, 0.6], |l| scale_heat(l, 1.3)),
+        case("sensor lag believed 20 % low", [0.5, 0.8], |l| scale_lag(l, 0.8)),
+        case("sensor lag believed 20 % high", [0.5, 0.8], |l| scale_lag(l, 1.2)),
+        case("supply believed 3 K cold", [0.3, 0.6], |l| warm_supply(l, -3.0)),
+        case("supply believed 3 K warm", [0.3, 0.6], |l| warm_supply(l, 3.0)),
+        case("all low at once", [0.8, 1.0], |l| {
+            scale_heat(l, 0.7);
+            scale_lag(l, 0.8);
+            warm_supply(l, -3.0);
+        }),
+        case("all high at once", [0.8, 1.0], |l| {
+            scale_heat(l, 1.3);
+            scale_lag(l, 1.2);
+            warm_supply(l, 3.0);
+        }),
+        Case {
+            from_s: RECOVERED_S,
+            // The sensor starts where the gas does: warm gas in a muscle that has just been
+            // flushed, 10 K from what the sensor's mount remembers.
+            ..case("started 10 K wrong", [0.3, 0.6], |l| {
+                l.plant.plant.initial_temperature_k += 10.0
+            })
+        },
+        case("strokes of 1 s", [0.3, 0.6], |l| period(l, 1.0)),
+        case("strokes of 2 s", [0.3, 0.6], |l| period(l, 2.0)),
+        case("strokes of 10 s", [0.3, 0.6], |l| period(l, 10.0)),
+        case("strokes of 30 s", [0.3, 0.6], |l| period(l, 30.0)),
+        case("random pressure steps", [0.3, 0.6], random_pressure),
+        case("isometric hold", [0.3, 0.6], |l| {
+            for scenario in [&mut l.plant, &mut l.believed] {
+                scenario.load.kind = LoadKind::Isometric;
+                scenario.load.length_m = 0.27;
+            }
+            random_pressure(l);
+        }),
+        case("dump from 5 bar", [0.3, 0.6], |l| {
+            l.plant.drive.kind = DriveKind::Pressure;
+            l.drive_profile =
+                profile(&[(0.0, 5.0e5), (20.0, 5.0e5), (20.01, 1.1e5), (50.0, 1.1e5)]);
+        }),
+    ]
+}
+
+fn scale_heat(loaded: &mut Loaded, factor: f64) {
+    loaded.believed.heat.inner_w_m2_k *= factor;
+    loaded.believed.heat.inner_per_flow *= factor;
+}
+
+fn scale_lag(loaded: &mut Loaded, factor: f64) {
+    loaded.believed.sensor.gas.time_constant_s *= factor;
+}
+
+fn warm_supply(loaded: &mut Loaded, by_k: f64) {
+    loaded.believed.supply.temperature_k += by_k;
+}
+
+/// Another stroke, with the same mass moved where the valves can.
+fn period(loaded: &mut Loaded, period_s: f64) {
+    let drive = &mut loaded.plant.drive;
+    // Slower strokes move the same mass; faster ones are limited by the outlet valve's flow.
+    drive.flow_kg_s *= (drive.period_s / period_s).min(1.0);
+    drive.period_s = period_s;
+}
+
+/// Pressure steps from 1.3 to 4.5 bar that look random, the same in every run: a linear congruential
+/// generator (Numerical Recipes).
+fn random_pressure(loaded: &mut Loaded) {
+    let mut state = 2013_u32;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 8) / f64::from(1 << 24)
+    };
+    let mut points = vec![(0.0, 2.0e5)];
+    let mut time_s = 0.0;
+    while time_s < loaded.plant.run.duration_s {
+        time_s += 0.5 + 4.0 * random();
+        let pressure_pa = 1.3e5 + 3.2e5 * random();
+        let before = points.last().map_or(2.0e5, |point: &(f64, f64)| point.1);
+        points.push((time_s, before));
+        points.push((time_s + 0.01, pressure_pa));
+    }
+    loaded.plant.drive.kind = DriveKind::Pressure;
+    loaded.drive_profile = profile(&points);
+}
+
+fn profile(points: &[(f64, f64)]) -> Option<Profile> {
+    Some(Profile::new(points.to_vec()).expect("times increase"))
+}
+
+/// What one run gave.
+#[derive(Debug, Clone, Copy, Default)]
+struct Errors {
+    steps: u64,
+    squares_k2: f64,
+    bare_squares_k2: f64,
+    forward_squares_k2: f64,
+    smoother_squares_k2: f64,
+    within: u64,
+}
+
+impl Errors {
+    fn rms_k(&self) -> f64 {
+        (self.squares_k2 / self.steps as f64).sqrt()
+    }
+
+    fn bare_rms_k(&self) -> f64 {
+        (self.bare_squares_k2 / self.steps as f64).sqrt()
+    }
+
+    fn forward_rms_k(&self) -> f64 {
+        (self.forward_squares_k2 / self.steps as f64).sqrt()
+    }
+
+    fn smoother_rms_k(&self) -> f64 {
+        (self.smoother_squares_k2 / self.steps as f64).sqrt()
+    }
+
+    fn share_within(&self) -> f64 {
+        self.within as f64 / self.steps as f64
+    }
+}
+
+/// What one run gives, from `from_s` on; `seen` sees every row.
+fn run(loaded: &Loaded, from_s: f64, mut seen: impl FnMut(&Row)) -> Result<Errors, RunError> {
+    let mut errors = Errors::default();
+    let mut observer = |row: &Row| {
+        let truth_k = row.truth.gas_temperature_k;
+        seen(row);
+        if row.truth.time_s >= from_s {
+            let estimate = &row.telemetry.estimate;
+            let error = f64::from(estimate.gas_k) - truth_k;
+            errors.steps += 1;
+            errors.squares_k2 += error * error;
+            errors.bare_squares_k2 += (row.sensor_gas_k - truth_k).powi(2);
+            errors.within += u64::from(error.abs() <= 2.0 * f64::from(estimate.gas_sd_k));
+        }
+        Ok(())
+    };
+    run::run(loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    Ok(errors)
+}
+
+fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
+    let mut telemetry: Vec<Telemetry> = Vec::new();
+    let mut truth: Vec<f64> = Vec::new();
+    let mut errors = run(loaded, from_s, |row| {
+        telemetry.push(row.telemetry);
+        truth.push(row.truth.gas_temperature_k);
+    })?;
+    let best = smoother::smooth(&core_config(&loaded.believed), &telemetry);
+    let counted = truth.len() - errors.steps as usize;
+    let squares_k2 = |best_k: &[f64]| {
+        let errors = best_k[counted..].iter().zip(&truth[counted..]);
+        errors.map(|(best_k, truth_k)| (best_k - truth_k).powi(2)).sum()
+    };
+    errors.forward_squares_k2 = squares_k2(&best.forward_k);
+    errors.smoother_squares_k2 = squares_k2(&best.smoothed_k);
+    Ok(errors)
+}
+
+/// Runs every case on `lumped` and on `full`, on all cores. Where it is stopped there are lines of the finished cases.
+///
+/// # Errors
+/// The first run that could not be finished.
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
+    let [lumped, full] =
+        [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
+    let cases = cases();
+    let jobs: Vec<(usize, usize)> =
+        (0..cases.len()).flat_map(|case| [(case, 0), (case, 1)]).collect();
+    let results = parallel::map_watched(&jobs, watch, |&(case, plant)| {
+        let mut loaded = [&lumped, &full][plant].clone();
+        loaded.plant.run.log_every = 1;
+        (cases[case].change)(&mut loaded);
+        measure(&loaded, cases[case].from_s).map(|errors| (case, plant, errors))
+    });
+    let mut lines = Vec::new();
+    for (case, plant, errors) in finished(results)? {
+        let case = &cases[case];
+        let times_smoother = errors.rms_k() / errors.smoother_rms_k();
+        let mut figures = vec![
+            Figure::at_most("error_k", errors.rms_k(), case.bounds_k[plant]),
+            Figure::shown("forward_k", errors.forward_rms_k()),
+            Figure::shown("smoother_k", errors.smoother_rms_k()),
+            Figure::at_most("times_smoother", times_smoother, TIMES_SMOOTHER),
+            Figure {
+                name: "within_2sd",
+                value: errors.share_within(),
+                minimum: case.within.0,
+                maximum: case.within.1,
+            },
+        ];
+        if case.within == NOMINAL {
+            let times = errors.bare_rms_k() / errors.rms_k();
+            figures.push(Figure::at_least("times_better", times, [40.0, 15.0][plant]));
+        }
+        lines.push(CaseFigures {
+            case: format!("{} {}", ["lumped", "full  "][plant], case.name),
+            figures,
+        });
+    }
+    lines.sort_by_key(|line| line.case.starts_with("full"));
+    Ok(lines)
+}
+
+/// One run of a random muscle \[s\].
+const MUSCLE_S: f64 = 60.0;
+/// Random muscles differ that far.
+const SPREAD: Spread = Spread { loads_n: [20.0, 800.0], lags_s: [0.3, 8.0] };
+/// Largest RMS error on a random muscle \[K\].
+const RANDOM_K: f64 = 0.5;
+/// Share of time within two stated deviations, on each.
+const CALIBRATED: (f64, f64) = (0.85, 0.99);
+
+/// Random muscle `number` of those of `seed`, and in words what it is.
+pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
+    let mut draw = Draw::new(seed.wrapping_mul(1_000_003).wrapping_add(number));
+    let task = draw.of(&Task::MOVING);
+    let loaded = muscle::random_within(&SPREAD, &mut draw, PlantModel::Full, task, MUSCLE_S);
+    let s = &loaded.plant;
+    let name = format!(
+        "{number:3} {:17} {:2.0} mm {:3.0} N {:3.0} K lag {:.1} s",
+        task.name(),
+        1e3 * s.muscle.diameter_m,
+        s.load.force_n,
+        s.ambient.temperature_k,
+        s.sensor.gas.time_constant_s
+    );
+    (name, loaded)
+}
+
+/// So many random muscles on `full`, configured as what they are, in motion: where nothing moves every model agrees. Where it is
+/// stopped there are lines of the finished ones.
+///
+/// # Errors
+/// The first run that could not be finished.
+pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
+    let numbers: Vec<u64> = (0..count).collect();
+    let results = parallel::map_watched(&numbers, watch, |&number| {
+        let (case, loaded) = random_muscle(seed, number);
+        run(&loaded, SETTLED_S, |_| {}).map(|errors| (case, errors))
+    });
+    let results = finished(results)?;
+    if results.is_empty() {
+        return Ok(Vec::new());
+    }
+    let count = results.len();
+    let mut lines: Vec<CaseFigures> = results
+        .iter()
+        .map(|(case, errors)| CaseFigures {
+            case: case.clone(),
+            figures: vec![
+                Figure::at_most("error_k", errors.rms_k(), RANDOM_K),
+                Figure::shown("bare_k", errors.bare_rms_k()),
+                Figure {
+                    name: "within_2sd",
+                    value: errors.share_within(),
+                    minimum: CALIBRATED.0,
+                    maximum: CALIBRATED.1,
+                },
+            ],
+        })
+        .collect();
+    let errors_k = results.iter().map(|(_, errors)| errors.rms_k());
+    let within = results.iter().map(|(_, errors)| errors.share_within());
+    lines.push(CaseFigures {
+        case: format!("{count} muscles of seed {seed}"),
+        figures: vec![
+            Figure::shown("mean_k", errors_k.clone().sum::<f64>() / count as f64),
+            Figure::shown("worst_k", errors_k.fold(0.0, f64::max)),
+            Figure::shown("least_within", within.clone().fold(1.0, f64::min)),
+            Figure::shown("mean_within", within.sum::<f64>() / count as f64),
+        ],
+    });
+    Ok(lines)
+}

@@ -1,0 +1,124 @@
+//! What is healthy is left alone: the shipped scenarios, random muscles, and muscles that the core is
+//! configured wrong.
+
+use super::MUSCLES;
+use super::muscle::{self, Draw, Task};
+use crate::{CaseFigures, Figure};
+use model_core::Faults;
+use thermyo_files::shipped;
+use thermyo_record::trace::Row;
+use thermyo_scenario::PlantModel;
+use thermyo_setup::{Loaded, parse};
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
+
+/// The shipped scenarios.
+const SHIPPED: [&str; 6] = [
+    "air_discharge.toml",
+    "contraction.toml",
+    "gas_spring.toml",
+    "nominal.toml",
+    "reproduce.toml",
+    "sensor.toml",
+];
+/// One run of a random muscle on `full` \[s\].
+const MUSCLE_S: f64 = 30.0;
+/// One run of a muscle that the core is configured wrong \[s\].
+const RUN_S: f64 = 60.0;
+/// What the core is configured with may be so many times too much or too little \[-\].
+const WRONG: [f64; 2] = [0.5, 2.0];
+
+/// A healthy run.
+#[derive(Debug, Clone)]
+pub struct Healthy {
+    /// What it is, for whoever looks for an alarm's cause.
+    pub name: String,
+    /// The run.
+    pub loaded: Loaded,
+}
+
+/// Every shipped scenario.
+pub fn shipped() -> Vec<Healthy> {
+    SHIPPED
+        .iter()
+        .map(|name| {
+            let loaded = parse(shipped::text(name), name.as_ref());
+            let loaded = loaded.expect("the file is part of the program");
+            Healthy { name: (*name).to_owned(), loaded }
+        })
+        .collect()
+}
+
+/// Random muscles on `full`, configured right.
+pub fn muscles() -> Vec<Healthy> {
+    let muscle = |number| {
+        let mut draw = Draw::new(0x00FF_0000 + number);
+        let task = draw.of(&Task::ALL);
+        let loaded = muscle::random(&mut draw, PlantModel::Full, task, MUSCLE_S);
+        Healthy { name: format!("muscle {number}, {task:?}"), loaded }
+    };
+    (0..MUSCLES).map(muscle).collect()
+}
+
+/// Random muscles on `lumped` that the core is configured wrong, for so many hours in all.
+pub fn configured_wrong(hours: f64) -> Vec<Healthy> {
+    let configured = |number| {
+        let mut draw = Draw::new(0x0F00_0000 + number);
+        let task = draw.of(&Task::ALL);
+        let mut loaded = muscle::random(&mut draw, PlantModel::Lumped, task, RUN_S);
+        let s = &mut loaded.believed;
+        let heat = draw.factor(WRONG);
+        s.heat.inner_w_m2_k *= heat;
+        s.heat.inner_per_flow *= heat;
+        let lag = draw.factor(WRONG);
+        s.sensor.gas.time_constant_s *= lag;
+        let conductance = draw.factor(WRONG);
+        s.valve.conductance_m3_s_pa *= conductance;
+        let friction = draw.factor(WRONG);
+        s.friction.force_n *= friction;
+        let wall = draw.factor(WRONG);
+        s.wall.heat_capacity_j_k *= wall;
+        let load = draw.factor(WRONG);
+        s.load.force_n *= load;
+        let name = format!(
+            "configured wrong {number}, {task:?}, heat {heat:.2} lag {lag:.2} conductance \
+             {conductance:.2} friction {friction:.2} wall {wall:.2} load {load:.2}"
+        );
+        Healthy { name, loaded }
+    };
+    (0..(hours * 3600.0 / RUN_S).ceil() as u64).map(configured).collect()
+}
+
+/// Every fault that a healthy run shows.
+///
+/// # Errors
+/// When it could not be finished.
+pub fn shown(healthy: &Healthy) -> Result<Faults, RunError> {
+    let mut loaded = healthy.loaded.clone();
+    loaded.plant.run.log_every = 1;
+    let mut shown = Faults::NONE;
+    let mut observer = |row: &Row| {
+        shown = shown.with(row.telemetry.faults);
+        Ok(())
+    };
+    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    Ok(shown)
+}
+
+/// Hours run, and the runs that showed a fault, by kind.
+pub fn line(case: &str, runs: &[Healthy], shown: &[Faults]) -> CaseFigures {
+    let seconds: f64 = runs.iter().map(|run| run.loaded.plant.run.duration_s).sum();
+    let alarms = shown.iter().filter(|faults| **faults != Faults::NONE).count();
+    let mut figures = vec![
+        Figure::shown("hours", seconds / 3600.0),
+        Figure::at_most("alarms", alarms as f64, 0.0),
+    ];
+    for (fault, name) in Faults::NAMES {
+        let count = shown.iter().filter(|faults| faults.intersects(fault)).count();
+        if count > 0 {
+            figures.push(Figure::shown(name, count as f64));
+        }
+    }
+    CaseFigures { case: case.to_owned(), figures }
+}

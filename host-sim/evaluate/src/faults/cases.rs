@@ -1,0 +1,509 @@
+//! Every fault that is judged: what is injected and where, which bits count as found, how soon, and
+//! what follows.
+
+use super::muscle::{Draw, Task};
+use Reaction::{NotStated, Shown, ShownOrVents, Vents, VentsInVain};
+use model_core::{Command, Duty, Faults, Telemetry};
+use thermyo_plant::Truth;
+use thermyo_scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
+
+/// What has to follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reaction {
+    /// The muscle vents, latched: below 1.2 bar within [`super::VENTED_S`], and it stays there.
+    Vents,
+    /// It vents, latched, but the fault itself keeps gas in, or lets it in: what software can do is that
+    /// the pressure rises no more.
+    VentsInVain,
+    /// It is shown, and control goes on.
+    Shown,
+    /// It is shown, and control goes on until it vents: the pressure stays below its limit.
+    ShownOrVents,
+    /// Nothing is stated: the pressure may rise to the supply's. What that does is for a relief valve.
+    NotStated,
+}
+
+/// Slower is at rest \[m/s\].
+const MOVING_M_S: f64 = 0.001;
+
+/// When the time until a fault is found counts: where it can be seen at all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Counted {
+    /// From the start of the fault on.
+    Always,
+    /// While a valve is driven.
+    Driven,
+    /// While a valve is driven and the muscle moves.
+    Moving,
+    /// While the inlet is driven and the outlet is not.
+    Inlet,
+    /// While the outlet is driven and the inlet is not.
+    Outlet,
+    /// While the pressure is above the limit.
+    Above,
+}
+
+impl Counted {
+    /// Whether a step counts.
+    pub fn counts(self, telemetry: &Telemetry, truth: &Truth, above: bool) -> bool {
+        let Command { inlet, outlet } = telemetry.command;
+        let [inlet, outlet] = [inlet, outlet].map(|duty| duty > Duty::ZERO);
+        match self {
+            Self::Always => true,
+            Self::Driven => inlet || outlet,
+            Self::Moving => (inlet || outlet) && truth.speed_m_s.abs() > MOVING_M_S,
+            Self::Inlet => inlet && !outlet,
+            Self::Outlet => outlet && !inlet,
+            Self::Above => above,
+        }
+    }
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Always => "since it came",
+            Self::Driven => "of driven valves",
+            Self::Moving => "of driven valves and a muscle that moves",
+            Self::Inlet => "of the inlet driven alone",
+            Self::Outlet => "of the outlet driven alone",
+            Self::Above => "above the limit",
+        }
+    }
+}
+
+/// A fault.
+#[derive(Debug, Clone, Copy)]
+pub struct Fault {
+    /// What it is called in the table.
+    pub name: &'static str,
+    /// What is injected, in words.
+    pub size: &'static str,
+    /// What the muscle is doing meanwhile.
+    pub tasks: &'static [Task],
+    /// Puts what is injected into its window.
+    pub inject: fn(&mut Draw, &Scenario, &mut FaultWindow),
+    /// One of them counts as found.
+    pub found: Faults,
+    /// When the time counts.
+    pub counted: Counted,
+    /// It is found within that time \[s\].
+    pub within_s: f64,
+    /// What follows.
+    pub reaction: Reaction,
+    /// How long is looked for it after its start \[s\].
+    pub observed_s: f64,
+}
+
+impl Fault {
+    /// The largest error of the estimate while it is shown, RMS; none where nothing is stated \[K\].
+    pub fn error_k(&self) -> f64 {
+        match self.found {
+            // A reading that runs away pulls the estimate along until it is found.
+            GAS if self.observed_s > 20.0 => 30.0,
+            GAS => 4.0,
+            LENGTH => 8.0,
+            _ => f64::INFINITY,
+        }
+    }
+}
+
+impl Reaction {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vents => "vents, latched",
+            Self::VentsInVain => "vents, latched, as far as it can; no pressure rises",
+            Self::Shown => "shown, control goes on",
+            Self::ShownOrVents => "shown or vents; the pressure stays below its limit",
+            Self::NotStated => "none stated",
+        }
+    }
+}
+
+const PRESSURE: Faults = Faults::PRESSURE_SENSOR;
+const LENGTH: Faults = Faults::LENGTH_SENSOR;
+const GAS: Faults = Faults::GAS_SENSOR;
+const FORCE: Faults = Faults::FORCE;
+const BURST: Faults = Faults::BURST;
+/// Gas that valves do not explain.
+const FLOW: Faults =
+    Faults::GAS_GAINED.with(Faults::NO_INFLOW).with(Faults::NO_OUTFLOW).with(BURST);
+/// Gas that leaves and does not come back.
+const LOST: Faults = Faults::LEAK.with(BURST).with(Faults::NO_INFLOW);
+
+/// A fault that is found whatever the muscle does, and at once.
+fn fault(
+    name: &'static str,
+    size: &'static str,
+    inject: fn(&mut Draw, &Scenario, &mut FaultWindow),
+    found: Faults,
+    within_s: f64,
+    reaction: Reaction,
+) -> Fault {
+    Fault {
+        name,
+        size,
+        tasks: &Task::ALL,
+        inject,
+        found,
+        counted: Counted::Always,
+        within_s,
+        reaction,
+        observed_s: 1.0,
+    }
+}
+
+impl Fault {
+    /// One that shows only then, or not so soon.
+    fn seen(self, counted: Counted, tasks: &'static [Task], observed_s: f64) -> Self {
+        Self { counted, tasks, observed_s, ..self }
+    }
+}
+
+/// Every fault.
+pub fn all() -> Vec<Fault> {
+    [
+        of_the_pressure_sensor(),
+        of_the_gas_sensor(),
+        of_the_length_sensor(),
+        of_the_valves(),
+        of_the_gas(),
+        of_the_board(),
+    ]
+    .concat()
+}
+
+/// Those of the pressure sensor.
+fn of_the_pressure_sensor() -> Vec<Fault> {
+    vec![
+        fault(
+            "pressure sensor open",
+            "code 32760",
+            |_, _, w| w.pressure = ChannelFault::Open,
+            PRESSURE,
+            0.011,
+            Vents,
+        ),
+        fault(
+            "pressure sensor shorted",
+            "code 0",
+            |_, _, w| w.pressure = ChannelFault::Shorted,
+            PRESSURE,
+            0.011,
+            Vents,
+        ),
+        fault(
+            "pressure sensor frozen",
+            "the code of that moment",
+            |_, _, w| w.pressure = ChannelFault::Frozen,
+            PRESSURE.with(FLOW),
+            0.1,
+            Vents,
+        )
+        .seen(Counted::Driven, &Task::MOVING, 6.0),
+        fault(
+            "pressure sensor noisy",
+            "5 % of the range",
+            |_, _, w| w.pressure = ChannelFault::Noisy,
+            PRESSURE,
+            0.05,
+            Vents,
+        ),
+        fault(
+            "pressure sensor drifting up",
+            "10 to 30 kPa/s",
+            |draw, _, w| {
+                let rate_per_s = draw.factor([1.0e4, 3.0e4]);
+                w.pressure = ChannelFault::Drifting { rate_per_s };
+            },
+            PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE),
+            40.0,
+            Vents,
+        )
+        .seen(Counted::Always, &Task::ALL, 42.0),
+        fault(
+            "pressure sensor drifting down",
+            "10 to 30 kPa/s",
+            |draw, _, w| {
+                let rate_per_s = -draw.factor([1.0e4, 3.0e4]);
+                w.pressure = ChannelFault::Drifting { rate_per_s };
+            },
+            PRESSURE.with(FLOW).with(FORCE),
+            f64::INFINITY,
+            NotStated,
+        )
+        .seen(Counted::Always, &Task::ALL, 32.0),
+    ]
+}
+
+/// Those of the gas sensor.
+fn of_the_gas_sensor() -> Vec<Fault> {
+    vec![
+        fault(
+            "gas sensor open",
+            "code 32760",
+            |_, _, w| w.gas = ChannelFault::Open,
+            GAS,
+            0.001,
+            Shown,
+        ),
+        fault(
+            "gas sensor shorted",
+            "code 0",
+            |_, _, w| w.gas = ChannelFault::Shorted,
+            GAS,
+            0.001,
+            Shown,
+        ),
+        fault(
+            "gas sensor frozen",
+            "the code of that moment",
+            |_, _, w| w.gas = ChannelFault::Frozen,
+            GAS,
+            12.0,
+            Shown,
+        )
+        .seen(Counted::Always, &Task::MOVING, 14.0),
+        fault(
+            "gas sensor noisy",
+            "5 % of the range",
+            |_, _, w| w.gas = ChannelFault::Noisy,
+            GAS,
+            0.05,
+            Shown,
+        ),
+        fault(
+            "gas sensor drifting",
+            "0.5 to 3 K/s, up or down",
+            |draw, _, w| {
+                let rate_per_s = draw.sign() * draw.factor([0.5, 3.0]);
+                w.gas = ChannelFault::Drifting { rate_per_s };
+            },
+            GAS,
+            20.0,
+            Shown,
+        )
+        .seen(Counted::Always, &Task::ALL, 22.0),
+    ]
+}
+
+/// Those of the length sensor.
+fn of_the_length_sensor() -> Vec<Fault> {
+    vec![
+        fault(
+            "length sensor open",
+            "code 32760",
+            |_, _, w| w.length = ChannelFault::Open,
+            LENGTH,
+            0.001,
+            Shown,
+        ),
+        fault(
+            "length sensor shorted",
+            "code 0",
+            |_, _, w| w.length = ChannelFault::Shorted,
+            LENGTH,
+            0.001,
+            Shown,
+        ),
+        fault(
+            "length sensor frozen",
+            "the code of that moment",
+            |_, _, w| w.length = ChannelFault::Frozen,
+            LENGTH,
+            0.2,
+            Shown,
+        )
+        .seen(Counted::Moving, &Task::MOVING, 6.0),
+        fault(
+            "length sensor noisy",
+            "5 % of the range",
+            |_, _, w| w.length = ChannelFault::Noisy,
+            LENGTH,
+            0.05,
+            Shown,
+        ),
+        fault(
+            "length sensor drifting",
+            "2 to 10 % of the rest length per second, up or down",
+            |draw, s, w| {
+                let rest_m = s.muscle.rest_length_m;
+                let rate_per_s = draw.sign() * draw.factor([0.02, 0.1]) * rest_m;
+                w.length = ChannelFault::Drifting { rate_per_s };
+            },
+            LENGTH.with(FORCE).with(FLOW),
+            20.0,
+            ShownOrVents,
+        )
+        .seen(Counted::Always, &Task::ALL, 22.0),
+    ]
+}
+
+/// Those of the valves, and of the pressure that they let in.
+fn of_the_valves() -> Vec<Fault> {
+    vec![
+        fault(
+            "overpressure",
+            "inlet commanded open, supply of 7.5 to 10 bar",
+            |draw, _, w| w.supply_pressure_pa = Some(draw.between([7.5e5, 1.0e6])),
+            Faults::OVERPRESSURE,
+            0.015,
+            Vents,
+        )
+        .seen(Counted::Above, &[Task::Filling], 6.0),
+        fault(
+            "inlet stuck open",
+            "its full conductance",
+            |_, _, w| w.inlet = ValveFault::Open,
+            FLOW.with(Faults::OVERPRESSURE),
+            1.0,
+            VentsInVain,
+        )
+        .seen(Counted::Always, &Task::ALL, 3.0),
+        fault(
+            "inlet stuck shut",
+            "no flow",
+            |_, _, w| w.inlet = ValveFault::Shut,
+            Faults::NO_INFLOW,
+            2.0,
+            Vents,
+        )
+        .seen(Counted::Inlet, &Task::MOVING, 8.0),
+        fault(
+            "inlet leaking",
+            "5 to 20 % of its conductance",
+            |draw, _, w| {
+                let share = draw.factor([0.05, 0.2]);
+                w.inlet = ValveFault::Leaking { share };
+            },
+            FLOW.with(Faults::OVERPRESSURE),
+            20.0,
+            VentsInVain,
+        )
+        .seen(Counted::Always, &Task::HOLDING, 22.0),
+        fault(
+            "outlet stuck open",
+            "its full conductance",
+            |_, _, w| w.outlet = ValveFault::Open,
+            FLOW,
+            2.0,
+            Vents,
+        )
+        .seen(Counted::Always, &Task::ALL, 3.0),
+        fault(
+            "outlet stuck shut",
+            "no flow",
+            |_, _, w| w.outlet = ValveFault::Shut,
+            Faults::NO_OUTFLOW,
+            2.0,
+            VentsInVain,
+        )
+        .seen(Counted::Outlet, &Task::MOVING, 8.0),
+        fault(
+            "outlet leaking",
+            "5 to 20 % of its conductance",
+            |draw, _, w| {
+                let share = draw.factor([0.05, 0.2]);
+                w.outlet = ValveFault::Leaking { share };
+            },
+            LOST,
+            30.0,
+            ShownOrVents,
+        )
+        .seen(Counted::Always, &Task::HOLDING, 32.0),
+    ]
+}
+
+/// Those of what the gas leaves by, or does not come from.
+fn of_the_gas() -> Vec<Fault> {
+    vec![
+        fault(
+            "muscle leaks",
+            "a hole of 5 to 20 % of a valve",
+            |draw, s, w| {
+                let share = draw.factor([0.05, 0.2]);
+                w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
+            },
+            LOST,
+            30.0,
+            ShownOrVents,
+        )
+        .seen(Counted::Always, &Task::HOLDING, 32.0),
+        fault(
+            "muscle bursts",
+            "a hole of two to five valves",
+            |draw, s, w| {
+                let share = draw.factor([2.0, 5.0]);
+                w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
+            },
+            FLOW,
+            2.0,
+            Vents,
+        )
+        .seen(Counted::Always, &Task::ALL, 3.0),
+        fault(
+            "supply lost",
+            "the ambient's pressure in its place",
+            |_, s, w| w.supply_pressure_pa = Some(s.ambient.pressure_pa),
+            Faults::NO_INFLOW.with(BURST),
+            1.0,
+            Vents,
+        )
+        .seen(Counted::Inlet, &Task::MOVING, 8.0),
+    ]
+}
+
+/// Those of the board, its button and its link.
+fn of_the_board() -> Vec<Fault> {
+    vec![
+        fault(
+            "emergency stop",
+            "pressed for 1 to 100 ms",
+            |draw, _, w| {
+                w.emergency_stop = true;
+                w.until_s = w.from_s + draw.between([0.001, 0.1]);
+            },
+            Faults::EMERGENCY_STOP,
+            0.001,
+            Vents,
+        ),
+        fault(
+            "link lost",
+            "the host goes silent; link.timeout_s = 0.5",
+            |_, _, w| w.link = LinkFault::Lost,
+            Faults::LINK_LOST,
+            0.501,
+            Vents,
+        ),
+        fault(
+            "link flooded",
+            "more requests than the board takes",
+            |_, _, w| w.link = LinkFault::Flooded,
+            Faults::LINK_FLOODED,
+            0.001,
+            Shown,
+        ),
+        fault(
+            "missed steps",
+            "5 to 200 left out together, or one in ten",
+            |draw, s, w| {
+                (w.missed_steps, w.missed_period_s) = if draw.sign() > 0.0 {
+                    (draw.between([5.0, 200.0]) as u8, w.until_s)
+                } else {
+                    (1, 10.0 * s.run.step_s)
+                };
+            },
+            Faults::MISSED_STEPS,
+            0.2,
+            Vents,
+        ),
+        fault(
+            "board restarts",
+            "and nobody tells it its muscle again",
+            |_, _, w| w.board_restart = true,
+            Faults::NOT_CONFIGURED,
+            0.001,
+            Vents,
+        ),
+    ]
+}

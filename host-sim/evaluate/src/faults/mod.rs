@@ -1,0 +1,161 @@
+//! What breaks, how soon the core finds it, and what follows; and that what is healthy is left alone.
+
+pub mod alarms;
+pub mod cases;
+pub mod muscle;
+pub mod page;
+pub mod trial;
+pub mod vent;
+
+use self::alarms::Healthy;
+use self::cases::{Fault, Reaction};
+use self::trial::{COMES_S, Outcome, Trial};
+use super::{CaseFigures, Figure};
+use model_core::Faults;
+use thermyo_compute::parallel;
+use thermyo_compute::stop;
+use thermyo_setup::Loaded;
+use thermyo_simulation::run::RunError;
+
+/// A muscle that vents is below 1.2 bar within that time \[s\].
+pub const VENTED_S: f64 = 1.0;
+/// Runs with each fault.
+pub const RUNS: u64 = 100;
+/// Healthy muscles on `full`.
+const MUSCLES: u64 = 38;
+/// Hours of healthy muscles on `lumped`, where nothing is said.
+pub const HOURS: f64 = 1.0;
+/// What the pressure may be where nothing is stated: the supply's, and what the sensor's noise adds \[kPa\].
+const SUPPLY_KPA: f64 = 705.0;
+
+/// What is reported of every run that has ended.
+pub type Ended<'a> = &'a (dyn Fn() + Sync);
+
+/// How a fault did in all its runs.
+fn line(fault: &Fault, outcomes: &[Outcome]) -> CaseFigures {
+    // Where no time is stated, every run counts.
+    let seen_s = if fault.within_s.is_finite() { fault.within_s } else { 0.0 };
+    let (judged, hidden): (Vec<_>, Vec<_>) =
+        outcomes.iter().partition(|o| o.found_s.is_some() || o.counted_s > seen_s);
+    let count = |which: &dyn Fn(&Outcome) -> bool| judged.iter().filter(|o| which(o)).count();
+    let percent = |count: usize| 100.0 * count as f64 / judged.len() as f64;
+    let most = |value: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(value).fold(0.0, f64::max);
+    let mut times_s: Vec<f64> = outcomes.iter().filter_map(|outcome| outcome.found_s).collect();
+    times_s.sort_by(f64::total_cmp);
+    let at = |index: usize| times_s.get(index).copied().unwrap_or(f64::NAN);
+    let in_time = times_s.iter().filter(|time_s| **time_s <= fault.within_s + 1e-9).count();
+    let early = count(&|outcome| outcome.before != Faults::NONE);
+    let highest_kpa = most(&|outcome| outcome.highest_pa / 1e3);
+    let stated = fault.reaction != Reaction::NotStated;
+    let least = if stated { 100.0 } else { 0.0 };
+    let mut figures = vec![
+        Figure::at_least("in_time_percent", percent(in_time), least),
+        Figure::shown("median_s", at(times_s.len() / 2)),
+        Figure::at_most("worst_s", at(times_s.len().wrapping_sub(1)), fault.within_s),
+        Figure::shown("worst_since_s", most(&|outcome| outcome.since_s)),
+    ];
+    if stated {
+        let reacted = count(&|outcome| outcome.reacted);
+        figures.push(Figure::at_least("reacts_percent", percent(reacted), 100.0));
+        figures.push(Figure::shown("highest_kpa", highest_kpa));
+    } else {
+        figures.push(Figure::at_most("highest_kpa", highest_kpa, SUPPLY_KPA));
+    }
+    if fault.reaction == Reaction::Shown {
+        let error_k = most(&|outcome| outcome.error_k);
+        figures.push(Figure::at_most("worst_error_k", error_k, fault.error_k()));
+    }
+    figures.push(Figure::at_most("early", early as f64, 0.0));
+    if !hidden.is_empty() {
+        figures.push(Figure::shown("hidden", hidden.len() as f64));
+    }
+    CaseFigures { case: fault.name.to_owned(), figures }
+}
+
+/// Runs every fault, `runs` times each.
+///
+/// # Errors
+/// The first run that could not be finished.
+pub fn table(faults: &[Fault], runs: u64, ended: Ended) -> Result<Vec<CaseFigures>, RunError> {
+    let trials: Vec<Trial> = faults
+        .iter()
+        .flat_map(|fault| (0..runs).map(|number| Trial::random(fault, number, COMES_S)))
+        .collect();
+    let mut results = each(&trials, ended, Trial::run).into_iter();
+    let mut lines = Vec::new();
+    for fault in faults {
+        let own: Vec<_> = results.by_ref().take(runs as usize).collect();
+        let outcomes = whole(own)?;
+        lines.extend(outcomes.map(|outcomes| line(fault, &outcomes)));
+    }
+    Ok(lines)
+}
+
+/// What each job gives, on all cores.
+fn each<J: Sync, R: Send>(
+    jobs: &[J],
+    ended: Ended,
+    work: impl Fn(&J) -> Result<R, RunError> + Sync,
+) -> Vec<Result<R, RunError>> {
+    parallel::map(jobs, |job| {
+        let result = work(job);
+        ended();
+        result
+    })
+}
+
+/// What all jobs of a line gave; none where they were stopped before the last.
+fn whole<R>(results: Vec<Result<R, RunError>>) -> Result<Option<Vec<R>>, RunError> {
+    match results.into_iter().collect() {
+        Ok(results) => Ok(Some(results)),
+        Err(_) if stop::wanted() => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// Everything that is run.
+#[derive(Debug)]
+pub struct Evaluation {
+    faults: Vec<Fault>,
+    vented: Vec<(&'static str, Vec<Loaded>)>,
+    healthy: Vec<(&'static str, Vec<Healthy>)>,
+}
+
+impl Evaluation {
+    /// Every fault, venting, and so many hours of healthy muscles.
+    pub fn new(nominal: &Loaded, hours: f64) -> Self {
+        Self {
+            faults: cases::all(),
+            vented: vent::muscles(nominal),
+            healthy: vec![
+                ("healthy: shipped scenarios", alarms::shipped()),
+                ("healthy: random muscles, full", alarms::muscles()),
+                ("healthy: configured wrong by up to two, lumped", alarms::configured_wrong(hours)),
+            ],
+        }
+    }
+
+    /// How many runs that is.
+    pub fn runs(&self) -> u64 {
+        let vented: usize = self.vented.iter().map(|(_, muscles)| muscles.len()).sum();
+        let healthy: usize = self.healthy.iter().map(|(_, runs)| runs.len()).sum();
+        RUNS * self.faults.len() as u64 + (vented + healthy) as u64
+    }
+
+    /// Runs everything. Where it is stopped there are lines of what was finished.
+    ///
+    /// # Errors
+    /// The first run that could not be finished.
+    pub fn evaluate(&self, ended: Ended) -> Result<Vec<CaseFigures>, RunError> {
+        let mut lines = table(&self.faults, RUNS, ended)?;
+        for (case, muscles) in &self.vented {
+            let vented = whole(each(muscles, ended, vent::vent))?;
+            lines.extend(vented.map(|vented| vent::line(case, &vented)));
+        }
+        for (case, runs) in &self.healthy {
+            let shown = whole(each(runs, ended, alarms::shown))?;
+            lines.extend(shown.map(|shown| alarms::line(case, runs, &shown)));
+        }
+        Ok(lines)
+    }
+}

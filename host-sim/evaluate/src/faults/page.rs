@@ -1,0 +1,39 @@
+//! The page of `thermyo evaluate faults`: what is injected, and what became of it.
+
+use super::cases::{self, Fault};
+use crate::{CaseFigures, figures, opened};
+use thermyo_report::page::{Page, Section, Table};
+use thermyo_setup::Loaded;
+
+/// The page.
+pub fn page(nominal: &Loaded, lines: &[CaseFigures]) -> String {
+    let lead =
+        "What breaks, how soon it is found, what follows, and that what is healthy is left alone.";
+    let columns = ["Fault", "Injected", "While", "Found as", "Within", "Then"];
+    let definitions = Table {
+        caption: "Faults, 100 runs each with random muscles".to_owned(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: cases::all().iter().map(row).collect(),
+    };
+    opened(Page::new("Faults, evaluated", lead, &thermyo_setup::render(nominal)), lines)
+        .section(Section::new("Figures").table(figures(lines)))
+        .section(Section::new("Definitions").table(definitions))
+        .render()
+}
+
+fn row(fault: &Fault) -> Vec<String> {
+    let tasks: Vec<String> = fault.tasks.iter().map(|task| task.name().to_owned()).collect();
+    let within = if fault.within_s.is_finite() {
+        format!("{} s {}", fault.within_s, fault.counted.name())
+    } else {
+        "not stated".to_owned()
+    };
+    vec![
+        fault.name.to_owned(),
+        fault.size.to_owned(),
+        tasks.join(", "),
+        fault.found.to_string(),
+        within,
+        fault.reaction.name().to_owned(),
+    ]
+}

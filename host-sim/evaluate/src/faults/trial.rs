@@ -1,0 +1,178 @@
+//! One run with one fault.
+
+use super::VENTED_S;
+use super::cases::{Fault, Reaction};
+use super::muscle::{self, Draw};
+use model_core::control::Mode;
+use model_core::{Command, Faults};
+use thermyo_record::trace::Row;
+use thermyo_scenario::{FaultWindow, PlantModel};
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::pressure_limit_pa;
+use thermyo_simulation::board::{Board, CoreBoard};
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
+
+/// Below this pressure a muscle is vented \[Pa\].
+pub const VENTED_PA: f64 = 1.2e5;
+/// When a fault comes \[s\].
+pub const COMES_S: [f64; 2] = [4.0, 7.0];
+/// Above what was there when a fault was found, the pressure of a muscle that vents in vain does not
+/// rise: gas in the tube, and noise \[-\].
+const NO_RISE: f64 = 1.02;
+
+/// What one run gave.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Outcome {
+    /// Time until it was found, as it counts \[s\].
+    pub found_s: Option<f64>,
+    /// How long it could be seen, as that counts \[s\].
+    pub counted_s: f64,
+    /// The same since it came \[s\].
+    pub since_s: f64,
+    /// What was shown before the fault came.
+    pub before: Faults,
+    /// What was shown after it came.
+    pub shown: Faults,
+    /// What has to follow did.
+    pub reacted: bool,
+    /// Highest pressure after the fault came \[Pa\].
+    pub highest_pa: f64,
+    /// RMS error of the estimate after the fault came \[K\].
+    pub error_k: f64,
+}
+
+/// What a run is judged by as it goes on.
+struct Judge<'a> {
+    fault: &'a Fault,
+    from_s: f64,
+    limit_pa: f64,
+    counted_steps: u64,
+    step_s: f64,
+    found_s: Option<f64>,
+    found_pa: f64,
+    outcome: Outcome,
+    fails: bool,
+    steps: u64,
+    squares_k2: f64,
+}
+
+impl<'a> Judge<'a> {
+    fn new(trial: &'a Trial) -> Self {
+        Self {
+            fault: &trial.fault,
+            from_s: trial.from_s,
+            limit_pa: pressure_limit_pa(&trial.loaded.plant),
+            counted_steps: 0,
+            step_s: trial.loaded.plant.run.step_s,
+            found_s: None,
+            found_pa: 0.0,
+            outcome: Outcome::default(),
+            fails: false,
+            steps: 0,
+            squares_k2: 0.0,
+        }
+    }
+
+    fn add(&mut self, row: &Row) {
+        let Row { truth, telemetry, .. } = row;
+        let faults = telemetry.faults;
+        // A step that has begun before the fault is not yet broken.
+        if truth.time_s < self.from_s - 0.5 * self.step_s {
+            self.outcome.before = self.outcome.before.with(faults);
+            return;
+        }
+        let outcome = &mut self.outcome;
+        outcome.shown = outcome.shown.with(faults);
+        outcome.highest_pa = outcome.highest_pa.max(truth.pressure_pa);
+        let error_k = f64::from(telemetry.estimate.gas_k) - truth.gas_temperature_k;
+        self.squares_k2 += error_k * error_k;
+        self.steps += 1;
+        if self.found_s.is_none() {
+            let above = truth.pressure_pa > self.limit_pa;
+            self.counted_steps += u64::from(self.fault.counted.counts(telemetry, truth, above));
+            if faults.intersects(self.fault.found) {
+                outcome.since_s = truth.time_s - self.from_s + self.step_s;
+                self.found_s = Some(truth.time_s);
+                self.found_pa = truth.pressure_pa;
+            }
+        }
+        let Some(found_s) = self.found_s else { return };
+        let venting = telemetry.command == Command::VENT;
+        self.fails |= match self.fault.reaction {
+            Reaction::Vents => {
+                let late = truth.time_s > found_s + VENTED_S;
+                !venting || (late && truth.pressure_pa > VENTED_PA)
+            }
+            Reaction::VentsInVain => {
+                !venting || truth.pressure_pa > NO_RISE * self.found_pa.max(self.limit_pa)
+            }
+            Reaction::Shown => telemetry.mode == Mode::Vent,
+            Reaction::ShownOrVents => truth.pressure_pa > self.limit_pa,
+            Reaction::NotStated => false,
+        };
+    }
+
+    fn outcome(self) -> Outcome {
+        // Nothing is counted any more once it is found.
+        let counted_s = self.counted_steps as f64 * self.step_s;
+        Outcome {
+            found_s: self.found_s.map(|_| counted_s),
+            reacted: self.found_s.is_some() && !self.fails,
+            counted_s,
+            error_k: (self.squares_k2 / self.steps.max(1) as f64).sqrt(),
+            ..self.outcome
+        }
+    }
+}
+
+/// A run with a fault, ready to go.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// The fault.
+    pub fault: Fault,
+    /// The muscle, with the fault in its window.
+    pub loaded: Loaded,
+    /// When it comes \[s\].
+    pub from_s: f64,
+}
+
+impl Trial {
+    /// Run number `number` with that fault, which comes between two times \[s\]; every fourth is on
+    /// `full`.
+    pub fn random(fault: &Fault, number: u64, comes_s: [f64; 2]) -> Self {
+        let name = fault.name.bytes().fold(0, |sum, byte| (31 * sum + u64::from(byte)) % (1 << 40));
+        let mut draw = Draw::new(name ^ (number << 40));
+        let model = if number % 4 == 3 { PlantModel::Full } else { PlantModel::Lumped };
+        let task = draw.of(fault.tasks);
+        let from_s = (draw.between(comes_s) * 1000.0).round() / 1000.0;
+        let duration_s = from_s + fault.observed_s + VENTED_S + 0.3;
+        let mut loaded = muscle::random(&mut draw, model, task, duration_s);
+        let mut window = FaultWindow { from_s, ..FaultWindow::default() };
+        (fault.inject)(&mut draw, &loaded.plant, &mut window);
+        loaded.plant.faults.own = window;
+        Self { fault: *fault, loaded, from_s }
+    }
+
+    /// Runs it with the core in this process.
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    pub fn run(&self) -> Result<Outcome, RunError> {
+        self.run_on(&mut CoreBoard::default())
+    }
+
+    /// Runs it on a board.
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    pub fn run_on(&self, board: &mut dyn Board) -> Result<Outcome, RunError> {
+        let mut judge = Judge::new(self);
+        let mut observer = |row: &Row| {
+            judge.add(row);
+            Ok(())
+        };
+        run::run(&self.loaded, board, None, &mut observer)?;
+        Ok(judge.outcome())
+    }
+}

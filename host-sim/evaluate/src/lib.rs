@@ -1,0 +1,176 @@
+//! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
+
+pub mod control;
+pub mod control_page;
+pub mod estimator;
+pub mod faults;
+pub mod pid;
+pub mod recording;
+pub mod smoother;
+pub mod truth;
+pub mod tune;
+
+use serde::Serialize;
+use thermyo_compute::stop;
+use thermyo_files::input::InputError;
+use thermyo_files::number::{COUNT, fixed, significant};
+use thermyo_files::shipped;
+use thermyo_report::page::{Page, Section, Table, Tile};
+use thermyo_setup::Loaded;
+
+/// The nominal scenario.
+///
+/// # Errors
+/// None in a sane build: the file is part of the program and tested.
+pub fn nominal() -> Result<Loaded, InputError> {
+    thermyo_setup::parse(shipped::text("nominal.toml"), "scenarios/nominal.toml".as_ref())
+}
+
+/// What all jobs gave; where they were stopped ([`thermyo_compute::stop`]) what the finished ones gave.
+fn finished<R, E>(results: impl IntoIterator<Item = Result<R, E>>) -> Result<Vec<R>, E> {
+    let results = results.into_iter();
+    if stop::wanted() { Ok(results.flatten().collect()) } else { results.collect() }
+}
+
+/// One line of the table.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CaseFigures {
+    /// What was run.
+    pub case: String,
+    /// Figures: name, value, allowed range.
+    pub figures: Vec<Figure>,
+}
+
+/// A figure and where it has to lie.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figure {
+    /// What it is, with its unit.
+    pub name: &'static str,
+    /// What was measured.
+    pub value: f64,
+    /// Smallest value allowed.
+    pub minimum: f64,
+    /// Largest value allowed.
+    pub maximum: f64,
+}
+
+impl Figure {
+    /// A figure that must not exceed `maximum`.
+    pub fn at_most(name: &'static str, value: f64, maximum: f64) -> Self {
+        Self { name, value, minimum: f64::NEG_INFINITY, maximum }
+    }
+
+    /// A figure that must not fall below `minimum`.
+    pub fn at_least(name: &'static str, value: f64, minimum: f64) -> Self {
+        Self { name, value, minimum, maximum: f64::INFINITY }
+    }
+
+    /// A figure without a target, for comparison.
+    pub fn shown(name: &'static str, value: f64) -> Self {
+        Self { name, value, minimum: f64::NEG_INFINITY, maximum: f64::INFINITY }
+    }
+
+    /// Whether it lies where it has to.
+    pub fn holds(&self) -> bool {
+        (self.minimum..=self.maximum).contains(&self.value)
+    }
+
+    fn has_target(&self) -> bool {
+        self.minimum.is_finite() || self.maximum.is_finite()
+    }
+
+    fn target(&self) -> String {
+        match (self.minimum.is_finite(), self.maximum.is_finite()) {
+            (true, true) => format!("{} to {}", self.minimum, self.maximum),
+            (true, false) => format!("≥ {}", self.minimum),
+            (false, true) => format!("≤ {}", self.maximum),
+            (false, false) => String::new(),
+        }
+    }
+}
+
+/// The table, for a terminal.
+pub fn table(lines: &[CaseFigures]) -> String {
+    let width = lines.iter().map(|line| line.case.chars().count()).max().unwrap_or(0);
+    lines
+        .iter()
+        .map(|line| {
+            let figures: Vec<String> = line
+                .figures
+                .iter()
+                .map(|figure| {
+                    let mark = if figure.holds() { ' ' } else { '!' };
+                    let Figure { name, value, .. } = figure;
+                    let target = match figure.target() {
+                        target if target.is_empty() => target,
+                        target => format!(" ({target})"),
+                    };
+                    format!("{mark}{name} {}{target}", fixed(*value, 3))
+                })
+                .collect();
+            format!("{:width$}  {}\n", line.case, figures.join("  "))
+        })
+        .collect()
+}
+
+/// The table, for a page.
+pub fn figures(lines: &[CaseFigures]) -> Table {
+    let rows = lines.iter().flat_map(|line| {
+        line.figures.iter().map(|figure| {
+            let mark = if figure.holds() { "✓" } else { "✗ missed" };
+            let value = significant(figure.value, 3);
+            vec![line.case.clone(), figure.name.to_owned(), value, figure.target(), mark.to_owned()]
+        })
+    });
+    Table {
+        caption: "Targets and figures".to_owned(),
+        columns: ["Case", "Figure", "Value", "Target", ""].map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    }
+}
+
+/// The beginning of a page: how many targets are missed, and which.
+fn opened(page: Page, lines: &[CaseFigures]) -> Page {
+    let (count, all) = missed(lines);
+    let tile = Tile::new("Targets missed", count as f64, COUNT);
+    let page = page.tile(tile.target(&format!("0 of {all}"), count == 0));
+    let missing: Vec<CaseFigures> = lines
+        .iter()
+        .map(|line| {
+            let figures = line.figures.iter().filter(|figure| !figure.holds());
+            CaseFigures { case: line.case.clone(), figures: figures.cloned().collect() }
+        })
+        .collect();
+    if count == 0 { page } else { page.section(Section::new("Missed").table(figures(&missing))) }
+}
+
+/// How many figures missed their target, of how many.
+pub fn missed(lines: &[CaseFigures]) -> (usize, usize) {
+    let figures = lines.iter().flat_map(|line| &line.figures).filter(|f| f.has_target());
+    (figures.clone().filter(|figure| !figure.holds()).count(), figures.count())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_begins_with_what_is_missed() {
+        let line = |case: &str, value| CaseFigures {
+            case: case.to_owned(),
+            figures: vec![Figure::at_most("error_k", value, 1.0), Figure::shown("other", value)],
+        };
+        let lines = [line("good", 0.5), line("bad", 1.5)];
+        let page = opened(Page::new("", "", ""), &lines).render();
+        assert!(
+            page.contains("✗ missed: <span>target 0 of 2<") && page.contains(">Missed</h2>"),
+            "{page}"
+        );
+        assert!(page.contains(">bad</td>") && !page.contains(">good</td>"), "{page}");
+        let page = opened(Page::new("", "", ""), &lines[..1]).render();
+        assert!(
+            page.contains("✓ met: <span>target 0 of 1<") && !page.contains(">Missed</h2>"),
+            "{page}"
+        );
+    }
+}

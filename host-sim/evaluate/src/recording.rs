@@ -1,0 +1,179 @@
+//! The estimate against a real muscle: a recording of a board, with the readings of a fast reference sensor in
+//! the gas beside it. `docs/measure-your-muscle.md` is how to make one.
+
+use super::{CaseFigures, Figure};
+use thermyo_compute::math;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_files::table::Table;
+use thermyo_scenario::schema::Limits;
+
+/// The recording in its folder.
+pub const FILE: &str = "trace.csv";
+/// The reference sensor's column of it.
+const REFERENCE: &str = "reference_gas_k";
+/// Until then the estimate may find in \[s\].
+const SETTLING_S: f64 = 10.0;
+/// Largest RMS error \[K\], and the share of the time within two stated deviations: as aimed at in simulation.
+const ERROR_K: f64 = 0.5;
+const WITHIN: [f64; 2] = [0.85, 0.99];
+/// What a gas temperature may be; degrees Celsius are not.
+const POSSIBLE: Limits = Limits { min: 100.0, max: 1000.0, unit: "K" };
+
+/// Judges a recording, read from `trace.csv`, whose reference sensor has that lag \[s\].
+///
+/// # Errors
+/// When a column is missing or holds what it cannot, or the reference says nothing after the first ten seconds.
+pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, InputError> {
+    let times_s = recording.filled("time_s")?;
+    if let Some(row) = (1..times_s.len()).find(|row| times_s[*row] <= times_s[row - 1]) {
+        let allowed = format!("more than {:?}, the time of the row before", times_s[row - 1]);
+        return Err(recording.cell_error(row, "time_s", &allowed));
+    }
+    let temperatures_k = |name: &str| -> Result<&[Option<f64>], InputError> {
+        let cells = recording.column(name)?;
+        let wrong = cells.iter().position(|k| k.is_some_and(|k| !POSSIBLE.contains(k)));
+        match wrong {
+            Some(row) => Err(recording.cell_error(row, name, &POSSIBLE.to_string())),
+            None => Ok(cells),
+        }
+    };
+    let reference_k = temperatures_k(REFERENCE)?;
+    temperatures_k("estimate_k")?;
+    temperatures_k("sensor_gas_k")?;
+    let [estimate_k, sensor_k, sd_k] =
+        ["estimate_k", "sensor_gas_k", "estimate_sd_k"].map(|name| recording.filled(name));
+    let (estimate_k, sensor_k, sd_k) = (estimate_k?, sensor_k?, sd_k?);
+    if let Some(row) = sd_k.iter().position(|sd_k| *sd_k < 0.0) {
+        return Err(recording.cell_error(row, "estimate_sd_k", "a number from 0 on"));
+    }
+    let lagged_k = lagged(&times_s, &estimate_k, reference_lag_s);
+    let from_s = times_s[0] + SETTLING_S;
+    let (mut rows, mut square, mut bare_square, mut sum, mut worst_k, mut within) =
+        (0_u32, 0.0, 0.0, 0.0, 0.0_f64, 0_u32);
+    for row in 0..times_s.len() {
+        let Some(reference_k) = reference_k[row].filter(|_| times_s[row] >= from_s) else {
+            continue;
+        };
+        let error_k = lagged_k[row] - reference_k;
+        rows += 1;
+        square += error_k * error_k;
+        bare_square += (sensor_k[row] - reference_k).powi(2);
+        sum += error_k;
+        worst_k = worst_k.max(error_k.abs());
+        within += u32::from(error_k.abs() <= 2.0 * sd_k[row]);
+    }
+    let unusable = |why: String| {
+        recording.header_error(Problem::UnusableColumn { column: REFERENCE.to_owned(), why })
+    };
+    if rows == 0 {
+        return Err(unusable(format!("says nothing from {from_s} s on")));
+    }
+    if bare_square == 0.0 {
+        return Err(unusable("is the sensor's own reading: must be another sensor's".to_owned()));
+    }
+    let rows = f64::from(rows);
+    let (rms_k, bare_k) = ((square / rows).sqrt(), (bare_square / rows).sqrt());
+    let mut within = Figure::at_least("within_2sd", f64::from(within) / rows, WITHIN[0]);
+    within.maximum = WITHIN[1];
+    Ok(CaseFigures {
+        case: format!("recording, {rows} rows"),
+        figures: vec![
+            Figure::at_most("error_k", rms_k, ERROR_K),
+            within,
+            // Never worse than doing without.
+            Figure::at_most("times_bare", rms_k / bare_k, 1.0),
+            Figure::shown("bare_k", bare_k),
+            Figure::shown("mean_error_k", sum / rows),
+            Figure::shown("worst_k", worst_k),
+            Figure::shown("reference_lag_s", reference_lag_s),
+        ],
+    })
+}
+
+/// Readings of what a sensor of that lag makes of values that change in straight lines from row to row, exactly:
+/// behind a ramp it stays by its lag, and comes there as exp(-t/lag).
+fn lagged(times_s: &[f64], values: &[f64], lag_s: f64) -> Vec<f64> {
+    let mut reading = values[0];
+    let mut readings = vec![reading];
+    for row in 1..values.len() {
+        let step_s = times_s[row] - times_s[row - 1];
+        let behind = lag_s * (values[row] - values[row - 1]) / step_s;
+        let left = if lag_s > 0.0 { math::exp(-step_s / lag_s) } else { 0.0 };
+        reading = values[row] - behind + left * (reading - values[row - 1] + behind);
+        readings.push(reading);
+    }
+    readings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COLUMNS: &str = "time_s,estimate_k,estimate_sd_k,sensor_gas_k,reference_gas_k\n";
+
+    fn judged(rows: &str, lag_s: f64) -> Result<Vec<f64>, String> {
+        let table = Table::parse(&format!("{COLUMNS}{rows}"), FILE.as_ref()).unwrap();
+        let line = evaluate(&table, lag_s).map_err(|error| error.to_string())?;
+        Ok(line.figures.iter().map(|figure| figure.value).collect())
+    }
+
+    #[test]
+    fn errors_are_counted_from_ten_seconds_on_where_the_reference_says_something() {
+        let rows = "5,300,0.1,280,300\n14.9,310,0.1,280,300\n15,301,0.5,303,300\n16,299,0.4,297,\n\
+                    17,297,1,300,298\n18,301,2,296,300\n";
+        let figures = judged(rows, 0.0).unwrap();
+        let expected =
+            [1.0, 1.0, 1.0 / (29.0_f64 / 3.0).sqrt(), (29.0_f64 / 3.0).sqrt(), 1.0 / 3.0, 1.0, 0.0];
+        for (figure, expected) in figures.iter().zip(expected) {
+            assert!((figure - expected).abs() < 1e-12, "{figures:?}");
+        }
+        let invalid = rows.replace("17,297,1,", "17,297,0.49,");
+        assert!((judged(&invalid, 0.0).unwrap()[1] - 2.0 / 3.0).abs() < 1e-12);
+    }
+
+    /// A ramp of 2 K/s is read 0.05 s late: 0.1 K less; a rest as it is.
+    #[test]
+    fn the_reference_is_compared_with_what_it_would_read() {
+        let rows: String = (0..3000)
+            .map(|row| {
+                let time_s = 0.01 * f64::from(row);
+                let read_k = 298.0 + 2.0 * (time_s - 15.0).max(0.0);
+                let late_k = 298.0 + 2.0 * (time_s - 15.05).max(0.0);
+                format!("{time_s},{read_k},0.2,290,{late_k}\n")
+            })
+            .collect();
+        let [without_k, with_k] = [0.0, 0.05].map(|lag_s| judged(&rows, lag_s).unwrap()[0]);
+        assert!((without_k - 0.1 * 0.75_f64.sqrt()).abs() < 1e-3, "{without_k} K");
+        assert!(with_k < 0.005, "{with_k} K");
+    }
+
+    #[test]
+    fn what_cannot_be_judged_is_named() {
+        for (rows, expected) in [
+            (
+                "0,300,0.1,300,25.2\n",
+                "trace.csv:2: column reference_gas_k = 25.2: must be a number from 100 to 1000 K",
+            ),
+            (
+                "0,300,0.1,300,300\n0,300,0.1,300,300\n",
+                "trace.csv:3: column time_s = 0.0: must be more than 0.0",
+            ),
+            (
+                "0,300,-1,300,300\n",
+                "trace.csv:2: column estimate_sd_k = -1.0: must be a number from 0 on",
+            ),
+            ("0,,0.1,300,300\n", "trace.csv:2: column estimate_k"),
+            (
+                "0,300,0.1,300,300\n20,300,0.1,300,\n",
+                "trace.csv: column reference_gas_k: says nothing from 10 s on",
+            ),
+            (
+                "0,300,0.1,300,300\n20,301,0.1,300,300\n",
+                "trace.csv: column reference_gas_k: is the sensor's own reading: must be another sensor's",
+            ),
+        ] {
+            let error = judged(rows, 0.0).unwrap_err();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! What others have measured: every case whose data are at hand, with the figure that a peer reaches on it.
+
+use super::control::{self, rest};
+use super::{CaseFigures, Figure};
+use model_core::physics::chamber::{AnyChamber, Chamber};
+use std::path::{Path, PathBuf};
+use thermyo_compute::parallel;
+use thermyo_compute::parallel::Watch;
+use thermyo_compute::stop;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_files::shipped;
+use thermyo_files::table::read_whole;
+use thermyo_identify::IdentifyError;
+use thermyo_identify::static_map;
+use thermyo_identify::static_map::Readings;
+use thermyo_record::measured::Measured;
+use thermyo_record::trace::{COLUMNS, Row};
+use thermyo_scenario::Scenario;
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
+
+/// Largest share of the largest force that five readings may leave of the others.
+const FIVE_SHARE: f64 = 0.05;
+/// Loads under which contractions are held \[N\].
+const HELD_N: [(&str, f64); 4] = [
+    ("20_n_percent", 20.0),
+    ("50_n_percent", 50.0),
+    ("100_n_percent", 100.0),
+    ("200_n_percent", 200.0),
+];
+/// What the loop is to leave alone at rest, share of the stroke \[-\]: as much as the default is of 30 % of the rest length.
+const DEAD_ZONE: f64 = 0.005;
+/// Static maps with a target of their own: file, name, target, what an ideal braid leaves \[N\].
+const MAPS: [(&str, &str, f64, f64); 2] = [
+    ("dmsp10_250", "static map, DMSP-10-250", 3.5, 46.8),
+    ("dmsp20_300", "static map, DMSP-20-300", 9.0, 117.8),
+];
+
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+pub enum TruthError {
+    /// The folder, or a file of it, cannot be used.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// A fit could not be begun.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A run could not be finished.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// Runs every case whose data lie in `folder`, laid out as `docs/validation.md` says. They are published, and whole: of
+/// a damaged file no figure counts. Where it is stopped there are lines of the finished ones.
+///
+/// # Errors
+/// When none does, or one cannot be used.
+pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
+    let maps = maps(&folder.join("muscle_static"));
+    let spring = folder.join("gas_spring/upper_2022-01-28.csv");
+    let discharge = folder.join("hyddown/air_discharge.csv");
+    watch.parts(maps.len());
+    let mut lines = Vec::new();
+    let mut add = |more: Result<Vec<CaseFigures>, TruthError>| match more {
+        // A search that was ended on its way found nothing.
+        _ if stop::wanted() => Ok(()),
+        Ok(more) => {
+            lines.extend(more);
+            Ok(())
+        }
+        Err(error) => Err(error),
+    };
+    for file in maps {
+        add(static_map(&file))?;
+        watch.done();
+    }
+    if spring.exists() {
+        add(gas_spring(&spring, watch).map(|line| vec![line]))?;
+    }
+    if discharge.exists() {
+        add(air_discharge(&discharge, watch))?;
+    }
+    if lines.is_empty() && !stop::wanted() {
+        return Err(InputError::file(folder, Problem::NoTruth).into());
+    }
+    Ok(lines)
+}
+
+fn maps(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "csv"));
+    files.sort();
+    files
+}
+
+/// A scenario of the repository.
+fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {
+    let path = Path::new("scenarios").join(name);
+    Ok((thermyo_setup::parse(shipped::text(name), &path)?, path))
+}
+
+fn static_map(file: &Path) -> Result<Vec<CaseFigures>, TruthError> {
+    let (loaded, config) = shipped("static_map.toml")?;
+    let readings = Readings::of(&read_whole(file)?)?;
+    let largest_n = readings.largest_n();
+    let [five, others] = static_map::planned(&loaded.plant.muscle, &readings);
+    if others.loaded.is_empty() {
+        let found = readings.loaded.len();
+        let why = "five are fitted, the others compared".to_owned();
+        let problem = Problem::TooFewLoaded { found, fewest: static_map::FEWEST + 1, why };
+        return Err(InputError::file(file, problem).into());
+    }
+    let of_five = static_map::identify(&loaded, five, Some(&others), &config, file)?;
+    let of_all = static_map::identify(&loaded, readings, None, &config, file)?;
+    let fitted_n = of_all.findings.rmse.force_n;
+    let left_n = of_five.findings.against.map_or(f64::NAN, |against| against.force_n);
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+    let known = MAPS.iter().find(|(name, ..)| *name == stem);
+    let mut figures = vec![match known {
+        Some((_, _, target_n, _)) => Figure::at_most("fitted_n", fitted_n, *target_n),
+        None => Figure::shown("fitted_n", fitted_n),
+    }];
+    figures.push(Figure::shown("five_n", left_n));
+    figures.push(Figure::at_most("five_share", left_n / largest_n, FIVE_SHARE));
+    figures.push(Figure::shown("largest_n", largest_n));
+    figures.extend(known.map(|(.., ideal_n)| Figure::shown("ideal_braid_n", *ideal_n)));
+    let case =
+        known.map_or_else(|| format!("static map, {stem}"), |(_, name, ..)| (*name).to_owned());
+    let controlled = controlled(&of_all.scenario, &of_five.scenario)?;
+    let of_control = CaseFigures { case: format!("{case}: at rest"), figures: controlled };
+    Ok(vec![CaseFigures { case, figures }, of_control])
+}
+
+/// The largest error at rest, in percent of the stroke under each load: the plant pulls as all readings say, the core
+/// believes what five of them say.
+fn controlled(of_all: &Loaded, of_five: &Loaded) -> Result<Vec<Figure>, TruthError> {
+    let mut loaded = control::full(of_all);
+    loaded.believed = of_five.believed.clone();
+    let held = parallel::map(&HELD_N, |(name, load_n)| {
+        let mut loaded = control::load(loaded.clone(), *load_n);
+        let strokes = strokes(&loaded);
+        loaded.believed.controller.contraction_dead_zone = (DEAD_ZONE * strokes[0]) as f32;
+        let held = rest::hold_within(&loaded, 0, strokes, &mut CoreBoard::default())?;
+        Ok(Figure::at_most(name, held.error_percent, 1.0))
+    });
+    held.into_iter().collect()
+}
+
+/// The contraction that nine tenths of the supply's gauge pressure hold: of the muscle alone, and against load and friction.
+fn strokes(loaded: &Loaded) -> [f64; 2] {
+    let Scenario { supply, ambient, load, friction, muscle, .. } = &loaded.plant;
+    let chamber = AnyChamber::new(&core_config(&loaded.plant).chamber);
+    let gauge_pa = 0.9 * (supply.pressure_pa - ambient.pressure_pa);
+    [0.0, load.force_n + friction.force_n].map(|force_n| {
+        let length_m = chamber.length_for_force_m(gauge_pa as f32, force_n as f32);
+        1.0 - f64::from(length_m) / muscle.rest_length_m
+    })
+}
+
+fn measured(file: &Path) -> Result<Measured, InputError> {
+    Measured::new(&read_whole(file)?, &COLUMNS)
+}
+
+fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<CaseFigures, TruthError> {
+    let (loaded, config) = shipped("gas_spring.toml")?;
+    let identified = thermyo_identify::identify(&loaded, &config, &measured(file)?, file, watch)?;
+    let pressure_pa = identified.findings.rmse.pressure_pa.unwrap_or(f64::NAN);
+    Ok(CaseFigures {
+        case: "gas spring, nitrogen".to_owned(),
+        figures: vec![
+            Figure::at_most("identified_kpa", pressure_pa / 1000.0, 3.5),
+            Figure::shown("adiabatic_kpa", 42.6),
+            Figure::shown("isothermal_kpa", 32.9),
+        ],
+    })
+}
+
+fn air_discharge(file: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
+    let (loaded, config) = shipped("air_discharge.toml")?;
+    let measured = measured(file)?;
+    let mut observer = |_: &Row| Ok(());
+    let summary = run::run(&loaded, &mut CoreBoard::default(), Some(&measured), &mut observer)?;
+    let rmse = |name: &str| {
+        let compared = summary.measured.as_ref().and_then(|columns| columns.get(name));
+        compared.map_or(f64::NAN, |difference| difference.rmse)
+    };
+    let identified =
+        thermyo_identify::identify(&loaded, &config, &measured, file, watch)?.findings.rmse;
+    let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    Ok(vec![
+        CaseFigures {
+            case: "air discharge, lag fitted".to_owned(),
+            figures: vec![
+                Figure::at_most("temperature_k", rmse("sensor_gas_k"), 3.5),
+                Figure::at_most("pressure_kpa", rmse("pressure_pa") / 1000.0, 8.0),
+                Figure::shown("hyddown_k", 10.9),
+                Figure::shown("hyddown_kpa", 4.0),
+            ],
+        },
+        CaseFigures {
+            case: "air discharge, identified".to_owned(),
+            figures: vec![
+                Figure::at_most("temperature_k", or_nan(identified.temperature_k), 2.0),
+                Figure::at_most("pressure_kpa", or_nan(identified.pressure_pa) / 1000.0, 2.0),
+            ],
+        },
+    ])
+}

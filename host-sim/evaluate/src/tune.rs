@@ -1,0 +1,97 @@
+//! Whether `thermyo tune` finds what the plant is when the core is configured as something else, and what
+//! that is worth.
+
+use super::control::{Change, full, rest, sine, volume};
+use super::{CaseFigures, Figure, finished};
+use std::path::Path;
+use thermyo_compute::parallel;
+use thermyo_compute::parallel::Watch;
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_studies::tune;
+use thermyo_studies::tune::{HIGHEST_PA, TuneError, Tuned};
+
+/// Every case: name and change.
+pub const CASES: [(&str, Change); 8] = [
+    ("all configured right", |_| {}),
+    ("friction 30 % low", |s| s.friction.force_n *= 0.7),
+    ("friction 30 % high", |s| s.friction.force_n *= 1.3),
+    ("volume 20 % low", |s| volume(s, 0.8)),
+    ("volume 20 % high", |s| volume(s, 1.2)),
+    ("conductance 30 % low", |s| s.valve.conductance_m3_s_pa *= 0.7),
+    ("conductance 30 % high", |s| s.valve.conductance_m3_s_pa *= 1.3),
+    ALL_WRONG,
+];
+
+/// Friction and volume low, conductance high.
+pub const ALL_WRONG: (&str, Change) = ("friction -30, volume -20, conductance +30 %", |s| {
+    s.friction.force_n *= 0.7;
+    volume(s, 0.8);
+    s.valve.conductance_m3_s_pa *= 1.3;
+});
+
+/// The muscle with everything that the core leaves out, the core configured with a change of it.
+pub fn configured(nominal: &Loaded, change: Change) -> Loaded {
+    let mut loaded = full(nominal);
+    change(&mut loaded.believed);
+    loaded
+}
+
+/// Tunes one case in this process.
+///
+/// # Errors
+/// As [`tune::tune`].
+pub fn tuned(loaded: &Loaded) -> Result<Tuned, TuneError> {
+    tune::tune(loaded, Path::new("the nominal scenario"), HIGHEST_PA, &mut CoreBoard::default())
+}
+
+/// Relative error of a tuned value against the plant's \[%\].
+pub fn error_percent(tuned: &Tuned, truth: f64, path: &str) -> f64 {
+    let value = tuned.findings.value(path).map_or(f64::NAN, |parameter| parameter.after);
+    (value / truth - 1.0) * 100.0
+}
+
+fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, TuneError> {
+    let loaded = configured(nominal, change);
+    let tuned = tuned(&loaded)?;
+    let plant = &loaded.plant;
+    let turns = plant.muscle.turns;
+    let error = |truth, path| error_percent(&tuned, truth, path).abs();
+    let rms = |loaded: &Loaded| {
+        sine(loaded, 0.5, 0.15, &mut CoreBoard::default()).map(|slow| slow.rms_percent)
+    };
+    let at_rest = |loaded: &Loaded| {
+        rest::hold(loaded, 0, &mut CoreBoard::default()).map(|held| held.error_percent)
+    };
+    Ok(CaseFigures {
+        case: name.to_owned(),
+        figures: vec![
+            Figure::at_most(
+                "friction_error_%",
+                error(plant.friction.force_n, "friction.force_n"),
+                3.0,
+            ),
+            // The force area goes with the turns squared.
+            Figure::at_most("area_error_%", 2.0 * error(turns, "muscle.turns"), 1.0),
+            Figure::at_most(
+                "conductance_error_%",
+                error(plant.valve.conductance_m3_s_pa, "valve.conductance_m3_s_pa"),
+                8.0,
+            ),
+            Figure::at_least("sine_before_%", rms(&loaded)?, 0.0),
+            Figure::at_most("sine_after_%", rms(&tuned.scenario)?, 0.2),
+            Figure::at_least("rest_before_%", at_rest(&loaded)?, 0.0),
+            Figure::at_most("rest_after_%", at_rest(&tuned.scenario)?, 1.0),
+        ],
+    })
+}
+
+/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario. Where it is stopped there are lines of
+/// the finished cases.
+///
+/// # Errors
+/// The first case that was refused or could not be finished.
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TuneError> {
+    let lines = parallel::map_watched(&CASES, watch, |(name, change)| line(nominal, name, *change));
+    finished(lines)
+}

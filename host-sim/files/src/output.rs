@@ -1,0 +1,287 @@
+//! The output folder of a command: results appear in it all at once, and none is ever overwritten,
+//! but the pages of `thermyo playground`.
+//!
+//! ```text
+//! DIR/                 the last result
+//! DIR/unfinished-N/    one that is being made, or whose program was killed: its trace is whole to the last row
+//! DIR/earlier-N/       what lay in DIR before
+//! ```
+
+use crate::input::InputError;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+/// What any command leaves in its folder: the files of one result stay together.
+const RESULTS: [&str; 13] = [
+    "summary.json",
+    "report.html",
+    "trace.csv",
+    "trace.mcap",
+    "scenario.toml",
+    "config.json",
+    "profile.csv",
+    "sweep.csv",
+    "study.json",
+    "tuned.toml",
+    "identified.toml",
+    "fit.svg",
+    "map.svg",
+];
+
+/// A folder that the results of one command go to. Until [`OutputDir::publish`] they lie in a folder
+/// of their own within it; dropped before that, nothing is left.
+#[derive(Debug)]
+pub struct OutputDir {
+    path: PathBuf,
+    /// Folders that did not exist before, innermost first.
+    created: Vec<PathBuf>,
+    unfinished: PathBuf,
+    files: Vec<&'static str>,
+    kept: bool,
+}
+
+impl OutputDir {
+    /// Opens the folder, creating it where it does not exist.
+    ///
+    /// # Errors
+    /// When it cannot be created or written: found out now, not after a long run.
+    pub fn create(path: &Path) -> Result<Self, InputError> {
+        let created: Vec<PathBuf> = path
+            .ancestors()
+            .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
+            .map(Path::to_path_buf)
+            .collect();
+        let unfinished = fs::create_dir_all(path).and_then(|()| new_folder(path, "unfinished"));
+        match unfinished {
+            Ok(unfinished) => Ok(Self {
+                path: path.to_path_buf(),
+                created,
+                unfinished,
+                files: Vec::new(),
+                kept: false,
+            }),
+            Err(error) => {
+                remove_empty(&created);
+                Err(InputError::folder(path, &error))
+            }
+        }
+    }
+
+    /// Folders within `path` that hold what is not finished, in order.
+    pub fn unfinished(path: &Path) -> Vec<PathBuf> {
+        let number = |entry: &fs::DirEntry| {
+            let name = entry.file_name();
+            name.to_str()?.strip_prefix("unfinished-")?.parse::<u64>().ok()
+        };
+        let entries = fs::read_dir(path).into_iter().flatten().filter_map(Result::ok);
+        let mut found: Vec<(u64, PathBuf)> =
+            entries.filter_map(|entry| Some((number(&entry)?, entry.path()))).collect();
+        found.sort();
+        found.into_iter().map(|(_, folder)| folder).collect()
+    }
+
+    /// Goes on with one of these folders, which stays until it is published.
+    pub fn reopen(path: &Path, unfinished: PathBuf) -> Self {
+        let there = |name: &&str| unfinished.join(name).exists();
+        let files = RESULTS.into_iter().filter(there).collect();
+        Self { path: path.to_path_buf(), created: Vec::new(), unfinished, files, kept: true }
+    }
+
+    /// Whatever happens, it stays.
+    pub fn keep(&mut self) {
+        self.kept = true;
+    }
+
+    /// Where the results are until then.
+    pub fn place(&self) -> &Path {
+        &self.unfinished
+    }
+
+    /// Where the results are going to be.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn file(&mut self, name: &'static str) -> Result<File, InputError> {
+        self.add(name);
+        File::create(self.unfinished.join(name)).map_err(|error| self.unwritable(name, &error))
+    }
+
+    /// Writes a whole text, in place of one that this command has written there before, which stays until then.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn text(&mut self, name: &'static str, text: &str) -> Result<(), InputError> {
+        self.add(name);
+        let (new, whole) =
+            (self.unfinished.join(format!("{name}.new")), self.unfinished.join(name));
+        let written = fs::write(&new, text).and_then(|()| fs::rename(&new, whole));
+        written.map_err(|error| self.unwritable(name, &error))
+    }
+
+    fn add(&mut self, name: &'static str) {
+        if !self.files.contains(&name) {
+            self.files.push(name);
+        }
+    }
+
+    /// A file of it that cannot be written, as the user has to hear it.
+    pub fn unwritable(&self, name: &str, error: &io::Error) -> InputError {
+        InputError::output(&self.path.join(name), error)
+    }
+
+    /// Puts the results where they belong. Says where an earlier result went that lay there.
+    ///
+    /// # Errors
+    /// When the disk refuses; both results are then still there.
+    pub fn publish(mut self) -> Result<Option<PathBuf>, InputError> {
+        self.kept = true;
+        let earlier = self.put_aside()?;
+        self.put()?;
+        Ok(earlier)
+    }
+
+    /// Puts the results where they belong, in place of earlier ones: for a folder that holds nothing that could not be
+    /// made again.
+    ///
+    /// # Errors
+    /// When the disk refuses.
+    pub fn replace(mut self) -> Result<(), InputError> {
+        self.kept = true;
+        self.put()
+    }
+
+    fn put(&self) -> Result<(), InputError> {
+        for name in &self.files {
+            fs::rename(self.unfinished.join(name), self.path.join(name))
+                .map_err(|error| self.unwritable(name, &error))?;
+        }
+        // Whatever else lies there is not ours.
+        let _ = fs::remove_dir(&self.unfinished);
+        Ok(())
+    }
+
+    /// Moves what an earlier command has left.
+    fn put_aside(&self) -> Result<Option<PathBuf>, InputError> {
+        let plots = self.files.iter().filter(|name| !RESULTS.contains(name));
+        let there = |name: &&&str| fs::symlink_metadata(self.path.join(name)).is_ok();
+        let names: Vec<&&str> = RESULTS.iter().chain(plots).filter(there).collect();
+        if names.is_empty() {
+            return Ok(None);
+        }
+        let unwritable = |error: io::Error| InputError::output(&self.path, &error);
+        let earlier = new_folder(&self.path, "earlier").map_err(unwritable)?;
+        for name in names {
+            fs::rename(self.path.join(name), earlier.join(name)).map_err(unwritable)?;
+        }
+        Ok(Some(earlier))
+    }
+
+    /// Leaves what there is, unfinished, where it is: a record that nobody can make again.
+    pub fn leave(mut self) -> PathBuf {
+        self.kept = true;
+        self.unfinished.clone()
+    }
+}
+
+impl Drop for OutputDir {
+    fn drop(&mut self) {
+        if !self.kept {
+            // What cannot be removed stays; there is nobody to tell.
+            let _ = fs::remove_dir_all(&self.unfinished);
+            remove_empty(&self.created);
+        }
+    }
+}
+
+/// Makes the first folder `NAME-1`, `NAME-2` ... that does not exist.
+fn new_folder(parent: &Path, name: &str) -> io::Result<PathBuf> {
+    let mut number = 1_u64;
+    loop {
+        let folder = parent.join(format!("{name}-{number}"));
+        match fs::create_dir(&folder) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => number += 1,
+            made => return made.map(|()| folder),
+        }
+    }
+}
+
+/// Removes folders, innermost first, as long as they are empty: anything in them is not ours.
+fn remove_empty(folders: &[PathBuf]) {
+    for folder in folders {
+        if fs::remove_dir(folder).is_err() {
+            break;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    fn result(folder: &Path, files: &[&'static str], text: &str) -> Option<PathBuf> {
+        let mut out = OutputDir::create(folder).unwrap();
+        for name in files {
+            out.text(name, text).unwrap();
+        }
+        out.publish().unwrap()
+    }
+
+    #[test]
+    fn an_earlier_result_moves_as_a_whole_and_what_is_not_ours_stays() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("a/b");
+        assert_eq!(result(&folder, &["trace.csv", "scenario.toml"], "first"), None);
+        fs::write(folder.join("notes.txt"), "mine").unwrap();
+        let earlier = result(&folder, &["trace.csv", "plot.svg"], "second");
+        assert_eq!(earlier, Some(folder.join("earlier-1")));
+        let earlier = result(&folder, &["sweep.csv", "plot.svg"], "third");
+        assert_eq!(earlier, Some(folder.join("earlier-2")));
+        assert_eq!(
+            names(&folder),
+            ["earlier-1", "earlier-2", "notes.txt", "plot.svg", "sweep.csv"]
+        );
+        assert_eq!(names(&folder.join("earlier-1")), ["scenario.toml", "trace.csv"]);
+        assert_eq!(names(&folder.join("earlier-2")), ["plot.svg", "trace.csv"]);
+        for (file, text) in [
+            ("earlier-1/trace.csv", "first"),
+            ("earlier-2/trace.csv", "second"),
+            ("earlier-2/plot.svg", "second"),
+            ("plot.svg", "third"),
+        ] {
+            assert_eq!(fs::read_to_string(folder.join(file)).unwrap(), text, "{file}");
+        }
+    }
+
+    #[test]
+    fn what_fails_leaves_the_earlier_result_and_what_is_killed_a_trace() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("out");
+        result(&folder, &["summary.json"], "first");
+        let mut failing = OutputDir::create(&folder).unwrap();
+        failing.text("summary.json", "half").unwrap();
+        // Two at once do not meet.
+        let mut killed = OutputDir::create(&folder).unwrap();
+        killed.text("trace.csv", "a\n1\n").unwrap();
+        drop(failing);
+        let left = killed.leave();
+        assert_eq!(left, folder.join("unfinished-2"));
+        assert_eq!(names(&folder), ["summary.json", "unfinished-2"]);
+        result(&folder, &["summary.json"], "second");
+        assert_eq!(names(&folder), ["earlier-1", "summary.json", "unfinished-2"]);
+        assert_eq!(fs::read_to_string(left.join("trace.csv")).unwrap(), "a\n1\n");
+    }
+}

@@ -1,0 +1,75 @@
+//! The repository's scenarios, for a program that is far from it.
+
+use std::ffi::OsStr;
+use std::path::{Component, Path};
+
+/// The files of its folder `scenarios/`.
+const FILES: [(&str, &str); 9] = [
+    ("air_discharge.toml", include_str!("../../../scenarios/air_discharge.toml")),
+    ("bellows.csv", include_str!("../../../scenarios/bellows.csv")),
+    ("bellows.toml", include_str!("../../../scenarios/bellows.toml")),
+    ("contraction.toml", include_str!("../../../scenarios/contraction.toml")),
+    ("gas_spring.toml", include_str!("../../../scenarios/gas_spring.toml")),
+    ("nominal.toml", include_str!("../../../scenarios/nominal.toml")),
+    ("reproduce.toml", include_str!("../../../scenarios/reproduce.toml")),
+    ("sensor.toml", include_str!("../../../scenarios/sensor.toml")),
+    ("static_map.toml", include_str!("../../../scenarios/static_map.toml")),
+];
+
+/// One of them.
+///
+/// # Panics
+/// Where the repository has none of that name.
+pub fn text(name: &str) -> &'static str {
+    of_name(name.as_ref()).expect("the repository has that scenario")
+}
+
+fn of_name(name: &OsStr) -> Option<&'static str> {
+    FILES.iter().find(|(file, _)| name == *file).map(|(_, text)| *text)
+}
+
+/// What stands for a file that is not there: `scenarios/NAME`, seen from the working folder, where the repository
+/// has one of that name.
+pub fn instead_of(path: &Path) -> Option<&'static str> {
+    let folder = std::env::current_dir().ok();
+    let path = folder.and_then(|folder| path.strip_prefix(folder).ok()).unwrap_or(path);
+    let mut parts = path.components().filter(|part| *part != Component::CurDir);
+    let mut next = || parts.next().map(Component::as_os_str);
+    let (Some(folder), Some(file), None) = (next(), next(), next()) else { return None };
+    of_name(file).filter(|_| folder == "scenarios" && !path.exists())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_folder_and_the_list_are_the_same() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+        let mut there: Vec<_> = std::fs::read_dir(&folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        there.sort();
+        assert_eq!(there, FILES.map(|(name, _)| name));
+    }
+
+    #[test]
+    fn only_a_file_of_the_folder_scenarios_is_stood_for() {
+        let here = std::env::current_dir().unwrap().join("scenarios/bellows.csv");
+        for (path, found) in [
+            ("scenarios/nominal.toml", true),
+            ("./scenarios/nominal.toml", true),
+            (here.to_str().unwrap(), true),
+            ("scenarios/nominall.toml", false),
+            ("nominal.toml", false),
+            ("other/nominal.toml", false),
+            ("other/scenarios/nominal.toml", false),
+            ("/scenarios/nominal.toml", false),
+            ("../scenarios/nominal.toml", false),
+            ("", false),
+        ] {
+            assert_eq!(instead_of(Path::new(path)).is_some(), found, "{path}");
+        }
+    }
+}

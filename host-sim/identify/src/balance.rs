@@ -1,0 +1,131 @@
+//! A muscle as the core sees it: driven by the pressure and the length that were measured. What crossed
+//! the port follows from the energy balance, so that no valve and no flow needs to be known.
+
+use super::data::{Given, holding};
+use super::failed::Failed;
+use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
+use model_core::Config;
+use model_core::physics::chamber::{AnyChamber, Chamber};
+use nalgebra::{DMatrix, DVector};
+use thermyo_compute::stop;
+use thermyo_plant::Diverged;
+use thermyo_scenario::Scenario;
+use thermyo_scenario::profile::Profile;
+use thermyo_setup::core_config::core_config;
+
+/// Steps of which surface and speed are taken as one. One alone would make speeds of the length's
+/// noise, twenty as in the core would shift what is found by a quarter of a percent.
+const INTERVAL_STEPS: usize = 5;
+/// What starts with a temperature of its own: gas, wall, sensor.
+const STARTS: usize = 3;
+/// Time after a duty for which gas may still flow: a pulse ends late \[s\].
+const LATE_S: f64 = 0.06;
+
+/// The same in steps of one length.
+#[derive(Debug, Clone)]
+pub struct Balance {
+    start_s: f64,
+    start_k: f64,
+    step_s: f64,
+    /// Volumes left out: they follow from the scenario.
+    known: Vec<Known>,
+}
+
+impl Balance {
+    /// Of measurements, in steps of that length from the first one to `end_s` \[s\].
+    pub fn new(given: &Given, step_s: f64, end_s: f64) -> Self {
+        let Given { pressure, length, duties, sensor_k } = given;
+        let start_s = pressure.points()[0].0;
+        let mut row = 0;
+        let mut open_until_s = [f64::NEG_INFINITY; 2];
+        let steps = ((end_s - start_s) / step_s).ceil() as usize;
+        let known = (0..=steps).map(|step| {
+            let time_s = start_s + step as f64 * step_s;
+            let [charging, discharging] = open_until_s.map(|until_s| time_s <= until_s);
+            for (until_s, duty) in open_until_s.iter_mut().zip(holding(duties, &mut row, time_s)) {
+                if duty > 0.0 {
+                    *until_s = time_s + LATE_S;
+                }
+            }
+            Known {
+                pressure_pa: pressure.value(time_s),
+                length_m: length.value(time_s),
+                volume_m3: 0.0,
+                charging,
+                discharging,
+            }
+        });
+        Self { start_s, start_k: *sensor_k, step_s, known: known.collect() }
+    }
+
+    /// What the gas sensor reads at the times of `points`, if the core's model of that scenario is right.
+    /// A record may begin in the middle of a motion: gas, wall and sensor start with what fits the
+    /// readings in `points` best. Their effect is linear, as far as that goes.
+    ///
+    /// # Errors
+    /// When its temperatures become no numbers, or it is stopped.
+    pub fn sensor_gas(
+        &self,
+        scenario: &Scenario,
+        points: &[(f64, f64)],
+    ) -> Result<Vec<f64>, Failed> {
+        let config = Config { step_s: self.step_s as f32, ..core_config(scenario) };
+        let chamber = AnyChamber::new(&config.chamber);
+        let mut known = self.known.clone();
+        for known in &mut known {
+            known.volume_m3 = f64::from(chamber.volume_m3(known.length_m as f32));
+        }
+        let model = Model::new(&config);
+        let readings = |warmer_k: [f64; STARTS]| -> Result<DVector<f64>, Failed> {
+            let [gas_k, wall_k, sensor_k] = warmer_k.map(|warmer_k| self.start_k + warmer_k);
+            let mut state = State::zeros();
+            state[MASS] = model.mass(&known[0], gas_k);
+            state[WALL] = wall_k;
+            state[HOUSING] = sensor_k;
+            state[SENSOR] = sensor_k;
+            let readings = self.readings(&model, &known, state)?;
+            let at = points.iter().map(|(time_s, _)| readings.value(*time_s));
+            Ok(DVector::from_iterator(points.len(), at))
+        };
+        let even = readings([0.0; STARTS])?;
+        let mut effects = DMatrix::zeros(points.len(), STARTS);
+        for i in 0..STARTS {
+            let mut warmer_k = [0.0; STARTS];
+            warmer_k[i] = 1.0;
+            effects.set_column(i, &(readings(warmer_k)? - &even));
+        }
+        let measured = points.iter().map(|(_, reading_k)| *reading_k);
+        let left = DVector::from_iterator(points.len(), measured) - &even;
+        let squares = effects.tr_mul(&effects);
+        // A record too short to tell them apart keeps an even start.
+        let fitted = match squares.cholesky() {
+            Some(squares) => even + &effects * squares.solve(&effects.tr_mul(&left)),
+            None => even,
+        };
+        Ok(fitted.iter().copied().collect())
+    }
+
+    fn readings(
+        &self,
+        model: &Model,
+        known: &[Known],
+        mut state: State,
+    ) -> Result<Profile, Failed> {
+        let mut inflow_kg_s = 0.0;
+        let mut readings = vec![(self.start_s, state[SENSOR])];
+        for first in (0..known.len() - 1).step_by(INTERVAL_STEPS) {
+            if stop::wanted() {
+                return Err(Failed::Stopped);
+            }
+            let last = (first + INTERVAL_STEPS).min(known.len() - 1);
+            state = model.advance(state, &mut inflow_kg_s, &known[first..=last], |_| {});
+            let time_s = self.start_s + last as f64 * self.step_s;
+            if !state[SENSOR].is_finite() {
+                let state = format!("sensor = {} K, wall = {} K", state[SENSOR], state[WALL]);
+                return Err(Failed::Diverged(Diverged { time_s, state }));
+            }
+            readings.push((time_s, state[SENSOR]));
+        }
+        Ok(Profile::new(readings).expect("times rise, and every reading is finite"))
+    }
+}

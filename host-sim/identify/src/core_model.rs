@@ -1,0 +1,223 @@
+//! The core's model of gas, wall and sensor in f64, one step and one interval at a time.
+//!
+//! Pressure and length are given, smoothed; the state moves by the energy balance (3), (4):
+//!
+//! ```text
+//! dm_l  = what leaks by ISO 6358 at P, T
+//! H     = (V dP + k P dV)/(k-1) + s h A (T - T_w) dt + cp T dm_l      enthalpy through the valves
+//! dm    = H/(cp T_in) inwards, H/(cp T) outwards, 0 while both valves are shut; less dm_l
+//! T     = P V/(m R)                                       (1)
+//! T_w'  = (s h A (T - T_w) + friction - h_o A (T_w - T_ambient))/C_w
+//! T_h'  = (T - T_h)/tau_h,  T_s' = (T_h - T_s)/tau
+//! ```
+
+use model_core::Config;
+use model_core::physics::chamber::{AnyChamber, Chamber};
+use model_core::physics::heat::Heat;
+use nalgebra::{SMatrix, SVector};
+use thermyo_plant::flow::Iso6358;
+use thermyo_plant::gas::IdealGas;
+use thermyo_scenario::Gas;
+
+/// ln m, T_w, T_h, T_s, ln s, ln(tau/configured).
+pub const STATES: usize = 6;
+/// Logarithm of the gas mass.
+pub const MASS: usize = 0;
+/// Wall temperature \[K\].
+pub const WALL: usize = 1;
+/// Temperature of the sensor's housing \[K\].
+pub const HOUSING: usize = 2;
+/// Temperature of the sensor's element \[K\].
+pub const SENSOR: usize = 3;
+/// Logarithm of the scale of the heat transfer gas to wall.
+pub const SCALE: usize = 4;
+/// Logarithm of the sensor's lag over the configured one.
+pub const LAG: usize = 5;
+
+/// A state, or an error of it.
+pub type State = SVector<f64, STATES>;
+/// A covariance, or a transition.
+pub type Matrix = SMatrix<f64, STATES, STATES>;
+
+/// Time constant with which the inflow's stirring follows the inflow \[s\].
+const STIRRING_S: f64 = 0.005;
+/// Steps of the differences that linearise the model, per state.
+const DIFFERENCES: [f64; STATES] = [1e-5, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3];
+
+/// What is known of one step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Known {
+    /// Smoothed absolute pressure \[Pa\].
+    pub pressure_pa: f64,
+    /// Measured length \[m\].
+    pub length_m: f64,
+    /// Volume at it \[m3\].
+    pub volume_m3: f64,
+    /// Gas may have come in since the step before.
+    pub charging: bool,
+    /// Gas may have left since the step before.
+    pub discharging: bool,
+}
+
+/// The model.
+#[derive(Debug, Clone)]
+pub struct Model {
+    config: Config,
+    chamber: AnyChamber,
+    step_s: f64,
+    leak: Option<Iso6358>,
+}
+
+impl Model {
+    /// The model of a configuration.
+    pub fn new(config: &Config) -> Self {
+        let leak = &config.leak;
+        let gas = IdealGas::new(&Gas {
+            gas_constant_j_kg_k: config.gas.gas_constant_j_kg_k.into(),
+            heat_capacity_ratio: config.gas.heat_capacity_ratio.into(),
+        });
+        Self {
+            leak: Iso6358::leak(leak.conductance_m3_s_pa.into(), leak.critical_ratio.into(), &gas),
+            config: *config,
+            chamber: AnyChamber::new(&config.chamber),
+            step_s: f64::from(config.step_s),
+        }
+    }
+
+    /// T = P V/(m R), eq. (1) \[K\].
+    pub fn gas_k(&self, known: &Known, state: &State) -> f64 {
+        let gas_constant = f64::from(self.config.gas.gas_constant_j_kg_k);
+        known.pressure_pa * known.volume_m3 / (state[MASS].exp() * gas_constant)
+    }
+
+    /// What leaks at a pressure \[Pa\] and gas temperature \[K\], by the plant's own law \[kg/s\].
+    fn leak_kg_s(&self, pressure_pa: f64, gas_k: f64) -> f64 {
+        let ambient_pa = f64::from(self.config.ambient.pressure_pa);
+        self.leak
+            .filter(|_| pressure_pa > ambient_pa)
+            .map_or(0.0, |leak| leak.mass_flow(pressure_pa, gas_k, ambient_pa))
+    }
+
+    /// ln m that gives a gas temperature.
+    pub fn mass(&self, known: &Known, gas_k: f64) -> f64 {
+        let gas_constant = f64::from(self.config.gas.gas_constant_j_kg_k);
+        (known.pressure_pa * known.volume_m3 / (gas_k * gas_constant)).ln()
+    }
+
+    /// The sensor's lag \[s\].
+    pub fn lag_s(&self, state: &State) -> f64 {
+        f64::from(self.config.sensors.gas.time_constant_s) * state[LAG].exp()
+    }
+
+    /// From the first of `steps` to the last; `each` sees the gas temperature after every one.
+    /// `inflow_kg_s` is the inflow that stirs the gas, and follows it.
+    pub fn advance(
+        &self,
+        mut state: State,
+        inflow_kg_s: &mut f64,
+        steps: &[Known],
+        mut each: impl FnMut(f64),
+    ) -> State {
+        let Some((first, last)) = steps.first().zip(steps.last()) else { return state };
+        let duration_s = (steps.len() - 1) as f64 * self.step_s;
+        let speed_m_s = (last.length_m - first.length_m) / duration_s;
+        let surface_m2 = f64::from(self.chamber.surface_m2(last.length_m as f32));
+        let Heat { inner_w_m2_k, inner_per_flow, outer_w_m2_k, outer_per_speed } = self.config.heat;
+        let outer_w_k =
+            surface_m2 * (f64::from(outer_w_m2_k) + f64::from(outer_per_speed) * speed_m_s.abs());
+        let wall_j_k = f64::from(self.config.wall.heat_capacity_j_k);
+        let k = f64::from(self.config.gas.heat_capacity_ratio);
+        let cp = f64::from(self.config.gas.cp_j_kg_k());
+        let housing_s = f64::from(self.config.sensors.gas.housing_time_constant_s);
+        let friction = &self.config.friction;
+        let lag_s = self.lag_s(&state);
+        let share = |time_s: f64| (self.step_s / (time_s + 0.5 * self.step_s)).min(1.0);
+        let mut gas_k = self.gas_k(first, &state);
+        for pair in steps.windows(2) {
+            let (before, now) = (&pair[0], &pair[1]);
+            let inner_w_k = state[SCALE].exp()
+                * surface_m2
+                * (f64::from(inner_w_m2_k) + f64::from(inner_per_flow) * inflow_kg_s.max(0.0));
+            let heat_j = inner_w_k * (gas_k - state[WALL]) * self.step_s;
+            let leaked_kg = self.leak_kg_s(before.pressure_pa, gas_k) * self.step_s;
+            let mean_volume_m3 = 0.5 * (before.volume_m3 + now.volume_m3);
+            let mean_pa = 0.5 * (before.pressure_pa + now.pressure_pa);
+            let enthalpy_j = (mean_volume_m3 * (now.pressure_pa - before.pressure_pa)
+                + k * mean_pa * (now.volume_m3 - before.volume_m3))
+                / (k - 1.0)
+                + heat_j
+                + cp * gas_k * leaked_kg;
+            // One-sided duties say the direction; noise would be rectified otherwise.
+            let entering = now.charging && (!now.discharging || enthalpy_j > 0.0);
+            let port_k = if entering { f64::from(self.config.supply.temperature_k) } else { gas_k };
+            let change_kg =
+                if now.charging || now.discharging { enthalpy_j / (cp * port_k) } else { 0.0 };
+            let stirring_kg_s = if entering { change_kg / self.step_s } else { 0.0 };
+            *inflow_kg_s += share(STIRRING_S) * (stirring_kg_s - *inflow_kg_s);
+            state[MASS] = (state[MASS].exp() + change_kg - leaked_kg).ln();
+            let gas_before_k = gas_k;
+            gas_k = self.gas_k(now, &state);
+            each(gas_k);
+            let friction_w = f64::from(friction.wall_heat_w(state[WALL] as f32, speed_m_s as f32));
+            let ambient_k = f64::from(self.config.ambient.temperature_k);
+            let outer_w = outer_w_k * (state[WALL] - ambient_k);
+            state[WALL] += (heat_j + (friction_w - outer_w) * self.step_s) / wall_j_k;
+            let housing_before_k = state[HOUSING];
+            state[HOUSING] += share(housing_s) * (0.5 * (gas_before_k + gas_k) - state[HOUSING]);
+            let housing_k = 0.5 * (housing_before_k + state[HOUSING]);
+            state[SENSOR] += share(lag_s) * (housing_k - state[SENSOR]);
+        }
+        // First-order Gauss-Markov about what is configured.
+        let keep = 1.0 - duration_s / f64::from(self.config.estimator.memory_s);
+        state[SCALE] *= keep;
+        state[LAG] *= keep;
+        state
+    }
+
+    /// Error at the end of `steps` per error at their start, by differences.
+    pub fn transition(&self, state: &State, inflow_kg_s: f64, steps: &[Known]) -> Matrix {
+        let mut transition = Matrix::zeros();
+        for (i, difference) in DIFFERENCES.into_iter().enumerate() {
+            let end = |by: f64| {
+                let mut moved = *state;
+                moved[i] += by;
+                self.advance(moved, &mut inflow_kg_s.clone(), steps, |_| {})
+            };
+            let column = (end(difference) - end(-difference)) / (2.0 * difference);
+            transition.set_column(i, &column);
+        }
+        transition
+    }
+
+    /// What the mean of an interval's readings belongs to, the middle of its steps, seen from its
+    /// end; and how an error of the state at the end changes it.
+    pub fn reading(&self, state: &State, steps: usize) -> (f64, State) {
+        let lag_s = self.lag_s(state);
+        let earlier = 0.5 * (steps as f64 - 1.0) * self.step_s / lag_s;
+        let ahead_k = state[HOUSING] - state[SENSOR];
+        let mut row = State::zeros();
+        row[SENSOR] = 1.0 + earlier;
+        row[HOUSING] = -earlier;
+        row[LAG] = earlier * ahead_k;
+        (state[SENSOR] - earlier * ahead_k, row)
+    }
+
+    /// Covariance that the errors gain in one interval.
+    pub fn drift(&self, gas_k: f64, duration_s: f64) -> State {
+        let tuning = &self.config.estimator;
+        let relative = f64::from(tuning.gas_drift_k) / gas_k;
+        let forget = 2.0 * duration_s / f64::from(tuning.memory_s);
+        let mut drift = State::zeros();
+        drift[MASS] = relative.powi(2) * duration_s;
+        drift[WALL] = f64::from(tuning.wall_drift_k).powi(2) * duration_s;
+        drift[HOUSING] = DRIFT_K2;
+        drift[SENSOR] = DRIFT_K2;
+        drift[SCALE] = forget * f64::from(tuning.heat_scale_sd).powi(2);
+        drift[LAG] = forget * f64::from(tuning.lag_sd).powi(2);
+        drift
+    }
+}
+
+/// Of housing and element per interval, as the core's: so little that it only keeps the covariance
+/// from being singular \[K2\].
+const DRIFT_K2: f64 = 1e-6;

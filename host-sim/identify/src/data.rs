@@ -1,0 +1,308 @@
+//! The measurements: what the plant is compared with, and what drove it.
+
+use std::path::Path;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_files::number::significant;
+use thermyo_plant::Truth;
+use thermyo_record::measured::{Column, Measured, TIME};
+use thermyo_scenario::profile::{Profile, ProfileError};
+use thermyo_scenario::{DriveKind, PlantKind, Scenario, Sensors};
+use thermyo_setup::OBSERVABLE;
+use thermyo_simulation::adc::OVERSAMPLING;
+
+/// Relative change above which a column of volumes is a piston's stroke.
+const STROKE: f64 = 1e-6;
+
+/// Distance of two rows, in typical ones, from which on what lies between them was not recorded.
+const HOLE_ROWS: f64 = 20.0;
+
+/// Longest typical distance of rows that tell how a muscle moved \[s\].
+const SLOWEST_S: f64 = 1.0;
+
+/// Steps of a raw code over a sensor's range.
+const CODE_STEPS: f64 = 32_760.0;
+
+/// A quantity that the plant is compared with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Absolute pressure \[Pa\].
+    Pressure,
+    /// Muscle length \[m\].
+    Length,
+    /// Reading of the sensor in the gas \[K\].
+    SensorGas,
+    /// Reading of the sensor in the wall \[K\].
+    SensorWall,
+}
+
+impl Quantity {
+    fn of_column(name: &str) -> Option<Self> {
+        let all = [Self::Pressure, Self::Length, Self::SensorGas, Self::SensorWall];
+        OBSERVABLE.iter().zip(all).find(|(known, _)| **known == name).map(|(_, quantity)| quantity)
+    }
+
+    /// The trace's name for it.
+    pub fn column(self) -> &'static str {
+        OBSERVABLE[self as usize]
+    }
+
+    /// The plant's value. Pressure and length are compared without their sensors' lag, which is
+    /// below a millisecond.
+    pub fn of(self, truth: &Truth) -> f64 {
+        match self {
+            Self::Pressure => truth.pressure_pa,
+            Self::Length => truth.length_m,
+            Self::SensorGas => truth.sensor_gas_k,
+            Self::SensorWall => truth.sensor_wall_k,
+        }
+    }
+
+    /// Standard deviation of one measured value: noise, averaged over a code's conversions, and the
+    /// step of the code.
+    fn deviation(self, sensor: &Sensors) -> f64 {
+        let sum = |digital| if digital { 1.0 } else { f64::from(OVERSAMPLING) };
+        let conversions = f64::from(OVERSAMPLING);
+        let of_gas = sum(sensor.gas_element().is_digital());
+        let of_pressure = sum(sensor.pressure_part().is_digital());
+        let gas_step_k = f64::from(sensor.gas_element().resolution_k()) / of_gas;
+        let (noise, step, readings) = match self {
+            Self::Pressure => {
+                (sensor.pressure.noise_pa, sensor.pressure.range_pa / CODE_STEPS, of_pressure)
+            }
+            Self::Length => {
+                (sensor.length.noise_m, sensor.length.range_m / CODE_STEPS, conversions)
+            }
+            Self::SensorGas => (sensor.gas.noise_k, gas_step_k, of_gas),
+            // Recorded as a number.
+            Self::SensorWall => (sensor.wall.noise_k, gas_step_k, 1.0),
+        };
+        (noise / readings.sqrt()).hypot(step / 12.0_f64.sqrt())
+    }
+}
+
+/// One measured column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observed {
+    /// What was measured.
+    pub quantity: Quantity,
+    /// (time \[s\], value), times rising.
+    pub points: Vec<(f64, f64)>,
+    /// Standard deviation of one value.
+    pub deviation: f64,
+}
+
+/// What drove the plant while it was measured: (time \[s\], inlet, outlet).
+#[derive(Debug, Clone, PartialEq)]
+pub enum Input {
+    /// Nothing but what the scenario says: closed, discharging, filling.
+    Scenario,
+    /// Mean mass flows \[kg/s\] since the row before.
+    Flows(Vec<(f64, [f64; 2])>),
+    /// Shares of the time that the valves are open, until the next row.
+    Duties(Vec<(f64, [f64; 2])>),
+    /// Pressure and length of a muscle whose gas sensor alone is compared.
+    Given(Given),
+}
+
+/// What was measured of the gas, and what the valves were driven to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Given {
+    /// Absolute pressure \[Pa\].
+    pub pressure: Profile,
+    /// Length \[m\].
+    pub length: Profile,
+    /// Duties of inlet and outlet, until the next row.
+    pub duties: Vec<(f64, [f64; 2])>,
+    /// First reading of the gas sensor \[K\].
+    pub sensor_k: f64,
+}
+
+/// Measurements, ready to be compared with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Data {
+    /// The columns that count.
+    pub observed: Vec<Observed>,
+    /// What drove the plant.
+    pub input: Input,
+    /// A piston's volume over time \[m3\], where the data has it.
+    pub volume: Option<Profile>,
+    /// Typical distance of two rows \[s\].
+    pub spacing_s: f64,
+    /// Where what drove the plant was not recorded: from, to \[s\].
+    pub holes: Vec<[f64; 2]>,
+}
+
+impl Data {
+    /// What a fit needs of `measured`, for that scenario; `path` is what messages call it.
+    ///
+    /// # Errors
+    /// When the columns that the scenario needs are not there, or hold less than it asks for.
+    pub fn new(measured: &Measured, path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
+        let column = |name: &str| measured.columns.iter().find(|column| column.name == name);
+        let needed = |name: &str| {
+            let problem = || Problem::NoValues { column: name.to_owned() };
+            column(name).ok_or_else(|| InputError::file(path, problem()))
+        };
+        let is_vessel = scenario.plant.kind == PlantKind::Vessel;
+
+        let asked = &scenario.identify.columns;
+        let named: Vec<&Column> = if asked.is_empty() {
+            let usual = [Quantity::Pressure, Quantity::Length, Quantity::SensorGas];
+            let usual = usual.into_iter().filter(|q| !(is_vessel && *q == Quantity::Length));
+            usual.filter_map(|quantity| column(quantity.column())).collect()
+        } else {
+            asked.iter().map(|name| needed(name)).collect::<Result<_, _>>()?
+        };
+        let observed: Vec<Observed> = named
+            .into_iter()
+            .filter_map(|column| {
+                let quantity = Quantity::of_column(&column.name)?;
+                let deviation = quantity.deviation(&scenario.sensor);
+                Some(Observed { quantity, points: column.points.clone(), deviation })
+            })
+            .collect();
+        if observed.is_empty() {
+            let column = OBSERVABLE[..3].join(" or ");
+            return Err(InputError::file(path, Problem::NoValues { column }));
+        }
+        let points = observed.iter().map(|observed| observed.points.len()).sum();
+        let parameters = scenario.identify.parameters.len();
+        if points <= parameters {
+            return Err(InputError::file(path, Problem::TooFewPoints { points, parameters }));
+        }
+
+        let unusable = |name: &str, why: &str| {
+            let (column, why) = (name.to_owned(), why.to_owned());
+            InputError::file(path, Problem::UnusableColumn { column, why })
+        };
+        let pair = |names: [&str; 2]| -> Result<Vec<(f64, [f64; 2])>, InputError> {
+            let (inlet, outlet) = (needed(names[0])?, needed(names[1])?);
+            if !times(&inlet.points).eq(times(&outlet.points)) {
+                return Err(unusable(names[1], &format!("must be filled where {} is", names[0])));
+            }
+            let both = inlet.points.iter().zip(&outlet.points);
+            Ok(both.map(|((time, inlet), (_, outlet))| (*time, [*inlet, *outlet])).collect())
+        };
+        let free = match scenario.drive.kind {
+            DriveKind::Closed => true,
+            DriveKind::Discharge | DriveKind::Fill => is_vessel,
+            _ => false,
+        };
+        let fits_paths = scenario.identify.parameters.iter().any(|path| {
+            path.starts_with("valve.") || path.starts_with("leak.") || path == "supply.pressure_pa"
+        });
+        let profile = |name: &str| -> Result<Profile, InputError> {
+            let Column { points, lines, .. } = needed(name)?;
+            Profile::new(points.clone()).map_err(|error| match error {
+                ProfileError::NotIncreasing { row } => {
+                    let problem = Problem::Cell {
+                        column: TIME.to_owned(),
+                        value: format!("{:?}", points[row].0),
+                        allowed: format!(
+                            "later than the row before, where {name} drives the plant"
+                        ),
+                    };
+                    InputError { line: lines.get(row).copied(), ..InputError::file(path, problem) }
+                }
+                error => unusable(name, &error.to_string()),
+            })
+        };
+        let gauged = ["pressure_pa", "length_m"].into_iter().all(|name| column(name).is_some());
+        let sensor_only = matches!(&observed[..], [only] if only.quantity == Quantity::SensorGas);
+        let input = if free {
+            Input::Scenario
+        } else if sensor_only && gauged && !is_vessel {
+            Input::Given(Given {
+                pressure: profile("pressure_pa")?,
+                length: profile("length_m")?,
+                duties: pair(["duty_in", "duty_out"])?,
+                sensor_k: observed[0].points[0].1,
+            })
+        } else if column("flow_in_kg_s").is_some() && !fits_paths {
+            Input::Flows(pair(["flow_in_kg_s", "flow_out_kg_s"])?)
+        } else {
+            Input::Duties(pair(["duty_in", "duty_out"])?)
+        };
+
+        let volume = column("volume_m3").filter(|column| is_vessel && varies(&column.points));
+        let volume = volume.map(|column| profile(&column.name)).transpose()?;
+        let bridged = match &input {
+            Input::Given(Given { pressure, length, .. }) => vec![pressure, length],
+            _ => volume.iter().collect(),
+        };
+        let mut recorded: Vec<Vec<f64>> =
+            bridged.into_iter().map(|profile| times(profile.points()).collect()).collect();
+        if matches!(input, Input::Flows(_) | Input::Duties(_)) {
+            // They hold over rows that leave them out.
+            let mut rows: Vec<f64> =
+                measured.columns.iter().flat_map(|column| times(&column.points)).collect();
+            rows.sort_by(f64::total_cmp);
+            recorded.push(rows);
+        }
+        let slow = |times_s: &&Vec<f64>| median_distance(times_s) > SLOWEST_S;
+        if let (Input::Given(_), Some(times_s)) = (&input, recorded.iter().find(slow)) {
+            return Err(unusable(
+                TIME,
+                &format!(
+                    "rows are {} s apart: must be at most {SLOWEST_S} s where pressure and length drive a muscle. Is it \
+                     in seconds?",
+                    significant(median_distance(times_s), 3)
+                ),
+            ));
+        }
+        let mut holes: Vec<[f64; 2]> = recorded.iter().flat_map(|times_s| holes(times_s)).collect();
+        holes.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        holes.dedup();
+        Ok(Self { spacing_s: spacing(&observed), observed, input, volume, holes })
+    }
+
+    /// Last time that something is compared at \[s\].
+    pub fn end_s(&self) -> f64 {
+        self.observed
+            .iter()
+            .filter_map(|o| o.points.last())
+            .fold(0.0, |end, point| end.max(point.0))
+    }
+
+    /// Measured values in all columns.
+    pub fn values(&self) -> usize {
+        self.observed.iter().map(|observed| observed.points.len()).sum()
+    }
+}
+
+fn varies(points: &[(f64, f64)]) -> bool {
+    let first = points[0].1;
+    points.iter().any(|point| (point.1 - first).abs() > STROKE * first.abs())
+}
+
+fn times(points: &[(f64, f64)]) -> impl Iterator<Item = f64> {
+    points.iter().map(|(time_s, _)| *time_s)
+}
+
+/// Median distance of two rows of the densest column \[s\].
+fn spacing(observed: &[Observed]) -> f64 {
+    let densest = observed.iter().max_by_key(|observed| observed.points.len());
+    let points = densest.map_or(&[][..], |observed| &observed.points);
+    median_distance(&times(points).collect::<Vec<_>>())
+}
+
+/// Median distance of times that differ.
+fn median_distance(times_s: &[f64]) -> f64 {
+    let mut distances: Vec<f64> =
+        times_s.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// Between which of these times nothing was recorded for long.
+fn holes(times_s: &[f64]) -> Vec<[f64; 2]> {
+    let longest_s = HOLE_ROWS * median_distance(times_s);
+    let pairs = times_s.windows(2).map(|pair| [pair[0], pair[1]]);
+    pairs.filter(|[from_s, to_s]| to_s - from_s > longest_s).collect()
+}
+
+/// What holds at a time, of rows that each hold until the next; `row` is where the last call looked.
+pub fn holding(rows: &[(f64, [f64; 2])], row: &mut usize, time_s: f64) -> [f64; 2] {
+    *row += rows[*row + 1..].iter().take_while(|(time, _)| *time <= time_s).count();
+    rows[*row].1
+}

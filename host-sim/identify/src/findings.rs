@@ -1,0 +1,310 @@
+//! What an identification found, and what it could not.
+
+use super::data::{Data, Quantity};
+use super::fit::End;
+use super::parameter::Parameter;
+use super::uncertainty::Misfit;
+use nalgebra::DMatrix;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use thermyo_files::number::{of_column, significant, with_error};
+
+/// Correlation from which on two parameters cannot be distinguished.
+const INSEPARABLE: f64 = 0.95;
+/// Relative standard error from which on a parameter is not determined.
+const UNDETERMINED: f64 = 0.5;
+/// Relative standard error from which on it might be nothing: the data leave it open.
+const OPEN: f64 = 1.0;
+/// Rows over which residuals are correlated, from which on that is worth a word.
+const LASTING_ROWS: f64 = 5.0;
+/// Root mean square of residuals, in standard deviations of one reading, from which on that is worth a word.
+const LARGE: f64 = 5.0;
+/// Holes of a record that are named.
+const NAMED_HOLES: usize = 5;
+
+/// One identified value.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Fitted {
+    /// Value \[unit\].
+    pub value: f64,
+    /// Its standard error \[unit\]; none where the data leave it open, or it is at a limit.
+    pub standard_error: Option<f64>,
+    /// Unit, as the SI writes it; empty for a ratio.
+    pub unit: &'static str,
+}
+
+impl Fitted {
+    /// Whether the data say too little about it.
+    fn is_open(&self) -> bool {
+        self.standard_error.is_none_or(|error| error > OPEN * self.value)
+    }
+
+    /// A line for a terminal.
+    pub fn line(&self, path: &str) -> String {
+        let value = match self.standard_error {
+            Some(error) => with_error(self.value, error),
+            None => format!("{} ± open", significant(self.value, 6)),
+        };
+        format!("{path:<34} {value} {}", self.unit).trim_end().to_owned() + "\n"
+    }
+}
+
+/// Root-mean-square residuals, by what was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Rmse {
+    /// Pressure \[Pa\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pressure_pa: Option<f64>,
+    /// Sensor in the gas \[K\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub temperature_k: Option<f64>,
+    /// Sensor in the wall \[K\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wall_temperature_k: Option<f64>,
+    /// Length \[m\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+}
+
+/// What the searches did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Searches {
+    /// Searches begun.
+    pub starts: usize,
+    /// Those that converged.
+    pub converged: usize,
+    /// Those that ended where the best one did.
+    pub agreeing: usize,
+}
+
+/// `summary.json` of an identification.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Findings {
+    /// Whether the best search converged and the others found the same.
+    pub converged: bool,
+    /// The fitted values by their keys, and `gas_mass_kg` where they set it.
+    pub parameters: BTreeMap<String, Fitted>,
+    /// What is left unexplained.
+    pub rmse: Rmse,
+    /// Effective number of independent rows, by measured column.
+    pub effective_rows: BTreeMap<&'static str, f64>,
+    /// Correlation of each pair of parameters, `[a][b]`.
+    pub correlations: BTreeMap<String, BTreeMap<String, f64>>,
+    /// The searches.
+    pub searches: Searches,
+    /// What the data cannot tell, in words.
+    pub remarks: Vec<String>,
+    #[serde(skip)]
+    best_converged: bool,
+    #[serde(skip)]
+    determined: bool,
+}
+
+/// What findings are made of.
+pub(super) struct Parts<'a> {
+    pub parameters: &'a [Parameter],
+    pub data: &'a Data,
+    pub best: &'a End,
+    pub ends: &'a [End],
+    pub agreeing: usize,
+    pub misfits: &'a [Misfit],
+    pub covariance: Option<&'a DMatrix<f64>>,
+    pub mass: Option<(f64, Option<f64>)>,
+}
+
+impl Findings {
+    pub(super) fn new(parts: Parts) -> Self {
+        let Parts { parameters, data, best, ends, agreeing, misfits, covariance, mass } = parts;
+        let inside = |i: usize| !parameters[i].at_limit(best.place[i]);
+        let error =
+            |i: usize| covariance.filter(|_| inside(i)).map(|covariance| covariance[(i, i)].sqrt());
+        let values = parameters.iter().zip(best.place.iter()).enumerate();
+        let mut fitted: BTreeMap<String, Fitted> = values
+            .map(|(i, (parameter, u))| {
+                let value = parameter.value(*u);
+                let standard_error = error(i).map(|relative| relative * value);
+                (parameter.path.clone(), Fitted { value, standard_error, unit: parameter.unit })
+            })
+            .collect();
+        if let Some((value, standard_error)) = mass {
+            fitted.insert("gas_mass_kg".to_owned(), Fitted { value, standard_error, unit: "kg" });
+        }
+
+        let mut rmse = Rmse::default();
+        let mut effective_rows = BTreeMap::new();
+        for (observed, misfit) in data.observed.iter().zip(misfits) {
+            let place = match observed.quantity {
+                Quantity::Pressure => &mut rmse.pressure_pa,
+                Quantity::Length => &mut rmse.length_m,
+                Quantity::SensorGas => &mut rmse.temperature_k,
+                Quantity::SensorWall => &mut rmse.wall_temperature_k,
+            };
+            *place = Some(misfit.rms);
+            let rows = observed.points.len() as f64 / misfit.correlation_rows;
+            effective_rows.insert(observed.quantity.column(), rows);
+        }
+
+        let correlations = covariance.map_or_else(BTreeMap::new, |covariance| {
+            let correlation = |i: usize, j: usize| {
+                covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
+            };
+            let row = |i: usize| {
+                let paths = parameters.iter().enumerate().filter(|(j, _)| inside(*j));
+                paths.map(|(j, other)| (other.path.clone(), correlation(i, j))).collect()
+            };
+            let rows = parameters.iter().enumerate().filter(|(i, _)| inside(*i));
+            rows.map(|(i, parameter)| (parameter.path.clone(), row(i))).collect()
+        });
+
+        let searches = Searches {
+            starts: ends.len(),
+            converged: ends.iter().filter(|end| end.converged).count(),
+            agreeing,
+        };
+        let mut findings = Self {
+            converged: false,
+            parameters: fitted,
+            rmse,
+            effective_rows,
+            correlations,
+            searches,
+            remarks: Vec::new(),
+            best_converged: best.converged,
+            determined: covariance.is_some(),
+        };
+        findings.converged = findings.failed().is_none();
+        findings.remarks = findings.remarks(parameters, best, data, misfits);
+        findings
+    }
+
+    /// Why the values are not to be relied on, if they are not.
+    pub fn failed(&self) -> Option<String> {
+        let Searches { starts, agreeing, .. } = self.searches;
+        if !self.best_converged {
+            Some("the search did not converge; the values are where it stopped".to_owned())
+        } else if !self.determined {
+            Some(
+                "the data leave the parameters open: some of them, or a combination, change \
+                 nothing that was measured"
+                    .to_owned(),
+            )
+        } else if 2 * agreeing <= starts && starts > 1 {
+            Some(format!(
+                "the starts disagree: only {agreeing} of {starts} searches ended at the best fit; \
+                 start closer, or fit fewer parameters"
+            ))
+        } else {
+            let open = self.parameters.iter().filter(|(_, fitted)| fitted.is_open());
+            let open: Vec<&str> = open.map(|(path, _)| path.as_str()).collect();
+            (!open.is_empty()).then(|| {
+                format!(
+                    "the data leave {} open: at a limit, or with a standard error beyond the value itself",
+                    open.join(" and ")
+                )
+            })
+        }
+    }
+
+    fn remarks(
+        &self,
+        parameters: &[Parameter],
+        best: &End,
+        data: &Data,
+        misfits: &[Misfit],
+    ) -> Vec<String> {
+        let mut remarks: Vec<String> = self.failed().into_iter().collect();
+        for (i, parameter) in parameters.iter().enumerate() {
+            let path = &parameter.path;
+            if parameter.at_limit(best.place[i]) {
+                remarks.push(format!(
+                    "{path} went to a limit of what is allowed: the data ask for more than the \
+                     model can give, or say nothing about it."
+                ));
+            }
+            let fitted = &self.parameters[path];
+            if let Some(error) = fitted.standard_error
+                && error > UNDETERMINED * fitted.value
+            {
+                remarks.push(format!(
+                    "{path} is not determined: its standard error is {:.0} % of its value.",
+                    100.0 * error / fitted.value
+                ));
+            }
+            for other in &parameters[i + 1..] {
+                let pair = self.correlations.get(path).and_then(|row| row.get(&other.path));
+                if let Some(correlation) = pair.filter(|c| c.abs() > INSEPARABLE) {
+                    remarks.push(format!(
+                        "{path} and {} cannot be distinguished (correlation {correlation:.3}): the \
+                         data determine a combination of them. Measure one of them otherwise, or fix \
+                         it.",
+                        other.path
+                    ));
+                }
+            }
+        }
+        if !data.holes.is_empty() {
+            let named = data.holes.iter().take(NAMED_HOLES);
+            let named: Vec<String> = named
+                .map(|[from_s, to_s]| {
+                    format!("{} to {} s", significant(*from_s, 4), significant(*to_s, 4))
+                })
+                .collect();
+            let more = match data.holes.len() - named.len() {
+                0 => String::new(),
+                more => format!(", and {more} more"),
+            };
+            remarks.push(format!(
+                "The record has holes, from {}{more}: what drove the plant there is not known, and what is fitted may \
+                 be wrong by it.",
+                named.join(", ")
+            ));
+        }
+        for (observed, misfit) in data.observed.iter().zip(misfits) {
+            let column = observed.quantity.column();
+            if misfit.rms > LARGE * observed.deviation {
+                remarks.push(format!(
+                    "{column} is missed by {} RMS, {:.0} times what its sensor's noise and code make: model or record \
+                     is wrong by that.",
+                    of_column(misfit.rms, column),
+                    misfit.rms / observed.deviation
+                ));
+            }
+            if misfit.correlation_rows > LASTING_ROWS && misfit.inflation > 1.0 {
+                remarks.push(format!(
+                    "The residuals of {} go on over {:.0} rows: the model is wrong there by more \
+                     than the sensor's noise. The standard errors count {:.0} independent rows of \
+                     {}.",
+                    column,
+                    misfit.correlation_rows,
+                    observed.points.len() as f64 / misfit.correlation_rows,
+                    observed.points.len()
+                ));
+            }
+        }
+        remarks
+    }
+
+    /// The figures, as lines for a terminal.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        for (path, fitted) in &self.parameters {
+            text += &fitted.line(path);
+        }
+        let Rmse { pressure_pa, temperature_k, wall_temperature_k, length_m } = self.rmse;
+        for (name, value, column) in [
+            ("pressure", pressure_pa, "pressure_pa"),
+            ("temperature", temperature_k, "sensor_gas_k"),
+            ("wall temperature", wall_temperature_k, "sensor_wall_k"),
+            ("length", length_m, "length_m"),
+        ] {
+            if let Some(value) = value {
+                text += &format!("{name}: RMS residual {}\n", of_column(value, column));
+            }
+        }
+        let Searches { starts, converged, agreeing } = self.searches;
+        text += &format!(
+            "searches: {starts} begun, {converged} converged, {agreeing} ended at the best fit\n"
+        );
+        self.remarks.iter().fold(text, |text, remark| text + remark + "\n")
+    }
+}

@@ -1,0 +1,159 @@
+//! The search: weighted least squares by Levenberg and Marquardt, from several starts.
+
+use super::data::Data;
+use super::failed::Failed;
+use super::parameter::Parameter;
+use super::search::{self, LeastSquares};
+use super::simulate::Experiment;
+use levenberg_marquardt::{LevenbergMarquardt, TerminationReason};
+use nalgebra::{DMatrix, DVector};
+use rand_distr::{Distribution, Uniform};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+use thermyo_compute::parallel;
+use thermyo_compute::parallel::Watch;
+use thermyo_compute::stop;
+use thermyo_scenario::{Scenario, with_numbers};
+
+/// Step of the differences in ln x: far above the integrators' rounding, far below a curvature.
+const DIFFERENCE: f64 = 1e-4;
+/// Relative change of the sum of squares, and of the parameters, at which a search has converged.
+const TOLERANCE: f64 = 1e-8;
+/// Evaluations per parameter before a search is given up.
+const PATIENCE: usize = 30;
+/// Weighted residual that stands for "no prediction": far worse than any that is one.
+const HOPELESS: f64 = 1e6;
+
+/// Where one search ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct End {
+    /// Place of the parameters, see [`Parameter::place`].
+    pub place: DVector<f64>,
+    /// Sum of the squared weighted residuals.
+    pub cost: f64,
+    /// Whether it has converged.
+    pub converged: bool,
+}
+
+/// The problem: a scenario, its parameters and the data.
+#[derive(Debug, Clone)]
+pub struct Problem<'a> {
+    /// The scenario that the parameters are replaced in.
+    pub scenario: &'a Scenario,
+    /// The parameters.
+    pub parameters: &'a [Parameter],
+    /// The measurements.
+    pub data: &'a Data,
+    /// The plant to compare them with.
+    pub experiment: Experiment<'a>,
+}
+
+impl Problem<'_> {
+    /// The scenario at a place of the search.
+    pub fn scenario_at(&self, place: &DVector<f64>) -> Scenario {
+        let values = self.parameters.iter().zip(place.iter());
+        with_numbers(self.scenario, values.map(|(p, u)| (p.path.as_str(), p.value(*u))))
+    }
+
+    /// Prediction less measurement, column after column, in the columns' own units.
+    ///
+    /// # Errors
+    /// When the plant has no prediction there.
+    pub fn residuals(&self, place: &DVector<f64>) -> Result<Vec<f64>, Failed> {
+        let mut residuals = self.experiment.predict(&self.scenario_at(place))?;
+        let measured = self.data.observed.iter().flat_map(|observed| &observed.points);
+        for (residual, (_, value)) in residuals.iter_mut().zip(measured) {
+            *residual -= value;
+        }
+        Ok(residuals)
+    }
+
+    /// d(weighted residual)/d(ln x) by central differences.
+    pub fn sensitivities(&self, place: &DVector<f64>) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = (0..self.parameters.len())
+            .map(|i| {
+                let [above, below] = [1.0, -1.0].map(|sign| {
+                    let mut shifted = place.clone();
+                    shifted[i] += sign * DIFFERENCE / self.parameters[i].slope(place[i]);
+                    self.weighted(&shifted)
+                });
+                (above - below) / (2.0 * DIFFERENCE)
+            })
+            .collect();
+        DMatrix::from_columns(&columns)
+    }
+
+    /// Searches from the scenario's own values, and from others around them. Those that [`thermyo_compute::stop`] ended are left
+    /// out.
+    pub fn search(&self, watch: &dyn Watch) -> Vec<End> {
+        let ends = parallel::map_watched(&self.starts(), watch, |start| self.minimize(start));
+        ends.into_iter().flatten().collect()
+    }
+
+    /// A Latin hypercube in the logarithms, the scenario's own values first: every parameter takes
+    /// each of equally many strata of its spread once.
+    fn starts(&self) -> Vec<DVector<f64>> {
+        let others = self.scenario.identify.starts as usize - 1;
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(self.scenario.run.seed);
+        let unit = Uniform::new(0.0, 1.0).expect("the range is not empty");
+        let mut draw = || -> f64 { unit.sample(&mut random) };
+        let mut starts: Vec<DVector<f64>> = vec![DVector::zeros(self.parameters.len()); others + 1];
+        for (i, parameter) in self.parameters.iter().enumerate() {
+            starts[0][i] = parameter.place(parameter.given);
+            let mut strata: Vec<usize> = (0..others).collect();
+            for last in (1..others).rev() {
+                strata.swap(last, (draw() * (last + 1) as f64) as usize);
+            }
+            for (start, stratum) in starts[1..].iter_mut().zip(strata) {
+                let share = (stratum as f64 + draw()) / others as f64;
+                let factor = self.scenario.identify.spread.powf(2.0 * share - 1.0);
+                start[i] = parameter.place(parameter.given * factor);
+            }
+        }
+        starts
+    }
+
+    fn minimize(&self, start: &DVector<f64>) -> Option<End> {
+        if stop::wanted() {
+            return None;
+        }
+        let solver = LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE);
+        let found = search::minimize(self, start.clone(), &solver);
+        if found.stopped() {
+            return None;
+        }
+        let converged = found.termination.was_successful()
+            || matches!(found.termination, TerminationReason::NoImprovementPossible(_));
+        let hopeless = HOPELESS * HOPELESS;
+        let converged = converged && found.cost < hopeless;
+        Some(End { place: found.place, cost: found.cost, converged })
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+        let len = self.data.values();
+        let Ok(mut residuals) = self.residuals(place) else {
+            return DVector::from_element(len, HOPELESS);
+        };
+        let columns = self.data.observed.iter();
+        let deviations = columns.flat_map(|o| std::iter::repeat_n(o.deviation, o.points.len()));
+        for (residual, deviation) in residuals.iter_mut().zip(deviations) {
+            *residual /= deviation;
+        }
+        DVector::from_vec(residuals)
+    }
+
+    /// One-sided differences: enough to find the way, at half the price.
+    fn slopes(&self, place: &DVector<f64>, residuals: &DVector<f64>) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = (0..place.len())
+            .map(|i| {
+                let step = DIFFERENCE / self.parameters[i].slope(place[i]);
+                let mut shifted = place.clone();
+                shifted[i] += step;
+                (self.weighted(&shifted) - residuals) / step
+            })
+            .collect();
+        DMatrix::from_columns(&columns)
+    }
+}

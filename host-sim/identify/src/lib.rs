@@ -1,0 +1,350 @@
+//! `thermyo identify`: from a recorded trace, the parameters that nobody can measure.
+//!
+//! ```text
+//! CSV --data--> columns, what drove the plant --simulate--> predictions
+//! scenario's [identify] --parameter--> what is searched --fit--> values --uncertainty--> how sure
+//! ```
+//!
+//! The plant is driven as it was while it was measured: by the recorded mass flows or duties, by the
+//! recorded volume of a piston, or by what the scenario says. A muscle is the lumped plant (or the
+//! paper's); where only its gas sensor is compared, it is the core's own model, driven by the recorded
+//! pressure and length. A scenario with the model `full` gets the effective parameters that the core
+//! works with.
+//!
+//! A table without time, gauge pressure, length and force at rest, is a static map: see [`static_map`].
+
+mod balance;
+pub mod core_model;
+mod data;
+mod failed;
+mod findings;
+mod fit;
+mod page;
+mod parameter;
+mod record;
+mod search;
+mod simulate;
+pub mod static_map;
+mod uncertainty;
+
+pub use data::Data;
+pub use findings::{Findings, Fitted};
+pub use page::page;
+pub use record::{Found, identify_table};
+
+use data::Input;
+use failed::Failed;
+use fit::{End, Problem};
+use nalgebra::{DMatrix, DVector};
+use parameter::Parameter;
+use simulate::Experiment;
+use std::path::Path;
+use thermyo_compute::parallel::Watch;
+use thermyo_compute::stop;
+use thermyo_files::input::{InputError, Problem as InputProblem};
+use thermyo_plant::{BuildError, Diverged};
+use thermyo_record::measured::Measured;
+use thermyo_scenario::schema;
+use thermyo_scenario::schema::fittable;
+use thermyo_scenario::{PlantModel, Scenario, number, with_numbers};
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::OneZone;
+pub use uncertainty::correlation_rows;
+use uncertainty::{Misfit, covariance};
+
+/// Relative difference of the sums of squares up to which two searches ended in the same place.
+const SAME_COST: f64 = 1e-3;
+/// Difference of a parameter up to which they did, in standard errors.
+const SAME_PLACE: f64 = 0.5;
+/// Step of the differences in ln x that carry the uncertainty to the gas mass.
+const MASS_DIFFERENCE: f64 = 1e-4;
+
+/// Why nothing was identified.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentifyError {
+    /// Data or scenario cannot be used.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// The plant cannot be built from the scenario.
+    #[error("{0}")]
+    Build(BuildError),
+    /// The plant diverges with the scenario's own values.
+    #[error("with the scenario's own values, {0}")]
+    Diverged(Diverged),
+    /// It was to end, [`thermyo_compute::stop`]: what the finished searches found, as a table.
+    #[error("stopped after {finished} of {starts} searches")]
+    Stopped {
+        /// Searches that came to their end.
+        finished: usize,
+        /// Searches to be made.
+        starts: u64,
+        /// One row for each: what is left, whether it converged, and the values.
+        csv: String,
+    },
+}
+
+/// Fits the parameters that the scenario of `config` names to what was `measured`, in `data_file`. To `watch`, each
+/// start of the search is a part.
+///
+/// # Errors
+/// [`IdentifyError`]. A search that does not converge is no error: see [`Findings::failed`].
+pub fn identify(
+    loaded: &Loaded,
+    config: &Path,
+    measured: &Measured,
+    data_file: &Path,
+    watch: &dyn Watch,
+) -> Result<Identified, IdentifyError> {
+    let parameters = Parameter::all(&loaded.plant);
+    if parameters.is_empty() {
+        let problem = InputProblem::Missing {
+            key: "identify.parameters".to_owned(),
+            why: "it names what is fitted, such as [\"heat.inner_w_m2_k\"]".to_owned(),
+        };
+        return Err(InputError::file(config, problem).into());
+    }
+    let mut data = Data::new(measured, data_file, &loaded.plant)?;
+    let from_data = data.volume.is_some();
+    data.volume = data.volume.or_else(|| loaded.volume_profile.clone());
+    let data = data;
+    let scenario = comparable(&loaded.plant, &data);
+    let problem = Problem {
+        scenario: &scenario,
+        parameters: &parameters,
+        data: &data,
+        experiment: Experiment::new(&data, &scenario),
+    };
+    let own = DVector::from_iterator(
+        parameters.len(),
+        parameters.iter().map(|parameter| parameter.place(parameter.given)),
+    );
+    let without = |failed: Failed, ends: &[End]| match failed {
+        Failed::Build(error) => IdentifyError::Build(error),
+        Failed::Diverged(error) => IdentifyError::Diverged(error),
+        Failed::Stopped => stopped(&problem, ends),
+    };
+    // A mistake in the scenario is reported as one, not as a search without success.
+    problem.residuals(&own).map_err(|failed| without(failed, &[]))?;
+
+    let ends = problem.search(watch);
+    if stop::wanted() {
+        return Err(stopped(&problem, &ends));
+    }
+    let best = best(&ends);
+    let residuals = problem.residuals(&best.place).map_err(|failed| without(failed, &ends))?;
+    let freedom = 1.0 - parameters.len() as f64 / data.values() as f64;
+    let mut misfits = Vec::new();
+    let mut columns = Vec::new();
+    let mut first = 0;
+    for observed in &data.observed {
+        let own = &residuals[first..first + observed.points.len()];
+        misfits.push(Misfit::new(own, observed.deviation, freedom));
+        columns.push(own.to_vec());
+        first += observed.points.len();
+    }
+    let covariance = covariance_inside(&problem, &best.place, &misfits);
+    if stop::wanted() {
+        // Its differences are of predictions that ended early.
+        return Err(stopped(&problem, &ends));
+    }
+    let agreeing = agreeing(&ends, best, &parameters, covariance.as_ref());
+    let mass = gas_mass(&problem, &best.place, covariance.as_ref());
+    let findings = Findings::new(findings::Parts {
+        parameters: &parameters,
+        data: &data,
+        best,
+        ends: &ends,
+        agreeing,
+        misfits: &misfits,
+        covariance: covariance.as_ref(),
+        mass,
+    });
+
+    let values: Vec<(&str, f64)> = parameters
+        .iter()
+        .zip(best.place.iter())
+        .map(|(parameter, u)| (parameter.path.as_str(), parameter.value(*u)))
+        .collect();
+    let volume_csv = from_data.then_some(data_file);
+    Ok(Identified {
+        findings,
+        scenario: adopted(loaded, &data, &values, volume_csv),
+        data,
+        residuals: columns,
+    })
+}
+
+/// What one identification gives.
+#[derive(Debug)]
+pub struct Identified {
+    /// The figures.
+    pub findings: Findings,
+    /// The scenario with the fitted values.
+    pub scenario: Loaded,
+    data: Data,
+    /// Prediction less measurement, by measured column.
+    residuals: Vec<Vec<f64>>,
+}
+
+/// Whether the plant that stands for the scenario has to be made of one that has zones.
+fn in_zones(scenario: &Scenario, data: &Data) -> bool {
+    scenario.moves_in_full() && !matches!(data.input, Input::Given(_))
+}
+
+/// The scenario of the plant that measurements are compared with: see the module.
+fn comparable(scenario: &Scenario, data: &Data) -> Scenario {
+    let mut scenario = scenario.clone();
+    if in_zones(&scenario, data) {
+        // As the core sees it.
+        let one_zone = OneZone::of(&scenario);
+        scenario.plant.model = PlantModel::Lumped;
+        let path = dead_volume(&scenario);
+        let dead_m3 = number(&scenario, &path).unwrap_or_default() + one_zone.tube_m3;
+        scenario = with_numbers(&scenario, [(path.as_str(), dead_m3)]);
+        scenario.heat.inner_per_flow *= one_zone.stirring;
+        scenario.wall.heat_capacity_j_k *= one_zone.wall;
+        let lag_s = &mut scenario.sensor.gas.time_constant_s;
+        *lag_s = *lag_s / one_zone.swing + one_zone.housing_s;
+    }
+    scenario
+}
+
+/// The key of the volume that nothing sweeps.
+fn dead_volume(scenario: &Scenario) -> String {
+    format!("{}.dead_volume_m3", scenario.plant.kind.word())
+}
+
+/// The scenario with the fitted values, the core configured so too. For `full` they are effective values of
+/// the core's own model: only the core is configured.
+fn adopted(
+    loaded: &Loaded,
+    data: &Data,
+    values: &[(&str, f64)],
+    volume_csv: Option<&Path>,
+) -> Loaded {
+    let mut adopted = loaded.clone();
+    let full = loaded.plant.moves_in_full();
+    let configured = |path: &str| {
+        fittable(path).is_some()
+            && schema::key(path).is_some_and(|(table, _)| !full || table.believed)
+    };
+    let one_zone = OneZone::of(&loaded.plant);
+    let backwards = in_zones(&loaded.plant, data);
+    let dead_volume = dead_volume(&loaded.plant);
+    let values = values.iter().filter(|(path, _)| configured(path)).map(|(path, value)| {
+        if !backwards {
+            return (*path, *value);
+        }
+        // What the core's configuration makes of a muscle in zones, backwards.
+        let value = match *path {
+            path if path == dead_volume => value - one_zone.tube_m3,
+            "heat.inner_per_flow" => value / one_zone.stirring,
+            "wall.heat_capacity_j_k" => value / one_zone.wall,
+            "sensor.gas.time_constant_s" => (value - one_zone.housing_s) * one_zone.swing,
+            _ => *value,
+        };
+        (*path, value.max(0.0))
+    });
+    let values: Vec<_> = values.collect();
+    adopted.believed = with_numbers(&loaded.believed, values.iter().copied());
+    if !full {
+        adopted.plant = with_numbers(&loaded.plant, values);
+    }
+    if let Some(path) = volume_csv {
+        let path = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+        adopted.plant.vessel.volume_csv = Some(path.clone());
+        adopted.believed.vessel.volume_csv = Some(path);
+    }
+    adopted
+}
+
+/// What there is where it was stopped.
+fn stopped(problem: &Problem, ends: &[End]) -> IdentifyError {
+    let paths: Vec<&str> = problem.parameters.iter().map(|p| p.path.as_str()).collect();
+    let mut csv = format!("cost,converged,{}\n", paths.join(","));
+    for end in ends {
+        let values = problem.parameters.iter().zip(end.place.iter());
+        let values: Vec<String> = values.map(|(p, u)| format!("{:?}", p.value(*u))).collect();
+        csv += &format!("{:?},{},{}\n", end.cost, u8::from(end.converged), values.join(","));
+    }
+    let starts = problem.scenario.identify.starts;
+    IdentifyError::Stopped { finished: ends.len(), starts, csv }
+}
+
+/// The search that ended lowest; one that converged, where there is one.
+fn best(ends: &[End]) -> &End {
+    let order = |end: &&End| (!end.converged, end.cost);
+    ends.iter()
+        .min_by(|a, b| {
+            let ((a_open, a_cost), (b_open, b_cost)) = (order(a), order(b));
+            a_open.cmp(&b_open).then(a_cost.total_cmp(&b_cost))
+        })
+        .expect("there is at least one start")
+}
+
+/// Covariance of the logarithms, with those at a limit held: their rows are zero.
+fn covariance_inside(
+    problem: &Problem,
+    place: &DVector<f64>,
+    misfits: &[Misfit],
+) -> Option<DMatrix<f64>> {
+    let count = place.len();
+    let inside: Vec<usize> =
+        (0..count).filter(|i| !problem.parameters[*i].at_limit(place[*i])).collect();
+    let sensitivities = problem.sensitivities(place).select_columns(&inside);
+    let reduced = covariance(&sensitivities, &problem.data.observed, misfits)?;
+    let mut full = DMatrix::zeros(count, count);
+    for (row, i) in inside.iter().enumerate() {
+        for (column, j) in inside.iter().enumerate() {
+            full[(*i, *j)] = reduced[(row, column)];
+        }
+    }
+    Some(full)
+}
+
+/// How many searches ended where the best one did.
+fn agreeing(
+    ends: &[End],
+    best: &End,
+    parameters: &[Parameter],
+    covariance: Option<&DMatrix<f64>>,
+) -> usize {
+    let near = |end: &&End| {
+        let same_cost = end.cost <= best.cost * (1.0 + SAME_COST);
+        let same_place = parameters.iter().enumerate().all(|(i, parameter)| {
+            if parameter.at_limit(end.place[i]) && parameter.at_limit(best.place[i]) {
+                return end.place[i].signum() == best.place[i].signum();
+            }
+            let difference = parameter.value(end.place[i]) / parameter.value(best.place[i]);
+            let error = covariance.map_or(0.0, |covariance| covariance[(i, i)].sqrt());
+            difference.ln().abs() <= (SAME_PLACE * error).max(SAME_COST)
+        });
+        end.converged && same_cost && same_place
+    };
+    ends.iter().filter(near).count()
+}
+
+/// Gas mass at the start \[kg\] and its standard error, where a parameter that was fitted sets it.
+fn gas_mass(
+    problem: &Problem,
+    place: &DVector<f64>,
+    covariance: Option<&DMatrix<f64>>,
+) -> Option<(f64, Option<f64>)> {
+    let mass = |place: &DVector<f64>| {
+        let scenario = problem.scenario_at(place);
+        let plant = thermyo_plant::build(&scenario, problem.data.volume.clone()).ok()?;
+        Some(plant.truth().mass_kg)
+    };
+    let found = mass(place)?;
+    let mut gradient = DVector::zeros(place.len());
+    for (i, parameter) in problem.parameters.iter().enumerate() {
+        let mut shifted = place.clone();
+        shifted[i] += MASS_DIFFERENCE / parameter.slope(place[i]);
+        gradient[i] = (mass(&shifted)? - found) / MASS_DIFFERENCE;
+    }
+    if gradient.norm() <= 1e-9 * found {
+        return None;
+    }
+    let variance = |covariance: &DMatrix<f64>| (gradient.transpose() * covariance * &gradient)[0];
+    Some((found, covariance.map(|covariance| variance(covariance).sqrt())))
+}

@@ -1,0 +1,175 @@
+//! The search for the muscle behind a static map.
+//!
+//! ```text
+//! sum of ((F(p, L) - direction friction - measured)/s)^2 + sum of ((x - x_0)/spread)^2
+//! ```
+//!
+//! s is a hundredth of the largest force, what the law leaves of a muscle. The second sum keeps what the readings leave open near what
+//! muscles usually are, the scenario's own values: five readings are as many as there are unknowns, and
+//! without it their noise would go into the one that they tell least of. Beside forty readings it counts
+//! for nothing. Searched are the logarithms of the diameter, of K1 and of e1, the braid angle, d0 over the rest length,
+//! and friction over the largest force; K1 is expected to grow with the diameter, as the bladder does.
+
+use super::readings::{Reading, Readings};
+use crate::search;
+use crate::search::{Found, LeastSquares};
+use levenberg_marquardt::LevenbergMarquardt;
+use nalgebra::{DMatrix, DVector};
+use thermyo_plant::chamber::Chamber;
+use thermyo_plant::chamber::braid;
+use thermyo_scenario::{Muscle, at_rest};
+
+/// What the law leaves of a muscle's largest force \[-\].
+const LEFT: f64 = 0.01;
+/// Spreads of what is searched: logarithm of the diameter, angle \[rad\], logarithms of K1 per diameter and of e1, d0, friction.
+const SPREADS: [f64; 6] = [1.0, 0.1, 0.5, 0.5, 0.006, 0.1];
+/// Angles that the search starts from, besides the scenario's \[rad\].
+const STARTS: [f64; 3] = [0.0, -0.08, 0.08];
+/// Step of the differences; what is searched is of the order of one.
+const DIFFERENCE: f64 = 1e-6;
+/// Diameters that are searched \[m\].
+const DIAMETERS_M: [f64; 2] = [1.0e-3, 0.2];
+/// Braid angles that are searched \[deg\]: at 54.7 the force vanishes.
+const ANGLES_DEG: [f64; 2] = [5.0, 53.0];
+/// Strains over which a bladder fills that are searched \[-\].
+const STRAINS: [f64; 2] = [1.0e-3, 1.0];
+/// Relative difference up to which a value is at the limit of what is searched.
+const AT_LIMIT: f64 = 1.0e-3;
+
+/// Readings, and the scenario's own muscle.
+#[derive(Debug)]
+pub struct Problem<'a> {
+    readings: &'a Readings,
+    given: &'a Muscle,
+    usual: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    /// Of a scenario whose K1 is above 0.
+    pub fn new(readings: &'a Readings, given: &'a Muscle) -> Self {
+        let mut usual = vec![
+            given.diameter_m.ln(),
+            given.braid_angle_deg.to_radians(),
+            given.bladder_saturation_n.ln(),
+            given.bladder_strain.ln(),
+            given.slack_m / given.rest_length_m,
+        ];
+        if readings.go_both_ways() {
+            usual.push(0.0);
+        }
+        Self { readings, given, usual }
+    }
+
+    /// The muscle at a place of the search.
+    pub fn muscle(&self, place: &DVector<f64>) -> Muscle {
+        let rest_length_m = self.readings.rest_length_m;
+        let angle_deg = place[1].to_degrees().clamp(ANGLES_DEG[0], ANGLES_DEG[1]);
+        let muscle = Muscle {
+            bladder_saturation_n: place[2].exp(),
+            bladder_strain: place[3].exp().clamp(STRAINS[0], STRAINS[1]),
+            slack_m: place[4] * rest_length_m,
+            ..self.given.clone()
+        };
+        let diameter_m = place[0].exp().clamp(DIAMETERS_M[0], DIAMETERS_M[1]);
+        at_rest(&muscle, rest_length_m, diameter_m, angle_deg)
+    }
+
+    /// The scenario's muscle, as long as that of the readings.
+    pub fn usual(&self) -> Muscle {
+        self.muscle(&DVector::from_vec(self.usual.clone()))
+    }
+
+    /// Whether what is searched ended at a limit, or wanted beyond.
+    pub fn at_limit(place: &DVector<f64>, i: usize) -> bool {
+        let (value, [low, high]) = match i {
+            0 => (place[0].exp(), DIAMETERS_M),
+            1 => (place[1].to_degrees(), ANGLES_DEG),
+            3 => (place[3].exp(), STRAINS),
+            _ => return false,
+        };
+        !(low * (1.0 + AT_LIMIT)..=high * (1.0 - AT_LIMIT)).contains(&value)
+    }
+
+    /// Friction at a place of the search \[N\], where readings tell of it.
+    pub fn friction_n(&self, place: &DVector<f64>) -> Option<f64> {
+        place.get(5).map(|share| share * self.readings.largest_n())
+    }
+
+    /// Force that the law gives for a reading \[N\].
+    pub fn force_n(&self, place: &DVector<f64>, readings: &[Reading]) -> Vec<f64> {
+        let muscle = braid::Muscle::of(&self.muscle(place));
+        let friction_n = self.friction_n(place).unwrap_or_default();
+        let force = |reading: &Reading| {
+            reading.gauge_pressure_pa * muscle.force_area(reading.length_m)
+                + muscle.elastic(reading.length_m)
+                - reading.direction * friction_n
+        };
+        readings.iter().map(force).collect()
+    }
+
+    /// d(`of`)/d(place), by central differences.
+    pub fn sensitivities(
+        &self,
+        place: &DVector<f64>,
+        of: impl Fn(&DVector<f64>) -> DVector<f64>,
+    ) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = (0..place.len())
+            .map(|i| {
+                let [above, below] = [DIFFERENCE, -DIFFERENCE].map(|by| {
+                    let mut shifted = place.clone();
+                    shifted[i] += by;
+                    of(&shifted)
+                });
+                (above - below) / (2.0 * DIFFERENCE)
+            })
+            .collect();
+        DMatrix::from_columns(&columns)
+    }
+
+    /// The best of a few searches.
+    pub fn search(&self) -> Found {
+        let ends = STARTS.map(|turned_rad| {
+            let mut start = DVector::from_vec(self.usual.clone());
+            start[1] += turned_rad;
+            search::minimize(self, start, &LevenbergMarquardt::new())
+        });
+        let best = ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        best.expect("there are three starts")
+    }
+
+    /// Covariance of what was searched: of the readings' scatter, where that is more than expected, and of what is usual.
+    pub fn covariance(&self, place: &DVector<f64>) -> DMatrix<f64> {
+        let slopes = self.sensitivities(place, |place| self.weighted(place));
+        let information = slopes.tr_mul(&slopes);
+        let count = self.readings.loaded.len();
+        let freedom = count.saturating_sub(place.len()).max(1) as f64;
+        let scatter = self.weighted(place).rows(0, count).norm_squared() / freedom;
+        let inverse = information.cholesky().expect("what is usual determines each").inverse();
+        inverse * scatter.max(1.0)
+    }
+
+    /// How sure what is usual makes each alone.
+    pub fn spread(i: usize) -> f64 {
+        SPREADS[i]
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+        let deviation_n = LEFT * self.readings.largest_n();
+        let forces = self.force_n(place, &self.readings.loaded);
+        let of_readings = forces
+            .iter()
+            .zip(&self.readings.loaded)
+            .map(|(force_n, reading)| (force_n - reading.force_n) / deviation_n);
+        let of_usual = (0..place.len()).map(|i| {
+            let diameter = if i == 2 { place[0] - self.usual[0] } else { 0.0 };
+            (place[i] - self.usual[i] - diameter) / SPREADS[i]
+        });
+        DVector::from_vec(of_readings.chain(of_usual).collect())
+    }
+
+    fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
+        self.sensitivities(place, |place| self.weighted(place))
+    }
+}

@@ -1,0 +1,387 @@
+//! `thermyo identify` of a static map: the muscle's force law from gauge pressure, length and force.
+
+mod fit;
+mod page;
+mod plan;
+mod readings;
+
+pub use page::{page, plot};
+pub use readings::{FEWEST, Reading, Readings};
+
+use super::findings::Fitted;
+use fit::Problem;
+use nalgebra::DVector;
+use plan::{LEAST_STROKE, instead, places, surely_pulls};
+use readings::{COLUMNS, LOADED};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+use thermyo_files::input::{InputError, Problem as InputProblem};
+use thermyo_scenario::{Muscle, PlantKind, Scenario};
+use thermyo_setup::{Loaded, highest_pa};
+
+/// What the law may leave of the largest force before it is called the wrong one \[-\].
+const MOST_LEFT: f64 = 0.05;
+/// Share of what is usual alone from which on readings say little.
+const LITTLE_TOLD: f64 = 0.7;
+/// Standard errors below zero from which on friction is none.
+const BACKWARDS: f64 = 3.0;
+/// Correlation from which on two parameters cannot be distinguished.
+const INSEPARABLE: f64 = 0.95;
+/// Gauge pressures and lengths at which the law's certainty is asked for.
+const GRID: usize = 12;
+
+/// Keys of what is found, in the order of the search.
+const KEYS: [(&str, &str); 6] = [
+    ("muscle.diameter_m", "m"),
+    ("muscle.braid_angle_deg", "deg"),
+    ("muscle.bladder_saturation_n", "N"),
+    ("muscle.bladder_strain", ""),
+    ("muscle.slack_m", "m"),
+    ("friction.force_n", "N"),
+];
+
+/// Those without which the others mean nothing.
+const GEOMETRY: [&str; 2] = [KEYS[0].0, KEYS[1].0];
+
+/// Root mean square of what is left, and the largest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Left {
+    /// Root mean square \[N\].
+    pub force_n: f64,
+    /// Of the largest force \[-\].
+    pub share: f64,
+    /// Loaded readings.
+    pub readings: usize,
+}
+
+/// `summary.json` of a static map.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Findings {
+    /// Whether the law holds for this muscle.
+    pub holds: bool,
+    /// Keys whose values went to a limit of what is searched.
+    pub at_limit: Vec<&'static str>,
+    /// The fitted values by their keys.
+    pub parameters: BTreeMap<&'static str, Fitted>,
+    /// What the fit leaves.
+    pub rmse: Left,
+    /// What it leaves of readings that it has not seen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against: Option<Left>,
+    /// Stated deviation of the law's force within what was measured, mean and largest \[N\].
+    pub law_sd_n: [f64; 2],
+    /// What the readings cannot tell, in words.
+    pub remarks: Vec<String>,
+}
+
+/// What one identification gives.
+#[derive(Debug)]
+pub struct Identified {
+    /// The figures.
+    pub findings: Findings,
+    /// The scenario with the muscle that was found.
+    pub scenario: Loaded,
+    readings: Readings,
+    /// Law less reading \[N\].
+    residuals_n: Vec<f64>,
+}
+
+/// The readings to take, as a table without its forces; `config` is what messages call the scenario.
+///
+/// # Errors
+/// When the scenario is no muscle with a bladder that fills, or its supply too low for it to pull.
+pub fn plan(loaded: &Loaded, config: &Path) -> Result<String, InputError> {
+    let muscle = filling_muscle(loaded, config)?;
+    let scenario = &loaded.plant;
+    let Scenario { supply, sensor, ambient, .. } = scenario;
+    let highest_pa = highest_pa(scenario) - ambient.pressure_pa;
+    let stroke = surely_pulls(muscle, highest_pa);
+    if stroke < LEAST_STROKE {
+        let (key, value_pa) = if supply.pressure_pa < sensor.pressure.range_pa {
+            ("supply.pressure_pa", supply.pressure_pa)
+        } else {
+            ("sensor.pressure.range_pa", sensor.pressure.range_pa)
+        };
+        let allowed = format!(
+            "higher: the muscle surely pulls over {:.1} % of its length only, too little to tell its law",
+            100.0 * stroke
+        );
+        return Err(refused(config, key, format!("{value_pa:?}"), &allowed));
+    }
+    let rest_m = muscle.rest_length_m;
+    let places = places(muscle, highest_pa);
+    Ok(places.iter().fold(COLUMNS.join(",") + "\n", |text, place| {
+        let gauge_pa = (place.gauge_pressure_pa / 1000.0).round() * 1000.0;
+        let length_m = (rest_m * (1.0 - place.contraction) * 1e4).round() / 1e4;
+        text + &format!("{rest_m:?},{gauge_pa:?},{length_m:?},\n")
+    }))
+}
+
+/// The scenario's muscle, where a static map can say more of it.
+fn filling_muscle<'a>(loaded: &'a Loaded, config: &Path) -> Result<&'a Muscle, InputError> {
+    let Scenario { plant, muscle, .. } = &loaded.plant;
+    if plant.kind != PlantKind::Muscle {
+        let kind = format!("{:?}", plant.kind.word());
+        return Err(refused(config, "plant.kind", kind, "\"muscle\" for a static map"));
+    }
+    if muscle.bladder_saturation_n <= 0.0 {
+        let allowed = "above 0 to start from, as in scenarios/static_map.toml";
+        let value = format!("{:?}", muscle.bladder_saturation_n);
+        return Err(refused(config, KEYS[2].0, value, allowed));
+    }
+    Ok(muscle)
+}
+
+fn refused(config: &Path, key: &str, value: String, allowed: &str) -> InputError {
+    let (key, allowed) = (key.to_owned(), allowed.to_owned());
+    InputError::file(config, InputProblem::NotAllowed { key, value, allowed })
+}
+
+/// Of readings the loaded ones nearest to what the plan for such a muscle would be, and the others.
+pub fn planned(muscle: &Muscle, readings: &Readings) -> [Readings; 2] {
+    let highest_pa = readings.loaded.iter().map(|r| r.gauge_pressure_pa).fold(0.0, f64::max);
+    let mut others = readings.loaded.clone();
+    let mut taken = Vec::new();
+    for place in places(&Problem::new(readings, muscle).usual(), highest_pa) {
+        let off = |reading: &Reading| {
+            // A tenth of the length counts as much as the whole pressure.
+            (10.0 * (readings.contraction(reading) - place.contraction))
+                .hypot((reading.gauge_pressure_pa - place.gauge_pressure_pa) / highest_pa)
+        };
+        let nearest =
+            (0..others.len()).min_by(|a, b| off(&others[*a]).total_cmp(&off(&others[*b])));
+        taken.extend(nearest.map(|i| others.remove(i)));
+    }
+    [taken, others].map(|loaded| Readings { loaded, ..readings.clone() })
+}
+
+/// Refuses fewer loaded readings than a muscle is identified from, and says where to take those that are slack.
+fn enough(problem: &Problem, readings: &Readings, data: &Path) -> Result<(), InputError> {
+    let found = readings.loaded.len();
+    let missing = FEWEST.saturating_sub(found);
+    if missing == 0 {
+        return Ok(());
+    }
+    let mut what: Vec<String> = Vec::new();
+    if found > 0 && !readings.slack.is_empty() {
+        let place = problem.search().place;
+        let muscle = problem.muscle(&place);
+        // Those first that hardly fail to pull.
+        let forces = problem.force_n(&place, &readings.slack);
+        let mut slack: Vec<(f64, &Reading)> = forces.into_iter().zip(&readings.slack).collect();
+        slack.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+        what.extend(slack.iter().take(missing).map(|(_, reading)| instead(&muscle, reading)));
+    }
+    if what.len() < missing {
+        what.push("thermyo identify --plan says which to take".to_owned());
+    }
+    let why = what.join("; ");
+    Err(InputError::file(data, InputProblem::TooFewLoaded { found, fewest: FEWEST, why }))
+}
+
+/// Finds the muscle behind `readings`, and what it leaves of `against`; `config` and `data` are what messages call
+/// the files.
+///
+/// # Errors
+/// When the scenario is no muscle with a bladder that fills, or there are too few readings.
+pub fn identify(
+    loaded: &Loaded,
+    readings: Readings,
+    against: Option<&Readings>,
+    config: &Path,
+    data: &Path,
+) -> Result<Identified, InputError> {
+    let problem = Problem::new(&readings, filling_muscle(loaded, config)?);
+    enough(&problem, &readings, data)?;
+    let end = problem.search();
+    let place = &end.place;
+    let covariance = problem.covariance(place);
+    let deviation = |i: usize| covariance[(i, i)].sqrt();
+
+    let found = problem.muscle(place);
+    let largest_n = readings.largest_n();
+    let friction_n = problem.friction_n(place);
+    if let Some(friction_n) = friction_n.filter(|n| *n < -BACKWARDS * largest_n * deviation(5)) {
+        return Err(InputError::file(data, InputProblem::Backwards { friction_n }));
+    }
+    let friction_n = friction_n.map(|n| if n > 0.0 { n } else { 0.0 });
+    let values = [
+        (found.diameter_m, found.diameter_m),
+        (found.braid_angle_deg, 1.0_f64.to_degrees()),
+        (found.bladder_saturation_n, found.bladder_saturation_n),
+        (found.bladder_strain, found.bladder_strain),
+        (found.slack_m, readings.rest_length_m),
+        (friction_n.unwrap_or_default(), largest_n),
+    ];
+    let parameters = KEYS
+        .iter()
+        .zip(values)
+        .take(place.len())
+        .enumerate()
+        .map(|(i, ((key, unit), (value, per)))| {
+            let standard_error = (!Problem::at_limit(place, i)).then(|| per * deviation(i));
+            (*key, Fitted { value, standard_error, unit })
+        })
+        .collect();
+    let residuals_n = residuals_n(&problem, place, &readings);
+    let rmse = Left::of(&residuals_n, largest_n);
+    let limited = (0..place.len()).filter(|i| Problem::at_limit(place, *i));
+    let at_limit: Vec<&str> = limited.map(|i| KEYS[i].0).collect();
+    let mut findings = Findings {
+        holds: false,
+        at_limit,
+        parameters,
+        against: against
+            .map(|other| Left::of(&self::residuals_n(&problem, place, other), other.largest_n())),
+        rmse,
+        law_sd_n: law_sd_n(&problem, place, &covariance, &readings),
+        remarks: Vec::new(),
+    };
+    findings.holds = findings.failed().is_none();
+    findings.remarks = remarks(&findings, &readings, place.len(), &covariance);
+
+    let mut scenario = loaded.clone();
+    for configured in [&mut scenario.plant, &mut scenario.believed] {
+        configured.muscle = found.clone();
+        if let Some(friction_n) = friction_n {
+            configured.friction.force_n = friction_n;
+        }
+    }
+    Ok(Identified { findings, scenario, readings, residuals_n })
+}
+
+fn residuals_n(problem: &Problem, place: &DVector<f64>, readings: &Readings) -> Vec<f64> {
+    let forces = problem.force_n(place, &readings.loaded);
+    forces
+        .iter()
+        .zip(&readings.loaded)
+        .map(|(force_n, reading)| force_n - reading.force_n)
+        .collect()
+}
+
+/// Over the lengths and pressures that were measured, where the muscle pulls.
+fn law_sd_n(
+    problem: &Problem,
+    place: &DVector<f64>,
+    covariance: &nalgebra::DMatrix<f64>,
+    readings: &Readings,
+) -> [f64; 2] {
+    let ends = |of: fn(&Reading) -> f64| {
+        let values = || readings.loaded.iter().map(of);
+        (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max))
+    };
+    let (pressures_pa, lengths_m) = (ends(|r| r.gauge_pressure_pa), ends(|r| r.length_m));
+    let along = |(from, to): (f64, f64), i: usize| from + (to - from) * i as f64 / GRID as f64;
+    let grid: Vec<Reading> = (0..(GRID + 1) * (GRID + 1))
+        .map(|i| Reading {
+            line: 0,
+            gauge_pressure_pa: along(pressures_pa, i % (GRID + 1)),
+            length_m: along(lengths_m, i / (GRID + 1)),
+            force_n: 0.0,
+            direction: 0.0,
+        })
+        .collect();
+    let forces = |place: &DVector<f64>| DVector::from_vec(problem.force_n(place, &grid));
+    let slopes = problem.sensitivities(place, forces);
+    let pulls = forces(place);
+    let deviations: Vec<f64> = (0..grid.len())
+        .filter(|i| pulls[*i] > LOADED * readings.largest_n())
+        .map(|i| (slopes.row(i) * covariance * slopes.row(i).transpose())[0].sqrt())
+        .collect();
+    let mean = deviations.iter().sum::<f64>() / deviations.len().max(1) as f64;
+    [mean, deviations.iter().copied().fold(0.0, f64::max)]
+}
+
+fn remarks(
+    findings: &Findings,
+    readings: &Readings,
+    count: usize,
+    covariance: &nalgebra::DMatrix<f64>,
+) -> Vec<String> {
+    let mut remarks: Vec<String> = findings.failed().into_iter().collect();
+    for (i, (key, _)) in KEYS.iter().enumerate().take(count) {
+        if findings.at_limit.contains(key) {
+            // Of the geometry it was said above.
+            if !GEOMETRY.contains(key) {
+                remarks.push(format!("{key} went to a limit of what is searched."));
+            }
+        } else if covariance[(i, i)].sqrt() > LITTLE_TOLD * Problem::spread(i) {
+            remarks.push(format!(
+                "The readings say little about {key}: it stays near what the scenario says."
+            ));
+        }
+        for (j, (other, _)) in KEYS.iter().enumerate().take(count).skip(i + 1) {
+            let correlation = covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+            if correlation.abs() > INSEPARABLE {
+                remarks.push(format!(
+                    "{key} and {other} cannot be distinguished (correlation {correlation:.3}): the force is \
+                     known better than either."
+                ));
+            }
+        }
+    }
+    if !readings.go_both_ways() {
+        remarks.push(
+            "Friction is not found: that takes readings come to by contracting (column direction, 1) and by \
+             lengthening (-1)."
+                .to_owned(),
+        );
+    }
+    let extremes = readings.loaded.iter().map(|reading| readings.contraction(reading));
+    let deepest = extremes.fold(0.0, f64::max);
+    remarks.push(format!(
+        "No reading beyond a contraction of {:.0} %: there the law is a guess.",
+        100.0 * deepest
+    ));
+    remarks
+}
+
+impl Left {
+    fn of(residuals_n: &[f64], largest_n: f64) -> Self {
+        let readings = residuals_n.len();
+        let squares: f64 = residuals_n.iter().map(|residual_n| residual_n * residual_n).sum();
+        let force_n = (squares / readings.max(1) as f64).sqrt();
+        Self { force_n, share: force_n / largest_n, readings }
+    }
+
+    fn text(&self) -> String {
+        let Self { force_n, share, readings } = self;
+        let noun = if *readings == 1 { "reading" } else { "readings" };
+        format!("{force_n:.2} N RMS, {:.1} % of the largest, {readings} {noun}", 100.0 * share)
+    }
+}
+
+impl Findings {
+    /// Why the values are not to be relied on, if they are not.
+    pub fn failed(&self) -> Option<String> {
+        let wrong = "another rest length, another unit, or a reading that is wrong";
+        let limited: Vec<&str> =
+            GEOMETRY.into_iter().filter(|key| self.at_limit.contains(key)).collect();
+        if !limited.is_empty() {
+            let keys = limited.join(" and ");
+            return Some(format!("{keys} went to a limit of what is searched: {wrong}."));
+        }
+        let percent = 100.0 * self.rmse.share;
+        (self.rmse.share > MOST_LEFT).then(|| {
+            format!(
+                "The law leaves {percent:.0} % of the largest force: another kind of muscle, {wrong}."
+            )
+        })
+    }
+
+    /// The figures, as lines for a terminal.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        for (path, fitted) in &self.parameters {
+            text += &fitted.line(path);
+        }
+        text += &format!("fitted: {}\n", self.rmse.text());
+        if let Some(against) = &self.against {
+            text += &format!("against: {}\n", against.text());
+        }
+        let [mean_n, worst_n] = self.law_sd_n;
+        text += &format!("stated deviation of the law: {mean_n:.1} N, at most {worst_n:.1} N\n");
+        self.remarks.iter().fold(text, |text, remark| text + remark + "\n")
+    }
+}

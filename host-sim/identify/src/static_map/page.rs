@@ -1,0 +1,140 @@
+//! `report.html` of a static map: force over pressure, and where the law is wrong.
+
+use super::{Identified, Readings};
+use thermyo_files::number::{short, significant};
+use thermyo_report::Colour;
+use thermyo_report::chart::{Axis, Chart, Panel};
+use thermyo_report::heatmap::{Heatmap, Style};
+use thermyo_report::page::{Page, Section, Table, Tile};
+
+/// Colours of the lengths, longest first, round and round.
+const COLOURS: [Colour; 6] =
+    [Colour::Ink, Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple, Colour::Orange];
+/// Parts of a map's axis: readings that lie closer share a cell.
+const PARTS: f64 = 30.0;
+
+/// The page.
+pub fn page(identified: &Identified, title: &str) -> String {
+    let findings = &identified.findings;
+    let lead = findings.failed().unwrap_or_else(|| {
+        "Braid, a bladder that fills, and a slack of the length, fitted to static readings."
+            .to_owned()
+    });
+    let page = Page::new(title, &lead, &thermyo_setup::render(&identified.scenario))
+        .tile(Tile::new("RMS residual", findings.rmse.force_n, "N"));
+    let page = match &findings.against {
+        Some(against) => page.tile(Tile::new("RMS against other readings", against.force_n, "N")),
+        None => page,
+    };
+    page.section(values(identified)).section(fit(identified)).render()
+}
+
+fn values(identified: &Identified) -> Section {
+    let rows = identified.findings.parameters.iter().map(|(path, fitted)| {
+        let error = fitted.standard_error.unwrap_or(f64::NAN);
+        let (value, error) = (significant(fitted.value, 5), significant(error, 2));
+        vec![(*path).to_owned(), value, error, fitted.unit.to_owned()]
+    });
+    let table = Table {
+        caption: "Identified values, in SI".to_owned(),
+        columns: ["Parameter", "Value", "Standard error", "Unit"].map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    };
+    let remarks = &identified.findings.remarks;
+    remarks.iter().fold(Section::new("Values").table(table), |s, remark| s.paragraph(remark))
+}
+
+fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
+}
+
+fn lengths_m(readings: &Readings) -> Vec<f64> {
+    distinct(readings.loaded.iter().map(|reading| reading.length_m))
+}
+
+fn chart(identified: &Identified) -> Chart {
+    let readings = &identified.readings;
+    let lengths_m = lengths_m(readings);
+    let mut panel = Panel::new(Axis::new("Force", "N"));
+    let mut rest = Panel::new(Axis::new("Law less reading", "N")).height(170.0);
+    for (length_m, colour) in lengths_m.iter().rev().zip(COLOURS.iter().cycle()) {
+        let rows = || {
+            let all = readings.loaded.iter().zip(&identified.residuals_n);
+            all.filter(|(reading, _)| reading.length_m == *length_m)
+        };
+        let kilopascals: Vec<f64> = rows().map(|(r, _)| r.gauge_pressure_pa / 1000.0).collect();
+        let measured: Vec<f64> = rows().map(|(reading, _)| reading.force_n).collect();
+        let law: Vec<f64> = rows().map(|(reading, left_n)| reading.force_n + left_n).collect();
+        let left: Vec<f64> = rows().map(|(_, left_n)| *left_n).collect();
+        let name = format!("{} mm", significant(1000.0 * length_m, 4));
+        panel = panel.dots(&name, *colour, &kilopascals, &measured).line(
+            "",
+            *colour,
+            &kilopascals,
+            &law,
+        );
+        rest = rest.dots("", *colour, &kilopascals, &left);
+    }
+    Chart::new(Axis::new("Gauge pressure", "kPa")).panel(panel).panel(rest.reference(0.0, "0"))
+}
+
+/// Readings and law, a drawing of its own.
+pub fn plot(identified: &Identified, title: &str) -> String {
+    chart(identified).document(title)
+}
+
+fn fit(identified: &Identified) -> Section {
+    let readings = &identified.readings;
+    let section = Section::new("Fit").figure(chart(identified).figure(
+        "Readings and law",
+        "Dots: readings at each length; lines: the law. Below: what it leaves.",
+    ));
+    let lengths_m = groups(&lengths_m(readings));
+    let pressures_pa =
+        groups(&distinct(readings.loaded.iter().map(|reading| reading.gauge_pressure_pa)));
+    let within = |[low, high]: [f64; 2], value: f64| (low..=high).contains(&value);
+    let cell = |length_m: &[f64; 2], gauge_pa: &[f64; 2]| {
+        let all = readings.loaded.iter().zip(&identified.residuals_n);
+        all.filter(|(r, _)| within(*length_m, r.length_m) && within(*gauge_pa, r.gauge_pressure_pa))
+            .map(|(_, left_n)| *left_n)
+            .max_by(|a, b| a.abs().total_cmp(&b.abs()))
+            .unwrap_or(f64::NAN)
+    };
+    // The middle of a group, to a tenth of the shown unit.
+    let named = |groups: &[[f64; 2]], per_si: f64| -> Vec<String> {
+        let middles = groups.iter().map(|[low, high]| 0.5 * per_si * (low + high));
+        middles.map(|middle| short((10.0 * middle).round() / 10.0)).collect()
+    };
+    let map = Heatmap {
+        x_label: "Gauge pressure, kPa".to_owned(),
+        y_label: "Length, mm".to_owned(),
+        value_label: "Law less reading, N".to_owned(),
+        x: named(&pressures_pa, 1.0e-3),
+        y: named(&lengths_m, 1.0e3),
+        cells: lengths_m
+            .iter()
+            .map(|length_m| pressures_pa.iter().map(|gauge_pa| cell(length_m, gauge_pa)).collect())
+            .collect(),
+        style: Style::default(),
+    };
+    section.figure(map.figure(
+        "Residual map",
+        "Empty where the muscle was slack, or not measured. Of several readings in a cell the worst is shown.",
+    ))
+}
+
+/// Rising values, those that lie close together as one: the ends of each group.
+fn groups(values: &[f64]) -> Vec<[f64; 2]> {
+    let span = values.last().zip(values.first()).map_or(0.0, |(last, first)| last - first);
+    let mut groups: Vec<[f64; 2]> = Vec::new();
+    for value in values {
+        match groups.last_mut() {
+            Some([first, last]) if value - *first < span / PARTS => *last = *value,
+            _ => groups.push([*value; 2]),
+        }
+    }
+    groups
+}

@@ -1,0 +1,65 @@
+//! The plant that a scenario asks for.
+
+use super::chamber::{Chamber, with_chamber};
+use super::{BuildError, Plant, full, lumped, vessel};
+use thermyo_scenario::profile::Profile;
+use thermyo_scenario::{PlantModel, Scenario};
+
+/// The plant of a scenario, at rest at time zero. `volume_profile` is the table that
+/// `vessel.volume_csv` names, volume \[m3\] over time \[s\].
+///
+/// # Errors
+/// [`BuildError`] for what validation of the scenario alone cannot see.
+pub fn build(
+    scenario: &Scenario,
+    volume_profile: Option<Profile>,
+) -> Result<Box<dyn Plant>, BuildError> {
+    of_kind(scenario, volume_profile, Drive::Valves)
+}
+
+/// The plant of a scenario without its valves or nozzle: its [`Actuation`] is mass flows \[kg/s\], the
+/// inflow at the supply's temperature. What moves is always lumped, or the paper's.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_driven_by_flows(
+    scenario: &Scenario,
+    volume_profile: Option<Profile>,
+) -> Result<Box<dyn Plant>, BuildError> {
+    of_kind(scenario, volume_profile, Drive::Flows)
+}
+
+/// What an [`Actuation`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Drive {
+    Valves,
+    Flows,
+}
+
+/// The kinds of plant that there are.
+fn of_kind(
+    scenario: &Scenario,
+    volume_profile: Option<Profile>,
+    drive: Drive,
+) -> Result<Box<dyn Plant>, BuildError> {
+    with_chamber!(scenario, chamber => moving(scenario, drive, chamber), vessel => {
+        let vessel = vessel::Vessel::new(scenario, volume_profile)?;
+        Ok(match drive {
+            Drive::Valves => Box::new(vessel),
+            Drive::Flows => Box::new(vessel.driven_by_flows(scenario.supply.temperature_k)),
+        })
+    })
+}
+
+fn moving<C: Chamber + Copy + Send + 'static>(
+    scenario: &Scenario,
+    drive: Drive,
+    chamber: C,
+) -> Result<Box<dyn Plant>, BuildError> {
+    let lumped = || lumped::Lumped::new(scenario, chamber);
+    Ok(match (drive, scenario.plant.model) {
+        (Drive::Flows, _) => Box::new(lumped()?.driven_by_flows()),
+        (Drive::Valves, PlantModel::Full) => Box::new(full::Full::new(scenario, chamber)?),
+        (Drive::Valves, PlantModel::Lumped | PlantModel::Paper) => Box::new(lumped()?),
+    })
+}

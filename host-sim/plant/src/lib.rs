@@ -1,0 +1,343 @@
+//! The simulated plant, in f64: what the air, the muscle and the sensors really do.
+//!
+//! It shares no equation's code with `model-core`; a test that compares the two compares two
+//! derivations.
+
+#![warn(clippy::disallowed_methods)]
+
+mod bristle;
+mod build;
+pub mod chamber;
+mod closure;
+mod end;
+pub mod flow;
+mod full;
+pub mod gas;
+pub mod heat;
+mod lag;
+mod line;
+mod local_power;
+mod lumped;
+mod ode;
+mod piping;
+mod pull;
+mod pwm;
+mod sensors;
+mod vessel;
+mod zones;
+
+pub use build::{build, build_driven_by_flows};
+use chamber::Chamber;
+use model_core::Command;
+use piping::Piping;
+pub use piping::{Disturbance, Travel};
+pub use pull::load_n;
+use serde::Serialize;
+use std::fmt;
+use thermyo_scenario::Scenario;
+
+/// What acts on the plant during one step: the share of the step that each valve is driven, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Actuation {
+    /// Inlet valve.
+    pub inlet: f64,
+    /// Outlet valve. A normally open valve is driven to close; this is already its opening.
+    pub outlet: f64,
+}
+
+impl From<Command> for Actuation {
+    fn from(command: Command) -> Self {
+        Self { inlet: f64::from(command.inlet.share()), outlet: f64::from(command.outlet.share()) }
+    }
+}
+
+/// The plant's state as an outside observer with perfect instruments would see it, SI.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Truth {
+    /// Time since the start \[s\].
+    pub time_s: f64,
+    /// Absolute pressure in the muscle or vessel \[Pa\].
+    pub pressure_pa: f64,
+    /// Gas volume \[m3\].
+    pub volume_m3: f64,
+    /// Muscle length; a vessel's is its volume over its section \[m\].
+    pub length_m: f64,
+    /// Rate of change of the length \[m/s\].
+    pub speed_m_s: f64,
+    /// Gas mass \[kg\].
+    pub mass_kg: f64,
+    /// Mass flow in \[kg/s\].
+    pub flow_in_kg_s: f64,
+    /// Mass flow out \[kg/s\].
+    pub flow_out_kg_s: f64,
+    /// Mass-weighted mean gas temperature \[K\].
+    pub gas_temperature_k: f64,
+    /// Mean temperature of the wall, weighted by heat capacity \[K\].
+    pub wall_temperature_k: f64,
+    /// Temperature of the foil in the gas \[K\].
+    pub sensor_gas_k: f64,
+    /// Temperature of the sensor in the wall \[K\].
+    pub sensor_wall_k: f64,
+    /// What the pressure sensor's element sees, after its lag \[Pa\].
+    pub sensor_pressure_pa: f64,
+    /// What the potentiometer's wiper sees, after its lag \[m\].
+    pub sensor_length_m: f64,
+    /// Friction force, positive when it opposes contraction \[N\].
+    pub friction_n: f64,
+}
+
+/// The books of one run: what went in and out since the start, and what is there. All in J and kg.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Ledger {
+    /// Gas mass at the start \[kg\].
+    pub mass_initial_kg: f64,
+    /// Gas mass now \[kg\].
+    pub mass_kg: f64,
+    /// Mass that flowed in \[kg\].
+    pub mass_in_kg: f64,
+    /// Mass that flowed out \[kg\].
+    pub mass_out_kg: f64,
+    /// Internal energy of the gas at the start \[J\].
+    pub energy_initial_j: f64,
+    /// Internal energy of the gas now \[J\].
+    pub energy_j: f64,
+    /// Enthalpy that flowed in \[J\].
+    pub enthalpy_in_j: f64,
+    /// Enthalpy that flowed out \[J\].
+    pub enthalpy_out_j: f64,
+    /// Heat from gas to wall \[J\].
+    pub heat_to_wall_j: f64,
+    /// Work of the gas on the muscle's wall (integral of P dV) \[J\].
+    pub work_j: f64,
+    /// Friction heat \[J\].
+    pub friction_heat_j: f64,
+    /// Part of the friction heat that went into the wall \[J\].
+    pub friction_to_wall_j: f64,
+    /// Heat from wall to ambient \[J\].
+    pub heat_to_ambient_j: f64,
+    /// Energy of the wall now, relative to the initial temperature \[J\].
+    pub wall_energy_j: f64,
+}
+
+impl Ledger {
+    /// What has been added to the books since `earlier`.
+    pub fn since(&self, earlier: &Self) -> Self {
+        Self {
+            mass_initial_kg: earlier.mass_kg,
+            mass_kg: self.mass_kg,
+            mass_in_kg: self.mass_in_kg - earlier.mass_in_kg,
+            mass_out_kg: self.mass_out_kg - earlier.mass_out_kg,
+            energy_initial_j: earlier.energy_j,
+            energy_j: self.energy_j,
+            enthalpy_in_j: self.enthalpy_in_j - earlier.enthalpy_in_j,
+            enthalpy_out_j: self.enthalpy_out_j - earlier.enthalpy_out_j,
+            heat_to_wall_j: self.heat_to_wall_j - earlier.heat_to_wall_j,
+            work_j: self.work_j - earlier.work_j,
+            friction_heat_j: self.friction_heat_j - earlier.friction_heat_j,
+            friction_to_wall_j: self.friction_to_wall_j - earlier.friction_to_wall_j,
+            heat_to_ambient_j: self.heat_to_ambient_j - earlier.heat_to_ambient_j,
+            wall_energy_j: self.wall_energy_j - earlier.wall_energy_j,
+        }
+    }
+
+    /// Mass that appeared from nowhere, relative to what was handled.
+    pub fn mass_balance_error(&self) -> f64 {
+        let residual = self.mass_kg - self.mass_initial_kg - self.mass_in_kg + self.mass_out_kg;
+        residual.abs() / (self.mass_initial_kg + self.mass_in_kg + self.mass_out_kg)
+    }
+
+    /// Energy that appeared from nowhere in the gas, relative to what was handled.
+    pub fn energy_balance_error(&self) -> f64 {
+        let residual = self.energy_j - self.energy_initial_j - self.enthalpy_in_j
+            + self.enthalpy_out_j
+            + self.heat_to_wall_j
+            + self.work_j;
+        residual.abs() / (self.energy_initial_j + self.enthalpy_in_j + self.enthalpy_out_j)
+    }
+
+    /// Energy that appeared from nowhere in the wall, relative to what the gas handled.
+    pub fn wall_balance_error(&self) -> f64 {
+        let residual = self.wall_energy_j - self.heat_to_wall_j - self.friction_to_wall_j
+            + self.heat_to_ambient_j;
+        residual.abs() / (self.energy_initial_j + self.enthalpy_in_j + self.enthalpy_out_j)
+    }
+}
+
+/// The plant left the range in which its equations hold.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Diverged {
+    /// When \[s\].
+    pub time_s: f64,
+    /// The state, as `name = value unit` pairs.
+    pub state: String,
+}
+
+impl fmt::Display for Diverged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Microseconds: a multiple of the step may print as 0.009000000000000001.
+        let time_s = (self.time_s * 1e6).round() / 1e6;
+        write!(f, "the plant diverged at {time_s} s: {}", self.state)
+    }
+}
+
+impl std::error::Error for Diverged {}
+
+/// A simulated plant.
+pub trait Plant: Send {
+    /// From the start on, an [`Actuation`] is what the pins of a board did in each step. Without this it is what
+    /// they are set to do, from which the plant makes its own pulses. To ideal valves both are the same: their mean
+    /// opening in a step.
+    fn follow_pins(&mut self) {}
+    /// Advances by one exchange step (`[run] step_s`).
+    ///
+    /// # Errors
+    /// [`Diverged`] when a state is not finite or leaves the range of the equations.
+    fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged>;
+    /// Takes over the numbers of `[supply]`, `[load]`, `[heat]` and the sensors' lags from the next step on; gas,
+    /// walls and what moves stay as they are. The rest of the scenario is the one that the plant was built from.
+    ///
+    /// # Errors
+    /// As [`build`], and nothing has changed.
+    fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError>;
+    /// Breaks, or mends, parts of the plant from the next step on.
+    fn disturb(&mut self, disturbance: Disturbance);
+    /// The state now.
+    fn truth(&self) -> Truth;
+    /// The books since the start.
+    fn ledger(&self) -> Ledger;
+    /// Wall surface temperature per axial zone, port first \[K\]; one element without zones.
+    fn axial_wall_k(&self) -> Vec<f64>;
+    /// Gas temperature per axial zone, port first \[K\].
+    fn axial_gas_k(&self) -> Vec<f64>;
+}
+
+/// Shortest integration step of a muscle, a thousandth of the usual one: a simulated second takes
+/// minutes \[s\].
+const SHORTEST_STEP_S: f64 = 1.0e-7;
+
+/// The key that makes the plant too fast, where it is what leaks, or a hole.
+const LEAK_TOO_LARGE: &str = "leak.conductance_m3_s_pa is too large for the gas's volume";
+const HOLE_TOO_LARGE: &str =
+    "leak_conductance_m3_s_pa of [faults] is too large for the gas's volume";
+
+/// Why a scenario that passed validation still makes no plant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BuildError {
+    /// The volume profile holds a volume that is not positive.
+    VolumeNotPositive {
+        /// When \[s\].
+        time_s: f64,
+        /// The volume \[m3\].
+        volume_m3: f64,
+    },
+    /// Something in the plant is so fast that a run would not end.
+    TooFast {
+        /// Integration step that it asks for, below 1e-7 \[s\].
+        asked_s: f64,
+        /// Which keys make it so fast.
+        because: &'static str,
+    },
+}
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::VolumeNotPositive { time_s, volume_m3 } => {
+                write!(
+                    f,
+                    "the vessel's volume at {time_s} s is {volume_m3} m3; it must be positive"
+                )
+            }
+            Self::TooFast { asked_s, because } => write!(
+                f,
+                "{because}: it asks for integration steps of {asked_s:.1e} s, at least {SHORTEST_STEP_S:.0e} s are taken"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+/// Number of integration steps in an exchange step, each of at most `longest_s`; `because` names the
+/// keys that limit it.
+fn substeps(step_s: f64, longest_s: f64, because: &'static str) -> Result<u32, BuildError> {
+    if longest_s < SHORTEST_STEP_S {
+        return Err(BuildError::TooFast { asked_s: longest_s, because });
+    }
+    // 10.000000000000002 substeps are 10.
+    Ok((step_s / longest_s - 1e-9).ceil().max(1.0) as u32)
+}
+
+/// Integration steps per exchange step. A hole asks for shorter ones, but only while it is there:
+/// until then a run is the same to the bit as one without.
+#[derive(Debug, Clone, Copy)]
+struct Substeps {
+    whole: u32,
+    holed: u32,
+}
+
+impl Substeps {
+    /// `of` gives the number for what leaks and a hole, in valves, and the key to name if they are too large.
+    /// `hottest_k`: the hottest that gas gets upstream \[K\].
+    fn new(
+        scenario: &Scenario,
+        piping: &Piping,
+        hottest_k: f64,
+        of: impl Fn(f64, &'static str) -> Result<u32, BuildError>,
+    ) -> Result<Self, BuildError> {
+        let largest = piping.in_valves(scenario.faults.largest_leak_m3_s_pa());
+        let always = piping.leak_in_valves(hottest_k);
+        Ok(Self {
+            whole: of(always, LEAK_TOO_LARGE)?,
+            holed: of(always + largest, HOLE_TOO_LARGE)?,
+        })
+    }
+
+    fn now(self, piping: &Piping) -> u32 {
+        if piping.is_holed() { self.holed } else { self.whole }
+    }
+}
+
+/// Checks that a gas state is one: finite, positive pressure and mass, 20 to 2000 K. `before` is the
+/// last state that was.
+fn check_gas(
+    time_s: f64,
+    pressure: f64,
+    temperature: f64,
+    mass: f64,
+    before: &Truth,
+) -> Result<(), Diverged> {
+    let positive = |x: f64| x.is_finite() && x > 0.0;
+    if positive(pressure) && positive(mass) && (20.0..=2000.0).contains(&temperature) {
+        return Ok(());
+    }
+    let Truth { pressure_pa, gas_temperature_k, mass_kg, .. } = before;
+    Err(Diverged {
+        time_s,
+        state: format!(
+            "pressure = {pressure} Pa, temperature = {temperature} K, mass = {mass} kg; a step before \
+             {pressure_pa:.3e} Pa, {gas_temperature_k:.0} K, {mass_kg:.2e} kg. A drive that takes out \
+             more gas than there is does that, or a value far from its default"
+        ),
+    })
+}
+
+/// Checks that a length is one that the chamber's equations hold for.
+fn check_length(time_s: f64, length: f64, chamber: &impl Chamber) -> Result<(), Diverged> {
+    let [shortest, longest] = chamber.range();
+    if length >= shortest && length <= longest {
+        return Ok(());
+    }
+    let state = format!(
+        "length = {length} m, and what is known of it reaches from {shortest} to {longest} m"
+    );
+    Err(Diverged { time_s, state })
+}
+
+/// Work of the gas, the integral of P dV through three equidistant instants: exact where P and V are
+/// quadratic in time. It uses the volumes themselves, not dV/dt, which jumps where the braid
+/// starts to slide.
+fn work_through(places: [(f64, f64); 3]) -> f64 {
+    let [(p0, v0), (pm, vm), (p1, v1)] = places;
+    (p0 * (4.0 * vm - 3.0 * v0 - v1) + 4.0 * pm * (v1 - v0) + p1 * (v0 - 4.0 * vm + 3.0 * v1)) / 6.0
+}

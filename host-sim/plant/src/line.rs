@@ -1,0 +1,338 @@
+//! A long line between valves and muscle: its gas in a chain of cells, inertia and friction on the faces
+//! between them.
+//!
+//! Along x, for the mass flow m through the section A = pi D^2/4, with p = rho R T:
+//!
+//! ```text
+//! A d(rho)/dt      = - dm/dx
+//! A d(rho cv T)/dt = - d(m cp T)/dx - pi lambda Nu (T - T_w)
+//! dm/dt            = - A dp/dx - f m |m|/(2 D A rho)
+//! ```
+//!
+//! (Wylie and Streeter, Fluid Transients in Systems, 1993) with the friction factor f = 64/Re of laminar
+//! flow and Blasius' 0.3164 Re^-0.25, Re = |m| D/(A mu); Nu = 3.66 in laminar flow and that of Colburn's
+//! analogy, f/8 Re Pr^(1/3). The cells keep energy, so that sound is adiabatic: in a bore of 4 mm, heat takes
+//! some 0.1 s to the wall, sound a hundredth of that along the line. The wall stays at ambient temperature: that of a hose
+//! has hundreds of times the heat capacity of its gas.
+//!
+//! Left out is the momentum that the gas carries along, (d/dx)(m^2/(A rho)): of the pressures' difference of squares it
+//! is 2 ln(p1/p2) against f L/D. And friction is that of steady flow, which damps sound too little.
+//!
+//! Pressures and flows are staggered, which makes the scheme of second order: N faces a cell's length apart, half a
+//! cell at either end. The half at the valves is one with the gas of the tube beside it.
+
+use super::gas::{IdealGas, air_conductivity, air_viscosity};
+use std::f64::consts::PI;
+use thermyo_scenario::Scenario;
+
+/// A cell is a tenth of the line, but not shorter or longer than that \[m\]: sound takes 0.3 or 0.6 ms through it, a valve
+/// 2 ms to switch, and shorter ones only ask for shorter steps.
+const CELL_M: [f64; 2] = [0.1, 0.2];
+/// Flow is laminar up to the first Reynolds number and turbulent from the second on \[-\].
+const LAMINAR_TO_TURBULENT: [f64; 2] = [2300.0, 4000.0];
+/// Nusselt number of laminar flow far from the inlet, at a wall of one temperature (Incropera).
+const LAMINAR_NUSSELT: f64 = 3.66;
+/// Cube root of air's Prandtl number, 0.71.
+const PRANDTL_ROOT: f64 = 0.892_112;
+
+/// The line; its state is that of flows, masses and energies, one after the other.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    gas: IdealGas,
+    cells: usize,
+    section_m2: f64,
+    diameter_m: f64,
+    cell_m: f64,
+    wall_k: f64,
+    viscosity_pa_s: f64,
+    conductivity_w_m_k: f64,
+}
+
+impl Line {
+    /// That of a scenario, if it has one.
+    pub fn new(scenario: &Scenario, gas: &IdealGas) -> Option<Self> {
+        let [length_m, diameter_m] = scenario.tube.line()?;
+        let wall_k = scenario.ambient.temperature_k;
+        let longest_m = (0.1 * length_m).clamp(CELL_M[0], CELL_M[1]);
+        let cells = (length_m / longest_m - 1e-9).ceil().max(1.0);
+        Some(Self {
+            gas: *gas,
+            cells: cells as usize,
+            section_m2: 0.25 * PI * diameter_m * diameter_m,
+            diameter_m,
+            cell_m: length_m / cells,
+            wall_k,
+            viscosity_pa_s: air_viscosity(wall_k),
+            conductivity_w_m_k: air_conductivity(wall_k),
+        })
+    }
+
+    /// Number of its states.
+    pub fn states(&self) -> usize {
+        3 * self.cells
+    }
+
+    /// Volume of half a cell \[m3\]: that at the valves is part of the tube's volume.
+    pub fn half_cell_m3(&self) -> f64 {
+        0.5 * self.section_m2 * self.cell_m
+    }
+
+    /// Volume of the gas around the place after that face \[m3\].
+    fn volume_m3(&self, face: usize) -> f64 {
+        if face + 1 == self.cells { self.half_cell_m3() } else { 2.0 * self.half_cell_m3() }
+    }
+
+    /// Writes gas at rest into its state.
+    pub fn fill(&self, pressure: f64, temperature: f64, state: &mut [f64]) {
+        let (flows, masses, energies) = self.parts_mut(state);
+        flows.fill(0.0);
+        for (face, (mass, energy)) in masses.iter_mut().zip(energies).enumerate() {
+            let volume = self.volume_m3(face);
+            *mass = pressure * volume / (self.gas.r * temperature);
+            *energy = pressure * volume / (self.gas.k - 1.0);
+        }
+    }
+
+    /// The gas at the muscle's port.
+    pub fn end(&self, state: &[f64]) -> (f64, f64) {
+        let (_, masses, energies) = self.parts(state);
+        let last = self.cells - 1;
+        self.gas_of(masses[last], energies[last], self.half_cell_m3())
+    }
+
+    /// Fastest rate \[1/s\]: sound from face to face, and what empties the half cell at the port or brakes a flow. `port`:
+    /// [`super::flow::Iso6358::steepest`] of it; `least_pa`, `hottest_k`: lowest pressure and highest temperature of the gas.
+    pub fn fastest_rate(&self, port: f64, least_pa: f64, hottest_k: f64) -> f64 {
+        let gas = &self.gas;
+        let sound = (gas.k * gas.r * hottest_k).sqrt();
+        let density = least_pa / (gas.r * hottest_k);
+        let friction = self.friction(density * sound * self.section_m2).0;
+        // Nothing flows faster than sound, and heat passes no faster than momentum. Where the flow turns turbulent, its
+        // friction grows 3.2 times as fast as the flow.
+        let braking = 3.2 * self.braking(friction, density);
+        let emptying = gas.k * gas.r * hottest_k * port / self.half_cell_m3();
+        2.0 * sound / self.cell_m + emptying.max(braking)
+    }
+
+    /// Share of its momentum that a flow loses to friction \[1/s\], f |m|/(2 D A rho), for [`Self::friction`] and a density
+    /// \[kg/m3\].
+    fn braking(&self, friction: f64, density: f64) -> f64 {
+        0.5 * self.viscosity_pa_s * friction / (self.diameter_m * self.diameter_m * density)
+    }
+
+    /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\]. Between laminar and turbulent flow one
+    /// passes into the other.
+    fn friction(&self, flow: f64) -> (f64, f64) {
+        let [laminar, turbulent] = LAMINAR_TO_TURBULENT;
+        let reynolds = flow.abs() * self.diameter_m / (self.section_m2 * self.viscosity_pa_s);
+        if reynolds <= laminar {
+            return (64.0, LAMINAR_NUSSELT);
+        }
+        let share = ((reynolds - laminar) / (turbulent - laminar)).min(1.0);
+        // 0.3164 Re^0.75
+        let blasius = 0.3164 * reynolds.sqrt() * reynolds.sqrt().sqrt();
+        let colburn = 0.125 * blasius * PRANDTL_ROOT;
+        (64.0 + share * (blasius - 64.0), LAMINAR_NUSSELT + share * (colburn - LAMINAR_NUSSELT))
+    }
+
+    /// Pressure \[Pa\] and temperature \[K\] of a mass \[kg\] and energy \[J\] in a volume \[m3\].
+    fn gas_of(&self, mass: f64, energy: f64, volume: f64) -> (f64, f64) {
+        ((self.gas.k - 1.0) * energy / volume, energy / (self.gas.cv * mass))
+    }
+
+    /// Writes the rates of its state, between gas (p, T) of the tube at the valves and the flow into the muscle
+    /// \[kg/s\] with its enthalpy over cp \[kg K/s\]. Returns what leaves the tube, in the same units.
+    pub fn rates(
+        &self,
+        state: &[f64],
+        tube: (f64, f64),
+        into_muscle: (f64, f64),
+        rates: &mut [f64],
+    ) -> (f64, f64) {
+        let gas = &self.gas;
+        let (flows, masses, energies) = self.parts(state);
+        let (flow_rates, mass_rates, energy_rates) = self.parts_mut(rates);
+        let by_length = self.section_m2 / self.cell_m;
+        let (mut from, mut from_density) = (tube, tube.0 / (gas.r * tube.1));
+        let mut out_of_tube = (0.0, 0.0);
+        for face in 0..self.cells {
+            let (flow, volume) = (flows[face], self.volume_m3(face));
+            let here = self.gas_of(masses[face], energies[face], volume);
+            let density = masses[face] / volume;
+            // With the mean of the densities, the steps of p^2 add up to f L/D (m/A)^2 R T.
+            let (friction, nusselt) = self.friction(flow);
+            let braking = self.braking(friction, 0.5 * (from_density + density));
+            flow_rates[face] = by_length * (from.0 - here.0) - braking * flow;
+            let enthalpy = flow * if flow > 0.0 { from.1 } else { here.1 };
+            if face == 0 {
+                out_of_tube = (flow, enthalpy);
+            } else {
+                mass_rates[face - 1] -= flow;
+                energy_rates[face - 1] -= gas.cp * enthalpy;
+            }
+            let conductance = PI * self.conductivity_w_m_k * nusselt * volume / self.section_m2;
+            mass_rates[face] = flow;
+            energy_rates[face] = gas.cp * enthalpy - conductance * (here.1 - self.wall_k);
+            (from, from_density) = (here, density);
+        }
+        let last = self.cells - 1;
+        mass_rates[last] -= into_muscle.0;
+        energy_rates[last] -= gas.cp * into_muscle.1;
+        out_of_tube
+    }
+
+    /// Flows \[kg/s\], masses \[kg\] and energies \[J\]: through each face, and around the place after it.
+    fn parts<'a>(&self, state: &'a [f64]) -> (&'a [f64], &'a [f64], &'a [f64]) {
+        let (flows, rest) = state.split_at(self.cells);
+        let (masses, energies) = rest.split_at(self.cells);
+        (flows, masses, energies)
+    }
+
+    fn parts_mut<'a>(&self, state: &'a mut [f64]) -> (&'a mut [f64], &'a mut [f64], &'a mut [f64]) {
+        let (flows, rest) = state.split_at_mut(self.cells);
+        let (masses, energies) = rest.split_at_mut(self.cells);
+        (flows, masses, energies)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ode::Rk4;
+    use super::*;
+    use thermyo_compute::math;
+
+    const AIR_K: f64 = 298.0;
+
+    fn line(length_m: f64, diameter_m: f64) -> Line {
+        let mut scenario = Scenario::default();
+        scenario.ambient.temperature_k = AIR_K;
+        scenario.tube.length_m = Some(length_m);
+        scenario.tube.diameter_m = Some(diameter_m);
+        Line::new(&scenario, &IdealGas::new(&scenario.gas)).unwrap()
+    }
+
+    /// The line between gas of that pressure and an end that takes a flow, over that time.
+    fn run(line: &Line, state: &mut [f64], tube_pa: f64, flow: f64, seconds: f64) {
+        let step = 1.0 / line.fastest_rate(0.0, 1.0e5, AIR_K);
+        let steps = (seconds / step).ceil();
+        let mut integrator = Rk4::new(state.len());
+        for _ in 0..steps as usize {
+            integrator.step(state, seconds / steps, |_, y, rates| {
+                line.rates(y, (tube_pa, AIR_K), (flow, flow * line.end(y).1), rates);
+            });
+        }
+    }
+
+    fn at_rest(line: &Line, pressure: f64) -> Vec<f64> {
+        let mut state = vec![0.0; line.states()];
+        line.fill(pressure, AIR_K, &mut state);
+        state
+    }
+
+    /// p1^2 - p2^2 = f L/D (m/A)^2 R T, at constant temperature.
+    #[test]
+    fn steady_flow_loses_the_pressure_of_darcy_and_weisbach() {
+        let square = |x: f64| x * x;
+        for (reynolds, factor) in [(800.0, 64.0 / 800.0), (2.0e4, 0.3164 / math::pow(2.0e4, 0.25))]
+        {
+            for (length_m, diameter_m) in [(1.0, 0.002), (4.0, 0.004), (8.0, 0.006)] {
+                let line = line(length_m, diameter_m);
+                let flow = 0.25 * PI * diameter_m * air_viscosity(AIR_K) * reynolds;
+                let per_area = flow / (0.25 * PI * diameter_m * diameter_m);
+                let squares =
+                    factor * length_m / diameter_m * square(per_area) * line.gas.r * AIR_K;
+                let tube_pa = (square(2.0e5) + squares).sqrt();
+                let mut state = at_rest(&line, tube_pa);
+                run(&line, &mut state, tube_pa, flow, 6.0);
+                let end_pa = line.end(&state).0;
+                let off = (square(tube_pa) - square(end_pa)) / squares - 1.0;
+                println!(
+                    "Re {reynolds}, {length_m} m: {tube_pa:.0} to {end_pa:.0} Pa, off by {off:.1e}"
+                );
+                assert!(off.abs() < 1e-6, "{off}");
+                assert!(tube_pa - end_pa > 100.0, "something is lost");
+            }
+        }
+    }
+
+    #[test]
+    fn laminar_flow_turns_turbulent_without_a_jump() {
+        let line = line(1.0, 0.004);
+        let flow =
+            |reynolds: f64| reynolds * line.section_m2 * line.viscosity_pa_s / line.diameter_m;
+        let mut last = (0.0, 0.0);
+        for i in 1..1000 {
+            let reynolds = 10.0 * f64::from(i);
+            let (friction, nusselt) = line.friction(-flow(reynolds));
+            let drop = friction * reynolds;
+            assert!(drop > last.0 && nusselt >= last.1, "{reynolds}");
+            assert!(i == 1 || drop < last.0 + 64.0 * 10.0 * 9.0, "{reynolds}");
+            last = (drop, nusselt);
+        }
+        assert!((last.0 / (0.3164 * math::pow(9990.0, 1.75)) - 1.0).abs() < 1e-12);
+    }
+
+    /// The front of a small step comes after L/c. Cells disperse it: its middle is late by some (L cell^2/8)^(1/3)/4.
+    #[test]
+    fn a_front_travels_with_sound() {
+        for length_m in [1.0, 2.0, 4.0, 8.0] {
+            let line = line(length_m, 0.006);
+            let sound_m_s = (line.gas.k * line.gas.r * AIR_K).sqrt();
+            assert!((sound_m_s - 346.0).abs() < 1.0);
+            let mut state = at_rest(&line, 5.0e5);
+            let (mut time_s, mut rises) = (0.0, Vec::new());
+            let step = 2.0e-5;
+            while time_s < 2.0 * length_m / sound_m_s {
+                run(&line, &mut state, 5.001e5, 0.0, step);
+                time_s += step;
+                rises.push(line.end(&state).0 - 5.0e5);
+            }
+            // At a closed end it comes to twice its height, less what friction takes.
+            let highest = rises.iter().fold(0.0_f64, |highest, rise| highest.max(*rise));
+            assert!((150.0..300.0).contains(&highest), "{highest}");
+            let found = step * rises.iter().position(|rise| *rise > 90.0).unwrap() as f64;
+            let off = found * sound_m_s / length_m - 1.0;
+            println!("{length_m} m: {:.2} ms, off by {:.1} %", 1e3 * found, 100.0 * off);
+            assert!((0.001..0.06).contains(&off), "{length_m} m: {off}");
+        }
+    }
+
+    /// Whatever the state: mass and energy go from place to place, or in and out at the ends.
+    #[test]
+    fn mass_and_energy_go_nowhere() {
+        let mut line = line(3.0, 0.004);
+        line.conductivity_w_m_k = 0.0;
+        let mut state = at_rest(&line, 3.0e5);
+        for (i, y) in state.iter_mut().enumerate() {
+            let share = f64::from((i * 37 % 23) as u32) / 23.0 - 0.5;
+            *y = if i < line.cells { 2.0e-3 * share } else { *y * (1.0 + 0.2 * share) };
+        }
+        let mut rates = vec![0.0; state.len()];
+        let into_muscle = (1.0e-3, 0.31);
+        let left_tube = line.rates(&state, (3.1e5, 310.0), into_muscle, &mut rates);
+        let (_, masses, energies) = line.parts(&rates);
+        let sum = |rates: &[f64]| rates.iter().sum::<f64>();
+        assert!((sum(masses) - (left_tube.0 - into_muscle.0)).abs() < 1e-15);
+        assert!((sum(energies) - line.gas.cp * (left_tube.1 - into_muscle.1)).abs() < 1e-10);
+        assert!(left_tube.0 != 0.0 && left_tube.1 != 0.0);
+    }
+
+    /// Still gas: C dT/dt = -pi lambda 3.66 L (T - T_w).
+    #[test]
+    fn the_wall_takes_heat() {
+        let line = line(0.1, 0.004);
+        let mut state = at_rest(&line, 3.0e5);
+        let hot = 1.1 * AIR_K;
+        state[2] *= 1.1;
+        let time_constant = line.gas.cv * state[1] / (PI * 3.66 * line.conductivity_w_m_k * 0.05);
+        assert!((0.05..0.15).contains(&time_constant), "{time_constant} s");
+        let mut integrator = Rk4::new(3);
+        for _ in 0..1000 {
+            integrator.step(&mut state, 0.001 * time_constant, |_, y, rates| {
+                line.rates(y, line.end(y), (0.0, 0.0), rates);
+            });
+        }
+        let left = (line.end(&state).1 - AIR_K) / (hot - AIR_K);
+        assert!((left / math::exp(-1.0) - 1.0).abs() < 1e-6, "{left}");
+    }
+}

@@ -1,0 +1,424 @@
+//! What moves, lumped: one zone of gas, one wall, ideal valves, a quasi-static load.
+//!
+//! The length is no state of its own. Coulomb friction makes it a play operator: while the pull
+//! stays within the friction band around the load the length is held, and beyond it the length
+//! follows the balance of pull, load and friction, solved together with P = w V(L)^-e. The model
+//! `paper` is the same with eq. (12) for the gas.
+
+use super::chamber::Chamber;
+use super::closure::Closure;
+use super::flow::Streams;
+use super::heat::{HEAT_TOO_LARGE, InnerHeat};
+use super::local_power::LocalPower;
+use super::ode::rk4;
+use super::piping::{Disturbance, Piping};
+use super::pull::{Pull, Softening};
+use super::sensors::{Exposure, Sensors};
+use super::{
+    Actuation, BuildError, Diverged, Ledger, Plant, Substeps, Truth, check_gas, check_length,
+    work_through,
+};
+use thermyo_compute::math;
+use thermyo_scenario::{LoadKind, Scenario};
+
+/// Longest integration step \[s\].
+const LONGEST_STEP_S: f64 = 0.002;
+/// Integration step times the fastest rate, at most: well inside the stability of RK4, 2.8.
+const STEP_TIMES_RATE: f64 = 1.0;
+/// How close to the edge of the friction band counts as on it, relative to the forces: at the start
+/// of a step a sliding braid is on the edge but for rounding.
+const EDGE: f64 = 1e-7;
+
+// Places in the state vector.
+const MASS: usize = 0;
+const W: usize = 1;
+const WALL: usize = 2;
+const MASS_IN: usize = 3;
+const MASS_OUT: usize = 4;
+const ENTHALPY_IN: usize = 5;
+const ENTHALPY_OUT: usize = 6;
+const HEAT: usize = 7;
+const TO_AMBIENT: usize = 8;
+const FRICTION: usize = 9;
+const FRICTION_TO_WALL: usize = 10;
+const STATES: usize = 11;
+
+/// Everything that does not change during a run.
+#[derive(Debug, Clone)]
+struct Constants<C> {
+    step_s: f64,
+    substeps: Substeps,
+    closure: Closure,
+    pull: Pull<C>,
+    isometric: bool,
+    piping: Piping,
+    /// The actuation is the mass flows themselves \[kg/s\], not the openings of the valves.
+    given_flows: bool,
+    heat: InnerHeat,
+    outer_w_m2_k: f64,
+    outer_per_speed: f64,
+    wall_j_k: f64,
+    friction_n: f64,
+    softening: Softening,
+    friction_to_wall: f64,
+    initial_k: f64,
+}
+
+/// Length, and what follows from it for a given w.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Place {
+    /// The pull has reached the edge of the friction band beyond which it contracts; never on the
+    /// inner stop.
+    may_contract: bool,
+    /// The same for extension; never on the outer stop.
+    may_extend: bool,
+    length: f64,
+    volume: f64,
+    /// V^-e.
+    power: f64,
+    pressure: f64,
+}
+
+/// The play operator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Play {
+    /// Length at the end of the last step.
+    held: Place,
+    guess: f64,
+    power: LocalPower,
+}
+
+impl Play {
+    /// The place that w and the friction force \[N\] lead to, from the length held.
+    fn place<C: Chamber>(&mut self, constants: &Constants<C>, w: f64, friction: f64) -> Place {
+        let pull = &constants.pull;
+        let mut place = Place { pressure: w * self.held.power, ..self.held };
+        if constants.isometric {
+            return place;
+        }
+        let excess = pull.force(place.pressure, place.length) - pull.load_n;
+        let edge = friction - EDGE * (pull.load_n.abs() + friction);
+        let [shortest, longest] = pull.stops;
+        let (off_inner, off_outer) = (place.length > shortest, place.length < longest);
+        place.may_contract = off_inner && excess >= edge;
+        place.may_extend = off_outer && excess <= -edge;
+        let force = if excess > friction && off_inner {
+            pull.load_n + friction
+        } else if excess < -friction && off_outer {
+            pull.load_n - friction
+        } else {
+            return place;
+        };
+        let exponent = constants.closure.exponent();
+        let length = pull.balance(force, self.guess, |length| {
+            let volume = pull.chamber.volume(length);
+            let pressure = w * self.power.at(volume);
+            (pressure, exponent * pressure * pull.chamber.force_area(length) / volume)
+        });
+        if length >= longest {
+            place.may_extend = false;
+        }
+        if length <= shortest {
+            place.may_contract = false;
+        }
+        let length = pull.stopped(length);
+        self.guess = length;
+        let volume = pull.chamber.volume(length);
+        let power = self.power.at(volume);
+        Place { length, volume, power, pressure: w * power, ..place }
+    }
+}
+
+impl<C: Chamber> Constants<C> {
+    fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
+        if self.given_flows {
+            return Streams::given(actuation.inlet, self.piping.supply().1, actuation.outlet);
+        }
+        let mut streams = Streams::default();
+        self.piping.add_inlet(&mut streams, gas, 0.0, actuation.inlet);
+        self.piping.add_outlet(&mut streams, gas, actuation.outlet);
+        self.piping.add_leak(&mut streams, gas);
+        streams
+    }
+
+    /// dL/dt while sliding: the balance of forces, differentiated. The drift of friction with the
+    /// wall's temperature is left out; it is below 1e-4 of the speed.
+    fn speed(&self, place: &Place, w_rate: f64) -> f64 {
+        if !(place.may_contract || place.may_extend) {
+            return 0.0;
+        }
+        let area = self.pull.chamber.force_area(place.length);
+        let slope = self.closure.exponent() * place.pressure * area / place.volume;
+        let stiffness = self.pull.stiffness(place.pressure, slope, place.length);
+        let speed = -place.power * area * w_rate / stiffness;
+        if (speed < 0.0 && place.may_contract) || (speed > 0.0 && place.may_extend) {
+            speed
+        } else {
+            0.0
+        }
+    }
+
+    fn rates(
+        &self,
+        y: &[f64; STATES],
+        place: &Place,
+        friction: f64,
+        actuation: Actuation,
+    ) -> [f64; STATES] {
+        let closure = &self.closure;
+        let temperature = closure.temperature(place.pressure, place.volume, y[MASS]);
+        let streams = self.streams((place.pressure, temperature), actuation);
+        let surface = self.pull.chamber.surface(place.length);
+        let coefficient =
+            self.heat.coefficient(place.pressure, temperature, y[WALL], streams.inflow);
+        let convective = coefficient * surface * (temperature - y[WALL]);
+        let volume_power = 1.0 / (place.power * place.volume);
+        let w_rate = closure.rate(volume_power, &streams, temperature, convective);
+        let speed = self.speed(place, w_rate).abs();
+        let heat = closure.heat_of_streams(&streams, temperature, convective);
+        let outer = self.outer_w_m2_k + self.outer_per_speed * speed;
+        let to_ambient = outer * surface * (y[WALL] - self.piping.ambient().1);
+        let friction = friction * speed;
+        let friction_to_wall = self.friction_to_wall * friction;
+        let mut rates = [0.0; STATES];
+        rates[MASS] = streams.net();
+        rates[W] = w_rate;
+        rates[WALL] = (heat + friction_to_wall - to_ambient) / self.wall_j_k;
+        rates[MASS_IN] = streams.inflow;
+        rates[MASS_OUT] = streams.outflow;
+        rates[ENTHALPY_IN] = closure.gas.cp * streams.inflow_temperature;
+        rates[ENTHALPY_OUT] = closure.gas.cp * streams.outflow * temperature;
+        rates[HEAT] = heat;
+        rates[TO_AMBIENT] = to_ambient;
+        rates[FRICTION] = friction;
+        rates[FRICTION_TO_WALL] = friction_to_wall;
+        rates
+    }
+}
+
+/// A lumped plant in operation.
+#[derive(Debug, Clone)]
+pub struct Lumped<C> {
+    constants: Constants<C>,
+    steps: u64,
+    state: [f64; STATES],
+    play: Play,
+    work_j: f64,
+    truth: Truth,
+    initial: Ledger,
+    sensors: Sensors,
+}
+
+impl<C: Chamber + Copy> Lumped<C> {
+    /// The lumped plant of a scenario with that chamber.
+    ///
+    /// # Errors
+    /// [`BuildError::TooFast`].
+    pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
+        let rest_length = chamber.rest_length();
+        let pull = Pull::new(scenario, chamber);
+        let closure = Closure::new(scenario);
+        let gas = &closure.gas;
+        let piping = Piping::new(scenario, gas);
+        let friction = &scenario.friction;
+        let softening = Softening::new(friction);
+        let pressure = scenario.plant.initial_pressure_pa;
+        let temperature = scenario.plant.initial_temperature_k;
+        let isometric = scenario.load.kind == LoadKind::Isometric;
+        let length = if isometric {
+            scenario.load.length_m
+        } else {
+            pull.start_length(pressure, friction.force_n * softening.factor(temperature))
+        };
+        let volume = chamber.volume(length);
+        let heat = InnerHeat::of(scenario, chamber.diameter(rest_length));
+        // Fastest: the pressure of the smallest volume through both valves and the largest hole, near
+        // equal pressures.
+        let smallest = chamber.volume(rest_length).min(volume);
+        let gas_k = scenario.plant.gas_k();
+        let hottest = piping.supply().1.max(temperature).max(gas_k);
+        let step = scenario.run.step_s;
+        let still = (scenario.ambient.pressure_pa, temperature);
+        let space = (chamber.volume(rest_length), chamber.surface(rest_length));
+        let heat_rate = heat.fastest_rate(gas, still, space, piping.largest_inflow());
+        let substeps = Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
+            let rate = (2.0 + leak) * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
+            let because = if leak > 2.0 {
+                leak_too_large
+            } else {
+                "valve.conductance_m3_s_pa is too large for the gas's volume"
+            };
+            let (rate, because) =
+                if heat_rate > rate { (heat_rate, HEAT_TOO_LARGE) } else { (rate, because) };
+            super::substeps(step, LONGEST_STEP_S.min(STEP_TIMES_RATE / rate), because)
+        })?;
+        let exponent = closure.exponent();
+        let power = math::pow(volume, -exponent);
+        let held =
+            Place { may_contract: false, may_extend: false, length, volume, power, pressure };
+        let constants = Constants {
+            step_s: step,
+            substeps,
+            closure,
+            pull,
+            isometric,
+            piping,
+            given_flows: false,
+            heat,
+            outer_w_m2_k: scenario.heat.outer_w_m2_k,
+            outer_per_speed: scenario.heat.outer_per_speed,
+            wall_j_k: scenario.wall.heat_capacity_j_k,
+            friction_n: friction.force_n,
+            softening,
+            friction_to_wall: friction.heat_fraction,
+            initial_k: temperature,
+        };
+        let mass = pressure * volume / (gas.r * gas_k);
+        let mut state = [0.0; STATES];
+        state[MASS] = mass;
+        state[W] = pressure / power;
+        state[WALL] = temperature;
+        let start =
+            Exposure { gas_k, wall_k: temperature, pressure_pa: pressure, length_m: length };
+        let initial = Ledger {
+            mass_initial_kg: mass,
+            energy_initial_j: gas.cv * mass * gas_k,
+            ..Ledger::default()
+        };
+        let mut lumped = Self {
+            constants,
+            steps: 0,
+            state,
+            play: Play { held, guess: length, power: LocalPower::new(-exponent, volume) },
+            work_j: 0.0,
+            truth: Truth::default(),
+            initial,
+            sensors: Sensors::new(scenario, 0.0, &start),
+        };
+        lumped.observe(0.0, Actuation::default());
+        Ok(lumped)
+    }
+
+    /// The same without valves: from now on the actuation is the mass flows \[kg/s\].
+    pub fn driven_by_flows(mut self) -> Self {
+        self.constants.given_flows = true;
+        self
+    }
+
+    fn substep(&mut self, step: f64, actuation: Actuation) {
+        let Self { constants, play, .. } = self;
+        let softening = constants.softening.around(self.state[WALL]);
+        let friction_at = |wall_k: f64| constants.friction_n * softening.factor(wall_k);
+        let mut stage = 0;
+        let mut middle = play.held;
+        let start = play.held;
+        self.state = rk4(&self.state, step, |y| {
+            let friction = friction_at(y[WALL]);
+            let place = play.place(constants, y[W], friction);
+            stage += 1;
+            if stage == 3 {
+                middle = place;
+            }
+            constants.rates(y, &place, friction, actuation)
+        });
+        let end = play.place(constants, self.state[W], friction_at(self.state[WALL]));
+        play.held = end;
+        let work = work_through([start, middle, end].map(|place| (place.pressure, place.volume)));
+        self.work_j += work;
+        let heat = constants.closure.heat_per_work() * work;
+        self.state[HEAT] += heat;
+        self.state[WALL] += heat / constants.wall_j_k;
+    }
+
+    fn observe(&mut self, time: f64, actuation: Actuation) {
+        let Self { constants, state, play, .. } = self;
+        let place = &play.held;
+        let closure = &constants.closure;
+        let temperature = closure.temperature(place.pressure, place.volume, state[MASS]);
+        let limit = constants.friction_n * constants.softening.factor(state[WALL]);
+        let rates = constants.rates(state, place, limit, actuation);
+        let excess = constants.pull.force(place.pressure, place.length) - constants.pull.load_n;
+        self.truth = Truth {
+            time_s: time,
+            pressure_pa: place.pressure,
+            volume_m3: place.volume,
+            length_m: place.length,
+            speed_m_s: constants.speed(place, rates[W]),
+            mass_kg: state[MASS],
+            flow_in_kg_s: rates[MASS_IN],
+            flow_out_kg_s: rates[MASS_OUT],
+            gas_temperature_k: temperature,
+            wall_temperature_k: state[WALL],
+            friction_n: if constants.isometric { 0.0 } else { excess.clamp(-limit, limit) },
+            ..Truth::default()
+        };
+        self.sensors.read(&mut self.truth);
+    }
+}
+
+impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
+    fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
+        let substeps = self.constants.substeps.now(&self.constants.piping);
+        let step = self.constants.step_s / f64::from(substeps);
+        for _ in 0..substeps {
+            self.substep(step, actuation);
+        }
+        self.steps += 1;
+        let time = self.steps as f64 * self.constants.step_s;
+        let place = &self.play.held;
+        let closure = &self.constants.closure;
+        let temperature = closure.temperature(place.pressure, place.volume, self.state[MASS]);
+        check_gas(time, place.pressure, temperature, self.state[MASS], &self.truth)?;
+        check_length(time, place.length, &self.constants.pull.chamber)?;
+        self.sensors.advance(&Exposure {
+            gas_k: temperature,
+            wall_k: self.state[WALL],
+            pressure_pa: place.pressure,
+            length_m: place.length,
+        });
+        self.observe(time, actuation);
+        Ok(())
+    }
+
+    fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
+        let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
+        self.constants = Constants { given_flows: self.constants.given_flows, ..constants };
+        self.sensors.retune(&sensors);
+        Ok(())
+    }
+
+    fn disturb(&mut self, disturbance: Disturbance) {
+        self.constants.piping.disturb(disturbance);
+    }
+
+    fn truth(&self) -> Truth {
+        self.truth
+    }
+
+    fn ledger(&self) -> Ledger {
+        let y = &self.state;
+        Ledger {
+            mass_kg: y[MASS],
+            mass_in_kg: y[MASS_IN],
+            mass_out_kg: y[MASS_OUT],
+            energy_j: self.constants.closure.internal_energy(&self.truth),
+            enthalpy_in_j: y[ENTHALPY_IN],
+            enthalpy_out_j: y[ENTHALPY_OUT],
+            heat_to_wall_j: y[HEAT],
+            work_j: self.work_j,
+            friction_heat_j: y[FRICTION],
+            friction_to_wall_j: y[FRICTION_TO_WALL],
+            heat_to_ambient_j: y[TO_AMBIENT],
+            wall_energy_j: self.constants.wall_j_k * (y[WALL] - self.constants.initial_k),
+            ..self.initial
+        }
+    }
+
+    fn axial_wall_k(&self) -> Vec<f64> {
+        vec![self.truth.wall_temperature_k]
+    }
+
+    fn axial_gas_k(&self) -> Vec<f64> {
+        vec![self.truth.gas_temperature_k]
+    }
+}

@@ -1,0 +1,58 @@
+//! Gas in axial zones, port first: equal volumes, uniform pressure, each zone its own
+//! mass and temperature.
+//!
+//! Pressure being uniform, the energy balance of one zone fixes the enthalpy that crosses its
+//! faces: every zone gains (V dP/dt + k P dV/dt)/((k-1) N), and what heat does not account for flows in
+//! from its neighbours. Mixing exchanges equal volumes, which at equal pressure carry the same
+//! enthalpy, so that it moves mass only.
+
+use thermyo_compute::math;
+
+/// Volume that the jet recirculates, per volume that it brings: 0.47 D/d - 0.5 for a jet of diameter d
+/// in a tube of diameter D (Thring and Newby, 4th Symp. Combustion, 1953), with 20 over 4.4 mm.
+const RECIRCULATION: f64 = 1.6;
+/// How far the jet stirs: a confined jet meets the wall within some 3 diameters of the tube.
+const JET_REACH_DIAMETERS: f64 = 3.0;
+/// Axial diffusivity of the gas between strokes \[m2/s\]: five times the molecular one, for the
+/// buoyant currents.
+const BACKGROUND_DIFFUSIVITY: f64 = 1.0e-4;
+
+/// Where jet and mixing act along the muscle.
+#[derive(Debug, Clone)]
+pub struct Stirring {
+    /// Strength of the jet at the face between zone i and i + 1 \[-\].
+    faces: Vec<f64>,
+    /// Strength of the jet in each zone, mean 1 \[-\].
+    zones: Vec<f64>,
+}
+
+impl Stirring {
+    /// For gas of that length and diameter \[m\].
+    pub fn new(zones: usize, length_m: f64, diameter_m: f64) -> Self {
+        let decay = length_m / (JET_REACH_DIAMETERS * diameter_m);
+        let at = |position: f64| math::exp(-decay * position / zones as f64);
+        let strengths: Vec<f64> = (0..zones).map(|i| at(i as f64 + 0.5)).collect();
+        let mean = strengths.iter().sum::<f64>() / zones as f64;
+        Self {
+            faces: (1..zones).map(|i| RECIRCULATION * at(i as f64)).collect(),
+            zones: strengths.iter().map(|strength| strength / mean).collect(),
+        }
+    }
+
+    /// Shares of the inflow's heat transfer that the zones get, mean 1 \[-\].
+    pub fn zones(&self) -> &[f64] {
+        &self.zones
+    }
+
+    /// Volume that diffusion exchanges each way over every face \[m3/s\], of gas of that volume \[m3\] and
+    /// length \[m\].
+    pub fn background(&self, volume: f64, length: f64) -> f64 {
+        BACKGROUND_DIFFUSIVITY * volume * self.zones.len() as f64 / (length * length)
+    }
+
+    /// Volume exchanged each way over the face between `zone` and the next \[m3/s\], for a volume flow
+    /// in \[m3/s\] and the exchange of the background.
+    pub fn exchange(&self, zone: usize, volume_inflow: f64, background: f64) -> f64 {
+        self.faces[zone] * volume_inflow + background
+    }
+}

@@ -1,0 +1,204 @@
+//! Measurements to compare a run with (`--measured`): time_s and any columns of the trace.
+
+use thermyo_files::input::{InputError, Instead, Problem, nearest, quoted};
+use thermyo_files::table::Table;
+use thermyo_scenario::schema::Limits;
+
+/// The column that every other one is over.
+pub const TIME: &str = "time_s";
+
+/// What can be measured: beyond lies another unit, or a broken line.
+const POSSIBLE: [(&str, Limits); 10] = [
+    (TIME, Limits { min: 0.0, max: 1.0e6, unit: "s" }),
+    ("pressure_pa", Limits { min: 1.0e3, max: 1.0e8, unit: "Pa" }),
+    ("volume_m3", Limits { min: 1.0e-9, max: 1.0e6, unit: "m3" }),
+    ("length_m", Limits { min: 1.0e-4, max: 20.0, unit: "m" }),
+    ("sensor_gas_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("sensor_wall_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("gas_temperature_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("wall_temperature_k", Limits { min: 100.0, max: 1000.0, unit: "K" }),
+    ("duty_in", Limits { min: 0.0, max: 1.0, unit: "" }),
+    ("duty_out", Limits { min: 0.0, max: 1.0, unit: "" }),
+];
+
+/// Measured columns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// Those with at least one value, in order of the file.
+    pub columns: Vec<Column>,
+}
+
+/// One measured quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// The trace's name for it.
+    pub name: String,
+    /// (time \[s\], value), times never falling.
+    pub points: Vec<(f64, f64)>,
+    /// The line of each point in its file, where it is from one.
+    pub lines: Vec<u64>,
+}
+
+impl Measured {
+    /// The column time_s of a table and any of the `known` columns; cells may be empty.
+    ///
+    /// # Errors
+    /// For a column that is not `known`, for times that are missing or fall, and for what cannot have
+    /// been measured.
+    pub fn new(table: &Table, known: &[&str]) -> Result<Self, InputError> {
+        table.column(TIME)?;
+        for column in table.columns() {
+            if column.name != TIME && !known.contains(&column.name.as_str()) {
+                let instead = match nearest(&column.name, known.iter().copied()) {
+                    Some(name) => Instead::Near(vec![name.to_owned()]),
+                    None => Instead::Known(known.iter().map(|name| (*name).to_owned()).collect()),
+                };
+                let column = quoted(&column.name);
+                return Err(table.header_error(Problem::UnknownColumn { column, instead }));
+            }
+        }
+        let times = table.filled(TIME)?;
+        if let Some(row) = (1..times.len()).find(|row| times[*row] < times[row - 1]) {
+            let allowed = format!("at least {:?}, the time of the row before", times[row - 1]);
+            return Err(table.cell_error(row, TIME, &allowed));
+        }
+        for column in table.columns() {
+            let Some((name, limits)) = POSSIBLE.iter().find(|(name, _)| *name == column.name)
+            else {
+                continue;
+            };
+            let possible = |cell: &Option<f64>| cell.is_none_or(|value| limits.contains(value));
+            if let Some(row) = column.cells.iter().position(|cell| !possible(cell)) {
+                return Err(table.cell_error(row, name, &limits.to_string()));
+            }
+        }
+        let columns = table
+            .columns()
+            .iter()
+            .filter(|column| column.name != TIME)
+            .map(|column| {
+                let cells = times.iter().zip(&column.cells).enumerate();
+                let filled = cells
+                    .filter_map(|(row, (time, cell))| Some(((*time, (*cell)?), table.line(row))));
+                let (points, lines) = filled.unzip();
+                Column { name: column.name.clone(), points, lines }
+            })
+            .filter(|column| !column.points.is_empty())
+            .collect();
+        Ok(Self { columns })
+    }
+
+    /// What a run of that length can be compared with, the columns that are `comparable`; and how many of
+    /// the table's rows lie after its end.
+    ///
+    /// # Errors
+    /// When nothing is left.
+    pub fn within_run(
+        mut self,
+        table: &Table,
+        comparable: &[&str],
+        duration_s: f64,
+    ) -> Result<(Self, usize), InputError> {
+        let times = table.filled(TIME)?;
+        let late = times.iter().filter(|time| **time > duration_s).count();
+        if late == times.len() {
+            let allowed = format!("at most {duration_s:?} s somewhere: that is the run's end");
+            return Err(table.cell_error(0, TIME, &allowed));
+        }
+        self.columns.retain_mut(|column| {
+            let inside = column.points.partition_point(|(time_s, _)| *time_s <= duration_s);
+            column.points.truncate(inside);
+            column.lines.truncate(inside);
+            comparable.contains(&column.name.as_str()) && !column.points.is_empty()
+        });
+        if self.columns.is_empty() {
+            let known = comparable.iter().map(|name| (*name).to_owned()).collect();
+            return Err(table.header_error(Problem::NothingToCompare { time: TIME, known }));
+        }
+        Ok((self, late))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KNOWN: [&str; 4] = ["time_s", "pressure_pa", "sensor_gas_k", "length_m"];
+
+    fn read(text: &str) -> Result<Measured, String> {
+        Table::parse(text, "m.csv".as_ref())
+            .and_then(|table| Measured::new(&table, &KNOWN))
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn each_column_has_its_own_times() {
+        let text =
+            "sensor_gas_k,time_s,pressure_pa,length_m\n,0.2,768830,\n285.9,3.58,,\n,3.58,5e5,\n";
+        let column = |name: &str, points: &[(f64, f64)], lines: &[u64]| Column {
+            name: name.to_owned(),
+            points: points.to_vec(),
+            lines: lines.to_vec(),
+        };
+        let columns = vec![
+            column("sensor_gas_k", &[(3.58, 285.9)], &[3]),
+            column("pressure_pa", &[(0.2, 768_830.0), (3.58, 5e5)], &[2, 4]),
+        ];
+        assert_eq!(read(text), Ok(Measured { columns }));
+    }
+
+    #[test]
+    fn what_a_run_cannot_be_compared_with_is_said() {
+        let within = |text: &str| {
+            let table = Table::parse(text, "m.csv".as_ref()).unwrap();
+            Measured::new(&table, &KNOWN)
+                .and_then(|measured| measured.within_run(&table, &["pressure_pa"], 10.0))
+                .map(|(measured, late)| (measured.columns.len(), late))
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(within("time_s,pressure_pa,sensor_gas_k\n0,1e5,300\n11,1e5,300\n"), Ok((1, 1)));
+        let late = "m.csv:2: column time_s = 500.0: must be at most 10.0 s somewhere: that is the run's end";
+        assert_eq!(within("time_s,pressure_pa\n500,1e5\n"), Err(late.to_owned()));
+        let alone = "m.csv: has no column to compare beside time_s; known here: pressure_pa";
+        assert_eq!(within("time_s\n0\n"), Err(alone.to_owned()));
+        assert_eq!(within("time_s,sensor_gas_k\n0,300\n"), Err(alone.to_owned()));
+        assert_eq!(within("time_s,pressure_pa\n0,\n12,1e5\n"), Err(alone.to_owned()));
+    }
+
+    #[test]
+    fn says_what_is_wrong_and_where() {
+        for (text, message) in [
+            (
+                "time_s,presure_pa\n0,1\n",
+                "m.csv: unknown column presure_pa; did you mean pressure_pa?",
+            ),
+            ("time_s,pressure\n0,1\n", "m.csv: unknown column pressure; did you mean pressure_pa?"),
+            (
+                "time_s,colour\n0,1\n",
+                "m.csv: unknown column colour; \
+                 known here: time_s, pressure_pa, sensor_gas_k, length_m",
+            ),
+            ("pressure_pa\n1\n", "m.csv: column time_s is missing; the file has pressure_pa"),
+            ("t,colour\n0,1\n", "m.csv: column time_s is missing; the file has t, colour"),
+            ("time_s,pressure_pa\n0,1\n,2\n", "m.csv:3: column time_s = (empty): must be a number"),
+            (
+                "time_s,pressure_pa\n0,1\n2,2\n\n1,3\n",
+                "m.csv:5: column time_s = 1.0: must be at least 2.0, the time of the row before",
+            ),
+            (
+                "time_s,sensor_gas_k\n0,298\n1,\n2,25.3\n",
+                "m.csv:4: column sensor_gas_k = 25.3: must be a number from 100 to 1000 K",
+            ),
+            (
+                "time_s,pressure_pa\n0,5.2\n",
+                "m.csv:2: column pressure_pa = 5.2: must be a number from 1000 to 1e8 Pa",
+            ),
+            (
+                "time_s,pressure_pa\n-1,1e5\n",
+                "m.csv:2: column time_s = -1.0: must be a number from 0 to 1e6 s",
+            ),
+        ] {
+            assert_eq!(read(text), Err(message.to_owned()), "{text:?}");
+        }
+    }
+}

@@ -1,0 +1,570 @@
+//! `summary.json`: the figures of a run, gathered while it goes on.
+
+use crate::measured::Measured;
+use crate::trace::{COLUMNS, Row};
+use model_core::Faults;
+use model_core::link::Timing;
+use model_core::safety::supervisor::VENTING;
+use model_core::sensing::adc::at_rail;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use thermyo_files::number::{Unit, fixed, significant};
+use thermyo_plant::{Ledger, Truth};
+
+/// What a set point stood for, where one was driven.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Controlled {
+    /// Absolute pressure \[Pa\].
+    Pressure,
+    /// Contraction, fraction of the rest length \[-\].
+    Contraction,
+}
+
+impl Controlled {
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pressure => "Absolute pressure",
+            Self::Contraction => "Contraction",
+        }
+    }
+
+    /// How it is shown.
+    pub fn unit(self) -> Unit {
+        match self {
+            Self::Pressure => Unit::of_column("pressure_pa"),
+            Self::Contraction => Unit { symbol: "% of rest length", factor: 100.0 },
+        }
+    }
+
+    /// A value of it, or a difference of two, for a sentence.
+    pub fn text(self, value: f64) -> String {
+        let Unit { symbol, factor } = self.unit();
+        format!("{} {symbol}", significant(value * factor, 3))
+    }
+}
+
+/// Everything that `summary.json` says of a run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Simulated time \[s\].
+    pub duration_s: f64,
+    /// Working strokes; 0 where the drive has no period.
+    pub strokes: u64,
+    /// Simulated time per wall-clock time \[-\].
+    pub real_time_factor: f64,
+    /// Which board ran the core.
+    pub board: String,
+    /// Pressure in the plant \[Pa\].
+    pub pressure_pa: Range,
+    /// Contraction, as a fraction of the rest length \[-\]; of a muscle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contraction: Option<Range>,
+    /// The plant's gas temperature \[K\].
+    pub gas_temperature_k: Range,
+    /// Readings of the sensor in the gas \[K\].
+    pub sensor_gas_k: Readings,
+    /// Readings of the sensor in the wall \[K\].
+    pub sensor_wall_k: Readings,
+    /// Root-mean-square errors against the plant's gas temperature \[K\].
+    pub rmse_k: Errors,
+    /// Share of the rows in which the truth lies within two stated standard deviations \[-\].
+    pub estimate_within_2sd: f64,
+    /// Mass that appeared from nowhere, relative \[-\].
+    pub mass_balance_error: f64,
+    /// Energy that appeared from nowhere, relative \[-\].
+    pub energy_balance_error: f64,
+    /// The books of mass and energy.
+    pub ledger: Ledger,
+    /// Surface temperature along the muscle at the end, port first \[K\].
+    pub axial_temperature_k: Vec<f64>,
+    /// Gas temperature along the muscle at the end, port first \[K\].
+    pub axial_gas_temperature_k: Vec<f64>,
+    /// What the core reports of itself.
+    pub core: CoreFigures,
+    /// How well the set point was held, where one was driven.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<Control>,
+    /// How the steps were timed, where the board is not this process.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingFigures>,
+    /// Root-mean-square and largest difference to measured columns, where some were given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured: Option<BTreeMap<String, Difference>>,
+}
+
+/// Range and mean of a quantity.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Range {
+    /// Smallest.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
+    /// Mean over the steps.
+    pub mean: f64,
+}
+
+/// Range and ends of a sensor's readings.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Readings {
+    /// Smallest.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
+    /// At the start.
+    pub first: f64,
+    /// At the end.
+    pub last: f64,
+}
+
+/// Root-mean-square errors \[K\].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Errors {
+    /// The sensor in the gas, read bare.
+    pub sensor_gas: f64,
+    /// The sensor in the wall, read bare.
+    pub sensor_wall: f64,
+    /// The forward model, which sees the mass flows only.
+    pub model: f64,
+    /// The core's estimate.
+    pub estimate: f64,
+}
+
+/// What the core reports of itself.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CoreFigures {
+    /// Steps run.
+    pub steps: u64,
+    /// Steps in which a sensor's code lay at a rail.
+    pub saturations: u64,
+    /// Steps in which the set point asked for more pressure than there may be.
+    pub limited: u64,
+    /// Every fault bit that was ever set.
+    pub faults: u16,
+    /// What they are called.
+    pub fault_names: Vec<&'static str>,
+    /// When the first of those that vent was found \[s\].
+    pub vented_s: Option<f64>,
+    /// When the first of those that are only shown was found \[s\].
+    pub shown_s: Option<f64>,
+}
+
+/// Faults that do not vent.
+const SHOWN: Faults = Faults(!VENTING.0);
+
+/// Faults of a run of one kind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// "vented", or "shown" of what does not vent.
+    pub what: &'static str,
+    /// When the first of them was found \[s\].
+    pub from_s: f64,
+    /// Which.
+    pub faults: Faults,
+}
+
+impl CoreFigures {
+    /// What vented, and what was only shown, where there was any.
+    pub fn found(&self) -> impl Iterator<Item = Found> {
+        let all = Faults(self.faults);
+        [("vented", self.vented_s, all.of(VENTING)), ("shown", self.shown_s, all.of(SHOWN))]
+            .into_iter()
+            .filter_map(|(what, from_s, faults)| Some(Found { what, from_s: from_s?, faults }))
+    }
+
+    /// The same in words: "vented from 2.06 s: pressure sensor, overpressure".
+    pub fn fault_text(&self) -> Option<String> {
+        let each = self.found().map(|Found { what, from_s, faults }| {
+            format!("{what} from {} s: {faults}", fixed(from_s, 2))
+        });
+        each.reduce(|all, next| format!("{all}; {next}"))
+    }
+
+    /// A line for people; none without a fault.
+    pub fn fault_line(&self) -> String {
+        self.fault_text().map_or_else(String::new, |text| format!("warning: the core {text}\n"))
+    }
+}
+
+/// How well a set point was held, in the set point's unit.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Control {
+    /// What the set point stands for.
+    pub quantity: Controlled,
+    /// Root-mean-square error.
+    pub rms_error: f64,
+    /// Mean error over the last tenth of the run; none where the run was cut short before.
+    pub steady_error: Option<f64>,
+    /// Largest excess over the largest set point, relative to the set point's range or itself.
+    pub overshoot: f64,
+}
+
+impl Control {
+    /// A line for people.
+    pub fn text(&self) -> String {
+        let steady = self.steady_error.map(|error| self.quantity.text(error));
+        let at_end = steady.map_or_else(String::new, |text| format!("at the end {text}, "));
+        format!(
+            "set point: RMS error {}, {at_end}overshoot {:.1} %\n",
+            self.quantity.text(self.rms_error),
+            self.overshoot * 100.0
+        )
+    }
+}
+
+/// Difference to a measured column.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Difference {
+    /// Root mean square.
+    pub rmse: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// Strokes of that period that were made to their end.
+pub fn whole_strokes(duration_s: f64, period_s: f64) -> u64 {
+    (duration_s / period_s + 1e-9).floor() as u64
+}
+
+/// How a board's steps were timed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TimingFigures {
+    /// Mean time of the core's step \[us\].
+    pub step_mean_us: f64,
+    /// Worst time of the core's step \[us\].
+    pub step_worst_us: f64,
+    /// Worst delay of a start, from the mean one \[us\].
+    pub jitter_worst_us: f64,
+    /// Steps that were left out.
+    pub missed_steps: u32,
+}
+
+impl From<&Timing> for TimingFigures {
+    fn from(timing: &Timing) -> Self {
+        let mean_us = f64::from(timing.jitter_mean_ns) / 1e3;
+        Self {
+            step_mean_us: f64::from(timing.step_mean_ns) / 1e3,
+            step_worst_us: f64::from(timing.step_worst_us),
+            jitter_worst_us: f64::from(timing.jitter_worst_us) - mean_us,
+            missed_steps: timing.missed_steps,
+        }
+    }
+}
+
+/// What the accumulator cannot see by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ending {
+    /// Wall-clock time of the run \[s\].
+    pub wall_clock_s: f64,
+    /// Which board ran the core.
+    pub board: &'static str,
+    /// Period of the working cycle, if it has one \[s\].
+    pub period_s: Option<f64>,
+    /// What a set point stood for.
+    pub controlled: Option<Controlled>,
+    /// Rest length of a muscle \[m\].
+    pub rest_length_m: Option<f64>,
+    /// The plant's books.
+    pub ledger: Ledger,
+    /// Surface temperatures \[K\].
+    pub axial_wall_k: Vec<f64>,
+    /// Gas temperatures \[K\].
+    pub axial_gas_k: Vec<f64>,
+    /// How the board's steps were timed.
+    pub timing: Option<Timing>,
+}
+
+/// Gathers the figures of a run, step by step, in constant memory.
+#[derive(Debug, Clone)]
+pub struct Accumulator {
+    duration_s: f64,
+    steps: u64,
+    pressure: Extent,
+    length: Extent,
+    gas: Extent,
+    sensor_gas: Extent,
+    sensor_wall: Extent,
+    squares: Errors,
+    within_2sd: u64,
+    saturations: u64,
+    limited: u64,
+    faults: Faults,
+    vented_s: Option<f64>,
+    shown_s: Option<f64>,
+    control: ControlSums,
+    comparisons: Vec<Comparison>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Extent {
+    min: f64,
+    max: f64,
+    sum: f64,
+    first: f64,
+    last: f64,
+}
+
+impl Extent {
+    const EMPTY: Self = Self {
+        min: f64::INFINITY,
+        max: f64::NEG_INFINITY,
+        sum: 0.0,
+        first: f64::NAN,
+        last: f64::NAN,
+    };
+
+    fn add(&mut self, value: f64) {
+        self.min = self.min.min(value);
+        self.max = self.max.max(value);
+        self.sum += value;
+        if self.first.is_nan() {
+            self.first = value;
+        }
+        self.last = value;
+    }
+
+    fn range(&self, count: f64) -> Range {
+        Range { min: self.min, max: self.max, mean: self.sum / count }
+    }
+
+    fn readings(&self) -> Readings {
+        Readings { min: self.min, max: self.max, first: self.first, last: self.last }
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct ControlSums {
+    steps: u64,
+    squares: f64,
+    late_steps: u64,
+    late_sum: f64,
+    largest_set_point: f64,
+    smallest_set_point: f64,
+    largest_value: f64,
+}
+
+/// One measured column, interpolated in the run as it passes by.
+#[derive(Debug, Clone)]
+struct Comparison {
+    name: String,
+    column: usize,
+    points: Vec<(f64, f64)>,
+    next: usize,
+    before: Option<(f64, f64)>,
+    squares: f64,
+    max: f64,
+    count: u64,
+}
+
+impl Comparison {
+    /// Takes the run's value at a time; every measured point up to there is compared with the run,
+    /// interpolated linearly between its steps.
+    fn pass(&mut self, time_s: f64, value: f64) {
+        while let Some(&(measured_s, measured)) = self.points.get(self.next) {
+            if measured_s > time_s {
+                break;
+            }
+            let run = match self.before {
+                Some((before_s, before)) if time_s > before_s => {
+                    before + (value - before) * (measured_s - before_s) / (time_s - before_s)
+                }
+                _ => value,
+            };
+            let difference = run - measured;
+            self.squares += difference * difference;
+            self.max = self.max.max(difference.abs());
+            self.count += 1;
+            self.next += 1;
+        }
+        self.before = Some((time_s, value));
+    }
+}
+
+impl Summary {
+    /// A share below this, of two stated deviations, says that the estimate is surer of itself than it may
+    /// be: of normal errors 95 % lie within.
+    pub const LEAST_WITHIN_2SD: f64 = 0.8;
+
+    /// What has to be said of the stated deviations, where they are too small.
+    pub fn overconfidence(&self) -> Option<String> {
+        (self.estimate_within_2sd < Self::LEAST_WITHIN_2SD).then(|| {
+            format!(
+                "the estimate is surer of itself than it may be: the truth lies within two of its stated \
+                 standard deviations only {:.0} % of the time, 95 % are expected",
+                100.0 * self.estimate_within_2sd
+            )
+        })
+    }
+}
+
+impl Accumulator {
+    /// Nothing yet. `measured` columns must be among [`COLUMNS`].
+    pub fn new(duration_s: f64, measured: Option<&Measured>) -> Self {
+        let comparisons = measured.map_or_else(Vec::new, |measured| {
+            measured
+                .columns
+                .iter()
+                .filter_map(|column| {
+                    let index = COLUMNS.iter().position(|name| *name == column.name)?;
+                    Some(Comparison {
+                        name: column.name.clone(),
+                        column: index,
+                        points: column.points.clone(),
+                        next: 0,
+                        before: None,
+                        squares: 0.0,
+                        max: 0.0,
+                        count: 0,
+                    })
+                })
+                .collect()
+        });
+        Self {
+            duration_s,
+            steps: 0,
+            pressure: Extent::EMPTY,
+            length: Extent::EMPTY,
+            gas: Extent::EMPTY,
+            sensor_gas: Extent::EMPTY,
+            sensor_wall: Extent::EMPTY,
+            squares: Errors { sensor_gas: 0.0, sensor_wall: 0.0, model: 0.0, estimate: 0.0 },
+            within_2sd: 0,
+            saturations: 0,
+            limited: 0,
+            faults: Faults::NONE,
+            vented_s: None,
+            shown_s: None,
+            control: ControlSums {
+                largest_set_point: f64::NEG_INFINITY,
+                smallest_set_point: f64::INFINITY,
+                largest_value: f64::NEG_INFINITY,
+                ..ControlSums::default()
+            },
+            comparisons,
+        }
+    }
+
+    /// Adds one step. `controlled` is the value that the set point stands for, if it has one.
+    pub fn add(&mut self, row: &Row, controlled: Option<f64>) {
+        let Row { truth, telemetry, .. } = row;
+        self.steps += 1;
+        self.pressure.add(truth.pressure_pa);
+        self.length.add(truth.length_m);
+        self.gas.add(truth.gas_temperature_k);
+        self.sensor_gas.add(row.sensor_gas_k);
+        self.sensor_wall.add(row.sensor_wall_k);
+        let error = |value: f64| value - truth.gas_temperature_k;
+        let estimate_error = error(f64::from(telemetry.estimate.gas_k));
+        self.squares.sensor_gas += error(row.sensor_gas_k).powi(2);
+        self.squares.sensor_wall += error(row.sensor_wall_k).powi(2);
+        self.squares.model += error(row.model_k).powi(2);
+        self.squares.estimate += estimate_error.powi(2);
+        if estimate_error.abs() <= 2.0 * f64::from(telemetry.estimate.gas_sd_k) {
+            self.within_2sd += 1;
+        }
+        let sample = &telemetry.sample;
+        if at_rail(sample.pressure) || at_rail(sample.gas) || at_rail(sample.length) {
+            self.saturations += 1;
+        }
+        self.limited += u64::from(telemetry.limited);
+        self.faults = self.faults.with(telemetry.faults);
+        for (from_s, kind) in [(&mut self.vented_s, VENTING), (&mut self.shown_s, SHOWN)] {
+            if telemetry.faults.intersects(kind) {
+                from_s.get_or_insert(truth.time_s);
+            }
+        }
+        if let Some(value) = controlled {
+            self.add_control(truth, row.set_point, value);
+        }
+        if !self.comparisons.is_empty() {
+            let cells = row.cells();
+            for comparison in &mut self.comparisons {
+                comparison.pass(truth.time_s, cells[comparison.column]);
+            }
+        }
+    }
+
+    fn add_control(&mut self, truth: &Truth, set_point: f64, value: f64) {
+        let sums = &mut self.control;
+        let error = value - set_point;
+        sums.steps += 1;
+        sums.squares += error * error;
+        if truth.time_s >= 0.9 * self.duration_s {
+            sums.late_steps += 1;
+            sums.late_sum += error;
+        }
+        sums.largest_set_point = sums.largest_set_point.max(set_point);
+        sums.smallest_set_point = sums.smallest_set_point.min(set_point);
+        sums.largest_value = sums.largest_value.max(value);
+    }
+
+    /// Closes the books.
+    pub fn finish(self, ending: Ending) -> Summary {
+        let count = self.steps as f64;
+        let rms = |squares: f64| (squares / count).sqrt();
+        let control = ending.controlled.filter(|_| self.control.steps > 0).map(|quantity| {
+            let sums = &self.control;
+            let span = sums.largest_set_point - sums.smallest_set_point;
+            let span = if span > 0.0 { span } else { sums.largest_set_point.abs() };
+            Control {
+                quantity,
+                rms_error: (sums.squares / sums.steps as f64).sqrt(),
+                steady_error: (sums.late_steps > 0).then(|| sums.late_sum / sums.late_steps as f64),
+                overshoot: ((sums.largest_value - sums.largest_set_point) / span).max(0.0),
+            }
+        });
+        let measured = (!self.comparisons.is_empty()).then(|| {
+            self.comparisons
+                .iter()
+                .filter(|comparison| comparison.count > 0)
+                .map(|comparison| {
+                    let rmse = (comparison.squares / comparison.count as f64).sqrt();
+                    (comparison.name.clone(), Difference { rmse, max: comparison.max })
+                })
+                .collect()
+        });
+        Summary {
+            duration_s: self.duration_s,
+            strokes: ending.period_s.map_or(0, |period_s| whole_strokes(self.duration_s, period_s)),
+            real_time_factor: self.duration_s / ending.wall_clock_s.max(1e-9),
+            board: ending.board.to_owned(),
+            pressure_pa: self.pressure.range(count),
+            contraction: ending.rest_length_m.map(|rest_m| {
+                let length = self.length.range(count);
+                Range {
+                    min: 1.0 - length.max / rest_m,
+                    max: 1.0 - length.min / rest_m,
+                    mean: 1.0 - length.mean / rest_m,
+                }
+            }),
+            gas_temperature_k: self.gas.range(count),
+            sensor_gas_k: self.sensor_gas.readings(),
+            sensor_wall_k: self.sensor_wall.readings(),
+            rmse_k: Errors {
+                sensor_gas: rms(self.squares.sensor_gas),
+                sensor_wall: rms(self.squares.sensor_wall),
+                model: rms(self.squares.model),
+                estimate: rms(self.squares.estimate),
+            },
+            estimate_within_2sd: self.within_2sd as f64 / count,
+            mass_balance_error: ending.ledger.mass_balance_error(),
+            energy_balance_error: ending.ledger.energy_balance_error(),
+            ledger: ending.ledger,
+            axial_temperature_k: ending.axial_wall_k,
+            axial_gas_temperature_k: ending.axial_gas_k,
+            core: CoreFigures {
+                steps: self.steps,
+                saturations: self.saturations,
+                limited: self.limited,
+                faults: self.faults.0,
+                fault_names: self.faults.names().collect(),
+                vented_s: self.vented_s,
+                shown_s: self.shown_s,
+            },
+            control,
+            timing: ending.timing.as_ref().map(TimingFigures::from),
+            measured,
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! A quantity over two others, as coloured cells.
+
+use maud::html;
+
+use super::Colour;
+use super::axes::FOOT;
+use super::chart::{CHARACTER, FULL_WIDTH, HALF_WIDTH};
+use super::colour::{hex, text_on};
+use super::figure::{Drawing, Figure};
+use super::path::Path;
+use super::scale::{Scale, Spacing, data_range};
+use thermyo_files::number::{MISSING, px, significant};
+
+/// Perceptually uniform and made for colour-blind readers.
+const MAP: colorous::Gradient = colorous::CIVIDIS;
+/// Colour of the outline; the map has nothing like it.
+const LIMIT: Colour = Colour::Vermillion;
+const CELL_HEIGHT: f64 = 34.0;
+const TOP: f64 = 24.0;
+/// Colour bar, its tick labels and the gap before it included, and that gap \[px\].
+const BAR: (f64, f64) = (90.0, 24.0);
+/// The same beside another map.
+const HALF_BAR: (f64, f64) = (66.0, 12.0);
+/// Digits of a cell's value, the more the better.
+const DIGITS: [usize; 2] = [3, 2];
+/// Between the values of two cells \[px\].
+const BETWEEN: f64 = 6.0;
+
+/// A map of cells. Axis texts hold their unit.
+#[derive(Debug, Clone)]
+pub struct Heatmap {
+    /// Text of the x axis.
+    pub x_label: String,
+    /// Text of the y axis.
+    pub y_label: String,
+    /// Text of the colour scale.
+    pub value_label: String,
+    /// What stands at the columns, left to right.
+    pub x: Vec<String>,
+    /// What stands at the rows, bottom to top.
+    pub y: Vec<String>,
+    /// `cells[row][column]`, rows as in `y`. Missing and non-finite cells stay empty.
+    pub cells: Vec<Vec<f64>>,
+    /// How it is coloured, and how wide it is.
+    pub style: Style,
+}
+
+/// How a map is coloured, and how wide it is.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Style {
+    /// Values of the colour scale's ends, so that maps can share it; those of the cells otherwise.
+    pub range: Option<(f64, f64)>,
+    /// How values are spread over the colour scale.
+    pub spacing: Spacing,
+    /// The cells up to this value are outlined.
+    pub limit: Option<(f64, String)>,
+    /// Half as wide, to stand beside another one.
+    pub half: bool,
+}
+
+impl Heatmap {
+    /// Draws it.
+    pub fn figure(&self, title: &str, caption: &str) -> Figure {
+        let spacing = self.style.spacing;
+        let range = self
+            .style
+            .range
+            .unwrap_or_else(|| data_range(self.cells.iter().flatten().copied(), spacing));
+        let along_scale = Scale::new(range, (0.0, 1.0), spacing);
+        let (width, (bar, gap), least) =
+            if self.style.half { (HALF_WIDTH, HALF_BAR, 0.0) } else { (FULL_WIDTH, BAR, 48.0) };
+        let left = (longest(&self.y) * CHARACTER + 12.0).max(least);
+        let right = width - bar;
+        let cell_width = (right - left) / self.x.len().max(1) as f64;
+        let bottom = TOP + CELL_HEIGHT * self.y.len() as f64;
+        let height = bottom.max(TOP + 120.0) + FOOT;
+        let digits = DIGITS.into_iter().find(|digits| {
+            let texts = self.cells.iter().flatten().map(|value| significant(*value, *digits));
+            longest(&texts.collect::<Vec<_>>()) * CHARACTER + BETWEEN <= cell_width
+        });
+        let corner = |row: usize, column: usize| {
+            (left + cell_width * column as f64, bottom - CELL_HEIGHT * row as f64)
+        };
+        let label_every =
+            ((longest(&self.x) * CHARACTER + 4.0) / cell_width).ceil().max(1.0) as usize;
+        let svg = html! {
+            svg.chart xmlns="http://www.w3.org/2000/svg" role="img" aria-label=(title)
+                width=(px(width)) height=(px(height)) viewBox={ "0 0 " (px(width)) " " (px(height)) } {
+                text.axis x="0" y="14" { (self.y_label) }
+                @for (row, y_label) in self.y.iter().enumerate() {
+                    @let top = bottom - CELL_HEIGHT * (row as f64 + 1.0);
+                    text.tick x=(px(left - 7.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0)) text-anchor="end" { (y_label) }
+                    @for column in 0..self.x.len() {
+                        @let value = self.cell(row, column);
+                        @let along = if along_scale.shows(value) { along_scale.position(value).clamp(0.0, 1.0) } else { 0.0 };
+                        @let x = left + cell_width * column as f64;
+                        @let (fill, ink) = if value.is_finite() {
+                            (hex(MAP, along), text_on(MAP, along))
+                        } else {
+                            ("none".to_owned(), "currentColor")
+                        };
+                        rect.cell x=(px(x)) y=(px(top)) width=(px(cell_width)) height=(px(CELL_HEIGHT)) fill=(fill) {
+                            // Without room for a figure it is told to who points at the cell.
+                            @if digits.is_none() { title { (significant(value, DIGITS[0])) } }
+                        }
+                        @if let Some(digits) = digits {
+                            text.cell-value x=(px(x + cell_width / 2.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0))
+                                text-anchor="middle" style={ "fill:" (ink) } {
+                                @if value.is_finite() { (significant(value, digits)) } @else { (MISSING) }
+                            }
+                        }
+                    }
+                }
+                @for (column, label) in self.x.iter().enumerate().step_by(label_every) {
+                    text.tick x=(px(left + cell_width * (column as f64 + 0.5))) y=(px(bottom + 18.0))
+                        text-anchor="middle" { (label) }
+                }
+                text.axis x=(px((left + right) / 2.0)) y=(px(bottom + 36.0)) text-anchor="middle" { (self.x_label) }
+                @if let Some((limit, _)) = &self.style.limit {
+                    @let outline = self.outline(*limit, corner);
+                    path.outline-ground d=(outline) {}
+                    path class={ (LIMIT.class()) " outline" } d=(outline) {}
+                }
+                (colour_bar(MAP, range, spacing, &self.value_label, right + gap, (TOP, bottom.max(TOP + 120.0))))
+            }
+        };
+        let legend = html! {
+            @if let Some((_, label)) = &self.style.limit {
+                ul.legend { li {
+                    svg class=(LIMIT.class()) width="16" height="14" aria-hidden="true" {
+                        path.outline d="M2 2H14V12H2Z" {}
+                    }
+                    (label)
+                } }
+            }
+        };
+        Figure::new(title, caption, Drawing::still(legend, svg))
+    }
+
+    fn cell(&self, row: usize, column: usize) -> f64 {
+        self.cells.get(row).and_then(|cells| cells.get(column)).copied().unwrap_or(f64::NAN)
+    }
+
+    /// The edges around the cells up to `limit`; `corner` is the lower left one of a cell \[px\].
+    fn outline(&self, limit: f64, corner: impl Fn(usize, usize) -> (f64, f64)) -> String {
+        let inside = |row: usize, column: usize| self.cell(row, column) <= limit;
+        let (rows, columns) = (self.y.len(), self.x.len());
+        let mut path = Path::default();
+        for row in 0..rows {
+            for column in (0..columns).filter(|column| inside(row, *column)) {
+                let sides = [
+                    (row > 0 && inside(row - 1, column), [(0, 0), (0, 1)]),
+                    (row + 1 < rows && inside(row + 1, column), [(1, 0), (1, 1)]),
+                    (column > 0 && inside(row, column - 1), [(0, 0), (1, 0)]),
+                    (column + 1 < columns && inside(row, column + 1), [(0, 1), (1, 1)]),
+                ];
+                for (_, ends) in sides.iter().filter(|(goes_on, _)| !goes_on) {
+                    path.polyline(ends.map(|(up, along)| corner(row + up, column + along)));
+                }
+            }
+        }
+        path.data().to_owned()
+    }
+}
+
+/// Characters of the longest text.
+fn longest(texts: &[String]) -> f64 {
+    texts.iter().map(|text| text.chars().count()).max().unwrap_or(0) as f64
+}
+
+/// An upright colour bar of 14 px width at `x`, with its label above and its ticks to the right.
+pub(super) fn colour_bar(
+    map: colorous::Gradient,
+    range: (f64, f64),
+    spacing: Spacing,
+    label: &str,
+    x: f64,
+    (top, bottom): (f64, f64),
+) -> maud::Markup {
+    const STEPS: usize = 48;
+    let step = (bottom - top) / STEPS as f64;
+    let y = Scale::new(range, (bottom, top), spacing);
+    html! {
+        @for i in 0..STEPS {
+            // Each step reaches below the next, so that no seam shows between them.
+            rect x=(px(x)) y=(px(top + step * i as f64)) width="14"
+                height=(px(bottom - top - step * i as f64))
+                fill=(hex(map, 1.0 - (i as f64 + 0.5) / STEPS as f64)) {}
+        }
+        @for (value, text) in y.ticks((bottom - top) / 32.0) {
+            text.tick x=(px(x + 20.0)) y=(px(y.position(value) + 4.0)) { (text) }
+        }
+        text.axis x=(px(x + 14.0)) y=(px(top - 10.0)) text-anchor="middle" { (label) }
+    }
+}

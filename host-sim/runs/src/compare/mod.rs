@@ -1,0 +1,162 @@
+//! `thermyo compare`: recorded runs over each other, each against the first.
+//!
+//! Runs need not be logged alike: a run is looked up at the first one's times, linear between its rows.
+
+mod page;
+
+pub use page::page;
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+use thermyo_files::input::InputError;
+use thermyo_files::number::of_column;
+use thermyo_files::table::Table;
+use thermyo_record::trace::COMPARABLE;
+
+/// One run's record.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// What it is called.
+    pub name: String,
+    time_s: Vec<f64>,
+    /// Columns that have a value in any row; not a number where a cell is empty.
+    columns: BTreeMap<&'static str, Vec<f64>>,
+}
+
+/// How far a run is from the first one, in one column.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Difference {
+    /// Mean of this run less the first \[SI\].
+    pub mean: f64,
+    /// Root mean square \[SI\].
+    pub rms: f64,
+    /// Largest, either way \[SI\].
+    pub max: f64,
+}
+
+/// What `summary.json` says of one run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Compared {
+    /// What the run is called.
+    pub run: String,
+    /// The first run, which it is compared with.
+    pub with: String,
+    /// Rows of the first run within the time of both.
+    pub rows: usize,
+    /// By column.
+    pub differences: BTreeMap<&'static str, Difference>,
+}
+
+impl Run {
+    /// A run from its table.
+    ///
+    /// # Errors
+    /// When it has no `time_s` in every row, or times that fall.
+    pub fn new(name: &str, table: &Table) -> Result<Self, InputError> {
+        let time_s = table.filled("time_s")?;
+        if let Some(row) = (1..time_s.len()).find(|row| time_s[*row] < time_s[row - 1]) {
+            let allowed = format!("at least {:?}, the time of the row before", time_s[row - 1]);
+            return Err(table.cell_error(row, "time_s", &allowed));
+        }
+        let columns = COMPARABLE
+            .into_iter()
+            .chain(["set_point"])
+            .filter_map(|name| {
+                let column = table.columns().iter().find(|column| column.name == name)?;
+                let values = column.cells.iter().map(|cell| cell.unwrap_or(f64::NAN)).collect();
+                column.cells.iter().any(Option::is_some).then_some((name, values))
+            })
+            .collect();
+        Ok(Self { name: name.to_owned(), time_s, columns })
+    }
+
+    fn column(&self, name: &str) -> Option<&[f64]> {
+        self.columns.get(name).map(Vec::as_slice)
+    }
+
+    /// A column at a time, linear between rows; none beyond them.
+    fn at(&self, values: &[f64], time_s: f64) -> Option<f64> {
+        let after = self.time_s.partition_point(|time| *time < time_s);
+        let (end_s, end) = (*self.time_s.get(after)?, values[after]);
+        if end_s == time_s {
+            return Some(end);
+        }
+        let before = after.checked_sub(1)?;
+        let (start_s, start) = (self.time_s[before], values[before]);
+        Some(start + (end - start) * (time_s - start_s) / (end_s - start_s))
+    }
+
+    /// How far it is from `first`.
+    pub fn compared(&self, first: &Self) -> Compared {
+        let (from_s, to_s) = (self.time_s[0], self.time_s[self.time_s.len() - 1]);
+        let rows = first.time_s.iter().filter(|time| (from_s..=to_s).contains(*time)).count();
+        let differences = COMPARABLE
+            .into_iter()
+            .filter_map(|name| {
+                let (own, other) = (self.column(name)?, first.column(name)?);
+                let differences: Vec<f64> = first
+                    .time_s
+                    .iter()
+                    .zip(other)
+                    .filter_map(|(time_s, value)| Some(self.at(own, *time_s)? - value))
+                    .filter(|difference| difference.is_finite())
+                    .collect();
+                let count = differences.len() as f64;
+                (!differences.is_empty()).then(|| {
+                    let square: f64 = differences.iter().map(|d| d * d).sum();
+                    let difference = Difference {
+                        mean: differences.iter().sum::<f64>() / count,
+                        rms: (square / count).sqrt(),
+                        max: differences.iter().fold(0.0, |max, d| d.abs().max(max)),
+                    };
+                    (name, difference)
+                })
+            })
+            .collect();
+        Compared { run: self.name.clone(), with: first.name.clone(), rows, differences }
+    }
+}
+
+/// For a terminal.
+pub fn text(all: &[Compared]) -> String {
+    let mut text = String::new();
+    for compared in all {
+        text += &format!("{} less {}:\n", compared.run, compared.with);
+        for name in COMPARABLE {
+            let Some(difference) = compared.differences.get(name) else { continue };
+            let [rms, mean, max] =
+                [difference.rms, difference.mean, difference.max].map(|v| of_column(v, name));
+            text += &format!("  {name:22} RMS {rms}, mean {mean}, largest {max}\n");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(name: &str, text: &str) -> Run {
+        Run::new(name, &Table::parse(text, "t.csv".as_ref()).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn runs_are_compared_where_both_are() {
+        let first = run("a", "time_s,pressure_pa,step\n0,100,0\n1,200,1\n2,300,2\n3,,3\n");
+        let second = run("b", "time_s,pressure_pa,length_m\n0.5,153,1\n2.5,353,1\n");
+        let compared = second.compared(&first);
+        assert_eq!((compared.run.as_str(), compared.with.as_str(), compared.rows), ("b", "a", 2));
+        assert_eq!(compared.differences.keys().collect::<Vec<_>>(), [&"pressure_pa"]);
+        let difference = compared.differences["pressure_pa"];
+        assert_eq!(difference, Difference { mean: 3.0, rms: 3.0, max: 3.0 });
+        assert!(text(&[compared]).contains("pressure_pa            RMS 0.00300 kPa"));
+    }
+
+    #[test]
+    fn runs_at_different_times_have_nothing_in_common() {
+        let [first, second] =
+            ["0", "9"].map(|time| run(time, &format!("time_s,pressure_pa\n{time},1\n")));
+        assert_eq!(second.compared(&first).rows, 0);
+        assert!(second.compared(&first).differences.is_empty());
+    }
+}

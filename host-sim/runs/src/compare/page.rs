@@ -1,0 +1,91 @@
+//! `report.html` of a comparison: every quantity with all runs over each other, and the differences.
+
+use super::{Compared, Run};
+use crate::run_report::label;
+use thermyo_files::number::{MISSING, Unit, of_column};
+use thermyo_record::trace::COMPARABLE;
+use thermyo_report::Colour;
+use thermyo_report::chart::{Axis, Chart, Panel};
+use thermyo_report::page::{Page, Section, Table};
+
+const COLOURS: [Colour; 7] = [
+    Colour::Ink,
+    Colour::Blue,
+    Colour::Vermillion,
+    Colour::Green,
+    Colour::Purple,
+    Colour::Orange,
+    Colour::Sky,
+];
+
+/// The sections: heading, and the columns drawn in it.
+const SECTIONS: [(&str, &[&str]); 3] = [
+    ("Temperature", &["gas_temperature_k", "estimate_k", "sensor_gas_k", "wall_temperature_k"]),
+    ("Pressure and motion", &["pressure_pa", "length_m", "volume_m3"]),
+    ("Air", &["mass_kg", "flow_in_kg_s", "flow_out_kg_s", "duty_in", "duty_out"]),
+];
+
+/// The page; `compared` are all runs but the first.
+pub fn page(runs: &[Run], compared: &[Compared]) -> String {
+    let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
+    let lead = format!("{}: each over the others, the differences to the first.", names.join(", "));
+    let page = Page::new("Runs compared", &lead, "").section(differences(compared));
+    SECTIONS
+        .into_iter()
+        .filter_map(|(name, columns)| section(runs, name, columns))
+        .fold(page, Page::section)
+        .render()
+}
+
+fn section(runs: &[Run], name: &str, columns: &[&str]) -> Option<Section> {
+    let panels: Vec<Panel> = columns.iter().filter_map(|column| panel(runs, column)).collect();
+    if panels.is_empty() {
+        return None;
+    }
+    let chart = panels.into_iter().fold(Chart::new(Axis::new("Time", "s")), Chart::panel);
+    Some(Section::new(name).figure(chart.figure(name, "Every run, as it was recorded.")))
+}
+
+fn panel(runs: &[Run], column: &str) -> Option<Panel> {
+    let unit = Unit::of_column(column);
+    let drawn = |run: &&Run| run.column(column).is_some();
+    runs.iter().find(drawn)?;
+    let name = label(column);
+    let title = name[..1].to_uppercase() + &name[1..];
+    let panel = Panel::new(Axis::new(&title, unit.symbol)).height(160.0);
+    let lines = runs.iter().zip(COLOURS.into_iter().cycle());
+    Some(lines.fold(panel, |panel, (run, colour)| match run.column(column) {
+        Some(values) => panel.line(&run.name, colour, &run.time_s, &unit.convert(values)),
+        None => panel,
+    }))
+}
+
+fn differences(compared: &[Compared]) -> Section {
+    let columns = ["Quantity", "RMS", "Mean", "Largest"].map(str::to_owned).to_vec();
+    compared.iter().fold(Section::new("Differences"), |section, compared| {
+        let caption =
+            format!("{} less {}, at {} rows of both", compared.run, compared.with, compared.rows);
+        let rows: Vec<Vec<String>> = COMPARABLE
+            .into_iter()
+            .filter_map(|name| {
+                let difference = compared.differences.get(name)?;
+                let shown = |value| of_column(value, name);
+                let name = label(name).to_owned();
+                Some(vec![
+                    name,
+                    shown(difference.rms),
+                    shown(difference.mean),
+                    shown(difference.max),
+                ])
+            })
+            .collect();
+        let none = vec![vec![
+            "nothing in common".to_owned(),
+            MISSING.into(),
+            MISSING.into(),
+            MISSING.into(),
+        ]];
+        let rows = if rows.is_empty() { none } else { rows };
+        section.table(Table { caption, columns: columns.clone(), rows })
+    })
+}

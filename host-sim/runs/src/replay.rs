@@ -1,0 +1,266 @@
+//! Recorded samples through the core again, compared to the bit.
+
+use thermyo_files::input::InputError;
+use thermyo_files::table::Table;
+use thermyo_record::board_trace;
+use thermyo_simulation::board::{Board, BoardError};
+
+use model_core::control::Mode;
+use model_core::safety::supervisor::VENTING;
+use model_core::{AdcCode, Command, Config, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
+use std::path::Path;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::run::{MOST_LATE_STEPS, SetPoints};
+
+/// One step of a record.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    /// A set point that holds from this step on.
+    pub set_point: Option<SetPoint>,
+    /// What the board made of the sample that it names.
+    pub telemetry: Telemetry,
+}
+
+/// The first step that differs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mismatch {
+    /// What the record says.
+    pub recorded: Telemetry,
+    /// What the core says now.
+    pub replayed: Telemetry,
+}
+
+/// Outcome of a replay.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Replay {
+    /// Steps compared.
+    pub steps: u64,
+    /// Steps of which a number differs in at least one bit.
+    pub mismatches: u64,
+    /// The first of them.
+    pub first: Option<Mismatch>,
+}
+
+/// Runs the samples of `rows`, which are consecutive steps from step 0 on, through a board. `each` is shown
+/// every step, as recorded and as replayed, until it says that this is enough.
+///
+/// # Errors
+/// [`BoardError`]
+pub fn replay(
+    board: &mut dyn Board,
+    config: &Config,
+    rows: &[Row],
+    each: &mut dyn FnMut(&Telemetry, &Telemetry) -> bool,
+) -> Result<Replay, BoardError> {
+    let mut outcome = Replay::default();
+    let first = rows.first().and_then(|row| row.set_point);
+    board.start(config, first.unwrap_or_default())?;
+    let mut sample = Sample::default();
+    for step in 0..rows.len() + MOST_LATE_STEPS as usize {
+        // A set point holds from the step after the next on.
+        if let Some(set_point) = rows.get(step + 1).and_then(|row| row.set_point) {
+            board.set(set_point)?;
+        }
+        if let Some(row) = rows.get(step) {
+            sample = row.telemetry.sample;
+        }
+        let Some(replayed) = board.step(&sample)?.telemetry else { continue };
+        let Some(row) = rows.get(replayed.step as usize) else { continue };
+        outcome.steps += 1;
+        if !identical(&row.telemetry, &replayed) {
+            outcome.mismatches += 1;
+            outcome.first.get_or_insert(Mismatch { recorded: row.telemetry, replayed });
+        }
+        let go_on = each(&row.telemetry, &replayed);
+        if !go_on || outcome.steps == rows.len() as u64 {
+            break;
+        }
+    }
+    Ok(outcome)
+}
+
+/// A run's record: the `table` of its `trace.csv`, with the `scenario.toml` that lies beside it.
+///
+/// # Errors
+/// When the scenario cannot be read, or the trace does not hold every step from the first on.
+pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), InputError> {
+    let loaded = thermyo_setup::load(&trace.with_file_name("scenario.toml"))?;
+    let column = |name: &str| table.filled(name);
+    let steps = column("step")?;
+    if let Some(row) = steps.iter().zip(0_u32..).position(|(step, row)| *step != f64::from(row)) {
+        let allowed = "the next step from 0 on: record with [run] log_every = 1";
+        return Err(table.cell_error(row, "step", allowed));
+    }
+    let drive = SetPoints::new(&loaded);
+    let [pressure, length] = [column("measured_pressure_pa")?, column("measured_length_m")?];
+    let codes = [column("code_pressure")?, column("code_gas")?, column("code_length")?];
+    let [stop, heard, flooded] = [column("emergency_stop")?, column("heard")?, column("flooded")?];
+    let missed_steps = column("missed_steps")?;
+    let estimate = [
+        column("estimate_k")?,
+        column("estimate_sd_k")?,
+        column("wall_estimate_k")?,
+        column("sensor_estimate_k")?,
+        column("mass_estimate_kg")?,
+        column("heat_scale")?,
+        column("sensor_lag_s")?,
+    ];
+    let [inlet, outlet, faults] = [column("duty_in")?, column("duty_out")?, column("faults")?];
+    let [valid, mode] = [column("estimate_valid")?, column("mode")?];
+    let limited = column("limited")?;
+    let logged = logged_set_points(table)?;
+    let mut held = SetPoint::Vent;
+    let rows = (0..steps.len())
+        .map(|i| {
+            let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
+                estimate.each_ref().map(|values| values[i] as f32);
+            let set_point = match &logged {
+                // What vents by a fault, vents by itself.
+                Some(logged) if Faults(faults[i] as u16).intersects(VENTING) => {
+                    held = logged[i];
+                    None
+                }
+                Some(logged) => (i == 0 || logged[i] != held).then_some(logged[i]),
+                None if i == 0 => Some(drive.at(0.0)),
+                None => drive.acting_from(i as u64, &loaded),
+            };
+            held = set_point.unwrap_or(held);
+            let telemetry = Telemetry {
+                step: i as u32,
+                sample: Sample {
+                    pressure: AdcCode(codes[0][i] as u16),
+                    gas: AdcCode(codes[1][i] as u16),
+                    length: AdcCode(codes[2][i] as u16),
+                    emergency_stop: stop[i] != 0.0,
+                    heard: heard[i] != 0.0,
+                    flooded: flooded[i] != 0.0,
+                    missed_steps: missed_steps[i] as u8,
+                },
+                pressure_pa: pressure[i] as f32,
+                length_m: length[i] as f32,
+                estimate: Estimate {
+                    gas_k,
+                    gas_sd_k,
+                    valid: valid[i] != 0.0,
+                    wall_k,
+                    sensor_k,
+                    mass_kg,
+                    heat_scale,
+                    sensor_lag_s,
+                },
+                command: Command {
+                    inlet: Duty::from_share(inlet[i] as f32),
+                    outlet: Duty::from_share(outlet[i] as f32),
+                },
+                mode: Mode::NAMES.get(mode[i] as usize).map_or(Mode::Judging, |(mode, _)| *mode),
+                limited: limited[i] != 0.0,
+                set_point: held,
+                faults: Faults(faults[i] as u16),
+            };
+            Row { set_point, telemetry }
+        })
+        .collect();
+    Ok((core_config(&loaded.believed), rows))
+}
+
+/// The set point of every row, where a board has recorded it; a simulated run's follow from its scenario.
+fn logged_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError> {
+    if !table.columns().iter().any(|column| column.name == "set_point_kind") {
+        return Ok(None);
+    }
+    let [kinds, values, seconds] =
+        ["set_point_kind", "set_point_value", "set_point_second"].map(|name| table.filled(name));
+    let values = values?.into_iter().zip(seconds?);
+    let logged = kinds?.into_iter().zip(values).map(|(kind, (value, second))| {
+        board_trace::set_point(kind as u8, value as f32, second as f32)
+    });
+    Ok(Some(logged.collect()))
+}
+
+/// Equal to the bit: a NaN is equal to itself, and the two zeros differ.
+pub fn identical(a: &Telemetry, b: &Telemetry) -> bool {
+    let integers = |t: &Telemetry| {
+        (t.step, t.sample, t.command, t.mode, t.limited, t.faults, t.estimate.valid)
+    };
+    let bits = |t: &Telemetry| {
+        let Estimate {
+            gas_k,
+            gas_sd_k,
+            valid: _,
+            wall_k,
+            sensor_k,
+            mass_kg,
+            heat_scale,
+            sensor_lag_s,
+        } = t.estimate;
+        [
+            t.pressure_pa,
+            t.length_m,
+            gas_k,
+            gas_sd_k,
+            wall_k,
+            sensor_k,
+            mass_kg,
+            heat_scale,
+            sensor_lag_s,
+        ]
+        .map(f32::to_bits)
+    };
+    integers(a) == integers(b) && bits(a) == bits(b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use thermyo_simulation::board::CoreBoard;
+
+    fn again(config: &Config, rows: &[Row]) -> Replay {
+        replay(&mut CoreBoard::default(), config, rows, &mut |_, _| true).unwrap()
+    }
+
+    fn record(config: &Config) -> Vec<Row> {
+        let mut board = CoreBoard::default();
+        board.start(config, SetPoint::Vent).unwrap();
+        (0..500)
+            .map(|step: u16| {
+                let set_point = (step == 100).then_some(SetPoint::Pressure { pressure_pa: 3.0e5 });
+                if step == 99 {
+                    // It holds from the step after the next on.
+                    board.set(SetPoint::Pressure { pressure_pa: 3.0e5 }).unwrap();
+                }
+                let sample = Sample::new(
+                    AdcCode(7000 + 3 * step),
+                    AdcCode(16_000 + step % 7),
+                    AdcCode(23_000 - step),
+                );
+                Row { set_point, telemetry: board.step(&sample).unwrap().telemetry.unwrap() }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_record_of_the_same_core_has_no_mismatch() {
+        let config = Config::default();
+        let outcome = again(&config, &record(&config));
+        assert_eq!((outcome.steps, outcome.mismatches, outcome.first), (500, 0, None));
+    }
+
+    #[test]
+    fn one_bit_is_a_mismatch() {
+        let config = Config::default();
+        let mut rows = record(&config);
+        let estimate = &mut rows[77].telemetry.estimate;
+        estimate.wall_k = f32::from_bits(estimate.wall_k.to_bits() ^ 1);
+        let outcome = again(&config, &rows);
+        assert_eq!(outcome.mismatches, 1);
+        assert_eq!(outcome.first.unwrap().recorded.step, 77);
+    }
+
+    #[test]
+    fn another_configuration_shows() {
+        let config = Config::default();
+        let mut other = config;
+        other.heat.inner_w_m2_k *= 1.1;
+        assert!(again(&other, &record(&config)).mismatches > 300);
+    }
+}

@@ -1,0 +1,417 @@
+//! `thermyo reproduce`: the paper's isotonic working cycle, and what follows from it.
+//!
+//! The main run is the plant `full` with the core in the loop. Beside it run the same muscle without
+//! friction heat (how much of a sensor's reading is friction), between adiabatic and isothermal
+//! walls (the bounds), and with the paper's reduced equations (6), (8), (9).
+
+mod page;
+
+pub use page::page;
+
+use crate::signals::{harmonic, harmonic_delay_s, mean, rms_difference, time_shift};
+use std::thread;
+use thermyo_files::input::InputError;
+use thermyo_files::shipped;
+use thermyo_plant::Ledger;
+use thermyo_record::summary::Summary;
+use thermyo_record::trace::Row;
+use thermyo_scenario::{HeatModel, Paper, PlantModel};
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
+
+/// Largest time shift that is searched \[s\].
+const MOST_SHIFT_S: f64 = 2.5;
+
+/// The scenario of the paper's experiment.
+///
+/// # Errors
+/// None in a sane build: the file is part of the program and tested.
+pub fn scenario() -> Result<Loaded, InputError> {
+    thermyo_setup::parse(shipped::text("reproduce.toml"), "scenarios/reproduce.toml".as_ref())
+}
+
+/// One signal over the run.
+#[derive(Debug, Clone, Default)]
+pub struct Signals {
+    /// Time \[s\].
+    pub time_s: Vec<f64>,
+    /// Pressure \[Pa\].
+    pub pressure_pa: Vec<f64>,
+    /// Volume \[m3\].
+    pub volume_m3: Vec<f64>,
+    /// Length \[m\].
+    pub length_m: Vec<f64>,
+    /// Gas temperature \[K\].
+    pub gas_k: Vec<f64>,
+    /// Sensor in the gas \[K\].
+    pub sensor_gas_k: Vec<f64>,
+    /// Sensor in the wall \[K\].
+    pub sensor_wall_k: Vec<f64>,
+    /// Gas temperature of the forward model \[K\].
+    pub model_k: Vec<f64>,
+    /// Sensor temperature of the forward model \[K\].
+    pub model_sensor_k: Vec<f64>,
+    /// The core's estimate \[K\].
+    pub estimate_k: Vec<f64>,
+    /// Its standard deviation \[K\].
+    pub estimate_sd_k: Vec<f64>,
+    /// Wall temperature \[K\].
+    pub wall_k: Vec<f64>,
+}
+
+impl Signals {
+    fn add(&mut self, row: &Row) {
+        let truth = &row.truth;
+        self.time_s.push(truth.time_s);
+        self.pressure_pa.push(truth.pressure_pa);
+        self.volume_m3.push(truth.volume_m3);
+        self.length_m.push(truth.length_m);
+        self.gas_k.push(truth.gas_temperature_k);
+        self.sensor_gas_k.push(row.sensor_gas_k);
+        self.sensor_wall_k.push(row.sensor_wall_k);
+        self.model_k.push(row.model_k);
+        self.model_sensor_k.push(row.model_sensor_k);
+        self.estimate_k.push(f64::from(row.telemetry.estimate.gas_k));
+        self.estimate_sd_k.push(f64::from(row.telemetry.estimate.gas_sd_k));
+        self.wall_k.push(truth.wall_temperature_k);
+    }
+
+    /// Indices of the rows of the last whole stroke.
+    pub fn last_stroke(&self, period_s: f64) -> std::ops::Range<usize> {
+        let end_s = self.time_s.last().copied().unwrap_or(0.0);
+        let from = self.time_s.partition_point(|time| *time < end_s - period_s - 1e-9);
+        from..self.time_s.len()
+    }
+}
+
+/// The main run as it goes by.
+#[derive(Debug)]
+pub struct Study {
+    loaded: Loaded,
+    signals: Signals,
+}
+
+/// A simulation that is compared with the main run.
+#[derive(Debug, Clone)]
+pub struct Variant {
+    /// What it is, for legends.
+    pub name: &'static str,
+    /// Its signals.
+    pub signals: Signals,
+    /// Its summary.
+    pub summary: Summary,
+}
+
+/// How a sensor sees the gas.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SensorVerdict {
+    /// Amplitude at the stroke's frequency, relative to the gas \[-\].
+    pub gain: f64,
+    /// Delay at the stroke's frequency \[s\].
+    pub delay_s: f64,
+    /// Best correlation with the gas temperature, the reading moved back by up to half a period \[-\].
+    pub correlation: f64,
+    /// Share of friction heat in what the reading does \[-\]: RMS of the difference that friction
+    /// heat makes, against that and the RMS of what happens without it.
+    pub friction_share: f64,
+    /// Rise over the run, mean of the last stroke \[K\].
+    pub rise_k: f64,
+}
+
+/// A statement of the report, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Check {
+    /// What is stated.
+    pub what: &'static str,
+    /// The figure, with its unit.
+    pub figure: String,
+    /// What it has to be.
+    pub target: &'static str,
+    /// Whether it is.
+    pub holds: bool,
+}
+
+/// Everything that the report says.
+#[derive(Debug, Clone)]
+pub struct Findings {
+    /// The main run.
+    pub signals: Signals,
+    /// Period of the working cycle \[s\].
+    pub period_s: f64,
+    /// Time by which the plant's sensor lags behind the model's \[s\].
+    pub model_shift_s: f64,
+    /// Correlation of the two after that shift \[-\].
+    pub model_correlation: f64,
+    /// The foil in the gas.
+    pub gas_sensor: SensorVerdict,
+    /// The sensor in the wall.
+    pub wall_sensor: SensorVerdict,
+    /// The muscle without air moving under its insulation.
+    pub still_air: Signals,
+    /// By how much its sensor rises, mean of the last stroke \[K\].
+    pub still_air_rise_k: f64,
+    /// Temperature bounds: adiabatic, constant coefficient, isothermal (one zone, full balance).
+    pub bounds: Vec<Variant>,
+    /// The paper's reduced equations: (6), (8), (9).
+    pub reduced: Vec<Variant>,
+    /// The books over the last stroke.
+    pub stroke: Ledger,
+    /// Every statement, checked.
+    pub checks: Vec<Check>,
+}
+
+impl Study {
+    /// Nothing yet.
+    pub fn new(loaded: &Loaded) -> Self {
+        Self { loaded: loaded.clone(), signals: Signals::default() }
+    }
+
+    /// Adds one row of the main run.
+    pub fn add(&mut self, row: &Row) {
+        self.signals.add(row);
+    }
+
+    /// Runs what the main run is compared with, and draws the conclusions.
+    ///
+    /// # Errors
+    /// When one of the comparisons cannot be run.
+    pub fn finish(self, summary: &Summary) -> Result<Findings, RunError> {
+        let period_s = self.loaded.plant.drive.period_s;
+        let ratio = self.loaded.plant.gas.heat_capacity_ratio;
+        let lumped = |heat: HeatModel| {
+            let mut variant = self.loaded.with_model(PlantModel::Lumped);
+            variant.plant.heat.model = heat;
+            variant
+        };
+        let paper = |alpha_in: f64, alpha_out: f64, alpha: f64| {
+            let mut variant = self.loaded.with_model(PlantModel::Paper);
+            variant.plant.paper = Paper { alpha_in, alpha_out, alpha };
+            // Eq. (6) compresses what flows in at the temperature inside: it goes far above what a
+            // sensor for this muscle would show.
+            for scenario in [&mut variant.plant, &mut variant.believed] {
+                scenario.sensor.pressure.range_pa *= 3.0;
+            }
+            variant
+        };
+        let mut frictionless = self.loaded.clone();
+        frictionless.plant.friction.heat_fraction = 0.0;
+        let mut still_air = self.loaded.clone();
+        still_air.plant.heat.outer_per_speed = 0.0;
+        let mut one_stroke_less = self.loaded.clone();
+        one_stroke_less.plant.run.duration_s -= period_s;
+        let blend = &self.loaded.plant.paper;
+        let variants = [
+            ("without friction heat", frictionless),
+            ("still air", still_air),
+            ("one stroke less", one_stroke_less),
+            ("adiabatic wall", lumped(HeatModel::Adiabatic)),
+            ("constant coefficient", lumped(HeatModel::Constant)),
+            ("isothermal gas", lumped(HeatModel::Isothermal)),
+            ("eq. (6), adiabatic", paper(ratio, ratio, ratio)),
+            ("eq. (8), isothermal", paper(1.0, 1.0, 1.0)),
+            ("eq. (9), blended", paper(blend.alpha_in, blend.alpha_out, blend.alpha)),
+        ];
+        // Independent runs: side by side on whatever cores there are.
+        let results: Vec<Result<Variant, RunError>> = thread::scope(|scope| {
+            let handles: Vec<_> = variants
+                .into_iter()
+                .map(|(name, loaded)| scope.spawn(move || simulate(name, &loaded)))
+                .collect();
+            handles
+                .into_iter()
+                .map(|handle| {
+                    handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+                })
+                .collect()
+        });
+        let mut results = results.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let reduced = results.split_off(6);
+        let bounds = results.split_off(3);
+        Ok(self.conclude(summary, &results, bounds, reduced))
+    }
+
+    fn conclude(
+        self,
+        summary: &Summary,
+        full: &[Variant],
+        bounds: Vec<Variant>,
+        reduced: Vec<Variant>,
+    ) -> Findings {
+        let signals = self.signals;
+        let period_s = self.loaded.plant.drive.period_s;
+        let [frictionless, still_air, one_stroke_less] = full else {
+            unreachable!("three variants of the full plant");
+        };
+        let row_s = self.loaded.plant.run.step_s * self.loaded.plant.run.log_every as f64;
+        let most = (MOST_SHIFT_S.min(0.5 * period_s) / row_s) as usize;
+        let (shift_rows, model_correlation) =
+            time_shift(&signals.model_sensor_k, &signals.sensor_gas_k, most);
+        let verdict = |sensor: fn(&Signals) -> &Vec<f64>| {
+            sensor_verdict(&signals, &frictionless.signals, sensor, period_s, row_s)
+        };
+        let gas_sensor = verdict(|signals| &signals.sensor_gas_k);
+        let wall_sensor = verdict(|signals| &signals.sensor_wall_k);
+        let mut findings = Findings {
+            period_s,
+            model_shift_s: shift_rows * row_s,
+            model_correlation,
+            gas_sensor,
+            wall_sensor,
+            still_air_rise_k: rise_k(&still_air.signals.sensor_gas_k, &still_air.signals, period_s),
+            still_air: still_air.signals.clone(),
+            bounds,
+            reduced,
+            stroke: summary.ledger.since(&one_stroke_less.summary.ledger),
+            checks: Vec::new(),
+            signals,
+        };
+        findings.checks = checks(&findings, summary);
+        findings
+    }
+}
+
+fn simulate(name: &'static str, loaded: &Loaded) -> Result<Variant, RunError> {
+    let mut signals = Signals::default();
+    let mut observer = |row: &Row| {
+        signals.add(row);
+        Ok(())
+    };
+    let summary = run::run(loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    Ok(Variant { name, signals, summary })
+}
+
+fn sensor_verdict(
+    signals: &Signals,
+    frictionless: &Signals,
+    sensor: fn(&Signals) -> &Vec<f64>,
+    period_s: f64,
+    row_s: f64,
+) -> SensorVerdict {
+    let frequency_hz = 1.0 / period_s;
+    // The second half of the run: whole strokes, after the first warming.
+    let half = signals.time_s.len() / 2;
+    let of = |values: &[f64]| harmonic(&values[half..values.len() - 1], row_s, frequency_hz);
+    let (gas, reading) = (of(&signals.gas_k), of(sensor(signals)));
+    let first = sensor(signals)[0];
+    let start = vec![first; signals.time_s.len()];
+    let by_friction = rms_difference(sensor(signals), sensor(frictionless));
+    let by_gas = rms_difference(sensor(frictionless), &start);
+    let most = (0.5 * period_s / row_s) as usize;
+    let (_, correlation) = time_shift(&signals.gas_k, sensor(signals), most);
+    SensorVerdict {
+        gain: reading.amplitude / gas.amplitude,
+        delay_s: harmonic_delay_s(gas, reading, frequency_hz),
+        correlation,
+        friction_share: by_friction / (by_friction + by_gas),
+        rise_k: rise_k(sensor(signals), signals, period_s),
+    }
+}
+
+/// Rise of a reading over the run, mean of the last stroke against the start \[K\].
+fn rise_k(reading: &[f64], signals: &Signals, period_s: f64) -> f64 {
+    mean(&reading[signals.last_stroke(period_s)]) - reading[0]
+}
+
+/// The statements of the report, each with its figure.
+fn checks(findings: &Findings, summary: &Summary) -> Vec<Check> {
+    let sensor = &summary.sensor_gas_k;
+    let (foil, wall) = (&findings.gas_sensor, &findings.wall_sensor);
+    let axial = &summary.axial_temperature_k;
+    let (port, end) =
+        (axial.first().copied().unwrap_or(f64::NAN), axial.last().copied().unwrap_or(f64::NAN));
+    let check = |what, figure: String, target, holds| Check { what, figure, target, holds };
+    vec![
+        check(
+            "Fig. 5: the in-gas sensor starts at 298 K",
+            format!("{:.2} K", sensor.first),
+            "298 K within 0.2 K",
+            (sensor.first - 298.0).abs() < 0.2,
+        ),
+        check(
+            "Fig. 5: and stays in the paper's band",
+            format!("{:.2} to {:.2} K", sensor.min, sensor.max),
+            "298 to 300.5 K (noise 0.2 K)",
+            sensor.min > 297.8 && sensor.max < 300.5,
+        ),
+        check(
+            "Fig. 5: it rises over the run",
+            format!("{:.2} K", foil.rise_k),
+            "0.5 to 2 K",
+            (0.5..2.0).contains(&foil.rise_k),
+        ),
+        check(
+            "Fig. 5: model and sensor have the same shape",
+            format!("correlation {:.3}", findings.model_correlation),
+            "at least 0.8",
+            findings.model_correlation >= 0.8,
+        ),
+        check(
+            "Fig. 2: the port is the cool end",
+            format!("{:.1} and {:.1} degC", port - 273.15, end - 273.15),
+            "within 20 to 40 degC, rising from the port",
+            port < end && port > 293.15 && end < 313.15,
+        ),
+        check(
+            "Section IV: the foil shows the gas, the wall sensor does not",
+            format!("gain {:.3} and {:.4}", foil.gain, wall.gain),
+            "foil at least 5 times the wall sensor",
+            foil.gain > 5.0 * wall.gain,
+        ),
+        check(
+            "Section IV: the foil correlates with the gas",
+            format!("{:.2} and {:.2}", foil.correlation, wall.correlation),
+            "foil above wall sensor",
+            foil.correlation > wall.correlation,
+        ),
+        check(
+            "Section IV: the wall sensor shows friction heat",
+            format!(
+                "{:.0} % and {:.0} %",
+                wall.friction_share * 100.0,
+                foil.friction_share * 100.0
+            ),
+            "more than half of what it shows, and more than the foil",
+            wall.friction_share > 0.5 && wall.friction_share > foil.friction_share,
+        ),
+        check(
+            "mass balance over the run",
+            format!("{:.1e}", summary.mass_balance_error),
+            "below 1e-9",
+            summary.mass_balance_error < 1e-9,
+        ),
+        check(
+            "energy balance over the run",
+            format!("{:.1e}", summary.energy_balance_error),
+            "below 1e-6",
+            summary.energy_balance_error < 1e-6,
+        ),
+    ]
+}
+
+impl Findings {
+    /// The checks as a table for a terminal.
+    pub fn text(&self) -> String {
+        let width = self.checks.iter().map(|check| check.what.len()).max().unwrap_or(0);
+        self.checks
+            .iter()
+            .map(|check| {
+                let mark = if check.holds { "ok  " } else { "FAIL" };
+                format!("{mark} {:width$}  {} ({})\n", check.what, check.figure, check.target)
+            })
+            .collect()
+    }
+
+    /// The first check that does not hold.
+    pub fn failed(&self) -> Option<String> {
+        let check = self.checks.iter().find(|check| !check.holds)?;
+        Some(format!("{}: {}, should be {}", check.what, check.figure, check.target))
+    }
+
+    /// RMS difference of a variant's temperature to the full plant's over the last stroke \[K\].
+    pub fn distance_k(&self, variant: &Variant) -> f64 {
+        let rows = self.signals.last_stroke(self.period_s);
+        rms_difference(&self.signals.gas_k[rows.clone()], &variant.signals.gas_k[rows])
+    }
+}

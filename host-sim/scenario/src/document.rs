@@ -1,0 +1,369 @@
+//! From text to checked entries: every key known, every value of its type and within its range.
+
+use super::schema::{self, Allowed, Key};
+use std::path::{Path, PathBuf};
+use thermyo_files::input::{InputError, Instead, Problem, line_of, nearest, quoted};
+use toml::de::{DeInteger, DeTable, DeValue};
+use toml::{Spanned, Value};
+
+/// The prefix of what the core is configured with.
+const BELIEVED: &str = "believed";
+
+/// A scenario file, entry by entry.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Document {
+    /// Where it came from.
+    pub origin: PathBuf,
+    /// What the plant is given.
+    pub plant: Entries,
+    /// What the core believes where it differs.
+    pub believed: Entries,
+}
+
+/// Entries of a scenario, or of its `[believed]`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Entries {
+    /// "" or "believed.".
+    prefix: &'static str,
+    list: Vec<Entry>,
+}
+
+/// One key with its value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// Path of the table that it is in.
+    pub table: String,
+    /// What the schema says of it.
+    pub key: &'static Key,
+    /// Its value, of the type that the schema asks for.
+    pub value: Value,
+    /// The value as it is written.
+    pub written: String,
+    /// The line that it is on; none where [`Document::set`] set it.
+    pub line: Option<u64>,
+}
+
+impl Entry {
+    /// Its path, "muscle.zones".
+    pub fn path(&self) -> String {
+        format!("{}.{}", self.table, self.key.name)
+    }
+}
+
+impl Entries {
+    /// Every entry, in order of the keys.
+    pub fn iter(&self) -> impl Iterator<Item = &Entry> {
+        self.list.iter()
+    }
+
+    /// The entry of a path such as "muscle.zones", if the file has it.
+    pub fn get(&self, path: &str) -> Option<&Entry> {
+        let (table, name) = path.rsplit_once('.')?;
+        self.list.iter().find(|entry| entry.table == table && entry.key.name == name)
+    }
+
+    /// The whole path of a key, as it is written in the file.
+    pub fn full_path(&self, path: &str) -> String {
+        format!("{}{path}", self.prefix)
+    }
+}
+
+impl Document {
+    /// Reads a scenario's text; `origin` is what messages call it.
+    ///
+    /// # Errors
+    /// For the first place of the file that is not TOML or not in the schema.
+    pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
+        let line_at = |offset: usize| line_of(&text.as_bytes()[..offset.min(text.len())]);
+        let root = DeTable::parse(text).map_err(|error| {
+            let message = Problem::Syntax(error.message().replace('\n', ", "));
+            match error.span() {
+                Some(span) => InputError::line(origin, line_at(span.start), message),
+                None => InputError::file(origin, message),
+            }
+        })?;
+        let mut walk = Walk {
+            text,
+            plant: Entries::default(),
+            believed: Entries { prefix: "believed.", list: Vec::new() },
+            first_problem: None,
+        };
+        walk.table("", root.get_ref());
+        match walk.first_problem {
+            Some((offset, problem)) => Err(InputError::line(origin, line_at(offset), problem)),
+            None => Ok(Self {
+                origin: origin.to_path_buf(),
+                plant: walk.plant,
+                believed: walk.believed,
+            }),
+        }
+    }
+
+    /// Gives the key of a whole path, such as "sensor.gas.position" or "believed.heat.scale", this
+    /// number, as if it stood in the file.
+    ///
+    /// # Errors
+    /// When no key is called so, it is no number, or this number is not allowed.
+    pub fn set(&mut self, full_path: &str, number: f64) -> Result<(), Problem> {
+        let key = self.settable(full_path)?;
+        let value = match key.allowed {
+            Allowed::Real(limits) => limits.contains(number).then_some(Value::Float(number)),
+            Allowed::Whole { min, max } => {
+                let whole = number as i64;
+                let taken = whole as f64 == number && (min..=max).contains(&whole);
+                taken.then_some(Value::Integer(whole))
+            }
+            Allowed::Choice(_) | Allowed::Switch | Allowed::List | Allowed::Csv { .. } => {
+                let allowed = key.allowed.to_string();
+                return Err(Problem::NotANumber { key: full_path.to_owned(), allowed });
+            }
+        };
+        self.put(full_path, key, value, number.to_string())
+    }
+
+    /// The same with a word: one of a choice, "true" or "false", or a whole number with more digits than an `f64` has.
+    ///
+    /// # Errors
+    /// When no key is called so, or it does not take this word.
+    pub fn set_word(&mut self, full_path: &str, word: &str) -> Result<(), Problem> {
+        let key = self.settable(full_path)?;
+        let value = match (key.allowed, word) {
+            (Allowed::Choice(words), _) => {
+                words.contains(&word).then(|| Value::String(word.to_owned()))
+            }
+            (Allowed::Switch, "true" | "false") => Some(Value::Boolean(word == "true")),
+            (Allowed::Whole { min, max }, _) => {
+                let whole = word.parse().ok().filter(|whole| (min..=max).contains(whole));
+                whole.map(Value::Integer)
+            }
+            _ => None,
+        };
+        self.put(full_path, key, value, word.to_owned())
+    }
+
+    /// What the schema says of a key that can be given a value.
+    fn settable(&self, full_path: &str) -> Result<&'static Key, Problem> {
+        let (is_believed, path) = split_believed(full_path);
+        if path.is_empty() || schema::is_table(path) {
+            let allowed = "a table of keys".to_owned();
+            return Err(Problem::NotANumber { key: full_path.to_owned(), allowed });
+        }
+        let Some((table, key)) = schema::key(path) else {
+            return Err(unknown(full_path, path, false));
+        };
+        let place = table_of(path);
+        if schema::is_fault_window(place) && !self.plant.list.iter().any(|e| e.table == place) {
+            return Err(unknown_window(place, "one that the file has"));
+        }
+        if is_believed && !table.believed {
+            return Err(Problem::NotBelieved { key: full_path.to_owned() });
+        }
+        Ok(key)
+    }
+
+    fn put(
+        &mut self,
+        full_path: &str,
+        key: &'static Key,
+        value: Option<Value>,
+        written: String,
+    ) -> Result<(), Problem> {
+        let Some(value) = value else {
+            let allowed = key.allowed.to_string();
+            return Err(Problem::NotAllowed { key: full_path.to_owned(), value: written, allowed });
+        };
+        let (is_believed, path) = split_believed(full_path);
+        let list = if is_believed { &mut self.believed.list } else { &mut self.plant.list };
+        list.retain(|entry| entry.path() != path);
+        list.push(Entry { table: table_of(path).to_owned(), key, value, written, line: None });
+        Ok(())
+    }
+}
+
+/// Whether a whole path is below `[believed]`, and the path without that.
+fn split_believed(full_path: &str) -> (bool, &str) {
+    match full_path.strip_prefix(BELIEVED) {
+        Some("") => (true, ""),
+        Some(rest) if rest.starts_with('.') => (true, &rest[1..]),
+        _ => (false, full_path),
+    }
+}
+
+/// The walk through the parsed file. Tables may be scattered over it, so that every problem is
+/// looked at and the first in the file is kept.
+struct Walk<'a> {
+    text: &'a str,
+    plant: Entries,
+    believed: Entries,
+    first_problem: Option<(usize, Problem)>,
+}
+
+impl Walk<'_> {
+    /// `path` is the table's whole path, `believed` included.
+    fn table(&mut self, path: &str, table: &DeTable<'_>) {
+        for (name, value) in table {
+            let offset = name.span().start;
+            let name = name.get_ref();
+            // A name with a dot of its own is no path.
+            let name = if name.contains('.') { format!("{name:?}") } else { name.to_string() };
+            let path = if path.is_empty() { name } else { format!("{path}.{name}") };
+            let after = |first: &Option<(usize, Problem)>| {
+                first.as_ref().is_some_and(|(first, _)| *first < offset)
+            };
+            if after(&self.first_problem) && !value.get_ref().is_table() {
+                continue;
+            }
+            if let Err(problem) = self.item(&path, offset, value)
+                && !after(&self.first_problem)
+            {
+                self.first_problem = Some((offset, problem));
+            }
+        }
+    }
+
+    fn item(
+        &mut self,
+        full_path: &str,
+        offset: usize,
+        value: &Spanned<DeValue<'_>>,
+    ) -> Result<(), Problem> {
+        let written = quoted(self.text.get(value.span()).unwrap_or_default());
+        let table = value.get_ref().as_table();
+        let (is_believed, path) = split_believed(full_path);
+        let is_window = table.is_some() && schema::is_fault_window(path);
+        if path.is_empty() || schema::is_table(path) || is_window {
+            if is_believed && schema::table(path).is_some_and(|table| !table.believed) {
+                return Err(Problem::NotBelieved { key: full_path.to_owned() });
+            }
+            let table = table
+                .ok_or_else(|| Problem::NotATable { table: quoted(full_path), value: written })?;
+            self.table(full_path, table);
+            return Ok(());
+        }
+        let Some((_, key)) = schema::key(path) else {
+            return Err(unknown(full_path, path, table.is_some()));
+        };
+        // The volume over time is the plant's; the core measures it.
+        if is_believed && matches!(key.allowed, Allowed::Csv { .. }) {
+            return Err(Problem::NotBelieved { key: full_path.to_owned() });
+        }
+        let Some(value) = checked(key.allowed, value.get_ref()) else {
+            return Err(Problem::NotAllowed {
+                key: full_path.to_owned(),
+                value: written,
+                allowed: key.allowed.to_string(),
+            });
+        };
+        let line = Some(line_of(&self.text.as_bytes()[..offset]));
+        let entries = if is_believed { &mut self.believed } else { &mut self.plant };
+        entries.list.push(Entry { table: table_of(path).to_owned(), key, value, written, line });
+        Ok(())
+    }
+}
+
+/// The value in the schema's type, if it is allowed.
+fn checked(allowed: Allowed, value: &DeValue<'_>) -> Option<Value> {
+    match allowed {
+        Allowed::Real(limits) => {
+            let number = match value {
+                DeValue::Float(float) => float.as_str().parse().ok()?,
+                DeValue::Integer(integer) => whole(integer)? as f64,
+                _ => return None,
+            };
+            limits.contains(number).then_some(Value::Float(number))
+        }
+        Allowed::Whole { min, max } => {
+            let number = whole(value.as_integer()?)?;
+            (min..=max).contains(&number).then_some(Value::Integer(number))
+        }
+        Allowed::Choice(words) => {
+            let word = value.as_str()?;
+            words.contains(&word).then(|| Value::String(word.to_owned()))
+        }
+        Allowed::Switch => value.as_bool().map(Value::Boolean),
+        Allowed::List => {
+            let word = |item: &Spanned<DeValue<'_>>| {
+                item.get_ref().as_str().map(|word| Value::String(word.to_owned()))
+            };
+            value.as_array()?.iter().map(word).collect::<Option<_>>().map(Value::Array)
+        }
+        Allowed::Csv { .. } => {
+            let path = value.as_str()?;
+            (!path.is_empty()).then(|| Value::String(path.to_owned()))
+        }
+    }
+}
+
+fn whole(integer: &DeInteger<'_>) -> Option<i64> {
+    i64::from_str_radix(integer.as_str(), integer.radix()).ok()
+}
+
+/// Path of the table that a key is in.
+fn table_of(path: &str) -> &str {
+    path.rsplit_once('.').map_or("", |(table, _)| table)
+}
+
+/// The message for what is no window of faults; `name` says what its name may be.
+fn unknown_window(path: &str, name: &str) -> Problem {
+    let known = vec!["[faults]".to_owned(), format!("[faults.NAME], NAME {name}")];
+    Problem::UnknownTable { table: quoted(path), instead: Instead::Known(known) }
+}
+
+/// The message for a path that the schema does not have. `path` is without `believed`.
+fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
+    let prefix = full_path.strip_suffix(path).unwrap_or_default();
+    let (parent, name) = path.rsplit_once('.').unwrap_or(("", path));
+    let siblings = schema::table(parent).map_or(&[][..], |table| table.keys);
+    let all_keys: Vec<String> = schema::TABLES
+        .iter()
+        .filter(|table| prefix.is_empty() || table.believed)
+        .flat_map(|table| table.keys.iter().map(|key| format!("{}.{}", table.name, key.name)))
+        .collect();
+    let tables = schema::TABLES.iter().filter(|table| prefix.is_empty() || table.believed);
+    if is_table && path.starts_with(schema::FAULT_WINDOWS) {
+        return unknown_window(full_path, "made of letters, digits, - and _");
+    }
+    if is_table {
+        let tables: Vec<&str> = tables.map(|table| table.name).collect();
+        let with_believed = prefix.is_empty().then_some(BELIEVED);
+        let near = nearest(path, tables.iter().copied().chain(with_believed));
+        let bracketed = |name: &str| format!("[{prefix}{name}]");
+        // A table within a wrong one; or one that only holds others.
+        let within = tables.iter().find(|table| **table == name);
+        let groups = tables.iter().filter_map(|table| table.split_once('.'));
+        let group = nearest(path.split('.').next().unwrap_or(path), groups.map(|(group, _)| group));
+        let of_group = |group: &str| -> Vec<String> {
+            let own =
+                |table: &&&str| table.split_once('.').is_some_and(|(first, _)| first == group);
+            tables.iter().filter(own).map(|table| bracketed(table)).collect()
+        };
+        let instead = match (near, within, group) {
+            (Some(name), ..) | (_, Some(&name), _) => Instead::Near(vec![bracketed(name)]),
+            (_, _, Some(group)) => Instead::Near(of_group(group)),
+            _ => Instead::Known(tables.iter().copied().map(bracketed).collect()),
+        };
+        return Problem::UnknownTable { table: quoted(full_path), instead };
+    }
+    let near = if let Some(name) = nearest(name, siblings.iter().map(|key| key.name)) {
+        vec![format!("{parent}.{name}")]
+    } else {
+        let elsewhere: Vec<String> =
+            all_keys.iter().filter(|key| key.rsplit('.').next() == Some(name)).cloned().collect();
+        if elsewhere.is_empty() {
+            nearest(path, all_keys.iter().map(String::as_str))
+                .map(str::to_owned)
+                .into_iter()
+                .collect()
+        } else {
+            elsewhere
+        }
+    };
+    let instead = if !near.is_empty() {
+        Instead::Near(near.into_iter().map(|key| format!("{prefix}{key}")).collect())
+    } else if siblings.is_empty() {
+        Instead::Known(tables.map(|table| format!("[{prefix}{}]", table.name)).collect())
+    } else {
+        Instead::Known(siblings.iter().map(|key| key.name.to_owned()).collect())
+    };
+    Problem::UnknownKey { key: quoted(full_path), instead }
+}

@@ -1,0 +1,333 @@
+//! Faults that a run injects: `[faults]` is one window of time, every `[faults.NAME]` another one.
+
+use super::air::IDEAL_GAS_PA;
+use crate::declare::{choice, table};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Declares the faults of one line, with the word of each, and of the last one the number that another
+/// key gives: as the run has them, and as a file does.
+macro_rules! faults_of_a_line {
+    (
+        $(#[$attribute:meta])*
+        $fault:ident, in a file $word:ident {
+            $($(#[$plain_attribute:meta])* $plain:ident = $plain_text:literal,)*
+        } and with a number {
+            $(#[$measured_attribute:meta])*
+            $measured:ident = $measured_text:literal {
+                $(#[$number_attribute:meta])* $number:ident
+            },
+        }
+    ) => {
+        $(#[$attribute])*
+        #[derive(Debug, Clone, Copy, PartialEq)]
+        pub enum $fault {
+            $($(#[$plain_attribute])* $plain,)*
+            $(#[$measured_attribute])*
+            $measured {
+                $(#[$number_attribute])*
+                $number: f64,
+            },
+        }
+
+        choice! {
+            $(#[$attribute])*
+            ///
+            /// As a file has it, the number apart.
+            $word {
+                $($(#[$plain_attribute])* $plain = $plain_text,)*
+                $(#[$measured_attribute])*
+                $measured = $measured_text,
+            }
+        }
+
+        impl $fault {
+            /// The fault of that word; none where its number is missing.
+            fn of(word: $word, number: Option<f64>) -> Option<Self> {
+                match word {
+                    $($word::$plain => Some(Self::$plain),)*
+                    $word::$measured => number.map(|$number| Self::$measured { $number }),
+                }
+            }
+
+            fn word(self) -> $word {
+                match self {
+                    $(Self::$plain => $word::$plain,)*
+                    Self::$measured { .. } => $word::$measured,
+                }
+            }
+
+            fn number(self) -> Option<f64> {
+                match self {
+                    $(Self::$plain => None,)*
+                    Self::$measured { $number } => Some($number),
+                }
+            }
+        }
+    };
+}
+
+faults_of_a_line! {
+    /// A fault of one analog channel.
+    ChannelFault, in a file ChannelWord {
+        /// Healthy.
+        None = "none",
+        /// The line is open: the code goes to the upper rail.
+        Open = "open",
+        /// The line is shorted to ground: the code goes to the lower rail.
+        Shorted = "shorted",
+        /// The code stays what it was when the fault began.
+        Frozen = "frozen",
+        /// Strong noise on the line, 5 % of the range.
+        Noisy = "noisy",
+    } and with a number {
+        /// The sensor's reading runs away at a steady rate from the window's start on.
+        Drifting = "drifting" {
+            /// The rate, in the reading's unit \[Pa/s, K/s or m/s\].
+            rate_per_s
+        },
+    }
+}
+
+faults_of_a_line! {
+    /// A fault of one valve.
+    ValveFault, in a file ValveWord {
+        /// Healthy.
+        None = "none",
+        /// Stuck open.
+        Open = "open",
+        /// Stuck shut.
+        Shut = "shut",
+    } and with a number {
+        /// It does not close tightly.
+        Leaking = "leaking" {
+            /// Share of its full conductance that it passes when it is shut \[-\].
+            share
+        },
+    }
+}
+
+choice! {
+    /// A fault of the line between host and board.
+    LinkFault {
+        /// Healthy.
+        None = "none",
+        /// The host goes silent.
+        Lost = "lost",
+        /// More requests arrive than the board takes.
+        Flooded = "flooded",
+    }
+}
+
+table! {
+    /// A [`FaultWindow`] as a file has it.
+    "faults", "faults that the run injects in one window of time; every [faults.NAME] is another";
+    FaultKeys {
+        pressure: choice ChannelWord::None, "fault of the pressure channel";
+        pressure_drift_pa_s: optional "Pa/s", -1.0e8 to 1.0e8, "drift of its sensor from the start on (drifting)";
+        gas: choice ChannelWord::None, "fault of the gas sensor's channel";
+        gas_drift_k_s: optional "K/s", -1000.0 to 1000.0, "drift of its sensor from the start on (drifting)";
+        length: choice ChannelWord::None, "fault of the length channel";
+        length_drift_m_s: optional "m/s", -10.0 to 10.0, "drift of its sensor from the start on (drifting)";
+        inlet: choice ValveWord::None, "fault of the inlet valve: stuck open, stuck shut, not tight";
+        inlet_leak: optional "", 0.0 to 1.0, "share of the conductance passed when shut (leaking)";
+        outlet: choice ValveWord::None, "fault of the outlet valve: stuck open, stuck shut, not tight";
+        outlet_leak: optional "", 0.0 to 1.0, "share of the conductance passed when shut (leaking)";
+        leak_conductance_m3_s_pa: real 0.0, "m3/(s Pa)", 0.0 to 1.0e-3, "sonic conductance of a hole from the gas to ambient, large for a burst; 0: none";
+        supply_pressure_pa: optional "Pa", 1.0 to IDEAL_GAS_PA, "in place of the supply's own; below the gas's, gas flows back through an open inlet";
+        emergency_stop: switch false, "the emergency stop is pressed";
+        link: choice LinkFault::None, "fault of the line to the board: the host is silent, or sends too much";
+        missed_steps: whole u8, 0, 0 to 200, "steps that the board leaves out together";
+        missed_period_s: real 1.0, "s", 1.0e-3 to 1.0e6, "they are left out again after that time";
+        board_restart: switch false, "the board restarts at the window's start, and nobody configures it anew";
+        from_s: real 0.0, "s", 0.0 to 1.0e6, "start of the window";
+        until_s: real 1.0e6, "s", 0.0 to 1.0e6, "end of the window";
+    }
+}
+
+/// Keys that have to be there: the one that says so, with its word, and the one that is needed.
+pub(crate) const NEEDED: [[&str; 3]; 5] = [
+    ["pressure", "drifting", "pressure_drift_pa_s"],
+    ["gas", "drifting", "gas_drift_k_s"],
+    ["length", "drifting", "length_drift_m_s"],
+    ["inlet", "leaking", "inlet_leak"],
+    ["outlet", "leaking", "outlet_leak"],
+];
+
+/// What is broken in one window of time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "FaultKeys", into = "FaultKeys")]
+pub struct FaultWindow {
+    /// Pressure channel.
+    pub pressure: ChannelFault,
+    /// Gas sensor's channel.
+    pub gas: ChannelFault,
+    /// Length channel.
+    pub length: ChannelFault,
+    /// Inlet valve.
+    pub inlet: ValveFault,
+    /// Outlet valve.
+    pub outlet: ValveFault,
+    /// Sonic conductance of a hole from the gas to ambient; 0 for none \[m3/(s Pa)\].
+    pub leak_conductance_m3_s_pa: f64,
+    /// Absolute supply pressure in the window; none for the supply's own \[Pa\].
+    pub supply_pressure_pa: Option<f64>,
+    /// The emergency stop is pressed.
+    pub emergency_stop: bool,
+    /// Line between host and board.
+    pub link: LinkFault,
+    /// Steps that the board leaves out together, at the window's start and again after every
+    /// `missed_period_s`; 0 for none.
+    pub missed_steps: u8,
+    /// See `missed_steps` \[s\].
+    pub missed_period_s: f64,
+    /// The board restarts at the window's start, and nobody configures it anew.
+    pub board_restart: bool,
+    /// Start of the window \[s\].
+    pub from_s: f64,
+    /// End of the window \[s\].
+    pub until_s: f64,
+}
+
+impl Default for FaultWindow {
+    fn default() -> Self {
+        Self::of(&FaultKeys::default(), [ChannelFault::None; 3], [ValveFault::None; 2])
+    }
+}
+
+impl TryFrom<FaultKeys> for FaultWindow {
+    type Error = String;
+
+    fn try_from(keys: FaultKeys) -> Result<Self, String> {
+        let channels = [
+            (keys.pressure, keys.pressure_drift_pa_s),
+            (keys.gas, keys.gas_drift_k_s),
+            (keys.length, keys.length_drift_m_s),
+        ];
+        let valves = [(keys.inlet, keys.inlet_leak), (keys.outlet, keys.outlet_leak)];
+        let [pressure, gas, length] =
+            channels.map(|(word, rate)| ChannelFault::of(word, rate).ok_or("a drift has no rate"));
+        let [inlet, outlet] =
+            valves.map(|(word, leak)| ValveFault::of(word, leak).ok_or("a leak has no share"));
+        Ok(Self::of(&keys, [pressure?, gas?, length?], [inlet?, outlet?]))
+    }
+}
+
+impl From<FaultWindow> for FaultKeys {
+    fn from(window: FaultWindow) -> Self {
+        Self {
+            pressure: window.pressure.word(),
+            pressure_drift_pa_s: window.pressure.number(),
+            gas: window.gas.word(),
+            gas_drift_k_s: window.gas.number(),
+            length: window.length.word(),
+            length_drift_m_s: window.length.number(),
+            inlet: window.inlet.word(),
+            inlet_leak: window.inlet.number(),
+            outlet: window.outlet.word(),
+            outlet_leak: window.outlet.number(),
+            leak_conductance_m3_s_pa: window.leak_conductance_m3_s_pa,
+            supply_pressure_pa: window.supply_pressure_pa,
+            emergency_stop: window.emergency_stop,
+            link: window.link,
+            missed_steps: window.missed_steps,
+            missed_period_s: window.missed_period_s,
+            board_restart: window.board_restart,
+            from_s: window.from_s,
+            until_s: window.until_s,
+        }
+    }
+}
+
+impl FaultWindow {
+    /// The window with these faults of the three channels and two valves, and the rest from `keys`.
+    fn of(keys: &FaultKeys, channels: [ChannelFault; 3], valves: [ValveFault; 2]) -> Self {
+        let [pressure, gas, length] = channels;
+        let [inlet, outlet] = valves;
+        Self {
+            pressure,
+            gas,
+            length,
+            inlet,
+            outlet,
+            leak_conductance_m3_s_pa: keys.leak_conductance_m3_s_pa,
+            supply_pressure_pa: keys.supply_pressure_pa,
+            emergency_stop: keys.emergency_stop,
+            link: keys.link,
+            missed_steps: keys.missed_steps,
+            missed_period_s: keys.missed_period_s,
+            board_restart: keys.board_restart,
+            from_s: keys.from_s,
+            until_s: keys.until_s,
+        }
+    }
+
+    /// Whether that time \[s\] lies in the window; its end does not.
+    pub fn contains(&self, time_s: f64) -> bool {
+        (self.from_s..self.until_s).contains(&time_s)
+    }
+
+    /// Whether the step at that time \[s\], of `step_s` \[s\], is the first in the window.
+    pub fn starts_at(&self, time_s: f64, step_s: f64) -> bool {
+        // Times are sums: the window may start a rounding after its step.
+        let steps = (time_s - self.from_s) / step_s + 1e-9;
+        (0.0..1.0).contains(&steps) && time_s < self.until_s
+    }
+
+    /// Steps that are left out before the one at that time \[s\], of `step_s` \[s\].
+    pub fn missed_steps_at(&self, time_s: f64, step_s: f64) -> u8 {
+        // A period may end a rounding before its step.
+        let periods = |time_s: f64| ((time_s - self.from_s) / self.missed_period_s + 1e-9).floor();
+        let again = self.contains(time_s) && periods(time_s) > periods(time_s - step_s);
+        if again || self.starts_at(time_s, step_s) { self.missed_steps } else { 0 }
+    }
+
+    /// The time that two windows share, start and end \[s\].
+    pub fn shared_with(&self, other: &Self) -> Option<[f64; 2]> {
+        let (from_s, until_s) = (self.from_s.max(other.from_s), self.until_s.min(other.until_s));
+        (from_s < until_s).then_some([from_s, until_s])
+    }
+
+    /// Keys of the lines and parts that it breaks.
+    pub fn broken(&self) -> impl Iterator<Item = &'static str> {
+        let broken = [
+            ("pressure", self.pressure != ChannelFault::None),
+            ("gas", self.gas != ChannelFault::None),
+            ("length", self.length != ChannelFault::None),
+            ("inlet", self.inlet != ValveFault::None),
+            ("outlet", self.outlet != ValveFault::None),
+            ("leak_conductance_m3_s_pa", self.leak_conductance_m3_s_pa > 0.0),
+            ("supply_pressure_pa", self.supply_pressure_pa.is_some()),
+            ("emergency_stop", self.emergency_stop),
+            ("link", self.link != LinkFault::None),
+            ("missed_steps", self.missed_steps > 0),
+            ("board_restart", self.board_restart),
+        ];
+        broken.into_iter().filter_map(|(key, broken)| broken.then_some(key))
+    }
+}
+
+/// All windows of a scenario. Where they overlap, they break different lines.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+#[serde(default)]
+pub struct Faults {
+    /// The keys of `[faults]` itself.
+    #[serde(flatten)]
+    pub own: FaultWindow,
+    /// The windows `[faults.NAME]`.
+    #[serde(flatten)]
+    pub named: BTreeMap<String, FaultWindow>,
+}
+
+impl Faults {
+    /// Every window with the path of its table, `[faults]` first.
+    pub fn windows(&self) -> impl Iterator<Item = (String, &FaultWindow)> {
+        let named = self.named.iter().map(|(name, window)| (format!("faults.{name}"), window));
+        std::iter::once(("faults".to_owned(), &self.own)).chain(named)
+    }
+
+    /// Sonic conductance of the largest hole \[m3/(s Pa)\].
+    pub fn largest_leak_m3_s_pa(&self) -> f64 {
+        self.windows().map(|(_, window)| window.leak_conductance_m3_s_pa).fold(0.0, f64::max)
+    }
+}

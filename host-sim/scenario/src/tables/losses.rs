@@ -1,0 +1,56 @@
+//! Where energy is lost: heat through the wall, and friction.
+
+use crate::declare::{choice, table};
+use model_core::physics;
+
+choice! {
+    /// How heat passes between gas and wall.
+    HeatModel {
+        /// No heat passes.
+        Adiabatic = "adiabatic",
+        /// The gas keeps its initial temperature.
+        Isothermal = "isothermal",
+        /// `inner_w_m2_k + inner_per_flow * inflow`.
+        Constant = "constant",
+        /// Nusselt correlations for filling and discharging.
+        Correlation = "correlation",
+    }
+}
+
+table! {
+    "heat", "heat transfer", believed, physical;
+    Heat as physics::heat::Heat {
+        model: choice HeatModel::Constant, "from gas to wall";
+        scale: real 1.0, "", 1.0e-3 to 1.0e3, "gas to wall: factor on what model gives";
+        inlet_diameter_m: optional "m", 1.0e-5 to 1.0, "of the jet that stirs the gas, where it is not that of orifice, valve or tube (correlation)";
+        core inner_w_m2_k;
+        core inner_per_flow;
+        core outer_w_m2_k;
+        core outer_per_speed;
+    }
+}
+
+table! {
+    "wall", "the muscle's wall", believed, physical;
+    Wall as physics::heat::Wall {
+        core heat_capacity_j_k;
+        outer_fraction: real 0.3, "", 0.01 to 0.99, "part of it that is the braid (full)";
+        conductance_w_k: real 3.0, "W/K", 0.0 to 1.0e6, "from the inner to the outer layer (full)";
+    }
+}
+
+table! {
+    "friction", "friction of braid and bladder", believed, physical;
+    Friction as physics::friction::Friction {
+        core force_n;
+        core reference_temperature_k;
+        core softening_per_k;
+        core heat_fraction;
+        stribeck_force_n: real 4.0, "N", 0.0 to 1.0e5, "surplus at standstill (full)";
+        stribeck_speed_m_s: real 0.005, "m/s", 1.0e-6 to 10.0, "speed at which that surplus has fallen to 1/e (full)";
+        // The core's defaults of these two are those of a muscle without them, the plants `lumped` and
+        // `paper`.
+        core viscous_n_s_m: real 40.0, "N s/m", 0.0 to 1.0e6, "viscous part (full)";
+        core presliding_stiffness_n_m: real 40_000.0, "N/m", 0.0 to 1.0e9, "stiffness of the presliding bristles (full)";
+    }
+}

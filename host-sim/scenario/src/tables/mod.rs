@@ -1,0 +1,156 @@
+//! The scenario: everything that one run needs, in SI, with a default for every key.
+//!
+//! The field names are the TOML keys; [`super::declare`] says how a table is declared, and how a
+//! parameter is added.
+
+mod air;
+mod chambers;
+mod faults;
+mod losses;
+mod plant;
+mod run;
+mod sensors;
+
+pub use air::*;
+pub use chambers::{Acts, Cylinder, Table as ChamberTable};
+pub use faults::*;
+pub use losses::*;
+pub use plant::*;
+pub use run::*;
+pub use sensors::*;
+
+use super::declare::keys_of;
+use super::key::Table;
+use model_core::config::{ControllerConfig, EstimatorConfig};
+use model_core::sensing::gas::{Max31865, Ntc};
+use model_core::sensing::pressure::Mpr;
+use serde::{Deserialize, Serialize};
+
+/// A complete scenario. `[believed]` has been split off before: see [`thermyo_setup::Loaded`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scenario {
+    /// Length of the run, time step, seed.
+    pub run: Run,
+    /// The gas in the muscle or vessel.
+    pub gas: Gas,
+    /// The surroundings.
+    pub ambient: Ambient,
+    /// The compressed-air supply behind the inlet valve.
+    pub supply: Supply,
+    /// What is simulated, and how finely.
+    pub plant: Plant,
+    /// The McKibben muscle.
+    pub muscle: Muscle,
+    /// The rigid vessel, or a vessel with a prescribed piston.
+    pub vessel: Vessel,
+    /// The single-acting cylinder.
+    pub cylinder: Cylinder,
+    /// The chamber given by a measured table.
+    pub table: ChamberTable,
+    /// The rows of its file: length \[m\], volume \[m3\], force \[N\].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub table_rows: Vec<[f64; 3]>,
+    /// Coefficients of the paper's blended pressure equation (9), (12).
+    pub paper: Paper,
+    /// Heat transfer from gas to wall and from wall to ambient.
+    pub heat: Heat,
+    /// The wall: bladder and braid, or the vessel's metal.
+    pub wall: Wall,
+    /// Friction of braid and bladder.
+    pub friction: Friction,
+    /// What the muscle pulls.
+    pub load: Load,
+    /// Inlet and outlet valve (ISO 6358).
+    pub valve: Valve,
+    /// What the chamber leaks.
+    pub leak: Leak,
+    /// Tube between valve and muscle (`full` only).
+    pub tube: Tube,
+    /// Nozzle of a vessel.
+    pub orifice: Orifice,
+    /// The set point that drives the run.
+    pub drive: Drive,
+    /// The converter that reads the sensors.
+    pub adc: Adc,
+    /// Sensors and their ranges.
+    pub sensor: Sensors,
+    /// Estimator tuning, the core's own.
+    pub estimator: EstimatorConfig,
+    /// Controller tuning, the core's own.
+    pub controller: ControllerConfig,
+    /// Line between host and board.
+    pub link: Link,
+    /// Faults that the run injects.
+    pub faults: Faults,
+    /// What `thermyo identify` fits.
+    pub identify: Identify,
+}
+
+/// Every table, in the order of [`Scenario`].
+pub static TABLES: &[Table] = &[
+    Run::TABLE,
+    Gas::TABLE,
+    Ambient::TABLE,
+    Supply::TABLE,
+    Plant::TABLE,
+    Muscle::TABLE,
+    Vessel::TABLE,
+    Cylinder::TABLE,
+    ChamberTable::TABLE,
+    Paper::TABLE,
+    Heat::TABLE,
+    Wall::TABLE,
+    Friction::TABLE,
+    Load::TABLE,
+    Valve::TABLE,
+    Leak::TABLE,
+    Tube::TABLE,
+    Orifice::TABLE,
+    Drive::TABLE,
+    Adc::TABLE,
+    GasSensor::TABLE,
+    WallSensor::TABLE,
+    PressureSensor::TABLE,
+    LengthSensor::TABLE,
+    Table::new(
+        "sensor.ntc",
+        "thermistor, where sensor.gas.kind = \"ntc\"",
+        &keys_of::<{ Ntc::PARAMETERS.len() }>(Ntc::PARAMETERS),
+    )
+    .believed(),
+    Table::new(
+        "sensor.max31865",
+        "platinum resistor on a MAX31865, where sensor.gas.kind = \"max31865\"",
+        &keys_of::<{ Max31865::PARAMETERS.len() }>(Max31865::PARAMETERS),
+    )
+    .believed(),
+    Table::new(
+        "sensor.mpr",
+        "Honeywell MPR, where sensor.pressure.kind = \"mpr\"",
+        &keys_of::<{ Mpr::PARAMETERS.len() }>(Mpr::PARAMETERS),
+    )
+    .believed(),
+    Table::new(
+        "estimator",
+        "estimator tuning; a drift is what a random walk gains in one second",
+        &keys_of::<{ EstimatorConfig::PARAMETERS.len() }>(EstimatorConfig::PARAMETERS),
+    )
+    .believed(),
+    Table::new(
+        "controller",
+        "controller tuning",
+        &keys_of::<{ ControllerConfig::PARAMETERS.len() }>(ControllerConfig::PARAMETERS),
+    )
+    .believed(),
+    Link::TABLE,
+    FaultKeys::TABLE,
+    Identify::TABLE,
+];
+
+impl Scenario {
+    /// Whether the plant moves, with zones, wall layers and real valves.
+    pub fn moves_in_full(&self) -> bool {
+        self.plant.kind != PlantKind::Vessel && self.plant.model == PlantModel::Full
+    }
+}

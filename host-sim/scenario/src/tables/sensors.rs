@@ -1,0 +1,138 @@
+//! The four sensors and their ranges.
+
+use crate::declare::{choice, table};
+use model_core::sensing::gas::{GasElement, Max31865, Ntc, Pt1000};
+use model_core::sensing::pressure::{Mpr, PressurePart};
+use model_core::sensing::{adc, gas, length, pressure};
+use serde::{Deserialize, Serialize};
+
+/// The four sensors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sensors {
+    /// Element in the gas.
+    pub gas: GasSensor,
+    /// Sensor in the braided wall.
+    pub wall: WallSensor,
+    /// Absolute pressure.
+    pub pressure: PressureSensor,
+    /// Muscle length.
+    pub length: LengthSensor,
+    /// The thermistor, where the gas sensor is one.
+    pub ntc: Ntc,
+    /// The MAX31865, where the gas sensor is on one.
+    pub max31865: Max31865,
+    /// The MPR, where the pressure sensor is one.
+    pub mpr: Mpr,
+}
+
+table! {
+    "adc", "the board's converter", believed;
+    Adc as adc::Adc {
+        // DNL peaks of 8 to 9 LSB on Pico boards (raspberrypi/pico-feedback issue 91), jumps of 9 to 10 LSB
+        // in the mean error of five boards (kitanokitsune/rp2040adc_correction).
+        core wide_code_lsb;
+    }
+}
+
+impl Sensors {
+    /// What senses the gas temperature, as the core has it.
+    pub fn gas_element(&self) -> GasElement {
+        match self.gas.kind {
+            GasElementKind::Pt1000 => GasElement::Pt1000(Pt1000 {
+                range_min_k: self.gas.range_min_k as f32,
+                range_max_k: self.gas.range_max_k as f32,
+            }),
+            GasElementKind::Ntc => GasElement::Ntc(self.ntc),
+            GasElementKind::Max31865 => GasElement::Max31865(self.max31865),
+        }
+    }
+
+    /// What gives the pressure, as the core has it.
+    pub fn pressure_part(&self) -> PressurePart {
+        match self.pressure.kind {
+            PressureKind::Ratiometric => PressurePart::Ratiometric,
+            PressureKind::Mpr => PressurePart::Mpr(self.mpr),
+        }
+    }
+}
+
+choice! {
+    /// What senses the gas temperature.
+    GasElementKind {
+        /// Pt1000 in a half bridge.
+        Pt1000 = "pt1000",
+        /// NTC thermistor in a divider.
+        Ntc = "ntc",
+        /// Platinum resistor on a MAX31865.
+        Max31865 = "max31865",
+    }
+}
+
+choice! {
+    /// What gives the pressure.
+    PressureKind {
+        /// A ratiometric sensor on the converter.
+        Ratiometric = "ratiometric",
+        /// Honeywell MPR on I2C.
+        Mpr = "mpr",
+    }
+}
+
+table! {
+    "sensor.gas", "element in the gas; its housing is in the plant full only", believed, physical;
+    GasSensor as gas::GasSensor {
+        kind: choice GasElementKind::Pt1000, "what senses";
+        // A sensor without lag is one of the plant only: the core's filter needs some.
+        core time_constant_s: real 3.0, "s", 0.0 to 1000.0, "lag";
+        core noise_k;
+        position: real 0.5, "", 0.0 to 1.0, "its middle, from port 0 to closed end 1 (full)";
+        span: real 0.25, "", 0.0 to 1.0, "part of the length that it averages over (full)";
+        range_min_k: real 270.0, "K", 73.0 to 800.0, "lowest temperature resolved (pt1000)";
+        range_max_k: real 330.0, "K", 74.0 to 1100.0, "highest temperature resolved (pt1000)";
+        // The lag of a sensor that the gas film around it slows: 0.5 for free convection and for laminar
+        // flow across it.
+        density_exponent: real 0.0, "", 0.0 to 1.0, "n in lag ~ density^-n, time_constant_s at the start; 0.5 in free convection";
+        core housing_time_constant_s;
+        core gain;
+        core offset_k;
+    }
+}
+
+table! {
+    "sensor.wall", "sensor in the braided wall", believed, physical;
+    WallSensor {
+        time_constant_s: real 3.0, "s", 0.0 to 1000.0, "lag";
+        noise_k: real 0.05, "K", 0.0 to 100.0, "noise of one reading, standard deviation";
+        position: real 0.5, "", 0.0 to 1.0, "from port 0 to closed end 1 (full)";
+    }
+}
+
+table! {
+    "sensor.pressure", "absolute pressure sensor, 10 to 90 % of the reference over its range", believed, physical;
+    PressureSensor as pressure::PressureSensor {
+        kind: choice PressureKind::Ratiometric, "what senses";
+        time_constant_s: real 0.0005, "s", 0.0 to 1000.0, "lag";
+        core noise_pa;
+        core range_pa;
+        core gain;
+        core offset_pa;
+        core correction_25;
+        core correction_50;
+        core correction_75;
+    }
+}
+
+table! {
+    "sensor.length", "length potentiometer", believed, physical;
+    LengthSensor as length::LengthSensor {
+        time_constant_s: real 0.0005, "s", 0.0 to 1000.0, "lag";
+        noise_m: real 2.0e-5, "m", 0.0 to 10.0, "noise of one conversion, standard deviation";
+        core range_m;
+        core gain;
+        core offset_m;
+        core correction_25;
+        core correction_50;
+        core correction_75;
+    }
+}

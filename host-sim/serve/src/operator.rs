@@ -1,0 +1,609 @@
+//! The thread that owns the link: hears every step, carries out orders, vents before anything else.
+
+use super::frames::Frames;
+use super::guide::{Calibration, Guided, Step};
+use super::recording::Recording;
+use super::results::{Outcome, next_folder};
+use super::shared::Shared;
+use super::state::{Configuration, Guide, Link, ResultLink, State, Weight};
+use super::target::Target;
+use super::tuning;
+use super::word::{Order, ScenarioText};
+use model_core::control::Mode;
+use model_core::link::{ConfigSource, Refusal, Status, Timing};
+use model_core::safety::supervisor::VENTING;
+use model_core::{Config, Faults, SetPoint, Telemetry};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::Receiver;
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+use thermyo_boards::live::LiveBoard;
+use thermyo_files::input::InputError;
+use thermyo_logs::Logs;
+use thermyo_setup::core_config::core_config;
+use thermyo_setup::from_config;
+use thermyo_simulation::board::BoardError;
+use thermyo_simulation::run::RunError;
+use thermyo_studies::drive::LiveBench;
+use thermyo_studies::tune;
+use thermyo_studies::tune::{OutOfReach, TuneError};
+
+/// A board that says nothing for so long is silent.
+const SILENCE: Duration = Duration::from_millis(500);
+/// Time between two attempts to open a port that is gone.
+const RETRY: Duration = Duration::from_millis(300);
+/// Time between two states where nothing urges.
+const STATE: Duration = Duration::from_millis(250);
+/// Steps between two samples that a calibration averages: 100 a second.
+const CALIBRATION_STEPS: u32 = 10;
+
+/// The operator.
+pub struct Operator {
+    target: Target,
+    out: PathBuf,
+    logs: Logs,
+    shared: Arc<Shared>,
+    board: Option<LiveBoard>,
+    known: Known,
+    /// What of it the page needs.
+    configuration: Configuration,
+    link: Link,
+    frames: Frames,
+    recording: Option<Recording>,
+    /// Reports that are being written.
+    writers: Vec<JoinHandle<()>>,
+    guided: Option<Guided>,
+    tuning: Option<Guide>,
+    faults: Faults,
+    set_point: SetPoint,
+    next_step: Option<u32>,
+    lost_steps: u64,
+    heard: Instant,
+    tried: Instant,
+    shown: Option<Instant>,
+}
+
+/// What the board has said of itself.
+#[derive(Debug, Clone, Copy)]
+struct Known {
+    config: Config,
+    status: Status,
+    timing: Timing,
+}
+
+impl Known {
+    fn configuration(&self, target: &Target) -> Configuration {
+        let own = !matches!(target, Target::Port(_));
+        Configuration::new(&self.config, &self.status, own.then(|| target.muscle_name()))
+    }
+}
+
+/// Why an order was not carried out.
+#[derive(Debug, thiserror::Error)]
+enum NotDone {
+    #[error("{}", plainly(.0))]
+    Board(#[from] BoardError),
+    #[error(transparent)]
+    Input(#[from] InputError),
+    #[error(transparent)]
+    Pressure(#[from] OutOfReach),
+    #[error("{0}")]
+    NotNow(&'static str),
+}
+
+/// Without a word of commands: the page has buttons.
+fn plainly(error: &BoardError) -> String {
+    match error {
+        BoardError::Refused(refusal) => refusal.to_string(),
+        other => other.to_string(),
+    }
+}
+
+const NO_LINK: NotDone = NotDone::NotNow("there is no link to the board");
+const RECORDS: NotDone =
+    NotDone::NotNow("a recording runs, and a record has one configuration: end it first");
+
+impl Operator {
+    /// For a board that has been opened; recordings go to folders in `out`, and where `logs` says.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    pub fn new(
+        target: Target,
+        mut board: LiveBoard,
+        out: &Path,
+        logs: Logs,
+    ) -> Result<Self, BoardError> {
+        let known = learn(&mut board)?;
+        let now = Instant::now();
+        let configuration = known.configuration(&target);
+        let shared = Arc::new(Shared::default());
+        shared.log(Weight::Plain, format!("connected with {}", target.name()));
+        let mut operator = Self {
+            target,
+            out: out.to_path_buf(),
+            logs,
+            shared,
+            board: Some(board),
+            known,
+            configuration,
+            link: Link::Connected,
+            frames: Frames::new(),
+            recording: None,
+            writers: Vec::new(),
+            guided: None,
+            tuning: None,
+            faults: Faults::NONE,
+            set_point: SetPoint::Vent,
+            next_step: None,
+            lost_steps: 0,
+            heard: now,
+            tried: now,
+            shown: None,
+        };
+        operator.show();
+        Ok(operator)
+    }
+
+    /// What it shares with the sockets.
+    pub fn shared(&self) -> Arc<Shared> {
+        Arc::clone(&self.shared)
+    }
+
+    /// Operates until `wanted` says to end; then it vents, and ends what is recorded.
+    pub fn run(mut self, orders: &Receiver<Order>, wanted: &dyn Fn() -> bool) {
+        while !wanted() && !self.shared.ended() {
+            if self.shared.vent_wanted().is_some() {
+                // What was ordered before does not move the muscle after it.
+                let rest: Vec<Order> = orders.try_iter().filter(|order| !order.moves()).collect();
+                self.vent();
+                for order in rest {
+                    self.carry_out(order, orders, wanted);
+                }
+            }
+            while let Ok(order) = orders.try_recv() {
+                self.carry_out(order, orders, wanted);
+            }
+            self.listen();
+            self.show();
+        }
+        self.vent();
+        self.finish_recording();
+        for writer in self.writers.drain(..) {
+            let _ = writer.join();
+        }
+        self.shared.log(Weight::Plain, "the server has ended");
+        (self.link, self.shown) = (Link::Ended, None);
+        self.show();
+        self.shared.end();
+    }
+
+    fn vent(&mut self) {
+        self.shared.vent_done();
+        self.guided = self.guided.take().filter(|guided| matches!(guided, Guided::Over(_)));
+        match self.board.as_mut().map(LiveBoard::vent) {
+            Some(Ok(())) => self.shared.log(Weight::Plain, "the muscle vents"),
+            Some(Err(error)) => self.lost(&error),
+            None => self.shared.log(
+                Weight::Fault,
+                "there is no link: a board that is driven vents by itself when its host is silent",
+            ),
+        }
+        self.shown = None;
+    }
+
+    /// Takes what the board says, or waits for it to come back.
+    fn listen(&mut self) {
+        match self.board.as_mut().map(LiveBoard::poll) {
+            Some(Ok(Some(telemetry))) => self.see(&telemetry),
+            Some(Ok(None)) => {
+                if self.link == Link::Connected && self.heard.elapsed() > SILENCE {
+                    self.link_is(Link::Silent);
+                    self.shared.log(Weight::Fault, "the board says nothing");
+                }
+            }
+            Some(Err(error)) => self.lost(&error),
+            None if self.tried.elapsed() > RETRY => self.reopen(),
+            None => thread::sleep(Duration::from_millis(20)),
+        }
+        if self.stale() {
+            self.learn_anew();
+        }
+        if self.recording.as_ref().is_some_and(Recording::has_failed) {
+            self.recording = None;
+        }
+    }
+
+    fn reopen(&mut self) {
+        self.tried = Instant::now();
+        let Ok(board) = self.target.reopen() else { return };
+        self.board = Some(board);
+        self.heard = Instant::now();
+        self.learn_anew();
+        if self.board.is_some() {
+            self.link_is(Link::Connected);
+            self.shared.log(Weight::Plain, "the link is back");
+        }
+    }
+
+    fn lost(&mut self, error: &BoardError) {
+        self.board = None;
+        self.tried = Instant::now();
+        self.link_is(Link::Lost);
+        self.shared.log(
+            Weight::Fault,
+            format!("the link is lost ({error}); a board that is driven vents by itself"),
+        );
+    }
+
+    fn link_is(&mut self, link: Link) {
+        self.link = link;
+        self.shown = None;
+        if link != Link::Connected {
+            self.frames.interrupted();
+            self.next_step = None;
+        }
+    }
+
+    /// Whether the board has become another one: restarted, or told something by somebody else.
+    fn stale(&self) -> bool {
+        let identity =
+            |status: &Status| (status.restarts, status.config_checksum, status.config_name);
+        let said = self.board.as_ref().and_then(LiveBoard::last_status);
+        said.is_some_and(|said| identity(&said) != identity(&self.known.status))
+    }
+
+    fn learn_anew(&mut self) {
+        let Some(board) = &mut self.board else { return };
+        let before = self.known.status;
+        match learn(board) {
+            Ok(known) => self.known = known,
+            Err(error) => return self.lost(&error),
+        }
+        self.configuration = self.known.configuration(&self.target);
+        let now = self.known.status;
+        if now.restarts != before.restarts {
+            self.shared.log(Weight::Fault, "the board has restarted");
+        }
+        if now.config_checksum != before.config_checksum {
+            self.shared.log(Weight::Plain, format!("configuration: {}", called(&now)));
+            // Its rows are of the other one.
+            self.finish_recording();
+        }
+        self.shown = None;
+    }
+
+    /// One step.
+    fn see(&mut self, telemetry: &Telemetry) {
+        self.heard = Instant::now();
+        if self.link == Link::Silent {
+            self.link_is(Link::Connected);
+            self.shared.log(Weight::Plain, "the board answers again");
+        }
+        self.see_faults(telemetry.faults);
+        self.see_status();
+        self.set_point = telemetry.set_point;
+        // While it judges its sensors after a start, the core counts no step.
+        if telemetry.mode == Mode::Judging {
+            self.next_step = None;
+            return;
+        }
+        let lost = self.next_step.and_then(|next| telemetry.step.checked_sub(next));
+        self.lost_steps += u64::from(lost.unwrap_or_default());
+        self.next_step = Some(telemetry.step.wrapping_add(1));
+        if let Some(recording) = &self.recording {
+            recording.step(self.board.as_ref().and_then(LiveBoard::last_status), telemetry);
+        }
+        if let Some(parcel) = self.frames.add(&self.known.config, telemetry) {
+            // Without a page nobody wants it.
+            let _ = self.shared.frames.send(parcel.into());
+        }
+        if telemetry.step.is_multiple_of(CALIBRATION_STEPS) {
+            self.calibrate(telemetry);
+        }
+    }
+
+    fn see_faults(&mut self, faults: Faults) {
+        let before = std::mem::replace(&mut self.faults, faults);
+        if before == faults {
+            return;
+        }
+        self.shown = None;
+        let changed = |from: Faults, to: Faults| Faults(to.0 & !from.0 & !Faults::NOT_CONFIGURED.0);
+        let new = changed(before, faults);
+        if faults.intersects(Faults::NOT_CONFIGURED) && !before.intersects(Faults::NOT_CONFIGURED) {
+            self.shared.log(Weight::Plain, "the board waits for its configuration, and vents");
+        }
+        if new != Faults::NONE {
+            let vents = if new.intersects(VENTING) { "; the muscle vents" } else { "" };
+            self.shared.log(Weight::Fault, format!("fault: {new}{vents}"));
+        }
+        let gone = changed(faults, before);
+        if gone != Faults::NONE {
+            self.shared.log(Weight::Plain, format!("no longer: {gone}"));
+        }
+    }
+
+    fn see_status(&mut self) {
+        let Some(status) = self.board.as_ref().and_then(LiveBoard::last_status) else { return };
+        if status.armed_pa != self.known.status.armed_pa {
+            self.known.status.armed_pa = status.armed_pa;
+            self.shown = None;
+            self.shared.log(
+                Weight::Plain,
+                status.armed_pa.map_or("no longer armed".to_owned(), |pa| {
+                    format!("armed up to {:.1} kPa", pa / 1e3)
+                }),
+            );
+        }
+    }
+
+    fn calibrate(&mut self, telemetry: &Telemetry) {
+        let Some(Guided::Calibration(calibration)) = &mut self.guided else { return };
+        let calibrated = match calibration.see(&telemetry.sample) {
+            Ok(Step::Goes) => return,
+            Ok(Step::Calibrated(config, off)) => Ok((config, off)),
+            Err(implausible) => Err(format!("Not calibrated: {implausible}.")),
+        };
+        let known = calibrated.and_then(|(config, [first, second])| {
+            let name = self.known.status.config_name;
+            let board = self.board.as_mut().ok_or_else(|| NO_LINK.to_string())?;
+            let configured = board.configure(&config, name.as_str());
+            configured.map_err(|error| format!("Not calibrated: {}.", plainly(&error)))?;
+            Ok(format!(
+                "Put right by {first:+.4} and {second:+.4}. The board has it, and vents; it is not saved."
+            ))
+        });
+        let text = known.unwrap_or_else(|why| why);
+        if let Some(Guided::Calibration(calibration)) = &self.guided {
+            self.guided = Some(calibration.outcome(&text));
+        }
+        self.shown = None;
+    }
+
+    fn carry_out(&mut self, order: Order, orders: &Receiver<Order>, wanted: &dyn Fn() -> bool) {
+        if let Err(error) = self.attempt(order, orders, wanted) {
+            match error {
+                NotDone::Board(error @ BoardError::Line(_)) => self.lost(&error),
+                other => self.shared.log(Weight::Refused, other.to_string()),
+            }
+        }
+        self.shown = None;
+    }
+
+    fn attempt(
+        &mut self,
+        order: Order,
+        orders: &Receiver<Order>,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<(), NotDone> {
+        match order {
+            Order::Leave => {
+                self.guided = None;
+                return Ok(());
+            }
+            Order::Finish => {
+                self.finish_recording();
+                return Ok(());
+            }
+            Order::Reference(text) => {
+                if let Some(Guided::Calibration(calibration)) = &mut self.guided {
+                    calibration.answer(&text);
+                }
+                return Ok(());
+            }
+            Order::Tune { most_pa } => return self.tune(most_pa, orders, wanted),
+            _ => (),
+        }
+        let board = self.board.as_mut().ok_or(NO_LINK)?;
+        match order {
+            Order::Arm { most_pa } => board.arm(most_pa)?,
+            Order::Set(set_point) => {
+                board.set(set_point)?;
+                self.shared.log(Weight::Plain, format!("set point: {}", asked_for(set_point)));
+            }
+            Order::Clear => board.forget_faults()?,
+            Order::Configure(_) if self.recording.is_some() => return Err(RECORDS),
+            Order::Configure(text) => {
+                let (config, name) = configuration(&self.target, text)?;
+                board.configure(&config, &name)?;
+            }
+            Order::Save => {
+                board.save()?;
+                self.shared.log(Weight::Plain, "the configuration is kept over the loss of power");
+                self.known.status = board.status()?;
+                self.configuration = self.known.configuration(&self.target);
+            }
+            Order::Record if self.recording.is_none() => {
+                let port = self.target.port();
+                let config = self.known.config;
+                let shared = Arc::clone(&self.shared);
+                let recording = Recording::begin(&self.out, &self.logs, port, config, shared)?;
+                self.recording = Some(recording);
+                self.shared.log(Weight::Plain, "recording begins");
+            }
+            Order::Calibrate(_) if self.recording.is_some() => return Err(RECORDS),
+            Order::Calibrate(_) if self.known.status.config_source == ConfigSource::Defaults => {
+                return Err(BoardError::Refused(Refusal::NotConfigured).into());
+            }
+            Order::Calibrate(sensor) => {
+                let calibration = Calibration::new(sensor.into(), self.known.config);
+                self.guided = Some(Guided::Calibration(Box::new(calibration)));
+            }
+            Order::Record
+            | Order::Leave
+            | Order::Finish
+            | Order::Reference(_)
+            | Order::Tune { .. } => (),
+        }
+        Ok(())
+    }
+
+    fn tune(
+        &mut self,
+        most_pa: f64,
+        orders: &Receiver<Order>,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<(), NotDone> {
+        if self.recording.is_some() {
+            return Err(RECORDS);
+        }
+        if self.known.status.config_source == ConfigSource::Defaults {
+            return Err(BoardError::Refused(Refusal::NotConfigured).into());
+        }
+        let most_pa = tune::highest_pa(&self.known.config, Some(most_pa))?;
+        let known = from_config::say(&self.known.config)?.scenario;
+        let mut board = self.board.take().ok_or(NO_LINK)?;
+        self.shared.log(Weight::Plain, "tuning begins");
+        let name = self.known.status.config_name;
+        let shared = Arc::clone(&self.shared);
+        let ends = || shared.vent_wanted().is_some() || wanted();
+        let bench = LiveBench::new(&mut board, name.as_str(), most_pa, &ends);
+        let tuned = tuning::tune(&known, most_pa, bench, &mut |telemetry, part| {
+            while orders.try_recv().is_ok() {
+                self.shared.log(Weight::Refused, "the board is being tuned: to vent ends that");
+            }
+            let text = format!(
+                "Run {}: {:.0} of {:.0} s. To vent ends it.",
+                part.number, part.time_s, part.duration_s
+            );
+            self.tuning = Some(Guide {
+                title: "Tuning".to_owned(),
+                text,
+                asks: None,
+                progress: Some(part.time_s / part.duration_s),
+                result: None,
+                over: false,
+            });
+            self.see(telemetry);
+            self.show();
+        });
+        self.tuning = None;
+        self.board = Some(board);
+        self.heard = Instant::now();
+        self.learn_anew();
+        let (folder, name) = next_folder(&self.out, "tune");
+        let outcome = match tuned {
+            Ok(tuned) => tuning::write(&tuned, &folder, &name).map(|()| tuned.findings.text())?,
+            Err(error) => {
+                let why = match (error, self.shared.vent_wanted()) {
+                    (TuneError::Run(RunError::Board(BoardError::Interrupted)), Some(why)) => {
+                        format!("{why}; the board vents")
+                    }
+                    (error, _) => error.to_string(),
+                };
+                let text = format!("Nothing was tuned: {why}.");
+                self.shared.log(Weight::Refused, text.clone());
+                self.guided = Some(Guided::over("Tuning", text, None));
+                return Ok(());
+            }
+        };
+        self.shared.log(Weight::Plain, format!("tuned: {}", folder.display()));
+        let text = "friction, valves and gains".to_owned();
+        self.shared.add_result(Outcome { name: name.clone(), folder, text });
+        let outcome =
+            format!("{outcome}The board has these values, and vents; they are not saved.");
+        self.guided = Some(Guided::over("Tuning", outcome, Some(name)));
+        Ok(())
+    }
+
+    fn finish_recording(&mut self) {
+        let Some(recording) = self.recording.take() else { return };
+        if let Some(Ok(timing)) = self.board.as_mut().map(LiveBoard::timing) {
+            self.known.timing = timing;
+        }
+        self.writers.retain(|writer| !writer.is_finished());
+        self.writers.push(recording.end(self.known.status, self.known.timing));
+    }
+
+    /// Shows the state, when it is due.
+    fn show(&mut self) {
+        if self.shown.is_some_and(|shown| shown.elapsed() < STATE) {
+            return;
+        }
+        self.shown = Some(Instant::now());
+        let Known { status, timing, .. } = &self.known;
+        let guide = self.guided.as_ref().map(Guided::state);
+        let state = State {
+            kind: "state",
+            link: self.link,
+            target: self.target.name(),
+            board: self.board.as_ref().map(|board| board.version().into()),
+            configuration: self.configuration.clone(),
+            armed_pa: status.armed_pa,
+            faults: names(self.faults),
+            vents: self.faults.intersects(VENTING),
+            timing: Some(*timing),
+            lost_steps: self.lost_steps,
+            recording: self.recording.as_ref().map(Recording::recorded),
+            results: self.results(),
+            guide: self.tuning.clone().or(guide),
+            events: self.shared.events(),
+        };
+        let json = serde_json::to_string(&state).expect("plain data");
+        self.shared.state.send_if_modified(|before| {
+            let other = before.as_str() != json;
+            if other {
+                *before = json.into();
+            }
+            other
+        });
+    }
+
+    fn results(&self) -> Vec<ResultLink> {
+        let results = self.shared.results().into_iter().rev();
+        results.map(|Outcome { name, text, .. }| ResultLink { name, text }).collect()
+    }
+}
+
+/// Asks what the page shows, and for the telemetry of every step.
+fn learn(board: &mut LiveBoard) -> Result<Known, BoardError> {
+    board.telemetry_every(1)?;
+    Ok(Known { config: board.config()?, status: board.status()?, timing: board.timing()? })
+}
+
+/// What the board is to be configured with.
+fn configuration(target: &Target, text: Option<ScenarioText>) -> Result<(Config, String), NotDone> {
+    let (loaded, name) = match text {
+        Some(ScenarioText { name, text }) => {
+            let loaded = thermyo_setup::parse(&text, Path::new(&name))?;
+            let stem = Path::new(&name).file_stem().unwrap_or_default();
+            (loaded, stem.to_string_lossy().into_owned())
+        }
+        None => {
+            let unknown =
+                NotDone::NotNow("nobody knows the muscle at this port: choose its scenario");
+            (target.muscle()?.ok_or(unknown)?, target.muscle_name())
+        }
+    };
+    Ok((core_config(&loaded.believed), name))
+}
+
+fn names(faults: Faults) -> Vec<&'static str> {
+    faults.names().collect()
+}
+
+fn called(status: &Status) -> String {
+    match status.config_name.as_str() {
+        "" => format!("without a name, {:08x}", status.config_checksum),
+        name => format!("{name}, {:08x}", status.config_checksum),
+    }
+}
+
+fn asked_for(set_point: SetPoint) -> String {
+    match set_point {
+        SetPoint::Vent => "vent".to_owned(),
+        SetPoint::Duty { inlet, outlet } => {
+            format!("inlet {:.1} %, outlet {:.1} %", inlet * 100.0, outlet * 100.0)
+        }
+        SetPoint::MassFlow { flow_kg_s } => format!("{:.3} g/s", flow_kg_s * 1e3),
+        SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
+            format!("cycles of {period_s:.2} s, {:.3} g/s", flow_kg_s * 1e3)
+        }
+        SetPoint::Pressure { pressure_pa } => format!("{:.1} kPa", pressure_pa / 1e3),
+        SetPoint::Contraction { contraction } => {
+            format!("contraction {:.2} %", contraction * 100.0)
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! What is served: a board at a port, the emulated one, or that with the muscle of a scenario.
+
+use std::path::{Path, PathBuf};
+use thermyo_boards::live::LiveBoard;
+use thermyo_boards::{port, service};
+use thermyo_files::input::InputError;
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::core_config;
+use thermyo_simulation::board::BoardError;
+
+/// What is served.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Target {
+    /// A serial port.
+    Port(String),
+    /// The emulated board, with the muscle that it has, or the nominal one.
+    Emulated,
+    /// The emulated board, with the muscle of this scenario.
+    Scenario(PathBuf),
+}
+
+/// Why it cannot be served.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The scenario.
+    #[error(transparent)]
+    Scenario(#[from] InputError),
+    /// The board.
+    #[error(transparent)]
+    Board(#[from] BoardError),
+}
+
+impl Target {
+    /// By what the user says.
+    pub fn new(text: &str) -> Self {
+        let path = Path::new(text);
+        let is_toml =
+            path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+        match text {
+            port::EMULATED => Self::Emulated,
+            _ if is_toml => Self::Scenario(path.to_path_buf()),
+            _ => Self::Port(text.to_owned()),
+        }
+    }
+
+    /// Opens it; a scenario's board is configured with its muscle.
+    ///
+    /// # Errors
+    /// [`OpenError`]
+    pub fn open(&self) -> Result<LiveBoard, OpenError> {
+        let Self::Scenario(path) = self else { return Ok(LiveBoard::open(self.port())?) };
+        let muscle = thermyo_setup::load(path)?;
+        drop(service::plug(Some(path))?);
+        let mut board = LiveBoard::open(port::EMULATED)?;
+        board.configure(&core_config(&muscle.believed), &self.muscle_name())?;
+        Ok(board)
+    }
+
+    /// Opens it again, once it is back.
+    ///
+    /// # Errors
+    /// [`BoardError`], as long as it is not.
+    pub fn reopen(&self) -> Result<LiveBoard, BoardError> {
+        let there = matches!(self, Self::Port(_)) || service::is_plugged_in();
+        if there {
+            LiveBoard::open(self.port())
+        } else {
+            Err(BoardError::Silent { asked: "version" })
+        }
+    }
+
+    /// Name of the port.
+    pub fn port(&self) -> &str {
+        match self {
+            Self::Port(port) => port,
+            Self::Emulated | Self::Scenario(_) => port::EMULATED,
+        }
+    }
+
+    /// What goes on the page.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Port(port) => port.clone(),
+            Self::Emulated => "emulated board".to_owned(),
+            Self::Scenario(path) => format!("emulated board, {}", path.display()),
+        }
+    }
+
+    /// What the muscle behind an emulated board is called.
+    pub fn muscle_name(&self) -> String {
+        match self {
+            Self::Scenario(path) => {
+                path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+            }
+            Self::Port(_) | Self::Emulated => "nominal".to_owned(),
+        }
+    }
+
+    /// The muscle behind an emulated board; nobody knows that of a port.
+    ///
+    /// # Errors
+    /// Of a scenario file that can no longer be read.
+    pub fn muscle(&self) -> Result<Option<Loaded>, InputError> {
+        match self {
+            Self::Port(_) => Ok(None),
+            Self::Emulated => thermyo_setup::parse("", Path::new("the nominal muscle")).map(Some),
+            Self::Scenario(path) => thermyo_setup::load(path).map(Some),
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! The local web server: who may come in, and what is where.
+//!
+//! Three locks: it listens on the loopback only; every address begins with a secret that is printed once; and a
+//! request must name this very server (`Host`), and come from its own page (`Origin`), so that no other page that the
+//! browser shows can reach the muscle.
+
+use super::page;
+use super::results::Outcome;
+use super::shared::Shared;
+use super::socket;
+use super::word::Order;
+use axum::Router;
+use axum::extract::ws::{WebSocketUpgrade, rejection::WebSocketUpgradeRejection};
+use axum::extract::{Path, Request, State};
+use axum::http::header::{
+    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderName, ORIGIN,
+    REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+};
+use axum::http::{HeaderMap, HeaderValue, StatusCode};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Redirect, Response};
+use axum::routing::get;
+use std::fmt;
+use std::io;
+use std::net::{Ipv4Addr, TcpListener};
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
+use std::time::Duration;
+use thermyo_report::muscle::palette;
+use thermyo_report::style::DRAWING_STYLE;
+
+/// A message of a page is short, a scenario's text included.
+const LONGEST_MESSAGE: usize = 1 << 18;
+/// Time between two looks whether the server ends.
+const LOOK: Duration = Duration::from_millis(50);
+/// Time that the pages are given to hear of it.
+const FAREWELL: Duration = Duration::from_millis(200);
+
+/// The page fetches from this server only, and runs nothing but its own script.
+const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
+                           img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+/// A report has its script and style within, and reaches nothing, this server included.
+const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
+                             img-src data:; sandbox allow-scripts; frame-ancestors 'none'";
+
+/// Text files of the page.
+const FILES: [(&str, &str, &str); 5] = [
+    ("drawing.css", "text/css; charset=utf-8", DRAWING_STYLE),
+    ("page.css", "text/css; charset=utf-8", page::STYLE),
+    ("page.js", "text/javascript; charset=utf-8", include_str!("page/page.js")),
+    ("plot.js", "text/javascript; charset=utf-8", page::PLOT),
+    ("muscle.js", "text/javascript; charset=utf-8", page::MUSCLE),
+];
+
+/// Where the page is.
+#[derive(Debug, Clone)]
+pub struct Address {
+    port: u16,
+    token: String,
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "http://127.0.0.1:{}/{}/", self.port, self.token)
+    }
+}
+
+/// Listens on the loopback, at a port or at one that is free, behind a new secret.
+///
+/// # Errors
+/// Where the port is in use.
+pub fn listen(port: Option<u16>) -> io::Result<(TcpListener, Address)> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0)))?;
+    listener.set_nonblocking(true)?;
+    let mut secret = [0; 16];
+    getrandom::fill(&mut secret).map_err(|error| io::Error::other(error.to_string()))?;
+    let token = secret.iter().map(|byte| format!("{byte:02x}")).collect();
+    let port = listener.local_addr()?.port();
+    Ok((listener, Address { port, token }))
+}
+
+/// What every request needs.
+#[derive(Clone)]
+struct Site {
+    address: Arc<Address>,
+    shared: Arc<Shared>,
+    orders: SyncSender<Order>,
+}
+
+/// Serves until the server ends.
+///
+/// # Errors
+/// Those of the sockets.
+pub(super) fn run(
+    listener: TcpListener,
+    address: Address,
+    shared: Arc<Shared>,
+    orders: SyncSender<Order>,
+) -> io::Result<()> {
+    let runtime =
+        tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
+    let ending = Arc::clone(&shared);
+    let app = router(Site { address: Arc::new(address), shared, orders });
+    runtime.block_on(async move {
+        let listener = tokio::net::TcpListener::from_std(listener)?;
+        tokio::select! {
+            served = async { axum::serve(listener, app).await } => served,
+            () = ended(&ending) => Ok(()),
+        }
+    })
+}
+
+async fn ended(shared: &Shared) {
+    while !shared.ended() {
+        tokio::time::sleep(LOOK).await;
+    }
+    tokio::time::sleep(FAREWELL).await;
+}
+
+fn router(site: Site) -> Router {
+    Router::new()
+        .route("/{token}", get(|Path(token): Path<String>| async move {
+            Redirect::permanent(&format!("/{token}/"))
+        }))
+        .route("/{token}/", get(page))
+        .route("/{token}/live", get(live))
+        .route("/{token}/{file}", get(file))
+        .route("/{token}/results/{name}/{file}", get(result))
+        .layer(middleware::from_fn_with_state(site.clone(), door))
+        .with_state(site)
+}
+
+/// Lets in who may, and says what the browser has to keep to.
+async fn door(State(site): State<Site>, request: Request, next: Next) -> Response {
+    if let Err(why) = may_enter(&site.address, request.uri().path(), request.headers()) {
+        return (StatusCode::FORBIDDEN, format!("{why}\n")).into_response();
+    }
+    let mut response = next.run(request).await;
+    let headers = response.headers_mut();
+    let fixed = |text| HeaderValue::from_static(text);
+    headers.insert(REFERRER_POLICY, fixed("no-referrer"));
+    headers.insert(X_CONTENT_TYPE_OPTIONS, fixed("nosniff"));
+    headers.insert(X_FRAME_OPTIONS, fixed("DENY"));
+    headers.insert(CACHE_CONTROL, fixed("no-store"));
+    headers.insert(HeaderName::from_static("cross-origin-opener-policy"), fixed("same-origin"));
+    headers.entry(CONTENT_SECURITY_POLICY).or_insert(fixed(PAGE_POLICY));
+    response
+}
+
+fn may_enter(address: &Address, path: &str, headers: &HeaderMap) -> Result<(), &'static str> {
+    let names = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", address.port));
+    let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or_default());
+    if !text(HOST).is_some_and(|host| names.iter().any(|name| name == host)) {
+        return Err("this server goes by another name: open the address that it has printed");
+    }
+    let own = |origin: &str| names.iter().any(|name| origin.strip_prefix("http://") == Some(name));
+    if text(ORIGIN).is_some_and(|origin| !own(origin)) {
+        return Err("only the server's own page may ask this");
+    }
+    let token = path.trim_start_matches('/').split('/').next().unwrap_or_default();
+    if !same(token.as_bytes(), address.token.as_bytes()) {
+        return Err(
+            "the address is not the one that the server has printed: its secret part is wrong",
+        );
+    }
+    Ok(())
+}
+
+/// In a time that does not tell how much of it is right.
+fn same(a: &[u8], b: &[u8]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).fold(0, |differ, (a, b)| differ | (a ^ b)) == 0
+}
+
+async fn page() -> Response {
+    ([(CONTENT_TYPE, "text/html; charset=utf-8")], include_str!("page/page.html")).into_response()
+}
+
+async fn file(Path((_, name)): Path<(String, String)>) -> Response {
+    if name == "palette.js" {
+        let colours = serde_json::to_string(&palette(page::PALETTE)).expect("plain data");
+        let module = format!("export default {colours};\n");
+        return ([(CONTENT_TYPE, "text/javascript; charset=utf-8")], module).into_response();
+    }
+    match FILES.iter().find(|(known, ..)| *known == name) {
+        Some((_, kind, text)) => ([(CONTENT_TYPE, *kind)], *text).into_response(),
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
+async fn result(
+    State(site): State<Site>,
+    Path((_, name, file)): Path<(String, String, String)>,
+) -> Response {
+    let results = site.shared.results();
+    let found = results.iter().find(|outcome| outcome.name == name);
+    let Some((path, kind)) = found.and_then(|outcome| Outcome::file(outcome, &file)) else {
+        return StatusCode::NOT_FOUND.into_response();
+    };
+    // A trace of an hour is large: read beside the sockets.
+    let text = tokio::task::spawn_blocking(move || std::fs::read(path)).await;
+    match text {
+        Ok(Ok(text)) => {
+            let headers = [(CONTENT_TYPE, kind), (CONTENT_SECURITY_POLICY, REPORT_POLICY)];
+            (headers, text).into_response()
+        }
+        _ => (StatusCode::NOT_FOUND, "it is no longer where it was\n").into_response(),
+    }
+}
+
+async fn live(
+    State(site): State<Site>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Response {
+    match upgrade {
+        Ok(upgrade) => upgrade
+            .max_message_size(LONGEST_MESSAGE)
+            .on_upgrade(|socket| socket::run(socket, site.shared, site.orders)),
+        Err(rejection) => rejection.into_response(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_page_of_this_server_may_enter() {
+        let address = Address { port: 4711, token: "0123abcd".to_owned() };
+        let enters = |path: &str, host: Option<&str>, origin: Option<&str>| {
+            let mut headers = HeaderMap::new();
+            for (name, value) in [(HOST, host), (ORIGIN, origin)] {
+                if let Some(value) = value {
+                    headers.insert(name, value.parse().unwrap());
+                }
+            }
+            may_enter(&address, path, &headers).is_ok()
+        };
+        let (here, path) = (Some("127.0.0.1:4711"), "/0123abcd/live");
+        assert!(enters(path, here, None) && enters("/0123abcd", here, None));
+        assert!(enters(path, Some("localhost:4711"), Some("http://localhost:4711")));
+        for (what, path, host, origin) in [
+            ("no secret", "/", here, None),
+            ("another secret", "/0123abce/live", here, None),
+            ("part of the secret", "/0123abc/live", here, None),
+            ("no name", path, None, None),
+            ("a name that was bent to this address", path, Some("evil.example:4711"), None),
+            ("another port", path, Some("127.0.0.1:4712"), None),
+            ("another page", path, here, Some("http://evil.example")),
+            ("another server's page here", path, here, Some("http://127.0.0.1:4712")),
+            ("a file or a sandbox", path, here, Some("null")),
+        ] {
+            assert!(!enters(path, host, origin), "{what}");
+        }
+    }
+}

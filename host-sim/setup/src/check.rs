@@ -1,0 +1,95 @@
+//! A scenario as `thermyo check` prints it: every key, its value, and what it may be.
+
+use super::loaded::Loaded;
+use super::sense::{model_is_unused, unused_tables};
+use super::tree::{same, tree, value};
+use std::fmt::Write;
+use thermyo_scenario::Scenario;
+use thermyo_scenario::schema::{Allowed, DIMENSIONS, FAULTS, Key, TABLES, Table};
+use toml::Value;
+
+/// The scenario as TOML with every default filled in; what it reads back to is the same to the bit.
+pub fn render(loaded: &Loaded) -> String {
+    let plant = tree(&loaded.plant);
+    let believed = tree(&loaded.believed);
+    let unused = unused_tables(loaded);
+    let defaults = tree(&Scenario::default());
+    let is_default = |path: &str, key: &Key| {
+        same(value(&plant, path, key.name), value(&defaults, path, key.name))
+    };
+    let mut text = String::new();
+    for table in TABLES {
+        for path in paths(table, &loaded.plant) {
+            let why = unused.iter().find(|(name, _)| *name == path).map(|(_, why)| why);
+            // What nothing looks at and nobody has changed stays a comment: it can be run as it is
+            // printed, without a warning.
+            let left_out = why.is_some() && table.keys.iter().all(|key| is_default(&path, key));
+            let lines = table
+                .keys
+                .iter()
+                .map(|key| {
+                    let line = key_line(key, value(&plant, &path, key.name));
+                    let model = path == "plant" && key.name == "model";
+                    let comment = left_out || (model && model_is_unused(&loaded.plant));
+                    if comment && !line.starts_with('#') { format!("# {line}") } else { line }
+                })
+                .collect::<String>();
+            let meaning = match why {
+                Some(why) => format!("{}; not used: {why}", table.meaning),
+                None => table.meaning.to_owned(),
+            };
+            push_table(&mut text, &path, &meaning, &lines);
+        }
+    }
+    for table in TABLES {
+        let differs = |key: &&Key| {
+            !same(value(&plant, table.name, key.name), value(&believed, table.name, key.name))
+        };
+        // The core is configured with all of them or none: any of them alone would let the others follow anew.
+        let is_dimension = |key: &Key| table.name == "muscle" && DIMENSIONS.contains(&key.name);
+        let dimensions_differ = table.keys.iter().any(|key| is_dimension(key) && differs(&key));
+        let lines = table
+            .keys
+            .iter()
+            .filter(|key| differs(key) || (dimensions_differ && is_dimension(key)))
+            .map(|key| key_line(key, value(&believed, table.name, key.name)))
+            .collect::<String>();
+        if !lines.is_empty() {
+            let name = format!("believed.{}", table.name);
+            push_table(&mut text, &name, "what the core is configured with instead", &lines);
+        }
+    }
+    text
+}
+
+/// Where a scenario has that table: in one place, or once for each window of faults.
+fn paths(table: &Table, scenario: &Scenario) -> Vec<String> {
+    if table.name == FAULTS {
+        scenario.faults.windows().map(|(path, _)| path).collect()
+    } else {
+        vec![table.name.to_owned()]
+    }
+}
+
+fn push_table(text: &mut String, name: &str, meaning: &str, lines: &str) {
+    let gap = if text.is_empty() { "" } else { "\n" };
+    // Writing into a string cannot fail.
+    let _ = write!(text, "{gap}[{name}]  # {meaning}\n{lines}");
+}
+
+fn key_line(key: &Key, value: Option<&Value>) -> String {
+    let comment = key.comment();
+    match value {
+        // Rust's shortest text that reads back to the same number is TOML too.
+        Some(Value::Float(number)) if key.core => {
+            format!("{} = {:?}  # {comment}\n", key.name, *number as f32)
+        }
+        Some(Value::Float(number)) => format!("{} = {number:?}  # {comment}\n", key.name),
+        Some(value) => format!("{} = {value}  # {comment}\n", key.name),
+        None => {
+            let missing =
+                if matches!(key.allowed, Allowed::Csv { .. }) { "\"FILE.csv\"" } else { "NUMBER" };
+            format!("# {} = {missing}  # {comment}\n", key.name)
+        }
+    }
+}

@@ -1,0 +1,267 @@
+//! The core's configuration: a scenario (with `[believed]` applied) in the core's own terms.
+
+use model_core::config::{Config, EstimatorConfig, Load};
+use model_core::physics::chamber::{ChamberConfig, Vessel};
+use model_core::physics::friction::Friction;
+use model_core::physics::heat::{Heat, Wall};
+use model_core::physics::valve::Valve;
+use model_core::sensing::Sensors;
+use model_core::sensing::gas::GasSensor;
+use thermyo_plant::chamber;
+use thermyo_plant::gas::IdealGas;
+use thermyo_plant::heat::InnerHeat;
+use thermyo_plant::load_n;
+use thermyo_scenario::schema::limits;
+use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
+
+/// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
+/// \[W/(m2 K)\].
+const ISOTHERMAL_W_M2_K: f64 = 2_000.0;
+/// Sensor lags that the core's filter works with; a sensor without lag is configured as the shortest
+/// \[s\].
+const SHORTEST_LAG_S: f32 = 1.0e-3;
+const LONGEST_LAG_S: f32 = 1.0e3;
+/// Stands for friction that is there from the first micrometre on \[N/m\].
+const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
+/// Smallest wall that the core works with \[J/K\].
+const LEAST_WALL_J_K: f64 = 0.01;
+/// Where a correlation of the heat transfer is taken for the core: pressure \[Pa\], gas above wall
+/// \[K\], inflow \[kg/s\]. Those of the nominal cycle's middle.
+const WORKING_PRESSURE_PA: f64 = 2.0e5;
+const WORKING_SWING_K: f64 = 20.0;
+const WORKING_FLOW_KG_S: f64 = 3.6e-4;
+
+/// What the plant `full` is to a model of one zone; nothing changes for the others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OneZone {
+    /// Volume of the tube, which is filled and emptied along \[m3\]. That of a line is not: its gas keeps the temperature
+    /// of its wall. Counted too, 4 m of 4 mm make the nominal cycle's estimate wrong by 0.33 K instead of 0.22 K.
+    pub tube_m3: f64,
+    /// Share of the jet's stirring that counts for the mean of the gas: the jet stirs the zones near
+    /// the port, which hold the fresh gas. Identified on `full`.
+    pub stirring: f64,
+    /// Share of the wall that follows a stroke: the inner layer.
+    pub wall: f64,
+    /// Lag of the housing around the foil \[s\].
+    pub housing_s: f64,
+    /// How much more the gas around the foil swings than the mean: fresh gas damps the part near the
+    /// port. For a foil slower than a stroke that is a lag shorter by as much.
+    /// Measured on `full` with a foil without lag: in the middle 1.03 to 1.08 for strokes of 10 to 1 s,
+    /// 0.83 and 1.16 near port and closed end at 5 s; one that averages over the whole length sees the
+    /// mean.
+    pub swing: f64,
+    /// How much more the gas around the foil differs from the mean than it does in the middle: at the
+    /// ends it is 2 K colder or warmer in the mean of 5 s strokes. Chosen on `full`, so that the
+    /// stated deviation says so.
+    pub place_error: f64,
+    /// Share of what the inflow is colder by that lasts near the port. Identified on `full`: 38 random
+    /// muscles, judged on others.
+    pub port_cooling: f64,
+}
+
+impl OneZone {
+    /// For the plant of that scenario.
+    pub fn of(s: &Scenario) -> Self {
+        if s.moves_in_full() {
+            let foil = &s.sensor.gas;
+            let part = 1.0 - foil.span;
+            let off_middle = part * (foil.position - 0.5);
+            Self {
+                tube_m3: s.tube.volume_m3,
+                stirring: 0.5,
+                wall: 1.0 - s.wall.outer_fraction,
+                housing_s: foil.housing_time_constant_s,
+                swing: 1.0 + 0.067 * part + 0.45 * off_middle,
+                place_error: 1.0 + 100.0 * off_middle * (foil.position - 0.5),
+                port_cooling: 0.65,
+            }
+        } else {
+            Self {
+                tube_m3: 0.0,
+                stirring: 1.0,
+                wall: 1.0,
+                housing_s: 0.0,
+                swing: 1.0,
+                place_error: 1.0,
+                port_cooling: 0.0,
+            }
+        }
+    }
+}
+
+/// The core's configuration for `believed`, whose `plant` only says which kind of plant it is. What is
+/// not named here, the core has as the scenario says it.
+pub fn core_config(believed: &Scenario) -> Config {
+    let s = believed;
+    let one_zone = OneZone::of(s);
+    let moving = chamber::of(s);
+    let (chamber, wall_j_k) = match &moving {
+        Some(chamber) => {
+            (chamber.configured(one_zone.tube_m3), one_zone.wall * s.wall.heat_capacity_j_k)
+        }
+        None => {
+            let vessel = Vessel {
+                section_m2: s.vessel.section_m2() as f32,
+                surface_m2: s.vessel.surface_m2 as f32,
+            };
+            (ChamberConfig::Vessel(vessel), s.vessel.wall_heat_capacity_j_k)
+        }
+    };
+    let full = s.plant.model == PlantModel::Full;
+    let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
+    Config {
+        step_s: s.run.step_s as f32,
+        gas: s.gas.core(),
+        ambient: s.ambient.core(),
+        supply: s.supply.core(),
+        chamber,
+        leak: s.leak.core(),
+        heat: Heat {
+            inner_w_m2_k: inner_w_m2_k as f32,
+            inner_per_flow: (one_zone.stirring * inner_per_flow) as f32,
+            ..s.heat.core()
+        },
+        wall: Wall { heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32 },
+        friction: if full {
+            s.friction.core()
+        } else {
+            Friction {
+                presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
+                viscous_n_s_m: 0.0,
+                ..s.friction.core()
+            }
+        },
+        load: match (s.load.kind, &moving) {
+            (LoadKind::Isometric, _) => Load::Isometric { length_m: s.load.length_m as f32 },
+            (_, Some(chamber)) => Load::Isotonic { force_n: load_n(s, chamber.as_ref()) as f32 },
+            (_, None) => Load::Isotonic { force_n: 0.0 },
+        },
+        moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
+        valve: if s.moves_in_full() {
+            Valve { dead_time_s: dead_time_s(s) as f32, ..s.valve.core() }
+        } else {
+            // Every other plant has ideal valves.
+            Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() }
+        },
+        pwm_period_steps: pwm_period_steps(s),
+        sensors: Sensors {
+            adc: s.adc.core(),
+            pressure: s.sensor.pressure.core(),
+            length: s.sensor.length.core(),
+            gas: GasSensor {
+                time_constant_s: ((s.sensor.gas.time_constant_s / one_zone.swing) as f32)
+                    .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
+                housing_time_constant_s: one_zone.housing_s as f32,
+                ..s.sensor.gas.core()
+            },
+            gas_element: s.sensor.gas_element(),
+            pressure_part: s.sensor.pressure_part(),
+        },
+        estimator: EstimatorConfig {
+            place_error_k: (one_zone.place_error * f64::from(s.estimator.place_error_k)).min(100.0)
+                as f32,
+            port_cooling: (f64::from(s.estimator.port_cooling) + one_zone.port_cooling).min(1.0)
+                as f32,
+            ..s.estimator
+        },
+        controller: s.controller,
+        pressure_limit_pa: pressure_limit_pa(s) as f32,
+        link: s.link.core(),
+    }
+}
+
+/// Coefficient of still gas \[W/(m2 K)\] and what it gains per inflow \[W/(m2 K) per kg/s\].
+fn inner_heat(s: &Scenario) -> (f64, f64) {
+    match s.heat.model {
+        HeatModel::Adiabatic => (0.0, 0.0),
+        HeatModel::Isothermal => (ISOTHERMAL_W_M2_K, 0.0),
+        HeatModel::Constant => {
+            (s.heat.scale * s.heat.inner_w_m2_k, s.heat.scale * s.heat.inner_per_flow)
+        }
+        HeatModel::Correlation => {
+            let diameter_m = chamber::of(s).map_or(s.vessel.characteristic_length_m, |chamber| {
+                chamber.diameter(chamber.rest_length())
+            });
+            let wall_k = s.ambient.temperature_k;
+            let gas_k = wall_k + WORKING_SWING_K;
+            InnerHeat::of(s, diameter_m).linearised(
+                WORKING_PRESSURE_PA,
+                gas_k,
+                wall_k,
+                WORKING_FLOW_KG_S,
+            )
+        }
+    }
+}
+
+/// Dead time of a valve at the muscle's end of a line \[s\]: sound takes its time. The core makes up for one that ends within a
+/// period.
+fn dead_time_s(s: &Scenario) -> f64 {
+    let valve = &s.valve;
+    let Some([length_m, _]) = s.tube.line() else { return valve.dead_time_s };
+    let gas = IdealGas::new(&s.gas);
+    let sound_m_s = (gas.k * gas.r * s.ambient.temperature_k).sqrt();
+    let period_s = f64::from(pwm_period_steps(s)) * s.run.step_s;
+    let longest_s = (period_s - valve.switch_time_s).min(limits("valve.dead_time_s").max);
+    (valve.dead_time_s + length_m / sound_m_s).min(longest_s.max(valve.dead_time_s))
+}
+
+/// The PWM's period, in steps of the core.
+pub fn pwm_period_steps(s: &Scenario) -> u16 {
+    (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16
+}
+
+/// Absolute pressure above which the board vents \[Pa\]: a hair below full scale, so that it acts before
+/// the sensor saturates.
+pub fn pressure_limit_pa(s: &Scenario) -> f64 {
+    0.985 * s.sensor.pressure.range_pa
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_dead_time_within_a_period() {
+        let dead_time_s = |tube: &str| {
+            let text = format!("[tube]\nvolume_m3 = 1e-6\n{tube}");
+            let config = core_config(&crate::parse(&text, "test".as_ref()).unwrap().believed);
+            let ChamberConfig::Muscle(muscle) = config.chamber else { panic!("it is a muscle") };
+            assert!((muscle.dead_volume_m3 - 6.0e-6).abs() < 1e-9, "a line's gas is not counted");
+            config.valve.dead_time_s
+        };
+        assert_eq!(dead_time_s(""), 0.001);
+        let line =
+            |length_m: f64| dead_time_s(&format!("length_m = {length_m:?}\ndiameter_m = 0.004\n"));
+        // 346 m/s at 298 K; 10 ms less 2 ms of closing.
+        assert!((line(1.0) - 0.001 - 1.0 / 346.1).abs() < 1e-6, "{}", line(1.0));
+        assert_eq!(line(8.0), 0.008);
+    }
+
+    /// Scenario and core state the same nominal muscle, each in its own words.
+    #[test]
+    fn the_defaults_agree() {
+        let default = Config::default();
+        let configured = |model| {
+            let loaded = crate::parse("", "test".as_ref()).unwrap().with_model(model);
+            core_config(&loaded.believed)
+        };
+        let (lumped, full) = (configured(PlantModel::Lumped), configured(PlantModel::Full));
+        let (ChamberConfig::Muscle(a), ChamberConfig::Muscle(b)) =
+            (lumped.chamber, default.chamber)
+        else {
+            panic!("both are muscles");
+        };
+        assert!((a.braid.thread_length_m / b.braid.thread_length_m - 1.0).abs() < 1e-6);
+        assert!((a.braid.turns / b.braid.turns - 1.0).abs() < 1e-5);
+        // The board's valves switch as the full plant's do, and its sensor has a housing; its lag is
+        // the foil's own.
+        assert_eq!(full.valve, default.valve);
+        let lag_s = |config: &Config| config.sensors.gas.time_constant_s;
+        let mut sensors = full.sensors;
+        sensors.gas.time_constant_s = lag_s(&lumped);
+        assert_eq!(sensors, default.sensors);
+        let Config { chamber, valve, sensors, .. } = lumped;
+        assert_eq!(Config { chamber, valve, sensors, ..default }, lumped);
+    }
+}

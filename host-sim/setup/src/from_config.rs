@@ -1,0 +1,202 @@
+//! The way back from [`core_config`]: a configuration of the core, such as a board has it, as a scenario that
+//! says it. The plant is `full`, with what the core does not have left out or at its default.
+
+use super::core_config::{OneZone, core_config};
+use super::{Loaded, parse, render};
+use model_core::Config;
+use model_core::config::Load;
+use model_core::physics::chamber::{ChamberConfig, Vessel};
+use model_core::sensing::gas::{GasElement, Pt1000};
+use model_core::sensing::pressure::PressurePart;
+use std::f64::consts::PI;
+use std::path::Path;
+use thermyo_compute::math;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_scenario::{
+    GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario, short,
+    with_numbers,
+};
+
+/// A scenario for a configuration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Said {
+    /// As `thermyo check` prints it.
+    pub scenario: Loaded,
+    /// Read again, it gives that very configuration.
+    pub exact: bool,
+}
+
+/// The scenario that says it.
+///
+/// # Errors
+/// For a configuration that no scenario may have.
+pub fn say(config: &Config) -> Result<Said, InputError> {
+    let origin = Path::new("the board's configuration");
+    let Some(plant) = scenario(config) else {
+        let problem = Problem::NotAllowed {
+            key: "plant.kind".to_owned(),
+            value: "another".to_owned(),
+            allowed: "\"muscle\" or \"vessel\", to be written as a scenario".to_owned(),
+        };
+        return Err(InputError::file(origin, problem));
+    };
+    let loaded =
+        Loaded { believed: plant.clone(), plant, volume_profile: None, drive_profile: None };
+    let scenario = parse(&render(&loaded), origin)?;
+    let exact = core_config(&scenario.believed) == *config;
+    Ok(Said { scenario, exact })
+}
+
+/// `None` for a chamber whose dimensions a scenario has in other words.
+fn scenario(config: &Config) -> Option<Scenario> {
+    let mut s = Scenario::default();
+    // What a core is configured with of `full` has gas near the port, or at least a housing around the foil.
+    let housing_s = config.sensors.gas.housing_time_constant_s;
+    let full = config.estimator.port_cooling > 0.0 || housing_s > 0.0;
+    s.plant.model = if full { PlantModel::Full } else { PlantModel::Lumped };
+    // A foil that averages over the whole muscle sees the mean, as the core's one zone has it.
+    (s.sensor.gas.span, s.sensor.gas.position) = (1.0, 0.5);
+    s.tube.volume_m3 = 1.0e-9;
+    let tube_m3 = if full { s.tube.volume_m3 } else { 0.0 };
+    s.heat.model = HeatModel::Constant;
+    s.heat.scale = 1.0;
+    match config.chamber {
+        ChamberConfig::Muscle(muscle) => {
+            s.plant.kind = PlantKind::Muscle;
+            let (thread_m, rest_m) =
+                (short(muscle.braid.thread_length_m), short(muscle.rest_length_m));
+            let turns = short(muscle.braid.turns);
+            s.muscle.thread_length_m = thread_m;
+            s.muscle.turns = turns;
+            s.muscle.rest_length_m = rest_m;
+            s.muscle.diameter_m = (thread_m * thread_m - rest_m * rest_m).sqrt() / (turns * PI);
+            s.muscle.braid_angle_deg = math::acos(rest_m / thread_m).to_degrees();
+            s.muscle.bladder_stiffness_n_m = short(muscle.bladder_stiffness_n_m);
+            s.muscle.bladder_saturation_n = short(muscle.bladder_saturation_n);
+            s.muscle.bladder_strain = short(muscle.bladder_strain);
+            s.muscle.slack_m = short(muscle.slack_m);
+            s.muscle.dead_volume_m3 = (short(muscle.dead_volume_m3) - tube_m3).max(0.0);
+        }
+        ChamberConfig::Vessel(Vessel { section_m2, surface_m2 }) => {
+            s.plant.kind = PlantKind::Vessel;
+            s.vessel.characteristic_length_m = (4.0 / PI * f64::from(section_m2)).sqrt();
+            s.vessel.surface_m2 = short(surface_m2);
+            s.vessel.wall_heat_capacity_j_k = short(config.wall.heat_capacity_j_k);
+        }
+        // Its rows or its bore are in files of the user's own.
+        _ => return None,
+    }
+    (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
+        Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
+        Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
+    };
+    let one_zone = OneZone::of(&s);
+    let step_s = short(config.step_s);
+    let mut pt1000 = Pt1000::default();
+    match config.sensors.gas_element {
+        GasElement::Pt1000(is) => pt1000 = is,
+        GasElement::Ntc(is) => (s.sensor.gas.kind, s.sensor.ntc) = (GasElementKind::Ntc, is),
+        GasElement::Max31865(is) => {
+            (s.sensor.gas.kind, s.sensor.max31865) = (GasElementKind::Max31865, is);
+        }
+        // No scenario says another one: what is read again is not the same.
+        _ => (),
+    }
+    if let PressurePart::Mpr(is) = config.sensors.pressure_part {
+        (s.sensor.pressure.kind, s.sensor.mpr) = (PressureKind::Mpr, is);
+    }
+    let core = numbers_of_the_core(config, pt1000);
+    let numbers = core.into_iter().map(|(path, value)| (path, short(value))).chain([
+        ("run.step_s", step_s),
+        ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
+        ("heat.inner_per_flow", short(config.heat.inner_per_flow) / one_zone.stirring),
+        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / one_zone.wall),
+    ]);
+    let mut s = with_numbers(&s, numbers);
+    s.estimator = config.estimator;
+    let own = short(config.estimator.port_cooling) - one_zone.port_cooling;
+    s.estimator.port_cooling = own.max(0.0) as f32;
+    s.controller = config.controller;
+    Some(s)
+}
+
+/// Keys of the scenario that the core has as they are.
+fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f32)> {
+    let sensors = &config.sensors;
+    vec![
+        ("gas.gas_constant_j_kg_k", config.gas.gas_constant_j_kg_k),
+        ("gas.heat_capacity_ratio", config.gas.heat_capacity_ratio),
+        ("ambient.pressure_pa", config.ambient.pressure_pa),
+        ("ambient.temperature_k", config.ambient.temperature_k),
+        ("supply.pressure_pa", config.supply.pressure_pa),
+        ("supply.temperature_k", config.supply.temperature_k),
+        ("heat.inner_w_m2_k", config.heat.inner_w_m2_k),
+        ("heat.outer_w_m2_k", config.heat.outer_w_m2_k),
+        ("heat.outer_per_speed", config.heat.outer_per_speed),
+        ("friction.force_n", config.friction.force_n),
+        ("friction.reference_temperature_k", config.friction.reference_temperature_k),
+        ("friction.softening_per_k", config.friction.softening_per_k),
+        ("friction.heat_fraction", config.friction.heat_fraction),
+        ("friction.presliding_stiffness_n_m", config.friction.presliding_stiffness_n_m),
+        ("friction.viscous_n_s_m", config.friction.viscous_n_s_m),
+        ("load.mass_kg", config.moving_mass_kg),
+        ("valve.conductance_m3_s_pa", config.valve.conductance_m3_s_pa),
+        ("valve.critical_ratio", config.valve.critical_ratio),
+        ("valve.switch_time_s", config.valve.switch_time_s),
+        ("valve.dead_time_s", config.valve.dead_time_s),
+        ("leak.conductance_m3_s_pa", config.leak.conductance_m3_s_pa),
+        ("leak.critical_ratio", config.leak.critical_ratio),
+        ("adc.wide_code_lsb", sensors.adc.wide_code_lsb),
+        ("sensor.pressure.range_pa", sensors.pressure.range_pa),
+        ("sensor.pressure.noise_pa", sensors.pressure.noise_pa),
+        ("sensor.pressure.gain", sensors.pressure.gain),
+        ("sensor.pressure.offset_pa", sensors.pressure.offset_pa),
+        ("sensor.pressure.correction_25", sensors.pressure.correction_25),
+        ("sensor.pressure.correction_50", sensors.pressure.correction_50),
+        ("sensor.pressure.correction_75", sensors.pressure.correction_75),
+        ("sensor.length.range_m", sensors.length.range_m),
+        ("sensor.length.gain", sensors.length.gain),
+        ("sensor.length.offset_m", sensors.length.offset_m),
+        ("sensor.length.correction_25", sensors.length.correction_25),
+        ("sensor.length.correction_50", sensors.length.correction_50),
+        ("sensor.length.correction_75", sensors.length.correction_75),
+        ("sensor.gas.time_constant_s", sensors.gas.time_constant_s),
+        ("sensor.gas.housing_time_constant_s", sensors.gas.housing_time_constant_s),
+        ("sensor.gas.noise_k", sensors.gas.noise_k),
+        ("sensor.gas.gain", sensors.gas.gain),
+        ("sensor.gas.offset_k", sensors.gas.offset_k),
+        ("sensor.gas.range_min_k", pt1000.range_min_k),
+        ("sensor.gas.range_max_k", pt1000.range_max_k),
+        ("link.timeout_s", config.link.timeout_s),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a board was configured with comes back from it as it was.
+    #[test]
+    fn what_a_scenario_has_told_is_said_again() {
+        for text in [
+            "",
+            "[plant]\nmodel = \"lumped\"\n",
+            "[sensor.pressure]\nrange_pa = 689_476.0\ngain = 1.013\noffset_pa = -312.7\ncorrection_25 = 0.0013\n\
+             [sensor.length]\ncorrection_50 = -0.01\ncorrection_75 = 0.002\n\
+             [load]\nkind = \"mass\"\nmass_kg = 7.3\n[heat]\nmodel = \"correlation\"\n",
+            "[muscle]\nrest_length_m = 0.217\ndiameter_m = 0.0137\nbraid_angle_deg = 21.3\n\
+             [valve]\npwm_hz = 62.5\n[leak]\nconductance_m3_s_pa = 3.7e-12\ncritical_ratio = 0.21\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
+            "[muscle]\nbladder_saturation_n = 41.3\nbladder_strain = 0.031\nslack_m = 0.0043\n\
+             [estimator]\nport_cooling = 0.15\n",
+            "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3435.0\n",
+            "[sensor.gas]\nkind = \"max31865\"\n[sensor.max31865]\nreference_ohm = 402.0\n\
+             [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",
+        ] {
+            let config = core_config(&parse(text, Path::new("scenario")).unwrap().believed);
+            let said = say(&config).unwrap();
+            let back = core_config(&said.scenario.believed);
+            assert_eq!(back, config, "{text}");
+            assert!(said.exact);
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! A scenario read and checked: the plant that it asks for, the configuration of the core, and the way back.
+//!
+//! ```text
+//! text --document: types, ranges--> entries --load: defaults, geometry, rules, CSV--> Loaded
+//! ```
+
+#![warn(clippy::disallowed_methods)]
+
+mod check;
+pub mod core_config;
+pub mod from_config;
+mod load;
+mod loaded;
+mod rules;
+mod sense;
+mod tree;
+
+pub use check::render;
+pub use load::{assemble, load, load_with_warnings, parse, parse_with_warnings};
+pub use loaded::Loaded;
+pub use rules::{OBSERVABLE, highest_pa};
+pub use sense::warnings;

@@ -1,0 +1,253 @@
+//! From a scenario file to everything that a run needs.
+
+use super::loaded::Loaded;
+use super::rules;
+use super::sense::warnings;
+use std::path::{Path, PathBuf};
+use thermyo_compute::math;
+use thermyo_files::input::{InputError, Problem, read_text};
+use thermyo_files::table::read_table;
+use thermyo_plant::chamber;
+use thermyo_plant::chamber::table;
+use thermyo_scenario::document::{Document, Entries, Entry};
+use thermyo_scenario::fault_rules;
+use thermyo_scenario::geometry::{Dimensions, Given};
+use thermyo_scenario::profile::Profile;
+use thermyo_scenario::schema::{Allowed, Limits, limits};
+use thermyo_scenario::violation::{Fault, Violation, WrongCell};
+use thermyo_scenario::{PlantKind, Scenario};
+use toml::{Table, Value};
+
+/// Part of the length sensor's range that the longest length takes where the file does not give the
+/// range.
+const LENGTH_USE: f64 = 0.8;
+
+/// Loads a scenario file. CSV files that it names are looked for from its own folder.
+///
+/// # Errors
+/// In one line: file, line, key, what is there and what is allowed.
+pub fn load(path: &Path) -> Result<Loaded, InputError> {
+    parse(&read_text(path)?, path)
+}
+
+/// Loads a scenario file, along with what it says that makes no sense: see [`warnings`].
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_warnings(path: &Path) -> Result<(Loaded, Vec<InputError>), InputError> {
+    parse_with_warnings(&read_text(path)?, path)
+}
+
+/// As [`parse`], along with what the text says that makes no sense: see [`warnings`].
+///
+/// # Errors
+/// As [`load`].
+pub fn parse_with_warnings(
+    text: &str,
+    origin: &Path,
+) -> Result<(Loaded, Vec<InputError>), InputError> {
+    let document = Document::parse(text, origin)?;
+    let loaded = assemble(&document)?;
+    let found = warnings(&document, &loaded);
+    Ok((loaded, found))
+}
+
+/// Loads a scenario from its text; `origin` is what messages call it, and its folder is where CSV
+/// files are looked for.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
+    assemble(&Document::parse(text, origin)?)
+}
+
+/// Fills in defaults, and applies the rules that tie keys together.
+///
+/// # Errors
+/// As [`load`].
+pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
+    let Document { origin, plant: given, believed: overrides } = document;
+    fault_rules::check_given(given).map_err(|found| blame(found, given, origin))?;
+    let mut plant = overlaid(&Scenario::default(), given, origin)?;
+    let dimensions = Given::of(given).resolved().map_err(|found| blame(found, given, origin))?;
+    plant.muscle = dimensions.applied_to(&plant.muscle);
+    let volumes = limits("vessel.volume_m3");
+    let volume_csv = plant.vessel.volume_csv.as_deref();
+    let volume_profile =
+        profile(volume_csv, given.get("vessel.volume_csv"), (volumes, ""), origin)?;
+    match (&plant.table.csv, given.get("table.csv")) {
+        (Some(path), Some(entry)) => {
+            plant.table_rows = rows(path, entry, table::wrong_cell, origin)?;
+        }
+        _ if plant.plant.kind == PlantKind::Table => {
+            let why = "plant.kind = \"table\" needs it";
+            return Err(blame(Violation::missing("table.csv", "plant.kind", why), given, origin));
+        }
+        _ => {}
+    }
+    fit_sizes(&mut plant, given, volume_profile.as_ref());
+    rules::check_plant(&plant).map_err(|found| blame(found, given, origin))?;
+    let set_points = rules::set_points(&plant);
+    let drive_csv = plant.drive.profile_csv.as_deref();
+    let drive_profile = profile(drive_csv, given.get("drive.profile_csv"), set_points, origin)?;
+    for (path, found) in [
+        (&mut plant.vessel.volume_csv, given.get("vessel.volume_csv")),
+        (&mut plant.table.csv, given.get("table.csv")),
+        (&mut plant.drive.profile_csv, given.get("drive.profile_csv")),
+    ] {
+        if let (Some(path), Some(entry)) = (path, found) {
+            // Absolute, so that the scenario that `check` prints works in any folder.
+            let file = beside(origin, path);
+            let file = std::path::absolute(&file).unwrap_or(file);
+            if file.to_str().is_none() {
+                let problem = Problem::NotAllowed {
+                    key: entry.path(),
+                    value: entry.written.clone(),
+                    allowed: "in a folder whose path is UTF-8 text".to_owned(),
+                };
+                return Err(at(entry, origin, problem));
+            }
+            *path = file;
+        }
+    }
+
+    let mut believed = overlaid(&plant, overrides, origin)?;
+    let threaded = given.get("muscle.thread_length_m").is_some();
+    let dimensions = Given::of(overrides)
+        .completed_from(Dimensions::of(&plant.muscle), threaded)
+        .resolved()
+        .map_err(|found| blame(found, overrides, origin))?;
+    believed.muscle = dimensions.applied_to(&believed.muscle);
+    rules::check_believed(&believed).map_err(|found| blame(found, overrides, origin))?;
+    Ok(Loaded { plant, believed, volume_profile, drive_profile })
+}
+
+/// A scenario with the entries of a file written over it.
+fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
+    // Schema and structs are one declaration: an entry that passed the schema fits the struct. What
+    // drifts or leaks has its number.
+    let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
+    let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
+    for entry in entries.iter() {
+        let mut table = &mut tree;
+        for name in entry.table.split('.') {
+            let next = table.entry(name).or_insert_with(|| Value::Table(Table::new()));
+            table = next.as_table_mut().ok_or_else(|| internal(format!("{name} is no table")))?;
+        }
+        table.insert(entry.key.name.to_owned(), entry.value.clone());
+    }
+    tree.try_into().map_err(|error: toml::de::Error| internal(error.message().to_owned()))
+}
+
+/// Sizes that follow from others where the file leaves them open.
+fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
+    let longest_m = match chamber::of(plant) {
+        Some(chamber) => chamber.lengths()[1],
+        None => {
+            let volumes = volume.map_or(&[][..], Profile::points).iter().map(|point| point.1);
+            let largest_m3 = volumes.reduce(f64::max).unwrap_or(plant.vessel.volume_m3);
+            let sized = volume.is_some() || given.get("vessel.volume_m3").is_some();
+            if sized && given.get("vessel.characteristic_length_m").is_none() {
+                // A cube's.
+                plant.vessel.characteristic_length_m = math::cbrt(largest_m3);
+            }
+            largest_m3 / plant.vessel.section_m2()
+        }
+    };
+    if given.get("sensor.length.range_m").is_none() {
+        let range = &mut plant.sensor.length.range_m;
+        *range = range.max(longest_m / LENGTH_USE).min(limits("sensor.length.range_m").max);
+    }
+}
+
+/// A rule's violation, as the user has to hear it.
+fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
+    let key = entries.full_path(&violation.path);
+    let mut entry = entries.get(&violation.path);
+    let problem = match violation.fault {
+        Fault::NotAllowed { value, allowed } => {
+            let value = match entry {
+                Some(entry) => entry.written.clone(),
+                None => format!("{value} (not given)"),
+            };
+            Problem::NotAllowed { key, value, allowed }
+        }
+        Fault::Missing { for_path, why } => {
+            entry = entries.get(&for_path);
+            Problem::Missing { key, why }
+        }
+    };
+    match entry {
+        Some(entry) => at(entry, origin, problem),
+        None => InputError::file(origin, problem),
+    }
+}
+
+/// A problem of an entry of the file `origin`.
+fn at(entry: &Entry, origin: &Path, problem: Problem) -> InputError {
+    InputError { file: origin.to_path_buf(), line: entry.line, problem: Box::new(problem) }
+}
+
+/// Where a file lies whose path is relative to the folder of `origin`.
+fn beside(origin: &Path, path: &Path) -> PathBuf {
+    origin.parent().unwrap_or(Path::new("")).join(path)
+}
+
+/// The numbers in the CSV file at `path`, which an entry names, row after row; `wrong` finds the first cell
+/// that may not be what it is, and says what it may be.
+fn rows<const N: usize>(
+    path: &Path,
+    entry: &Entry,
+    wrong: impl Fn(&[[f64; N]]) -> Option<WrongCell>,
+    origin: &Path,
+) -> Result<Vec<[f64; N]>, InputError> {
+    let Allowed::Csv { columns } = entry.key.allowed else { return Ok(Vec::new()) };
+    let read = || {
+        let table = read_table(&beside(origin, path))?;
+        let mut rows = vec![[0.0; N]; table.rows()];
+        for (i, column) in columns.iter().enumerate() {
+            let numbers = table.filled(column)?;
+            rows.iter_mut().zip(numbers).for_each(|(row, number)| row[i] = number);
+        }
+        match wrong(&rows) {
+            Some(cell) => Err(table.cell_error(cell.row, columns[cell.column], &cell.allowed)),
+            None => Ok(rows),
+        }
+    };
+    read().map_err(|error| named(error, entry, origin))
+}
+
+/// Where the file as a whole is wrong, the user may have named the wrong one.
+fn named(error: InputError, entry: &Entry, origin: &Path) -> InputError {
+    if error.line.is_some() {
+        return error;
+    }
+    at(entry, origin, Problem::Reference { key: entry.path(), file: error })
+}
+
+/// The profile in the CSV file that an entry names; its values stay within `allowed`.
+fn profile(
+    path: Option<&Path>,
+    entry: Option<&Entry>,
+    (allowed, why): (Limits, &str),
+    origin: &Path,
+) -> Result<Option<Profile>, InputError> {
+    let (Some(path), Some(entry)) = (path, entry) else { return Ok(None) };
+    let separator = if why.is_empty() { "" } else { ", " };
+    let wrong = |rows: &[[f64; 2]]| {
+        let earlier = (1..rows.len()).find(|row| rows[*row][0] <= rows[row - 1][0]);
+        if let Some(row) = earlier {
+            let allowed = format!("above {:?}, the time of the row before", rows[row - 1][0]);
+            return Some(WrongCell { row, column: 0, allowed });
+        }
+        let row = rows.iter().position(|[_, value]| !allowed.contains(*value))?;
+        Some(WrongCell { row, column: 1, allowed: format!("{allowed}{separator}{why}") })
+    };
+    let rows = rows(path, entry, wrong, origin)?;
+    Profile::new(rows.into_iter().map(|[time, value]| (time, value)).collect()).map(Some).map_err(
+        |error| {
+            let unreadable = Problem::Unreadable(error.to_string());
+            named(InputError::file(&beside(origin, path), unreadable), entry, origin)
+        },
+    )
+}

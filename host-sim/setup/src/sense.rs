@@ -1,0 +1,266 @@
+//! What a scenario may say though it makes no sense: it is valid and runs, and is hardly what was meant.
+
+use super::loaded::Loaded;
+use super::tree::{same, tree, value};
+use crate::core_config::pressure_limit_pa;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_plant::chamber;
+use thermyo_scenario::document::{Document, Entry};
+use thermyo_scenario::{
+    DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
+};
+
+/// The tables that neither plant nor core looks at, each with the value that decides so.
+pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)> {
+    let scenario = &loaded.plant;
+    let kind = scenario.plant.kind;
+    let vessel = kind == PlantKind::Vessel;
+    let own = |owner, table| (table, owner == kind, "plant.kind is another one");
+    let moving = |table| (table, !vessel, "plant.kind = \"vessel\"");
+    let mut tables: Vec<(&str, &str)> = [
+        own(PlantKind::Muscle, "muscle"),
+        own(PlantKind::Vessel, "vessel"),
+        own(PlantKind::Vessel, "orifice"),
+        own(PlantKind::Cylinder, "cylinder"),
+        own(PlantKind::Table, "table"),
+        moving("friction"),
+        moving("load"),
+        moving("tube"),
+    ]
+    .into_iter()
+    .filter(|(_, used, _)| !used)
+    .map(|(table, _, why)| (table, why))
+    .collect();
+    if !vessel && scenario.plant.model != PlantModel::Full {
+        tables.push(("tube", "plant.model is not \"full\""));
+    }
+    if scenario.plant.model != PlantModel::Paper {
+        tables.push(("paper", "plant.model is not \"paper\""));
+    }
+    let sensors = [&loaded.plant, &loaded.believed].map(|scenario| &scenario.sensor);
+    let no_gas = |kind| sensors.iter().all(|sensor| sensor.gas.kind != kind);
+    if no_gas(GasElementKind::Ntc) {
+        tables.push(("sensor.ntc", "sensor.gas.kind is not \"ntc\""));
+    }
+    if no_gas(GasElementKind::Max31865) {
+        tables.push(("sensor.max31865", "sensor.gas.kind is not \"max31865\""));
+    }
+    if sensors.iter().all(|sensor| sensor.pressure.kind != PressureKind::Mpr) {
+        tables.push(("sensor.mpr", "sensor.pressure.kind is not \"mpr\""));
+    }
+    let open = [DriveKind::Duty, DriveKind::Closed, DriveKind::Fill, DriveKind::Discharge];
+    if open.contains(&scenario.drive.kind) {
+        tables.push(("controller", "with this drive.kind nothing is controlled"));
+    }
+    tables
+}
+
+/// Whether `plant.model` makes no difference: a vessel has one zone.
+pub(super) fn model_is_unused(scenario: &Scenario) -> bool {
+    scenario.plant.kind == PlantKind::Vessel && scenario.plant.model == PlantModel::Full
+}
+
+/// Below that a muscle holds nearly a vacuum, or the number is one of bar \[Pa\].
+const NEARLY_VACUUM_PA: f64 = 1000.0;
+
+/// Keys that only the muscle in zones looks at.
+const IN_FULL: [&str; 14] = [
+    "supply.droop_pa_s_kg",
+    "muscle.zones",
+    "cylinder.zones",
+    "table.zones",
+    "wall.outer_fraction",
+    "wall.conductance_w_k",
+    "friction.stribeck_force_n",
+    "friction.stribeck_speed_m_s",
+    "friction.viscous_n_s_m",
+    "friction.presliding_stiffness_n_m",
+    "sensor.gas.housing_time_constant_s",
+    "sensor.gas.position",
+    "sensor.gas.span",
+    "sensor.wall.position",
+];
+
+/// Why a key of a table that is looked at is not.
+fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
+    let (drive, load, heat) = (&scenario.drive, &scenario.load, &scenario.heat);
+    let of_drive = |kind, why| {
+        let why = (drive.kind != kind).then_some(why);
+        why.or(drive.profile_csv.is_some().then_some("drive.profile_csv says it"))
+    };
+    let of_load = |kind, why| (load.kind != kind).then_some(why);
+    let none = matches!(heat.model, HeatModel::Adiabatic | HeatModel::Isothermal);
+    match path {
+        "drive.period_s" | "drive.flow_kg_s" => {
+            of_drive(DriveKind::MassFlow, "drive.kind is not \"mass-flow\"")
+        }
+        "drive.pressure_pa" => of_drive(DriveKind::Pressure, "drive.kind is not \"pressure\""),
+        "drive.contraction" => {
+            of_drive(DriveKind::Contraction, "drive.kind is not \"contraction\"")
+        }
+        "load.force_n" => of_load(LoadKind::Isotonic, "load.kind is not \"isotonic\""),
+        "load.length_m" => of_load(LoadKind::Isometric, "load.kind is not \"isometric\""),
+        "load.mass_kg" if load.kind == LoadKind::Isometric => Some("load.kind = \"isometric\""),
+        "load.mass_kg" if load.kind == LoadKind::Isotonic && !scenario.moves_in_full() => {
+            Some("load.kind is not \"mass\", and plant.model is not \"full\"")
+        }
+        "heat.inner_w_m2_k" | "heat.inner_per_flow" => {
+            (heat.model != HeatModel::Constant).then_some("heat.model is not \"constant\"")
+        }
+        "heat.inlet_diameter_m" => {
+            (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
+        }
+        "heat.scale" if none => Some("heat.model says it"),
+        "tube.diameter_m" if scenario.tube.line().is_none() => Some("tube.length_m is 0"),
+        path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
+            Some("plant.model is not \"full\", or it is a vessel")
+        }
+        _ => None,
+    }
+}
+
+/// Values that were changed and change nothing.
+fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
+    let tables = unused_tables(loaded);
+    let defaults = tree(&Scenario::default());
+    let changed = |entry: &&Entry| {
+        let default = value(&defaults, &entry.table, entry.key.name);
+        !same(default, Some(&entry.value)) && tables.iter().all(|(table, _)| *table != entry.table)
+    };
+    [(&document.plant, &loaded.plant), (&document.believed, &loaded.believed)]
+        .into_iter()
+        .flat_map(|(entries, scenario)| {
+            entries.iter().filter(changed).filter_map(|entry| {
+                let why = unused_key(scenario, &entry.path())?;
+                let problem = Problem::NoSense {
+                    key: entries.full_path(&entry.path()),
+                    value: entry.written.clone(),
+                    why: format!("not used: {why}"),
+                };
+                Some(problem_at(document, entry.line, problem))
+            })
+        })
+        .collect()
+}
+
+/// What a user should be told of a scenario that can be run, in order of the file where it has lines.
+pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
+    let scenario = &loaded.plant;
+    let mut all: Vec<InputError> = unused_tables(loaded)
+        .into_iter()
+        .flat_map(|(table, why)| {
+            [&document.plant, &document.believed].map(|entries| {
+                let entry = entries.iter().find(|entry| entry.table == table)?;
+                let problem = Problem::UnusedTable { table: entries.full_path(table), why };
+                Some(problem_at(document, entry.line, problem))
+            })
+        })
+        .flatten()
+        .collect();
+    let model = document.plant.get("plant.model").filter(|_| model_is_unused(scenario));
+    all.extend(model.map(|entry| {
+        let problem = Problem::NoSense {
+            key: entry.path(),
+            value: entry.written.clone(),
+            why: "a vessel has one zone in every model".to_owned(),
+        };
+        problem_at(document, entry.line, problem)
+    }));
+    all.extend(unused_keys(document, loaded));
+    let values = [
+        ("supply.pressure_pa", scenario.supply.pressure_pa, no_supply(scenario)),
+        (
+            "ambient.pressure_pa",
+            scenario.ambient.pressure_pa,
+            vacuum(scenario, |s| s.ambient.pressure_pa),
+        ),
+        (
+            "plant.initial_pressure_pa",
+            scenario.plant.initial_pressure_pa,
+            vacuum(scenario, |s| s.plant.initial_pressure_pa).or(above_supply(scenario)),
+        ),
+        (
+            "sensor.pressure.range_pa",
+            scenario.sensor.pressure.range_pa,
+            short_of_pressure(scenario),
+        ),
+        ("sensor.length.range_m", scenario.sensor.length.range_m, short_of_length(scenario)),
+    ]
+    .map(|(path, value, why)| (path.to_owned(), value, why));
+    let end_s = scenario.run.duration_s;
+    let late = scenario.faults.windows().filter_map(|(path, window)| {
+        let late = window.from_s >= end_s && window.broken().next().is_some();
+        let why = format!("not before the end of the run, run.duration_s = {end_s:?}");
+        late.then(|| (format!("{path}.from_s"), window.from_s, Some(why)))
+    });
+    all.extend(values.into_iter().chain(late).filter_map(|(key, value, why)| {
+        let line = document.plant.get(&key).and_then(|entry| entry.line);
+        let value = format!("{value:?}");
+        Some(problem_at(document, line, Problem::NoSense { key, value, why: why? }))
+    }));
+    all.sort_by_key(|warning| warning.line);
+    all
+}
+
+/// Whether the drive is to let something in.
+fn fills(scenario: &Scenario) -> bool {
+    !matches!(scenario.drive.kind, DriveKind::Discharge | DriveKind::Closed)
+}
+
+/// Why nothing comes in at the start, where the supply would do.
+fn above_supply(scenario: &Scenario) -> Option<String> {
+    let supply_pa = scenario.supply.pressure_pa;
+    let above = scenario.plant.initial_pressure_pa > supply_pa;
+    (fills(scenario) && above && no_supply(scenario).is_none()).then(|| {
+        format!("above supply.pressure_pa = {supply_pa:?}: nothing flows in until it has fallen")
+    })
+}
+
+/// Why the pressure sensor does not do.
+fn short_of_pressure(scenario: &Scenario) -> Option<String> {
+    let limit_pa = pressure_limit_pa(scenario);
+    let (key, pressure_pa) = [
+        ("plant.initial_pressure_pa", scenario.plant.initial_pressure_pa),
+        ("ambient.pressure_pa", scenario.ambient.pressure_pa),
+    ]
+    .into_iter()
+    .find(|(_, pressure_pa)| *pressure_pa > limit_pa)?;
+    Some(format!("so that the core vents above {limit_pa:?} Pa, and {key} = {pressure_pa:?}"))
+}
+
+/// Why the length sensor does not do.
+fn short_of_length(scenario: &Scenario) -> Option<String> {
+    let rest_m = chamber::of(scenario)?.rest_length();
+    let Scenario { load, drive, .. } = scenario;
+    let driven = drive.kind == DriveKind::Contraction && drive.profile_csv.is_none();
+    let (what, length_m) = match load.kind {
+        LoadKind::Isometric => ("load.length_m", load.length_m),
+        _ if driven && drive.contraction < 0.0 => {
+            ("the length of drive.contraction", rest_m * (1.0 - drive.contraction))
+        }
+        _ => ("the rest length", rest_m),
+    };
+    (scenario.sensor.length.range_m < length_m).then(|| format!("below {what}, {length_m:?} m"))
+}
+
+/// Why nothing comes in, where something should.
+fn no_supply(scenario: &Scenario) -> Option<String> {
+    let ambient_pa = scenario.ambient.pressure_pa;
+    (fills(scenario) && scenario.supply.pressure_pa <= ambient_pa).then(|| {
+        format!(
+            "not above ambient.pressure_pa = {ambient_pa:?}, so that nothing is filled; pressures are \
+             absolute, in Pa"
+        )
+    })
+}
+
+/// Why a pressure is hardly meant, where a muscle is to move.
+fn vacuum(scenario: &Scenario, pressure_pa: impl Fn(&Scenario) -> f64) -> Option<String> {
+    let moves = scenario.plant.kind != PlantKind::Vessel;
+    (moves && pressure_pa(scenario) < NEARLY_VACUUM_PA)
+        .then(|| "nearly a vacuum; pressures are absolute, in Pa".to_owned())
+}
+
+fn problem_at(document: &Document, line: Option<u64>, problem: Problem) -> InputError {
+    InputError { file: document.origin.clone(), line, problem: Box::new(problem) }
+}

@@ -1,0 +1,20 @@
+//! A scenario as the TOML that it is written in, key by key.
+
+use thermyo_scenario::Scenario;
+use toml::Value;
+
+pub(super) fn tree(scenario: &Scenario) -> toml::Table {
+    toml::Table::try_from(scenario).expect("a checked scenario is plain TOML")
+}
+
+pub(super) fn value<'a>(tree: &'a toml::Table, table: &str, key: &str) -> Option<&'a Value> {
+    table.split('.').try_fold(tree, |tree, name| tree.get(name)?.as_table())?.get(key)
+}
+
+/// Equal to the bit: 0.0 and -0.0 are not.
+pub(super) fn same(a: Option<&Value>, b: Option<&Value>) -> bool {
+    match (a, b) {
+        (Some(Value::Float(a)), Some(Value::Float(b))) => a.to_bits() == b.to_bits(),
+        _ => a == b,
+    }
+}

@@ -1,0 +1,349 @@
+//! A board: where the core runs. The one here runs it in this process.
+
+use model_core::control::Mode;
+use model_core::link::{Chip, PROTOCOL, Refusal, Timing};
+use model_core::{Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
+use std::io;
+use std::path::PathBuf;
+use thermyo_plant::Actuation;
+
+/// A board: raw samples in, openings and telemetry out, once per step.
+pub trait Board {
+    /// What it is, for summaries: "core", "emulated", "serial".
+    fn name(&self) -> &'static str;
+    /// Configures the core and gives the first set point. Steps count from 0 after it.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError>;
+    /// Changes the set point, from the step after the next on: on a real board it arrives while that
+    /// step is computed.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError>;
+    /// One step: feeds the sample, returns what became of it. The first one after a start is fed until
+    /// the core has judged its sensors: before a run begins the board has been on for a while.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError>;
+    /// Restarts the board: it has forgotten its configuration and remembers what was latched. In the steps
+    /// that follow it judges its sensors, and then counts from 0 again.
+    ///
+    /// # Errors
+    /// [`BoardError::NoRestart`] where nothing here can restart it.
+    fn restart(&mut self) -> Result<(), BoardError> {
+        Err(BoardError::NoRestart)
+    }
+
+    /// How the steps were timed, where that is not this process.
+    ///
+    /// # Errors
+    /// [`BoardError`]
+    fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
+        Ok(None)
+    }
+}
+
+/// What one step gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoardStep {
+    /// What the core made of a sample: this step's, or, where it crosses a serial line in real time,
+    /// an earlier one's. `Telemetry::step` says which.
+    pub telemetry: Option<Telemetry>,
+    /// What the valves are set to between this step and the next: duties, as the timer that drives
+    /// them holds them.
+    pub actuation: Actuation,
+}
+
+/// A board that cannot be used, or no longer.
+#[derive(Debug, thiserror::Error)]
+pub enum BoardError {
+    /// The core refuses its configuration.
+    #[error("the core refuses its configuration: {0}")]
+    Config(ConfigError),
+    /// The core refuses a set point.
+    #[error("the core refuses the set point: {0}")]
+    SetPoint(SetPointError),
+    /// A step was asked for before the board was started.
+    #[error("the board was asked for a step before it was started")]
+    NotStarted,
+    /// Node.js is not there.
+    #[error(
+        "Node.js was not found: install Node.js 18 or newer for the emulated board, or set \
+         THERMYO_SKIP_EMULATOR=1 to skip its tests"
+    )]
+    NoNode,
+    /// Node.js is older than the emulator needs.
+    #[error("Node.js {version} is too old for the emulated board: install 18 or newer")]
+    OldNode {
+        /// What `node --version` says.
+        version: String,
+    },
+    /// The emulator and the images inside this program cannot be put where Node.js finds them.
+    #[error(
+        "{folder}: cannot be written ({reason}), and the emulated board wants its files there: set \
+         XDG_CACHE_HOME to a folder that can be"
+    )]
+    NotUnpacked {
+        /// Where.
+        folder: PathBuf,
+        /// What the system said.
+        reason: String,
+    },
+    /// `npm ci` failed.
+    #[error("`npm ci` failed; it needs npm and its registry: {message}")]
+    Npm {
+        /// What it said.
+        message: String,
+    },
+    /// The compiler's target for the chip is not installed.
+    #[error("the compiler's target for the chip is missing: run `rustup target add {target}`")]
+    NoTarget {
+        /// Name of the target.
+        target: &'static str,
+    },
+    /// The firmware did not build.
+    #[error("the firmware did not build:\n{message}")]
+    Build {
+        /// What cargo said.
+        message: String,
+    },
+    /// There is no file where the image should be.
+    #[error("{path}: no such image: give the ELF or UF2 file that a build of the firmware left")]
+    NoImage {
+        /// Where.
+        path: PathBuf,
+    },
+    /// The emulator cannot run the image.
+    #[error("{message}")]
+    Image {
+        /// What it said.
+        message: String,
+    },
+    /// The emulator ended.
+    #[error("the emulated board stopped: {message}")]
+    Emulator {
+        /// What it said.
+        message: String,
+    },
+    /// The serial port cannot be opened.
+    #[error(
+        "{port}: {reason}: connect the board and name its port (Linux /dev/ttyACM0 or \
+         /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
+    )]
+    NoPort {
+        /// Name of the port.
+        port: String,
+        /// What the system said.
+        reason: String,
+    },
+    /// The user may not open the port.
+    #[error(
+        "{port}: no permission to open it: on Linux `sudo usermod -aG dialout $USER`, then log in \
+         again (Arch: the group uucp)"
+    )]
+    NoPermission {
+        /// Name of the port.
+        port: String,
+    },
+    /// Another program has the port.
+    #[error("{port}: another program has it open: close that one, then try again")]
+    Taken {
+        /// Name of the port.
+        port: String,
+    },
+    /// The line to the board broke.
+    #[error("the line to the board broke ({0}): check its cable and start again")]
+    Line(#[from] io::Error),
+    /// The board does not answer.
+    #[error(
+        "the board does not answer ({asked}): check power and wiring (GP0, GP1, 921600 baud), \
+         and that this project's firmware is flashed"
+    )]
+    Silent {
+        /// What was asked.
+        asked: &'static str,
+    },
+    /// The board speaks another version of the protocol.
+    #[error(
+        "the board's firmware speaks protocol {board}, this program {PROTOCOL}: flash the \
+         firmware of the same version"
+    )]
+    Protocol {
+        /// Its version.
+        board: u16,
+    },
+    /// The board samples its own inputs.
+    #[error(
+        "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
+         built with `--features hil`"
+    )]
+    NotHil {
+        /// The chip.
+        chip: Chip,
+    },
+    /// The board wants its samples from here.
+    #[error(
+        "the board ({chip:?}) waits for simulated samples: to drive a muscle flash the firmware built \
+         without the feature `hil`"
+    )]
+    Hil {
+        /// The chip.
+        chip: Chip,
+    },
+    /// The configuration is one for the converter of another chip.
+    #[error(
+        "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
+         ({chip:?}) has none: [adc] wide_code_lsb = 0"
+    )]
+    OtherChip {
+        /// That of the board.
+        chip: Chip,
+    },
+    /// The board has not the configuration that it was sent.
+    #[error("the board's configuration is not the one that was sent: another program talks to it")]
+    Damaged,
+    /// The user has ended it; the board vents.
+    #[error("ended by Ctrl-C; the board vents")]
+    Interrupted,
+    /// Faults vent the muscle.
+    #[error("the board vents: {0}. Remove the cause, then `thermyo board PORT clear` and `arm`")]
+    Vented(Faults),
+    /// A pressure that the board, as it is configured and armed, cannot hold.
+    #[error("{}", pressure(*.pressure_pa, *.least_pa, *.most_pa))]
+    Pressure {
+        /// That was asked for \[Pa\].
+        pressure_pa: f32,
+        /// Ambient, as the board is configured \[Pa\].
+        least_pa: f32,
+        /// What it is armed up to \[Pa\].
+        most_pa: f32,
+    },
+    /// The board refused a request.
+    #[error("{}", refused(.0))]
+    Refused(Refusal),
+    /// The board restarted in the middle of a run.
+    #[error("the board restarted in the middle of the run: `thermyo monitor` shows the reason")]
+    Restarted,
+    /// Nothing here can restart the board.
+    #[error(
+        "faults.board_restart: nothing here can restart this board; leave it out, or run in \
+         process or on the emulated board"
+    )]
+    NoRestart,
+}
+
+/// What a pressure may be; and what it would be in Pa where it was meant in another unit.
+fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
+    let meant = [("bar", 1e5), ("kPa", 1e3)].into_iter().find_map(|(unit, unit_pa)| {
+        let meant_pa = f64::from(pressure_pa) * unit_pa;
+        let can_be = (f64::from(least_pa)..=f64::from(most_pa)).contains(&meant_pa);
+        can_be.then(|| format!("; {pressure_pa} {unit} is {meant_pa:.0} Pa"))
+    });
+    format!(
+        "pressure_pa = {pressure_pa}: must be from {least_pa} Pa (ambient, as the board is configured) to \
+         {most_pa} Pa{}",
+        meant.unwrap_or_default()
+    )
+}
+
+/// What a board says no to, and where there is a command for it, which.
+fn refused(refusal: &Refusal) -> String {
+    match refusal {
+        Refusal::NotConfigured
+        | Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED)) => {
+            "the board does not know its muscle yet: `thermyo board PORT config write SCENARIO.toml`"
+                .to_owned()
+        }
+        Refusal::SetPoint(SetPointError::NotArmed) => {
+            "the board is not armed: `thermyo board PORT arm`, or `--arm`".to_owned()
+        }
+        refusal => format!("the board refused: {refusal}"),
+    }
+}
+
+/// The core in this process: the valves see at once what it commands.
+#[derive(Debug, Default)]
+pub struct CoreBoard {
+    core: Option<Core>,
+    pending: Option<SetPoint>,
+    /// It has been started, and its sensors are to be judged before its first step.
+    to_judge: bool,
+}
+
+impl CoreBoard {
+    /// The core, once it has been started.
+    ///
+    /// # Errors
+    /// [`BoardError::NotStarted`]
+    pub fn core(&mut self) -> Result<&mut Core, BoardError> {
+        self.core.as_mut().ok_or(BoardError::NotStarted)
+    }
+}
+
+impl Board for CoreBoard {
+    fn name(&self) -> &'static str {
+        "core"
+    }
+
+    fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError> {
+        let mut core = Core::new(config).map_err(BoardError::Config)?;
+        core.set(set_point).map_err(BoardError::SetPoint)?;
+        self.core = Some(core);
+        self.to_judge = true;
+        Ok(())
+    }
+
+    fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
+        self.pending = Some(set_point);
+        Ok(())
+    }
+
+    fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
+        let pending = self.pending.take();
+        let to_judge = std::mem::take(&mut self.to_judge);
+        let core = self.core()?;
+        let mut telemetry = core.step(sample);
+        while to_judge && telemetry.mode == Mode::Judging {
+            telemetry = core.step(sample);
+        }
+        if let Some(set_point) = pending {
+            match core.set(set_point) {
+                // What vents, vents: the telemetry says why.
+                Ok(()) | Err(SetPointError::Faults(_)) => (),
+                Err(error) => return Err(BoardError::SetPoint(error)),
+            }
+        }
+        Ok(BoardStep { telemetry: Some(telemetry), actuation: telemetry.command.into() })
+    }
+
+    fn restart(&mut self) -> Result<(), BoardError> {
+        let core = self.core()?;
+        let supervisor = *core.supervisor();
+        *core = Core::unconfigured().map_err(BoardError::Config)?;
+        if let Some(first) = supervisor.first_failure() {
+            core.recall(first, supervisor.latched());
+        }
+        self.pending = None;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pressure_in_another_unit_is_said_in_pascals() {
+        let said = |pressure_pa| pressure(pressure_pa, 101_325.0, 689_500.0);
+        assert_eq!(
+            said(1.3),
+            "pressure_pa = 1.3: must be from 101325 Pa (ambient, as the board is configured) to 689500 Pa; 1.3 bar \
+             is 130000 Pa"
+        );
+        assert!(said(150.0).ends_with("; 150 kPa is 150000 Pa"));
+        assert!(said(-3000.0).ends_with("to 689500 Pa") && said(9e5).ends_with("to 689500 Pa"));
+    }
+}

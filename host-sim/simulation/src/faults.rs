@@ -1,0 +1,143 @@
+//! What `[faults]` and `[faults.NAME]` break, over time: sensors, the lines between them and the ADC,
+//! the board's own lines, and the plant.
+
+use crate::adc::Codes;
+use model_core::sample::CODE_MAX;
+use model_core::{AdcCode, Sample};
+use rand_distr::{Distribution, Uniform};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+use thermyo_plant::{Disturbance, Travel, Truth};
+use thermyo_scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
+
+/// Half of the noise band on a noisy line: 5 % of the range.
+const NOISE: i32 = CODE_MAX as i32 / 20;
+
+/// The faults of a run.
+#[derive(Debug, Clone)]
+pub struct InjectedFaults {
+    windows: Vec<FaultWindow>,
+    step_s: f64,
+    /// Codes that arrived in the last step.
+    arrived: Codes,
+    /// Pressure and gas come from digital parts.
+    digital: [bool; 2],
+    generator: Xoshiro256PlusPlus,
+    noise: Uniform<i32>,
+}
+
+impl InjectedFaults {
+    /// The faults of a scenario.
+    pub fn new(scenario: &Scenario) -> Self {
+        let unbroken = FaultWindow::default();
+        let windows = scenario.faults.windows().map(|(_, window)| window.clone());
+        Self {
+            windows: windows.filter(|window| *window != unbroken).collect(),
+            arrived: Codes::default(),
+            digital: [
+                scenario.sensor.pressure_part().is_digital(),
+                scenario.sensor.gas_element().is_digital(),
+            ],
+            step_s: scenario.run.step_s,
+            // Another seed than the ADC's: a fault changes no noise but its own.
+            generator: Xoshiro256PlusPlus::seed_from_u64(!scenario.run.seed),
+            noise: Uniform::new_inclusive(-NOISE, NOISE).expect("the band is not empty"),
+        }
+    }
+
+    /// What the sensors give to the front end: the truth, with the drift of drifting sensors on it.
+    pub fn sensed(&self, truth: &Truth) -> Truth {
+        let mut sensed = *truth;
+        for window in self.active(truth.time_s) {
+            let elapsed_s = truth.time_s - window.from_s;
+            for (fault, reading) in [
+                (window.pressure, &mut sensed.sensor_pressure_pa),
+                (window.gas, &mut sensed.sensor_gas_k),
+                (window.length, &mut sensed.sensor_length_m),
+            ] {
+                if let ChannelFault::Drifting { rate_per_s } = fault {
+                    *reading += rate_per_s * elapsed_s;
+                }
+            }
+        }
+        sensed
+    }
+
+    /// What arrives at the core.
+    pub fn apply(&mut self, time_s: f64, codes: Codes) -> Sample {
+        let of = |line: fn(&FaultWindow) -> ChannelFault| {
+            let mut faults = self.active(time_s).map(line);
+            faults.find(|fault| *fault != ChannelFault::None).unwrap_or(ChannelFault::None)
+        };
+        let (pressure, gas, length) = (of(|w| w.pressure), of(|w| w.gas), of(|w| w.length));
+        let emergency_stop = self.active(time_s).any(|window| window.emergency_stop);
+        let [digital_pressure, digital_gas] = self.digital;
+        self.arrived = Codes {
+            pressure: self.line(pressure, codes.pressure, self.arrived.pressure, digital_pressure),
+            gas: self.line(gas, codes.gas, self.arrived.gas, digital_gas),
+            length: self.line(length, codes.length, self.arrived.length, false),
+        };
+        let Codes { pressure, gas, length } = self.arrived;
+        let on_link = |fault| self.active(time_s).any(|window| window.link == fault);
+        let missed = self.windows.iter().map(|w| w.missed_steps_at(time_s, self.step_s));
+        Sample {
+            emergency_stop,
+            heard: !on_link(LinkFault::Lost),
+            flooded: on_link(LinkFault::Flooded),
+            missed_steps: missed.max().unwrap_or_default(),
+            ..Sample::new(AdcCode(pressure), AdcCode(gas), AdcCode(length))
+        }
+    }
+
+    /// What is broken in the plant during the step that starts at that time \[s\].
+    pub fn disturbance(&self, time_s: f64) -> Disturbance {
+        let mut disturbance = Disturbance::default();
+        for window in self.active(time_s) {
+            for (travel, fault) in
+                [(&mut disturbance.inlet, window.inlet), (&mut disturbance.outlet, window.outlet)]
+            {
+                match fault {
+                    ValveFault::None => {}
+                    ValveFault::Open => *travel = Travel { shut: 1.0, open: 1.0 },
+                    ValveFault::Shut => *travel = Travel { shut: 0.0, open: 0.0 },
+                    ValveFault::Leaking { share } => travel.shut = share,
+                }
+            }
+            disturbance.leak_m3_s_pa += window.leak_conductance_m3_s_pa;
+            disturbance.supply_pa = window.supply_pressure_pa.or(disturbance.supply_pa);
+        }
+        disturbance
+    }
+
+    /// Whether the board restarts before the step at that time \[s\].
+    pub fn board_restarts(&self, time_s: f64) -> bool {
+        let mut restarting = self.windows.iter().filter(|window| window.board_restart);
+        restarting.any(|window| window.starts_at(time_s, self.step_s))
+    }
+
+    fn active(&self, time_s: f64) -> impl Iterator<Item = &FaultWindow> {
+        self.windows.iter().filter(move |window| window.contains(time_s))
+    }
+
+    /// The code behind a fault. A digital part that is open or shorted says so, and one that is frozen is silent.
+    fn line(&mut self, fault: ChannelFault, code: u16, arrived: u16, digital: bool) -> u16 {
+        let fresh = AdcCode(code).is_fresh();
+        match fault {
+            // A drift is in the code already.
+            ChannelFault::None | ChannelFault::Drifting { .. } => code,
+            ChannelFault::Open | ChannelFault::Shorted if digital => AdcCode::of_part(0, fresh).0,
+            ChannelFault::Frozen if digital => AdcCode(arrived).stale().0,
+            ChannelFault::Noisy if digital => {
+                let reading = i32::from(code >> 1) + self.noise.sample(&mut self.generator);
+                AdcCode::of_part(reading.clamp(0, i32::from(CODE_MAX)) as u16, fresh).0
+            }
+            ChannelFault::Open => CODE_MAX,
+            ChannelFault::Shorted => 0,
+            ChannelFault::Frozen => arrived,
+            ChannelFault::Noisy => {
+                let noisy = i32::from(code) + self.noise.sample(&mut self.generator);
+                noisy.clamp(0, i32::from(CODE_MAX)) as u16
+            }
+        }
+    }
+}

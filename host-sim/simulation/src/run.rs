@@ -1,0 +1,506 @@
+//! One run: plant, front end and board in lockstep.
+//!
+//! ```text
+//! plant --Truth--> front end, ADC --Sample--> board (core) --Command--> plant, once per step
+//! ```
+
+use crate::board::{Board, BoardError, BoardStep};
+use crate::rig::{MeanFlows, Rig};
+use model_core::control::Mode;
+use model_core::physics::model::Model;
+use model_core::{ConfigError, Sample, SetPoint, Telemetry};
+use std::collections::VecDeque;
+use std::fmt;
+use std::io;
+use std::time::Instant;
+use thermyo_compute::stop;
+use thermyo_plant::chamber;
+use thermyo_plant::{BuildError, Diverged, Truth};
+use thermyo_record::measured::Measured;
+use thermyo_record::summary::{Accumulator, Controlled, Ending, Summary};
+use thermyo_record::trace::Row;
+use thermyo_scenario::profile::Profile;
+use thermyo_scenario::{Drive, DriveKind, LoadKind, Scenario};
+use thermyo_setup::Loaded;
+use thermyo_setup::core_config::core_config;
+
+/// Interval at which a set point that follows a profile is given anew \[s\].
+const SET_POINT_INTERVAL_S: f64 = 0.01;
+
+/// Steps after the end within which the last telemetry has to arrive.
+pub const MOST_LATE_STEPS: u64 = 5;
+
+/// Why a run ended before its time.
+#[derive(Debug)]
+pub enum RunError {
+    /// The plant cannot be built from the scenario.
+    Build(BuildError),
+    /// The core refuses what it is to believe.
+    Config(ConfigError),
+    /// The plant left the range of its equations.
+    Diverged(Diverged),
+    /// The board does not answer.
+    Board(BoardError),
+    /// The observer cannot write what it is shown.
+    Output(io::Error),
+    /// It was to end: [`thermyo_compute::stop`].
+    Stopped,
+}
+
+impl fmt::Display for RunError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Build(error) => error.fmt(f),
+            Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
+            Self::Diverged(error) => error.fmt(f),
+            Self::Board(error) => error.fmt(f),
+            Self::Output(error) => error.fmt(f),
+            Self::Stopped => f.write_str("stopped"),
+        }
+    }
+}
+
+impl std::error::Error for RunError {}
+
+impl From<Diverged> for RunError {
+    fn from(error: Diverged) -> Self {
+        Self::Diverged(error)
+    }
+}
+
+impl From<BoardError> for RunError {
+    fn from(error: BoardError) -> Self {
+        Self::Board(error)
+    }
+}
+
+/// What follows a run as it goes on.
+pub trait Observer {
+    /// One row per `[run] log_every` steps, the last step included.
+    ///
+    /// # Errors
+    /// When the row cannot be written; the run stops.
+    fn row(&mut self, row: &Row) -> io::Result<()>;
+}
+
+impl<F: FnMut(&Row) -> io::Result<()>> Observer for F {
+    fn row(&mut self, row: &Row) -> io::Result<()> {
+        self(row)
+    }
+}
+
+/// Runs a scenario on a board.
+///
+/// # Errors
+/// [`RunError`], with the run stopped where it was.
+pub fn run(
+    loaded: &Loaded,
+    board: &mut dyn Board,
+    measured: Option<&Measured>,
+    observer: &mut dyn Observer,
+) -> Result<Summary, RunError> {
+    // WebAssembly has no clock of its own.
+    let started = (!cfg!(target_family = "wasm")).then(Instant::now);
+    let mut run = Run::start(loaded, board, measured)?;
+    while run.step(board, observer)? {
+        if stop::wanted() {
+            return Err(RunError::Stopped);
+        }
+    }
+    let wall_clock_s = started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64());
+    run.finish(board, wall_clock_s)
+}
+
+/// A run on its way, a step at a time.
+pub struct Run {
+    loaded: Loaded,
+    rig: Rig,
+    drive: SetPoints,
+    model: Model,
+    accumulator: Accumulator,
+    rest_length_m: Option<f64>,
+    length_held: bool,
+    sample: Sample,
+    flows: MeanFlows,
+    step_flows: MeanFlows,
+    /// Steps whose telemetry has not come back: none in this process, one behind a line.
+    waiting: VecDeque<Waiting>,
+    count: Count,
+    step: u64,
+    steps: u64,
+}
+
+impl Run {
+    /// Plant and board at time zero.
+    ///
+    /// # Errors
+    /// [`RunError`], for a scenario that makes no run.
+    pub fn start(
+        loaded: &Loaded,
+        board: &mut dyn Board,
+        measured: Option<&Measured>,
+    ) -> Result<Self, RunError> {
+        let scenario = &loaded.plant;
+        let config = core_config(&loaded.believed);
+        let rig = Rig::new(loaded).map_err(RunError::Build)?;
+        let drive = SetPoints::new(loaded);
+        let truth = rig.truth();
+        let model = Model::new(
+            &config,
+            truth.pressure_pa as f32,
+            truth.gas_temperature_k as f32,
+            truth.length_m as f32,
+        )
+        .map_err(RunError::Config)?;
+        let rest_length_m = chamber::of(scenario).map(|chamber| chamber.rest_length());
+        let flows = MeanFlows::new(&rig);
+        board.start(&config, drive.at(0.0))?;
+        Ok(Self {
+            drive,
+            model,
+            accumulator: Accumulator::new(scenario.run.duration_s, measured),
+            rest_length_m,
+            length_held: rest_length_m.is_none() || scenario.load.kind == LoadKind::Isometric,
+            sample: Sample::default(),
+            flows,
+            step_flows: flows,
+            waiting: VecDeque::new(),
+            count: Count::STARTED,
+            step: 0,
+            steps: scenario.run.steps(),
+            rig,
+            loaded: loaded.clone(),
+        })
+    }
+
+    /// One step; whether there is another one.
+    ///
+    /// # Errors
+    /// [`RunError`], with the run stopped where it was.
+    pub fn step(
+        &mut self,
+        board: &mut dyn Board,
+        observer: &mut dyn Observer,
+    ) -> Result<bool, RunError> {
+        let (step, steps) = (self.step, self.steps);
+        let ended = step > steps;
+        if ended && (self.waiting.is_empty() || step > steps + MOST_LATE_STEPS) {
+            return Ok(false);
+        }
+        if !ended {
+            self.prepare(board)?;
+        }
+        let BoardStep { telemetry, actuation } = board.step(&self.sample)?;
+        if let Some(telemetry) = telemetry {
+            self.take(telemetry, observer)?;
+        }
+        if step < steps {
+            self.rig.advance(actuation)?;
+        }
+        self.step += 1;
+        Ok(true)
+    }
+
+    /// What the board gets at this step, and what the plant is then.
+    fn prepare(&mut self, board: &mut dyn Board) -> Result<(), RunError> {
+        let Self { rig, step, .. } = self;
+        let step = *step;
+        let mut truth = rig.truth();
+        let run = &self.loaded.plant.run;
+        let (inflow, outflow) = self.step_flows.since(rig, run.step_s);
+        if step > 0 {
+            let held = self.length_held.then_some(truth.length_m as f32);
+            self.model.step(inflow as f32, outflow as f32, held);
+        }
+        // It acts from the step after this one on.
+        if let Some(set_point) = self.drive.acting_from(step + 1, &self.loaded) {
+            board.set(set_point)?;
+        }
+        if rig.board_restarts() {
+            board.restart()?;
+        }
+        self.sample = rig.sample();
+        let logged = step.is_multiple_of(run.log_every) || step == self.steps;
+        if logged {
+            let elapsed_s = self.flows.elapsed_s(rig);
+            (truth.flow_in_kg_s, truth.flow_out_kg_s) = self.flows.since(rig, elapsed_s);
+        }
+        self.waiting.push_back(Waiting {
+            step,
+            logged,
+            truth,
+            sensor_gas_k: rig.gas_reading_k(),
+            sensor_wall_k: rig.wall_reading_k(),
+            model_k: f64::from(self.model.gas_k()),
+            model_sensor_k: f64::from(self.model.sensor_k()),
+        });
+        Ok(())
+    }
+
+    /// What the board has made of a step.
+    fn take(&mut self, telemetry: Telemetry, observer: &mut dyn Observer) -> Result<(), RunError> {
+        let reported = self.count.step_of(&telemetry, self.step);
+        while self.waiting.front().is_some_and(|front| front.step < reported) {
+            self.waiting.pop_front();
+        }
+        let Some(done) = self.waiting.pop_front() else { return Ok(()) };
+        let row = Row {
+            sensor_gas_k: done.sensor_gas_k,
+            sensor_wall_k: done.sensor_wall_k,
+            model_k: done.model_k,
+            model_sensor_k: done.model_sensor_k,
+            set_point: self.drive.value(done.truth.time_s),
+            truth: done.truth,
+            telemetry,
+        };
+        self.accumulator.add(&row, self.drive.controlled(self.rest_length_m, &row));
+        if done.logged {
+            observer.row(&row).map_err(RunError::Output)?;
+        }
+        Ok(())
+    }
+
+    /// Another supply, load, heat transfer, sensor lag or set point from the next step on: see [`Rig::retune`]. The
+    /// core hears of the set point and of nothing else.
+    ///
+    /// # Errors
+    /// [`RunError`] for a plant that cannot be; nothing has changed.
+    pub fn retune(&mut self, plant: &Scenario, board: &mut dyn Board) -> Result<(), RunError> {
+        self.rig.retune(plant).map_err(RunError::Build)?;
+        let driven = plant.drive != self.loaded.plant.drive;
+        self.loaded.plant = plant.clone();
+        if driven {
+            self.drive = SetPoints::new(&self.loaded);
+            board.set(self.drive.at(self.rig.truth().time_s))?;
+        }
+        Ok(())
+    }
+
+    /// Closes the books, after so much time on the wall's clock \[s\].
+    ///
+    /// # Errors
+    /// [`RunError::Board`]
+    pub fn finish(self, board: &mut dyn Board, wall_clock_s: f64) -> Result<Summary, RunError> {
+        let Self { loaded, rig, drive, .. } = self;
+        let scenario = &loaded.plant;
+        Ok(self.accumulator.finish(Ending {
+            wall_clock_s,
+            board: board.name(),
+            period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
+                .then_some(scenario.drive.period_s),
+            controlled: drive.quantity(),
+            rest_length_m: self.rest_length_m,
+            ledger: rig.ledger(),
+            axial_wall_k: rig.axial_wall_k(),
+            axial_gas_k: rig.axial_gas_k(),
+            timing: board.timing()?,
+        }))
+    }
+}
+
+/// A step that the plant has made and the board has not yet told of.
+#[derive(Debug, Clone, Copy)]
+struct Waiting {
+    step: u64,
+    logged: bool,
+    truth: Truth,
+    sensor_gas_k: f64,
+    sensor_wall_k: f64,
+    model_k: f64,
+    model_sensor_k: f64,
+}
+
+/// Which step of the run a telemetry is of.
+#[derive(Debug, Clone, Copy)]
+struct Count {
+    /// Step of the run that is the board's step 0; none while a board that has restarted judges its sensors.
+    zero: Option<u64>,
+    /// Steps by which telemetry comes late.
+    late: u64,
+}
+
+impl Count {
+    const STARTED: Self = Self { zero: Some(0), late: 0 };
+
+    fn step_of(&mut self, telemetry: &Telemetry, now: u64) -> u64 {
+        let in_time = now.saturating_sub(self.late);
+        if telemetry.mode == Mode::Judging {
+            self.zero = None;
+            return in_time;
+        }
+        let counted = u64::from(telemetry.step);
+        let step = *self.zero.get_or_insert(in_time.saturating_sub(counted)) + counted;
+        self.late = now.saturating_sub(step);
+        step
+    }
+}
+
+/// The scenario's drive, as set points over time.
+#[derive(Debug, Clone)]
+pub struct SetPoints {
+    drive: Drive,
+    profile: Option<Profile>,
+}
+
+impl SetPoints {
+    /// The set points of a scenario.
+    pub fn new(loaded: &Loaded) -> Self {
+        Self { drive: loaded.plant.drive.clone(), profile: loaded.drive_profile.clone() }
+    }
+
+    /// The set point that acts from this step on, where a profile moves it: at intervals.
+    pub fn acting_from(&self, step: u64, loaded: &Loaded) -> Option<SetPoint> {
+        let step_s = loaded.plant.run.step_s;
+        let interval = (SET_POINT_INTERVAL_S / step_s).round() as u64;
+        let anew = self.follows_profile() && step.is_multiple_of(interval.max(1));
+        anew.then(|| self.at(step as f64 * step_s))
+    }
+
+    /// Whether a profile moves it.
+    pub fn follows_profile(&self) -> bool {
+        self.profile.is_some()
+    }
+
+    /// The value driven, in the drive's own unit; 0 where it has none.
+    pub fn value(&self, time_s: f64) -> f64 {
+        if let Some(profile) = &self.profile {
+            return profile.value(time_s);
+        }
+        match self.drive.kind {
+            DriveKind::MassFlow => {
+                let filling = (time_s / self.drive.period_s + 1e-9).fract() < 0.5;
+                if filling { self.drive.flow_kg_s } else { -self.drive.flow_kg_s }
+            }
+            DriveKind::Pressure => self.drive.pressure_pa,
+            DriveKind::Contraction => self.drive.contraction,
+            DriveKind::Fill => 1.0,
+            DriveKind::Discharge => -1.0,
+            DriveKind::Duty | DriveKind::Closed => 0.0,
+        }
+    }
+
+    /// The set point for the core.
+    pub fn at(&self, time_s: f64) -> SetPoint {
+        match self.drive.kind {
+            DriveKind::MassFlow if self.profile.is_none() => SetPoint::MassFlowCycle {
+                flow_kg_s: self.drive.flow_kg_s as f32,
+                period_s: self.drive.period_s as f32,
+            },
+            _ => self.of(self.value(time_s)),
+        }
+    }
+
+    /// The set point of a value in the drive's own unit.
+    pub fn of(&self, value: f64) -> SetPoint {
+        match self.drive.kind {
+            DriveKind::MassFlow => SetPoint::MassFlow { flow_kg_s: value as f32 },
+            DriveKind::Pressure => SetPoint::Pressure { pressure_pa: value as f32 },
+            DriveKind::Contraction => SetPoint::Contraction { contraction: value as f32 },
+            DriveKind::Duty | DriveKind::Fill | DriveKind::Discharge | DriveKind::Closed => {
+                let share = |value: f64| value.clamp(0.0, 1.0) as f32;
+                SetPoint::Duty { inlet: share(value), outlet: share(-value) }
+            }
+        }
+    }
+
+    /// What the set point stands for in the plant, where a loop closes on it.
+    pub fn controlled(&self, rest_length_m: Option<f64>, row: &Row) -> Option<f64> {
+        self.quantity().and_then(|quantity| match quantity {
+            Controlled::Pressure => Some(row.truth.pressure_pa),
+            Controlled::Contraction => {
+                rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m)
+            }
+        })
+    }
+
+    /// The quantity that a loop closes on.
+    pub fn quantity(&self) -> Option<Controlled> {
+        match self.drive.kind {
+            DriveKind::Pressure => Some(Controlled::Pressure),
+            DriveKind::Contraction => Some(Controlled::Contraction),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::CoreBoard;
+    use thermyo_record::trace::COLUMNS;
+
+    type Change = fn(&mut Scenario);
+
+    /// The cells of 2 s of a scenario, which is changed after the first.
+    fn rows(text: &str, change: Option<Change>) -> Vec<[f64; COLUMNS.len()]> {
+        let text = format!("[run]\nduration_s = 2.0\nlog_every = 1\n{text}");
+        let loaded = thermyo_setup::parse(&text, "test".as_ref()).unwrap();
+        let mut board = CoreBoard::default();
+        let mut run = Run::start(&loaded, &mut board, None).unwrap();
+        let mut rows = Vec::new();
+        let mut observer = |row: &Row| {
+            rows.push(row.cells());
+            Ok(())
+        };
+        for step in 0_u32.. {
+            if let Some(change) = change.filter(|_| step == 1000) {
+                let mut plant = loaded.plant.clone();
+                change(&mut plant);
+                run.retune(&plant, &mut board).unwrap();
+            }
+            if !run.step(&mut board, &mut observer).unwrap() {
+                break;
+            }
+        }
+        rows
+    }
+
+    const PLANTS: [&str; 3] = [
+        "[plant]\nmodel = \"lumped\"\n",
+        "[plant]\nmodel = \"full\"\n",
+        "[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 5e5\n[drive]\nkind = \"discharge\"\n",
+    ];
+
+    #[test]
+    fn what_is_turned_to_what_it_is_changes_no_bit() {
+        for plant in PLANTS {
+            let (plain, turned) = (rows(plant, None), rows(plant, Some(|_| ())));
+            assert_eq!(plain.len(), 2001);
+            for (a, b) in plain.iter().zip(&turned) {
+                assert_eq!(a.map(f64::to_bits), b.map(f64::to_bits), "{plant} at {} s", a[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_turned_acts_from_then_on_and_nothing_jumps() {
+        let column = |name: &str| COLUMNS.iter().position(|column| *column == name).unwrap();
+        let changes: [(&str, Change); 4] = [
+            ("length_m", |plant| plant.load.force_n = 160.0),
+            ("flow_in_kg_s", |plant| plant.supply.pressure_pa = 5.0e5),
+            ("gas_temperature_k", |plant| plant.heat.scale = 4.0),
+            ("sensor_gas_k", |plant| plant.sensor.gas.time_constant_s = 0.2),
+        ];
+        for plant in &PLANTS[..2] {
+            let plain = rows(plant, None);
+            for (name, change) in changes {
+                let turned = rows(plant, Some(change));
+                assert_eq!(plain[..1000], turned[..1000], "{name}");
+                let place = column(name);
+                let differs = plain
+                    .iter()
+                    .zip(&turned)
+                    .any(|(a, b)| (a[place] - b[place]).abs() > 1e-3 * a[place].abs());
+                assert!(differs, "{plant}: {name}");
+                // The gas itself may: a lumped muscle follows another load at once.
+                for (jump, most) in
+                    [("mass_kg", 1e-6), ("wall_temperature_k", 0.1), ("sensor_gas_k", 1.0)]
+                {
+                    let jump = column(jump);
+                    let by = (turned[1001][jump] - turned[999][jump]).abs();
+                    assert!(by < most, "{plant}: {name} turned, {jump} jumps by {by}");
+                }
+            }
+        }
+    }
+}

@@ -1,4 +1,0 @@
-//! The style sheet that every drawing shares.
-
-/// Colours, and how a drawing's parts look.
-pub(crate) const DRAWING_STYLE: &str = include_str!("drawing.css");

@@ -1,0 +1,164 @@
+//! The page of a run on a board.
+
+use super::Driven;
+use model_core::SetPoint;
+use thermyo_files::number::COUNT;
+use thermyo_plant::chamber;
+use thermyo_record::summary::Controlled;
+use thermyo_record::trace::{COLUMNS, Row};
+use thermyo_report::page::Tile;
+use thermyo_report::series::Recorder;
+use thermyo_runs::Faulted;
+use thermyo_runs::run_report;
+use thermyo_runs::run_report::{RunReport, SummaryRow};
+use thermyo_setup::Loaded;
+
+/// Records what the page draws, in bounded memory.
+pub struct Drawn {
+    series: Recorder,
+    /// Places of the columns that a board knows.
+    known: Vec<usize>,
+    /// What set points stood for, and whether that was always the same.
+    controlled: Option<Controlled>,
+    mixed: bool,
+}
+
+impl Default for Drawn {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Drawn {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        let unknown = [
+            "volume_m3",
+            "flow_in_kg_s",
+            "flow_out_kg_s",
+            "gas_temperature_k",
+            "wall_temperature_k",
+            "sensor_wall_k",
+            "model_k",
+            "model_sensor_k",
+        ];
+        let known: Vec<usize> =
+            (0..COLUMNS.len()).filter(|&i| !unknown.contains(&COLUMNS[i])).collect();
+        let names: Vec<&str> = known.iter().map(|&i| COLUMNS[i]).collect();
+        Self { series: Recorder::new(&names), known, controlled: None, mixed: false }
+    }
+
+    /// One step more.
+    pub fn add(&mut self, row: &Row) {
+        let controlled = match row.telemetry.set_point {
+            SetPoint::Pressure { .. } => Some(Controlled::Pressure),
+            SetPoint::Contraction { .. } => Some(Controlled::Contraction),
+            _ => None,
+        };
+        self.mixed |=
+            controlled.is_some() && self.controlled.is_some_and(|of| Some(of) != controlled);
+        self.controlled = self.controlled.or(controlled);
+        // What is no set point of a loop is not drawn as one.
+        let set_point = if controlled.is_some() { row.set_point } else { f64::NAN };
+        let cells = Row { set_point, ..*row }.cells();
+        let known: Vec<f64> = self.known.iter().map(|&i| cells[i]).collect();
+        self.series.push(&known);
+    }
+}
+
+/// The page.
+pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> String {
+    let faulted = Faulted(&summary.core);
+    let stopped = if summary.stopped_of_s.is_some() { "Stopped by Ctrl-C: " } else { "" };
+    let mut lead = stopped.to_owned() + &faulted.lead();
+    if let Some(control) = &summary.control {
+        lead += &faulted.control(control);
+    }
+    lead += &format!(
+        "{} on the board at {}, configuration {} ({:08x}).",
+        summary.driven(),
+        summary.board,
+        summary.config_name,
+        summary.config_checksum
+    );
+    let control = summary.control.iter().map(|control| faulted.tracking(control));
+    let own = [
+        Tile::new("Largest pressure", summary.pressure_pa.max, "Pa"),
+        Tile::new("Core step, mean", summary.timing.step_mean_us * 1e-6, "s"),
+        Tile::new("Core step, worst", summary.timing.step_worst_us * 1e-6, "s"),
+        Tile::new("Missed steps", f64::from(summary.timing.missed_steps), ""),
+    ];
+    let row = |label: &str, value: f64, unit: &str| SummaryRow {
+        label: label.to_owned(),
+        value,
+        unit: unit.to_owned(),
+    };
+    let mut rows = vec![row("Time driven", summary.duration_s, "s")];
+    rows.extend(faulted.rows());
+    rows.extend([
+        row("Strokes", summary.strokes as f64, COUNT),
+        row("Pressure, lowest", summary.pressure_pa.min, "Pa"),
+        row("Pressure, highest", summary.pressure_pa.max, "Pa"),
+        row("Estimated gas temperature, lowest", summary.estimate_k.min, "K"),
+        row("Estimated gas temperature, highest", summary.estimate_k.max, "K"),
+        row("Steps of the core", summary.core.steps as f64, COUNT),
+        row("Steps whose telemetry was lost", summary.lost_steps as f64, COUNT),
+        row("Start jitter, worst", summary.timing.jitter_worst_us * 1e-6, "s"),
+    ]);
+    run_report::render(&RunReport {
+        title,
+        lead: &lead,
+        warnings: &[],
+        controlled: drawn.controlled.filter(|_| !drawn.mixed),
+        scenario_toml: &thermyo_setup::render(driven),
+        tiles: faulted.tiles().chain(control).chain(own).collect(),
+        series: &drawn.series,
+        // No board measures flows.
+        drives_flow: false,
+        measured: &[],
+        summary: &rows,
+        axial_wall_k: &[],
+        rest_length_m: chamber::of(&driven.plant).map(|chamber| chamber.rest_length()),
+        kind: driven.plant.plant.kind,
+        last_stroke: &[],
+        detail_s: None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::Gathered;
+    use model_core::link::{Status, Timing};
+    use thermyo_record::board_trace;
+    use thermyo_setup::core_config::core_config;
+    use thermyo_simulation::board::CoreBoard;
+    use thermyo_simulation::run;
+
+    #[test]
+    fn the_page_begins_with_the_tracking_error() {
+        let text =
+            "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"pressure\"\n";
+        let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
+        let config = core_config(&loaded.believed);
+        let (mut gathered, mut drawn) = (Gathered::of_record(&loaded), Drawn::new());
+        let mut observer = |row: &Row| {
+            // A board says no more than its telemetry.
+            let row = board_trace::row(row.truth.time_s, &config, &row.telemetry);
+            gathered.add(&row);
+            drawn.add(&row);
+            Ok(())
+        };
+        run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+        let summary = gathered.finish("here", &Status::AT_START, &Timing::default());
+        let page = page("steps", &loaded, &drawn, &summary);
+        let (_, lead) = page.split_once("class=\"lead\">").unwrap();
+        assert!(lead.starts_with("The absolute pressure follows its set point with an error of "));
+        let (_, tiles) = page.split_once("class=\"tiles\"").unwrap();
+        let place = |label: &str| tiles.find(label).unwrap();
+        assert!(place("Tracking error, RMS") < place("Largest pressure"));
+        let (sections, _) = page.split_once("<footer").unwrap();
+        assert!(sections.contains("The set point and what the sensor reads."));
+        assert!(!sections.contains("in the plant") && !sections.contains("Mass flow"));
+    }
+}

@@ -1,0 +1,156 @@
+//! `summary.json` of a run on a board: what its sensors and its core say, without a plant's truth.
+
+use model_core::link::{Status, Timing};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use thermyo_plant::{Ledger, chamber};
+use thermyo_record::measured::Measured;
+use thermyo_record::summary::{
+    Accumulator, Control, CoreFigures, Difference, Ending, Range, Readings, TimingFigures,
+};
+use thermyo_record::trace::Row;
+use thermyo_scenario::DriveKind;
+use thermyo_setup::Loaded;
+use thermyo_simulation::run::SetPoints;
+
+/// Everything that `summary.json` says of a run on a board.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Driven {
+    /// Time driven \[s\].
+    pub duration_s: f64,
+    /// Time that was to be driven, where it was stopped before that \[s\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped_of_s: Option<f64>,
+    /// Working strokes; 0 where the drive has no period.
+    pub strokes: u64,
+    /// The board's port.
+    pub board: String,
+    /// What the configuration is called.
+    pub config_name: String,
+    /// Its checksum.
+    pub config_checksum: u32,
+    /// Measured absolute pressure \[Pa\].
+    pub pressure_pa: Range,
+    /// Measured contraction, as a fraction of the rest length \[-\]; of a muscle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contraction: Option<Range>,
+    /// Readings of the sensor in the gas \[K\].
+    pub sensor_gas_k: Readings,
+    /// Estimated gas temperature \[K\].
+    pub estimate_k: Range,
+    /// What the core reports of itself.
+    pub core: CoreFigures,
+    /// Steps whose telemetry did not arrive.
+    pub lost_steps: u64,
+    /// How the steps were timed, since the board started.
+    pub timing: TimingFigures,
+    /// How well the set point was held, where one was driven.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<Control>,
+    /// Root-mean-square and largest difference to measured columns, where some were given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measured: Option<BTreeMap<String, Difference>>,
+}
+
+impl Driven {
+    /// What was driven: "4.00 s", or "2.46 s of 4 s".
+    pub fn driven(&self) -> String {
+        let of = self.stopped_of_s.map_or_else(String::new, |of_s| format!(" of {of_s} s"));
+        format!("{:.2} s{of}", self.duration_s)
+    }
+}
+
+/// Gathers them.
+pub struct Gathered {
+    accumulator: Accumulator,
+    set_points: SetPoints,
+    scenario: Loaded,
+    /// Of what moves \[m\].
+    rest_length_m: Option<f64>,
+    estimate: Range,
+    rows: u64,
+    /// The step that comes next, if none is lost; none at the beginning of a record that begins anywhere.
+    next_step: Option<u32>,
+    lost_steps: u64,
+    last_s: f64,
+}
+
+impl Gathered {
+    /// Nothing yet of a run, which begins at step 0.
+    pub fn new(driven: &Loaded, measured: Option<&Measured>) -> Self {
+        Self {
+            accumulator: Accumulator::new(driven.plant.run.duration_s, measured),
+            set_points: SetPoints::new(driven),
+            scenario: driven.clone(),
+            rest_length_m: chamber::of(&driven.believed).map(|chamber| chamber.rest_length()),
+            estimate: Range { min: f64::INFINITY, max: f64::NEG_INFINITY, mean: 0.0 },
+            rows: 0,
+            next_step: Some(0),
+            lost_steps: 0,
+            last_s: 0.0,
+        }
+    }
+
+    /// Nothing yet of a record that begins at any step.
+    pub fn of_record(driven: &Loaded) -> Self {
+        Self { next_step: None, ..Self::new(driven, None) }
+    }
+
+    /// One step more.
+    pub fn add(&mut self, row: &Row) {
+        let estimate_k = f64::from(row.telemetry.estimate.gas_k);
+        self.rows += 1;
+        // A board that starts anew counts from 0 again.
+        let lost = self.next_step.and_then(|next| row.telemetry.step.checked_sub(next));
+        self.lost_steps += u64::from(lost.unwrap_or_default());
+        self.next_step = Some(row.telemetry.step.wrapping_add(1));
+        self.last_s = row.truth.time_s;
+        let Range { min, max, mean } = self.estimate;
+        self.estimate = Range {
+            min: min.min(estimate_k),
+            max: max.max(estimate_k),
+            mean: mean + (estimate_k - mean) / self.rows as f64,
+        };
+        self.accumulator.add(row, self.set_points.controlled(self.rest_length_m, row));
+    }
+
+    /// Steps so far.
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Closes the books.
+    pub fn finish(self, port: &str, status: &Status, timing: &Timing) -> Driven {
+        let scenario = &self.scenario.plant;
+        let cycle =
+            scenario.drive.kind == DriveKind::MassFlow && !self.set_points.follows_profile();
+        let summary = self.accumulator.finish(Ending {
+            controlled: self.set_points.quantity(),
+            wall_clock_s: f64::INFINITY,
+            board: "live",
+            period_s: cycle.then_some(scenario.drive.period_s),
+            rest_length_m: self.rest_length_m,
+            ledger: Ledger::default(),
+            axial_wall_k: Vec::new(),
+            axial_gas_k: Vec::new(),
+            timing: None,
+        });
+        Driven {
+            duration_s: self.last_s,
+            stopped_of_s: None,
+            strokes: summary.strokes,
+            board: port.to_owned(),
+            config_name: status.config_name.as_str().to_owned(),
+            config_checksum: status.config_checksum,
+            pressure_pa: summary.pressure_pa,
+            contraction: summary.contraction,
+            sensor_gas_k: summary.sensor_gas_k,
+            estimate_k: self.estimate,
+            core: summary.core,
+            lost_steps: self.lost_steps,
+            timing: TimingFigures::from(timing),
+            control: summary.control,
+            measured: summary.measured,
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! Points that are done, kept in the folder of the results until all are there: a sweep that was killed goes on.
+//!
+//! ```text
+//! DIR/unfinished-N/study.json      what it is of: only the same sweep goes on from it
+//!                  scenario.toml   ... in full
+//!                  sweep.csv       a row per point that is done, in the order in which they were done
+//!                  begun.txt       a line per point that was begun; locked by whoever is at work
+//! ```
+
+use super::study::Label;
+use super::{Point, Study};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use thermyo_files::input::{InputError, Problem, read_text};
+use thermyo_files::output::OutputDir;
+
+const LABEL: &str = "study.json";
+const SCENARIO: &str = "scenario.toml";
+const TABLE: &str = "sweep.csv";
+const BEGUN: &str = "begun.txt";
+/// Points that a message names.
+const MOST_NAMED: usize = 3;
+
+/// A sweep's folder while it runs. It stays until [`Journal::close`].
+#[derive(Debug)]
+pub struct Journal {
+    out: OutputDir,
+    table: Mutex<File>,
+    begun: Mutex<File>,
+}
+
+/// What was there already.
+#[derive(Debug, Default)]
+pub struct Kept {
+    /// The points that were done.
+    pub rows: Vec<Point>,
+    /// Those that were begun and not done when it ended.
+    pub died: Vec<usize>,
+}
+
+impl Kept {
+    /// What a user has to hear, if something was there.
+    pub fn text(&self, study: &Study) -> Option<String> {
+        if self.rows.is_empty() && self.died.is_empty() {
+            return None;
+        }
+        let text =
+            format!("{} of {} points were done and are kept", self.rows.len(), study.own().len());
+        let Some(_) = self.died.first() else { return Some(text) };
+        Some(format!("{text}; at work when it ended: {}", named(study, &self.died)))
+    }
+}
+
+/// The first of these points with their values.
+fn named(study: &Study, points: &[usize]) -> String {
+    let one = |point: &usize| format!("point {} ({})", point + 1, study.values_text(*point));
+    let first: Vec<String> = points.iter().take(MOST_NAMED).map(one).collect();
+    match points.len().saturating_sub(MOST_NAMED) {
+        0 => first.join(", "),
+        more => format!("{} and {more} more", first.join(", ")),
+    }
+}
+
+impl Journal {
+    /// Goes on with what the folder has of this study, or begins.
+    ///
+    /// # Errors
+    /// When the folder cannot be written, or somebody else is at work on the same study in it.
+    pub fn open(folder: &Path, study: &Study) -> Result<(Self, Kept), InputError> {
+        let label = study.label();
+        // Of a folder whose label is damaged nothing is known: it is not this one.
+        let same =
+            |place: &PathBuf| read_label(place).is_ok_and(|found| found.as_ref() == Some(&label));
+        if let Some(unfinished) = OutputDir::unfinished(folder).into_iter().find(same) {
+            return Self::resume(folder, unfinished, study);
+        }
+        let rows = if same(&folder.to_path_buf()) { read_rows(folder, study) } else { Vec::new() };
+        let mut out = OutputDir::create(folder)?;
+        out.keep();
+        out.text(SCENARIO, &study.scenario)?;
+        out.text(TABLE, &table(study, &rows))?;
+        let begun = lock(out.place())?;
+        // Last of all: a folder without it is nobody's.
+        out.text(LABEL, &study.label_text())?;
+        let table = append(&out.place().join(TABLE))?;
+        let journal = Self { out, table: Mutex::new(table), begun: Mutex::new(begun) };
+        Ok((journal, Kept { rows, died: Vec::new() }))
+    }
+
+    fn resume(
+        folder: &Path,
+        unfinished: PathBuf,
+        study: &Study,
+    ) -> Result<(Self, Kept), InputError> {
+        let begun = lock(&unfinished)?;
+        let rows = read_rows(&unfinished, study);
+        let done: BTreeSet<usize> = rows.iter().map(|row| row.point).collect();
+        let text = fs::read_to_string(unfinished.join(BEGUN)).unwrap_or_default();
+        let numbers = text.lines().filter_map(|line| line.parse::<usize>().ok()?.checked_sub(1));
+        let died: BTreeSet<usize> = numbers.filter(|point| !done.contains(point)).collect();
+        let mut out = OutputDir::reopen(folder, unfinished);
+        // Without a row that was cut.
+        out.text(TABLE, &table(study, &rows))?;
+        let table = append(&out.place().join(TABLE))?;
+        let journal = Self { out, table: Mutex::new(table), begun: Mutex::new(begun) };
+        Ok((journal, Kept { rows, died: died.into_iter().collect() }))
+    }
+
+    /// A point begins.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn begin(&self, point: usize) -> io::Result<()> {
+        write(&self.begun, &format!("{}\n", point + 1))
+    }
+
+    /// A point is done.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn add(&self, study: &Study, row: &Point) -> io::Result<()> {
+        write(&self.table, &(study.csv_row(row) + "\n"))
+    }
+
+    /// Where it is until it is published.
+    pub fn place(&self) -> &Path {
+        self.out.place()
+    }
+
+    /// The folder, all points being done: what is written there now is published with the rest.
+    pub fn close(self) -> OutputDir {
+        // The others are closed before they move.
+        let Self { out, .. } = self;
+        let _ = fs::remove_file(out.place().join(BEGUN));
+        out
+    }
+}
+
+/// One write: whoever is killed leaves whole lines, or the last one cut.
+fn write(file: &Mutex<File>, line: &str) -> io::Result<()> {
+    file.lock().unwrap_or_else(PoisonError::into_inner).write_all(line.as_bytes())
+}
+
+fn append(file: &Path) -> Result<File, InputError> {
+    let opened = OpenOptions::new().append(true).create(true).open(file);
+    opened.map_err(|error| InputError::output(file, &error))
+}
+
+/// Two at work in one folder would do everything twice.
+fn lock(unfinished: &Path) -> Result<File, InputError> {
+    let file = append(&unfinished.join(BEGUN))?;
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(InputError::file(unfinished, Problem::AtWork)),
+        // There are file systems without locks.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
+    }
+}
+
+/// What a folder's results are of; none where it does not say so.
+fn read_label(folder: &Path) -> Result<Option<Label>, InputError> {
+    let file = folder.join(LABEL);
+    if !file.exists() {
+        return Ok(None);
+    }
+    serde_json::from_str(&read_text(&file)?)
+        .map(Some)
+        .map_err(|error| damaged(&file, &error.to_string()))
+}
+
+fn damaged(label: &Path, why: &str) -> InputError {
+    InputError::file(label, Problem::DamagedStudy(why.to_owned()))
+}
+
+/// Header and rows.
+fn table(study: &Study, rows: &[Point]) -> String {
+    let mut text = study.csv_header() + "\n";
+    for row in rows {
+        text = text + &study.csv_row(row) + "\n";
+    }
+    text
+}
+
+/// The rows of a table that are whole, and of this study, each once.
+fn read_rows(folder: &Path, study: &Study) -> Vec<Point> {
+    let bytes = fs::read(folder.join(TABLE)).unwrap_or_default();
+    let text = String::from_utf8_lossy(&bytes);
+    let Some((header, lines)) = text.split_once('\n') else { return Vec::new() };
+    if header != study.csv_header() {
+        return Vec::new();
+    }
+    let whole = lines.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n'));
+    let mut seen = BTreeSet::new();
+    whole.filter_map(|line| study.read_row(line)).filter(|row| seen.insert(row.point)).collect()
+}
+
+/// Why tables do not add up to one.
+#[derive(Debug, thiserror::Error)]
+pub enum MergeError {
+    /// A folder without a sweep.
+    #[error("--merge {0}: no folder of a sweep: it has no {LABEL}, nor has an unfinished-N in it")]
+    NoSweep(String),
+    /// A folder of another sweep.
+    #[error(
+        "--merge {0}: not the same sweep as in {1}: program, scenario, --vary and --lhs must be the same"
+    )]
+    Other(String, String),
+    /// Two results of one point.
+    #[error(
+        "--merge {0}: point {1} has another result than in a folder before it: they cannot both be right"
+    )]
+    Conflict(String, usize),
+    /// Points that nobody has done.
+    #[error(
+        "{count} of {of} points are missing: {named}; run the shards again that are not finished"
+    )]
+    Missing {
+        /// How many.
+        count: usize,
+        /// Of how many.
+        of: usize,
+        /// The first of them, with their values.
+        named: String,
+    },
+    /// A file cannot be read.
+    #[error(transparent)]
+    Input(#[from] InputError),
+}
+
+/// All points of the whole sweep, in order, from the folders of its shards; those of a shard that did not end count
+/// too.
+///
+/// # Errors
+/// [`MergeError`], in one line.
+pub fn merge(folders: &[PathBuf]) -> Result<(Study, Vec<Point>), MergeError> {
+    let mut whole: Option<(Label, Study)> = None;
+    let mut rows: BTreeMap<usize, Point> = BTreeMap::new();
+    for folder in folders {
+        let name = folder.display().to_string();
+        let places = [vec![folder.clone()], OutputDir::unfinished(folder)].concat();
+        let labelled = |place: PathBuf| Ok(read_label(&place)?.map(|label| (place, label)));
+        let found = places.into_iter().filter_map(|place| labelled(place).transpose());
+        let found = found.collect::<Result<Vec<(PathBuf, Label)>, InputError>>()?;
+        if found.is_empty() {
+            return Err(MergeError::NoSweep(name));
+        }
+        let mut used = false;
+        for (place, mut label) in found {
+            // Any part of it.
+            label.shard.clear();
+            if whole.is_none() {
+                let scenario = read_text(&place.join(SCENARIO))?;
+                let study = Study::of_label(&label, scenario);
+                let study =
+                    study.map_err(|error| damaged(&place.join(LABEL), &error.to_string()))?;
+                whole = Some((label.clone(), study));
+            }
+            let Some((_, study)) = whole.as_ref().filter(|(of, _)| *of == label) else { continue };
+            used = true;
+            for row in read_rows(&place, study) {
+                let text = study.csv_row(&row);
+                let before = rows.entry(row.point).or_insert(row);
+                if study.csv_row(before) != text {
+                    return Err(MergeError::Conflict(name, before.point + 1));
+                }
+            }
+        }
+        if !used {
+            return Err(MergeError::Other(name, folders[0].display().to_string()));
+        }
+    }
+    let Some((_, study)) = whole else { return Err(MergeError::NoSweep(String::new())) };
+    let missing: Vec<usize> = study.own().into_iter().filter(|p| !rows.contains_key(p)).collect();
+    if !missing.is_empty() {
+        let (count, of) = (missing.len(), study.points());
+        return Err(MergeError::Missing { count, of, named: named(&study, &missing) });
+    }
+    Ok((study, rows.into_values().collect()))
+}

@@ -1,0 +1,64 @@
+//! One point of a sweep: a run, and how far off each way to know the gas temperature was.
+
+use std::io;
+use thermyo_record::summary::Errors;
+use thermyo_record::trace::Row;
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
+
+/// The errors count from here on: the estimator needs time to learn, as in `thermyo evaluate` \[s\].
+const SETTLED_S: f64 = 10.0;
+
+/// From when on the errors of a run count \[s\]: 10 s, or the half of a run shorter than 20 s.
+pub fn settled_s(loaded: &Loaded) -> f64 {
+    SETTLED_S.min(0.5 * loaded.plant.run.duration_s)
+}
+
+/// What one run gave.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Figures {
+    /// Root-mean-square errors against the plant's gas temperature \[K\].
+    pub rmse_k: Errors,
+    /// Share of the steps in which the truth lies within two stated standard deviations \[-\].
+    pub within_2sd: f64,
+}
+
+/// Runs a scenario with the core in this process; every step from `from_s` on counts \[s\]. `go_on` is asked at each.
+///
+/// # Errors
+/// As [`run::run`]; those of `go_on`.
+pub fn measure(
+    mut loaded: Loaded,
+    from_s: f64,
+    go_on: &mut dyn FnMut() -> io::Result<()>,
+) -> Result<Figures, RunError> {
+    // The observer is to see every step.
+    loaded.plant.run.log_every = 1;
+    let mut squares = [0.0; 4];
+    let (mut steps, mut within) = (0_u64, 0_u64);
+    let mut observer = |row: &Row| {
+        go_on()?;
+        let Row { truth, telemetry, .. } = row;
+        if truth.time_s >= from_s {
+            let estimate = &telemetry.estimate;
+            let errors =
+                [row.sensor_gas_k, row.sensor_wall_k, row.model_k, f64::from(estimate.gas_k)]
+                    .map(|temperature_k| temperature_k - truth.gas_temperature_k);
+            for (sum, error) in squares.iter_mut().zip(errors) {
+                *sum += error * error;
+            }
+            steps += 1;
+            within += u64::from(errors[3].abs() <= 2.0 * f64::from(estimate.gas_sd_k));
+        }
+        Ok(())
+    };
+    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    let [sensor_gas, sensor_wall, model, estimate] =
+        squares.map(|sum: f64| (sum / steps as f64).sqrt());
+    Ok(Figures {
+        rmse_k: Errors { sensor_gas, sensor_wall, model, estimate },
+        within_2sd: within as f64 / steps as f64,
+    })
+}

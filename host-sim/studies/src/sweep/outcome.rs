@@ -1,0 +1,235 @@
+//! What a sweep gave: the table, the figures, and what follows from them.
+
+use super::reach::{Lines, Reach};
+use super::{Figures, Point, Range, Study};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use thermyo_files::number::significant;
+use thermyo_record::summary::Errors;
+
+/// A way to know the gas temperature: name, column of `sweep.csv`, error.
+pub(super) type Way = (&'static str, &'static str, fn(&Errors) -> f64);
+
+/// The ways that are compared.
+pub(super) const WAYS: [Way; 4] = [
+    ("bare sensor in the gas", "sensor_gas_rmse_k", |errors| errors.sensor_gas),
+    ("bare sensor in the wall", "sensor_wall_rmse_k", |errors| errors.sensor_wall),
+    ("forward model", "model_rmse_k", |errors| errors.model),
+    ("estimate", "estimate_rmse_k", |errors| errors.estimate),
+];
+pub(super) const BARE: usize = 0;
+pub(super) const ESTIMATE: usize = 3;
+
+/// What a sweep gave.
+#[derive(Debug)]
+pub struct Outcome<'a> {
+    pub(super) study: &'a Study,
+    /// The points that were run, in their order.
+    pub rows: Vec<Point>,
+}
+
+/// `summary.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Points of the whole sweep.
+    pub points: usize,
+    /// Which part of it was run.
+    pub shard: String,
+    /// Points that were run.
+    pub run: usize,
+    /// Of those, how many failed.
+    pub failed: usize,
+    /// The varied keys and their values; of a grid the last one's changes from point to point.
+    pub varied: Vec<Range>,
+    /// Seed of the Latin hypercube; none of a grid.
+    pub lhs_seed: Option<u64>,
+    /// The root-mean-square error that is asked for \[K\].
+    pub within_k: f64,
+    /// By column of `sweep.csv`: smallest and largest error \[K\], points within `within_k`.
+    pub errors: BTreeMap<&'static str, Extent>,
+    /// Smallest and largest share of time within two stated standard deviations \[-\].
+    pub estimate_within_2sd: [Option<f64>; 2],
+    /// What follows, in words.
+    pub conclusion: String,
+    /// Keys that change nothing.
+    pub without_effect: Vec<String>,
+}
+
+/// Errors over a grid.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Extent {
+    /// Smallest \[K\].
+    pub min_k: Option<f64>,
+    /// Largest \[K\].
+    pub max_k: Option<f64>,
+    /// Points within the error that is asked for.
+    pub within: usize,
+}
+
+impl<'a> Outcome<'a> {
+    /// Of points in any order.
+    pub fn new(study: &'a Study, mut rows: Vec<Point>) -> Self {
+        rows.sort_by_key(|row| row.point);
+        Self { study, rows }
+    }
+
+    /// `sweep.csv`.
+    pub fn csv(&self) -> String {
+        let mut text = self.study.csv_header() + "\n";
+        for row in &self.rows {
+            text += &self.study.csv_row(row);
+            text.push('\n');
+        }
+        text
+    }
+
+    /// The figures that a script reads.
+    pub fn summary(&self, within_k: f64) -> Summary {
+        let extent = |(_, column, error): &Way| {
+            let errors: Vec<f64> = self.figures().map(|figures| error(&figures.rmse_k)).collect();
+            let [min_k, max_k] = ends(errors.iter().copied());
+            let within = errors.iter().filter(|error| **error <= within_k).count();
+            (*column, Extent { min_k, max_k, within })
+        };
+        Summary {
+            points: self.study.points(),
+            shard: self.study.shard.to_string(),
+            run: self.rows.len(),
+            failed: self.rows.len() - self.figures().count(),
+            varied: self.study.ranges().to_vec(),
+            lhs_seed: self.study.latin().map(|latin| latin.seed),
+            within_k,
+            errors: WAYS.iter().map(extent).collect(),
+            estimate_within_2sd: ends(self.figures().map(|figures| figures.within_2sd)),
+            conclusion: self.conclusion(within_k),
+            without_effect: self.without_effect(),
+        }
+    }
+
+    /// How many points failed, and why the first did.
+    pub fn failed(&self) -> Option<String> {
+        let failed = || self.rows.iter().filter_map(|row| Some((row, row.figures.as_ref().err()?)));
+        let (row, failure) = failed().next()?;
+        let (count, all) = (failed().count(), self.rows.len());
+        let (point, values) = (row.point + 1, self.study.values_text(row.point));
+        Some(format!(
+            "{count} of {all} points failed, the first is point {point} ({values}): {failure}"
+        ))
+    }
+
+    pub(super) fn figures(&self) -> impl Iterator<Item = &Figures> + Clone {
+        self.rows.iter().filter_map(|row| row.figures.as_ref().ok())
+    }
+
+    /// What each point of the whole grid gave; nothing where it was not run, or diverged.
+    fn grid(&self) -> Vec<Option<&Figures>> {
+        let mut grid = vec![None; self.study.points()];
+        for row in &self.rows {
+            grid[row.point] = row.figures.as_ref().ok();
+        }
+        grid
+    }
+
+    /// Errors over the whole grid \[K\]; not a number where there are none.
+    pub(super) fn errors_k(&self, way: usize) -> Vec<f64> {
+        let error = |figures: Option<&Figures>| figures.map(|figures| WAYS[way].2(&figures.rmse_k));
+        self.grid().into_iter().map(|figures| error(figures).unwrap_or(f64::NAN)).collect()
+    }
+
+    /// The key along which a limit is looked for: the first one with several values.
+    pub(super) fn main_key(&self) -> usize {
+        let several = |range: &Range| range.values.len() > 1;
+        self.study.ranges().iter().position(several).unwrap_or(0)
+    }
+
+    /// The points of each line along a key, by the values of the others.
+    pub(super) fn lines(&self, key: usize) -> Vec<Vec<usize>> {
+        let counts: Vec<usize> =
+            self.study.ranges().iter().map(|range| range.values.len()).collect();
+        let stride: usize = counts[key + 1..].iter().product();
+        (0..counts.iter().product())
+            .filter(|point| self.study.places(*point)[key] == 0)
+            .map(|first| (0..counts[key]).map(|i| first + i * stride).collect())
+            .collect()
+    }
+
+    /// Where along the main key the errors are within a limit, line by line.
+    pub(super) fn reaches(&self, way: usize, within_k: f64) -> Vec<Reach> {
+        let key = self.main_key();
+        let range = &self.study.ranges()[key];
+        let errors = self.errors_k(way);
+        let along = |line: &Vec<usize>| -> Vec<f64> { line.iter().map(|i| errors[*i]).collect() };
+        self.lines(key)
+            .iter()
+            .map(|line| Reach::new(&range.values, &along(line), within_k, range.spacing()))
+            .collect()
+    }
+
+    pub(super) fn conclusion(&self, within_k: f64) -> String {
+        if !self.study.is_map() {
+            return self.shares(within_k);
+        }
+        let ranges = &self.study.ranges();
+        let key = self.main_key();
+        let changing = (0..ranges.len()).filter(|i| *i != key && ranges[*i].values.len() > 1);
+        let others: Vec<usize> = changing.collect();
+        let who = |way: usize| {
+            let other = match others[..] {
+                [other] => Some((ranges[other].key.as_str(), ranges[other].values.clone())),
+                _ => None,
+            };
+            let key = (ranges[key].key.as_str(), self.study.unit(key));
+            let [least, _] = ends(self.errors_k(way).into_iter().filter(|error| error.is_finite()));
+            let text = Lines { key, reaches: self.reaches(way, within_k), other }.text();
+            match least {
+                Some(least) => format!("{text} ({} K at best)", significant(least, 2)),
+                None => text,
+            }
+        };
+        format!(
+            "Within {within_k} K RMS of the gas temperature: the bare sensor {}; the estimate {}.",
+            who(BARE),
+            who(ESTIMATE)
+        )
+    }
+
+    /// In how many points bare sensor and estimate are good enough.
+    fn shares(&self, within_k: f64) -> String {
+        let of = |way: usize| {
+            let errors = self.figures().map(|figures| WAYS[way].2(&figures.rmse_k));
+            let within = errors.clone().filter(|error| *error <= within_k).count();
+            let best = match ends(errors) {
+                [Some(least), _] => format!(" ({} K at best)", significant(least, 2)),
+                _ => String::new(),
+            };
+            format!("at {within} of {} points{best}", self.rows.len())
+        };
+        format!(
+            "Within {within_k} K RMS of the gas temperature: the bare sensor {}; the estimate {}.",
+            of(BARE),
+            of(ESTIMATE)
+        )
+    }
+
+    /// Keys of a grid along which every figure stays the same, to the bit.
+    pub(super) fn without_effect(&self) -> Vec<String> {
+        if self.study.latin().is_some() {
+            return Vec::new();
+        }
+        let grid = self.grid();
+        let flat = |key: &usize| {
+            let lines = self.lines(*key);
+            let mut runs = lines.iter().map(|line| line.iter().filter_map(|i| grid[*i]));
+            let several =
+                lines.iter().any(|l| l.iter().filter(|i| grid[**i].is_some()).count() > 1);
+            several && runs.all(|mut line| line.next().is_none_or(|first| line.all(|f| f == first)))
+        };
+        let ranges = &self.study.ranges();
+        (0..ranges.len()).filter(flat).map(|key| ranges[key].key.clone()).collect()
+    }
+}
+
+/// Smallest and largest, if there are any.
+pub(super) fn ends(values: impl Iterator<Item = f64> + Clone) -> [Option<f64>; 2] {
+    [values.clone().reduce(f64::min), values.reduce(f64::max)]
+}

@@ -1,0 +1,264 @@
+//! `report.html` of a sweep: a line over one key, a map over two, a pair of maps for each value of a
+//! third.
+
+use super::outcome::{BARE, ESTIMATE, WAYS, ends};
+use super::reach::with_unit;
+use super::{Outcome, Study};
+use thermyo_files::number::fixed;
+use thermyo_report::Colour;
+use thermyo_report::chart::{Axis, Chart, Panel};
+use thermyo_report::figure::Figure;
+use thermyo_report::heatmap::{Heatmap, Style};
+use thermyo_report::page::{Page, Section, Table, Tile};
+use thermyo_report::scale::{Spacing, data_range};
+
+/// Colours of the ways, as in the report of a run.
+const COLOURS: [Colour; 4] = [Colour::Vermillion, Colour::Orange, Colour::Green, Colour::Blue];
+/// Points that a cloud shows, evenly chosen.
+const MOST_DOTS: usize = 2000;
+/// From this ratio on, the errors' scale is logarithmic.
+const WIDE: f64 = 5.0;
+
+/// The page.
+pub fn page(outcome: &Outcome, within_k: f64) -> String {
+    let study = outcome.study;
+    let conclusion = outcome.conclusion(within_k);
+    let page = Page::new(&format!("Sweep of {}", study.name), &conclusion, &study.scenario);
+    let page = tiles(outcome, within_k).into_iter().fold(page, Page::tile);
+    let page = if study.is_map() {
+        page.section(maps(outcome, within_k)).section(limits(outcome, within_k))
+    } else {
+        page.section(clouds(outcome, within_k))
+    };
+    page.section(how(outcome)).render()
+}
+
+fn tiles(outcome: &Outcome, within_k: f64) -> Vec<Tile> {
+    let summary = outcome.summary(within_k);
+    let share = |way: usize| {
+        let within = summary.errors.get(WAYS[way].1).map_or(0, |extent| extent.within);
+        format!("Within {within_k} K: {within} of {} points", summary.run)
+    };
+    let least = |way: usize| summary.errors.get(WAYS[way].1).and_then(|extent| extent.min_k);
+    let tile = |way: usize, who: &str| {
+        let label = format!("{who}, smallest RMS error. {}", share(way));
+        Tile::new(&label, least(way).unwrap_or(f64::NAN), "K")
+    };
+    vec![tile(BARE, "Bare sensor in the gas"), tile(ESTIMATE, "Estimate")]
+}
+
+/// The axis text of a key.
+fn axis(study: &Study, key: usize) -> String {
+    let (name, unit) = (&study.ranges()[key].key, study.unit(key));
+    if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
+}
+
+/// The x axis of a chart over a key.
+fn along(study: &Study, key: usize) -> Axis {
+    let range = &study.ranges()[key];
+    let axis = Axis::new(&range.key, study.unit(key)).words(&range.words);
+    if range.logarithmic { axis.log() } else { axis }
+}
+
+fn maps(outcome: &Outcome, within_k: f64) -> Section {
+    let study = outcome.study;
+    let section = Section::new("Which sensor is fast enough");
+    let several: Vec<usize> =
+        (0..study.ranges().len()).filter(|key| study.ranges()[*key].values.len() > 1).collect();
+    match several[..] {
+        [x, y] => section.figures(pair(outcome, (x, y), &[], within_k)),
+        [x, y, z] => {
+            let values = study.ranges()[z].values.iter().enumerate();
+            values.fold(section, |section, (place, _)| {
+                section.figures(pair(outcome, (x, y), &[(z, place)], within_k))
+            })
+        }
+        _ => section.figure(lines(outcome, within_k)),
+    }
+}
+
+/// Errors of bare sensor and estimate over each key, a dot per point.
+fn clouds(outcome: &Outcome, within_k: f64) -> Section {
+    let study = outcome.study;
+    let every = outcome.rows.len().div_ceil(MOST_DOTS).max(1);
+    let shown: Vec<_> = outcome
+        .rows
+        .iter()
+        .step_by(every)
+        .filter_map(|row| Some((study.values(row.point), row.figures.as_ref().ok()?)))
+        .collect();
+    let section = Section::new("Errors over each key");
+    study.ranges().iter().enumerate().fold(section, |section, (key, range)| {
+        let values: Vec<f64> = shown.iter().map(|(values, _)| values[key]).collect();
+        let panel =
+            Panel::new(Axis::new("RMS error against the plant's gas temperature", "K").log());
+        let panel = [BARE, ESTIMATE].into_iter().fold(panel.height(220.0), |panel, way| {
+            let errors: Vec<f64> = shown.iter().map(|(_, f)| WAYS[way].2(&f.rmse_k)).collect();
+            panel.dots(WAYS[way].0, COLOURS[way], &values, &errors)
+        });
+        let panel = panel.reference(within_k, &format!("{within_k} K"));
+        let chart = Chart::new(along(study, key)).panel(panel);
+        section.figure(chart.figure(&range.key, "Every dot is a run of its own."))
+    })
+}
+
+/// Errors of all ways over one key.
+fn lines(outcome: &Outcome, within_k: f64) -> Figure {
+    let study = outcome.study;
+    let key = outcome.main_key();
+    let range = &study.ranges()[key];
+    let mut panel =
+        Panel::new(Axis::new("RMS error against the plant's gas temperature", "K").log());
+    panel = panel.height(300.0);
+    for (way, (name, ..)) in WAYS.iter().enumerate() {
+        let errors = outcome.errors_k(way);
+        panel = panel.line(name, COLOURS[way], &range.values, &errors).dots(
+            "",
+            COLOURS[way],
+            &range.values,
+            &errors,
+        );
+    }
+    let panel = panel.reference(within_k, &format!("{within_k} K"));
+    Chart::new(along(study, key)).panel(panel).figure(
+        "Errors of each way to know the gas temperature",
+        "Every point is a run of its own.",
+    )
+}
+
+/// Maps of bare sensor and estimate on one colour scale, other keys held in their places.
+fn pair(
+    outcome: &Outcome,
+    (x, y): (usize, usize),
+    held: &[(usize, usize)],
+    within_k: f64,
+) -> Vec<Figure> {
+    let study = outcome.study;
+    let of_both = || [BARE, ESTIMATE].into_iter().flat_map(|way| outcome.errors_k(way));
+    let (low, high) = data_range(of_both(), Spacing::Linear);
+    let spacing = if low > 0.0 && high > WIDE * low { Spacing::Log } else { Spacing::Linear };
+    let held_text: String = held
+        .iter()
+        .map(|(key, place)| {
+            let range = &study.ranges()[*key];
+            let value = match range.words.get(*place) {
+                Some(word) => word.clone(),
+                None => with_unit(range.values[*place], study.unit(*key)),
+            };
+            format!(", {} = {value}", range.key)
+        })
+        .collect();
+    let places = |key: usize| {
+        let range = &study.ranges()[key];
+        range.values.iter().map(|value| range.shown(*value)).collect()
+    };
+    let map = |way: usize, who: &str, caption: &str| {
+        let errors = outcome.errors_k(way);
+        let mut cells =
+            vec![vec![f64::NAN; study.ranges()[x].values.len()]; study.ranges()[y].values.len()];
+        for (point, error) in errors.into_iter().enumerate() {
+            let places = study.places(point);
+            if held.iter().all(|(key, place)| places[*key] == *place) {
+                cells[places[y]][places[x]] = error;
+            }
+        }
+        Heatmap {
+            x_label: axis(study, x),
+            y_label: axis(study, y),
+            value_label: "K".to_owned(),
+            x: places(x),
+            y: places(y),
+            cells,
+            style: Style {
+                range: Some((low, high)),
+                spacing,
+                limit: Some((within_k, format!("within {within_k} K"))),
+                half: true,
+            },
+        }
+        .figure(&format!("{who}{held_text}"), caption)
+    };
+    vec![
+        map(BARE, "Bare sensor", "RMS error of the sensor's reading."),
+        map(ESTIMATE, "Estimate", "RMS error of the core's estimate, on the same scale."),
+    ]
+}
+
+/// A line of a table per line of the grid along the main key: where each way is good enough.
+fn limits(outcome: &Outcome, within_k: f64) -> Section {
+    let study = outcome.study;
+    let main = outcome.main_key();
+    let others: Vec<usize> = (0..study.ranges().len()).filter(|key| *key != main).collect();
+    let mut columns: Vec<String> = others.iter().map(|key| axis(study, *key)).collect();
+    columns.extend(WAYS.iter().map(|(name, ..)| (*name).to_owned()));
+    let reaches: Vec<_> = (0..WAYS.len()).map(|way| outcome.reaches(way, within_k)).collect();
+    let caption =
+        format!("{}: where the RMS error is within {within_k} K", study.ranges()[main].key);
+    let section = Section::new("Limits");
+    let interpolated = "Limits are interpolated between the points of the grid.";
+    if others.is_empty() {
+        // A single line: the ways are what sets the rows apart.
+        let rows = WAYS
+            .iter()
+            .zip(&reaches)
+            .map(|((name, ..), lines)| vec![(*name).to_owned(), lines[0].text(study.unit(main))]);
+        let columns = ["Gas temperature from", "Within the limit"].map(str::to_owned).to_vec();
+        let table = Table { caption, columns, rows: rows.collect() };
+        return section.table(table).paragraph(interpolated);
+    }
+    let row = |(i, line): (usize, Vec<usize>)| {
+        let values = study.values(line[0]);
+        let mut cells: Vec<String> =
+            others.iter().map(|key| study.ranges()[*key].shown(values[*key])).collect();
+        cells.extend(reaches.iter().map(|lines| lines[i].text(study.unit(main))));
+        cells
+    };
+    let rows = outcome.lines(main).into_iter().enumerate().map(row).collect();
+    section.table(Table { caption, columns, rows }).paragraph(interpolated)
+}
+
+fn how(outcome: &Outcome) -> Section {
+    let study = outcome.study;
+    let rows = study.ranges().iter().enumerate().map(|(i, range)| {
+        let (first, last) = (range.values[0], range.values[range.values.len() - 1]);
+        let count = match range.interval {
+            true => "any between".to_owned(),
+            false => range.values.len().to_string(),
+        };
+        let scale = match (&range.words[..], range.logarithmic) {
+            ([], true) => "logarithmic",
+            ([], false) => "linear",
+            _ => "words",
+        };
+        vec![axis(study, i), count, range.shown(first), range.shown(last), scale.to_owned()]
+    });
+    let columns = ["Key", "Values", "From", "To", "Scale"];
+    let mut section = Section::new("What was run").table(Table {
+        caption: String::new(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    });
+    let mut text = format!(
+        "Shard {}: {} of {} points, each a run of its own; errors count from 10 s on, or over the second \
+         half of a run shorter than 20 s.",
+        study.shard,
+        outcome.rows.len(),
+        study.points()
+    );
+    let shares = ends(outcome.figures().map(|figures| figures.within_2sd));
+    if let [Some(low), Some(high)] = shares {
+        text += &format!(
+            " The truth lay within two stated standard deviations of the estimate in {} to {} % of the time.",
+            fixed(100.0 * low, 0),
+            fixed(100.0 * high, 0)
+        );
+    }
+    section = section.paragraph(&text);
+    for key in outcome.without_effect() {
+        section = section.paragraph(&format!("{key} changes nothing in this scenario."));
+    }
+    match outcome.failed() {
+        Some(failed) => section.paragraph(&format!("{failed}. Their cells are empty.")),
+        None => section,
+    }
+}

@@ -1,0 +1,272 @@
+//! What a sweep runs: enough to tell two sweeps apart, and to read and write the rows of either.
+
+use super::outcome::WAYS;
+use super::plan::{Latin, Plan};
+use super::{Figures, Range, Shard, SweepError};
+use serde::{Deserialize, Serialize};
+use std::fmt::{self, Write};
+use thermyo_record::summary::Errors;
+use thermyo_scenario::schema;
+use thermyo_scenario::schema::Allowed;
+use thermyo_setup::Loaded;
+
+/// What is run, and which part of it.
+#[derive(Debug)]
+pub struct Study {
+    plan: Plan,
+    pub(super) shard: Shard,
+    /// What its scenario is called.
+    pub name: String,
+    /// The scenario without the varied keys' values, every default filled in.
+    pub scenario: String,
+    checksum: String,
+}
+
+/// `study.json`: what a folder of results is of.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Label {
+    /// Version of the program.
+    thermyo: String,
+    scenario: String,
+    /// Of the scenario, and of the tables that it names.
+    scenario_checksum: String,
+    vary: Vec<String>,
+    lhs_points: Option<usize>,
+    lhs_seed: Option<u64>,
+    pub(super) shard: String,
+}
+
+/// One point, run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Its number in the whole sweep, from 0.
+    pub point: usize,
+    /// `run.seed` of its run.
+    pub seed: u64,
+    /// From when on its errors count \[s\].
+    pub settled_s: f64,
+    /// What it gave; or why it failed.
+    pub figures: Result<Figures, String>,
+}
+
+impl Study {
+    pub(super) fn new(plan: Plan, shard: Shard, name: String, base: &Loaded) -> Self {
+        let scenario = thermyo_setup::render(base);
+        let mut checksum = Checksum::default();
+        // Profiles and tables are not in the scenario's text.
+        write!(checksum, "{scenario}{base:?}").expect("a checksum takes everything");
+        Self { plan, shard, name, scenario, checksum: format!("{:016x}", checksum.0) }
+    }
+
+    /// The study that a label is of, and its scenario's text.
+    pub(super) fn of_label(label: &Label, scenario: String) -> Result<Self, SweepError> {
+        let ranges = label.vary.iter().map(|text| text.parse());
+        let ranges = ranges.collect::<Result<_, _>>().map_err(|_| SweepError::NoKey)?;
+        let latin = label.lhs_points.zip(label.lhs_seed);
+        let plan = Plan::new(ranges, latin.map(|(points, seed)| Latin { points, seed }))?;
+        let checksum = label.scenario_checksum.clone();
+        let name = label.scenario.clone();
+        Ok(Self { plan, shard: Shard::WHOLE, name, scenario, checksum })
+    }
+
+    pub(super) fn label(&self) -> Label {
+        Label {
+            thermyo: env!("CARGO_PKG_VERSION").to_owned(),
+            scenario: self.name.clone(),
+            scenario_checksum: self.checksum.clone(),
+            vary: self.ranges().iter().map(|range| range.written().to_owned()).collect(),
+            lhs_points: self.plan.latin.map(|latin| latin.points),
+            lhs_seed: self.plan.latin.map(|latin| latin.seed),
+            shard: self.shard.to_string(),
+        }
+    }
+
+    /// `study.json`.
+    pub fn label_text(&self) -> String {
+        serde_json::to_string_pretty(&self.label()).expect("plain data") + "\n"
+    }
+
+    /// The keys that vary.
+    pub fn ranges(&self) -> &[Range] {
+        &self.plan.ranges
+    }
+
+    /// The hypercube, if it is one.
+    pub fn latin(&self) -> Option<Latin> {
+        self.plan.latin
+    }
+
+    /// Points of the whole sweep.
+    pub fn points(&self) -> usize {
+        self.plan.points()
+    }
+
+    /// The points of its shard.
+    pub fn own(&self) -> Vec<usize> {
+        (0..self.points()).filter(|point| self.shard.has(*point)).collect()
+    }
+
+    pub(super) fn places(&self, point: usize) -> Vec<usize> {
+        self.plan.places(point)
+    }
+
+    pub(super) fn values(&self, point: usize) -> Vec<f64> {
+        self.plan.values(point)
+    }
+
+    pub(super) fn is_map(&self) -> bool {
+        self.plan.is_map()
+    }
+
+    /// "sensor.gas.time_constant_s = 3, plant.model = full".
+    pub fn values_text(&self, point: usize) -> String {
+        let values = self.ranges().iter().zip(self.values(point));
+        let each = values.map(|(range, value)| format!("{} = {}", range.key, range.text(value)));
+        each.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Unit of a key's values, as the SI writes it; empty for a ratio or a number of things.
+    pub(super) fn unit(&self, key: usize) -> &'static str {
+        let path = &self.ranges()[key].key;
+        let path = path.strip_prefix("believed.").unwrap_or(path);
+        match schema::key(path).map(|(_, key)| key.allowed) {
+            Some(Allowed::Real(limits)) => limits.unit,
+            _ => "",
+        }
+    }
+
+    /// Names of the columns of `sweep.csv`.
+    pub fn csv_header(&self) -> String {
+        let keys = self.ranges().iter().map(|range| range.key.as_str());
+        let errors = WAYS.iter().map(|(_, column, _)| *column);
+        let all = ["point"].into_iter().chain(keys).chain(["seed", "settled_s"]).chain(errors);
+        all.chain(["estimate_within_2sd", "failure"]).collect::<Vec<&str>>().join(",")
+    }
+
+    /// Number and values of a point, as its row begins.
+    fn csv_start(&self, point: usize) -> String {
+        let mut text = (point + 1).to_string();
+        for (range, value) in self.ranges().iter().zip(self.values(point)) {
+            text = text + "," + &range.text(value);
+        }
+        text
+    }
+
+    /// A point's row of `sweep.csv`. A number's text is the shortest that reads back to it.
+    pub fn csv_row(&self, row: &Point) -> String {
+        let mut text = self.csv_start(row.point);
+        let put = |text: &mut String, number: f64| {
+            text.push(',');
+            if !number.is_nan() {
+                text.push_str(&number.to_string());
+            }
+        };
+        text += &format!(",{}", row.seed);
+        put(&mut text, row.settled_s);
+        match &row.figures {
+            Ok(figures) => {
+                WAYS.iter().for_each(|(.., error)| put(&mut text, error(&figures.rmse_k)));
+                put(&mut text, figures.within_2sd);
+                text.push(',');
+            }
+            Err(failure) => {
+                text += &",".repeat(WAYS.len() + 2);
+                text += &quoted(failure);
+            }
+        }
+        text
+    }
+
+    /// The point of such a row; none where it is damaged, or of another study.
+    pub(super) fn read_row(&self, line: &str) -> Option<Point> {
+        let point = line.split(',').next()?.parse::<usize>().ok()?.checked_sub(1)?;
+        if point >= self.points() {
+            return None;
+        }
+        let rest = line.strip_prefix(&self.csv_start(point))?.strip_prefix(',')?;
+        // The failure is the last cell, and may have commas of its own.
+        let cells: Vec<&str> = rest.splitn(WAYS.len() + 4, ',').collect();
+        let [seed, settled_s, gas, wall, model, estimate, within, failure] = cells[..] else {
+            return None;
+        };
+        let number = |cell: &str| match cell {
+            "" => Some(f64::NAN),
+            _ => cell.parse().ok(),
+        };
+        let figures = if failure.is_empty() {
+            let rmse_k = Errors {
+                sensor_gas: number(gas)?,
+                sensor_wall: number(wall)?,
+                model: number(model)?,
+                estimate: number(estimate)?,
+            };
+            Ok(Figures { rmse_k, within_2sd: within.parse().ok()? })
+        } else {
+            Err(unquoted(failure)?)
+        };
+        let row = Point { point, seed: seed.parse().ok()?, settled_s: number(settled_s)?, figures };
+        // What does not read back to itself was cut.
+        (self.csv_row(&row) == line).then_some(row)
+    }
+}
+
+/// A text as a cell.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
+fn unquoted(cell: &str) -> Option<String> {
+    Some(cell.strip_prefix('"')?.strip_suffix('"')?.replace("\"\"", "\""))
+}
+
+/// FNV-1a of 64 bits: it tells scenarios apart, and keeps no secret.
+struct Checksum(u64);
+
+impl Default for Checksum {
+    fn default() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+}
+
+impl fmt::Write for Checksum {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for byte in text.bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn study() -> Study {
+        let ranges =
+            ["run.seed=1:3:3", "plant.model=full,lumped"].map(|text| text.parse().unwrap());
+        let plan = Plan::new(ranges.to_vec(), None).unwrap();
+        let name = String::new();
+        Study { plan, shard: Shard::WHOLE, name, scenario: String::new(), checksum: String::new() }
+    }
+
+    #[test]
+    fn a_row_reads_back_and_a_cut_one_does_not() {
+        let study = study();
+        let rmse_k =
+            Errors { sensor_gas: 0.1, sensor_wall: 1.0 / 3.0, model: f64::NAN, estimate: 3e-7 };
+        let figures = Ok(Figures { rmse_k, within_2sd: 1.0 });
+        let whole = Point { point: 4, seed: 7, settled_s: 10.0, figures };
+        let text = study.csv_row(&whole);
+        assert_eq!(text, "5,3,full,7,10,0.1,0.3333333333333333,,0.0000003,1,");
+        // NaN is not equal to itself.
+        assert_eq!(study.read_row(&text).map(|row| study.csv_row(&row)), Some(text.clone()));
+        let failure = "the plant diverged: p = 1 Pa, \"V\" = 0".to_owned();
+        let failed = Point { figures: Err(failure), ..whole };
+        let row = study.csv_row(&failed);
+        assert_eq!(study.read_row(&row), Some(failed));
+        // A number without its last digits is a number too; its row lacks the last comma then.
+        assert!((0..text.len()).all(|end| study.read_row(&text[..end]).is_none()));
+        assert!(study.read_row(&text.replace("full", "lumped")).is_none());
+        assert!(study.read_row("99,3,full,7,10,0.1,0.1,0.1,0.1,1,").is_none());
+    }
+}

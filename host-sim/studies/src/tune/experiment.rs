@@ -1,0 +1,295 @@
+//! The experiment: pressures only, by the core's own pressure loop, which knows its limits.
+//!
+//! ```text
+//! rest | slow ramps | fast ramps | steps                  | vent
+//!      |  /\/\      |  /\/\/\/\  | valve fully open, then |
+//!      |            |            | closing on the set point
+//! ```
+//!
+//! Nothing but telemetry is looked at: what any board gives.
+
+use super::Refusal;
+use model_core::config::{Config, Load};
+use model_core::control::contractions;
+use model_core::physics::chamber::{AnyChamber, Chamber};
+use model_core::{Faults, SetPoint, Telemetry};
+use std::ops::Range;
+use thermyo_record::board_trace::kind_and_values;
+use thermyo_record::trace::Row;
+use thermyo_scenario::DriveKind;
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::{Board, BoardError};
+use thermyo_simulation::run;
+use thermyo_simulation::run::RunError;
+
+/// Highest absolute pressure of an experiment where none is stated \[Pa\].
+pub const HIGHEST_PA: f64 = 4.0e5;
+/// Share of the supply's pressure that is used: beyond it the inlet passes little \[-\].
+const SUPPLY_SHARE: f64 = 0.85;
+/// Share of the pressure at which the supervisor vents \[-\].
+const LIMIT_SHARE: f64 = 0.9;
+/// Contractions between which the configured muscle is moved, either way, if its stroke is long enough \[-\].
+const CONTRACTIONS: [f64; 2] = [0.03, 0.28];
+/// Shares of a shorter stroke \[-\].
+const OF_STROKE: [f64; 2] = [0.1, 0.8];
+/// Least width of them \[-\].
+const LEAST_WIDTH: f64 = 0.06;
+/// Rest before and after, in which noise is measured and the muscle vented \[s\].
+const REST_S: f64 = 1.5;
+/// Contraction per time of slow and fast ramps, and how often they go up and down \[1/s\].
+const RAMPS: [(f64, u32); 2] = [(0.05, 2), (0.2, 4)];
+/// Rest at the ends of a ramp \[s\].
+const DWELL_S: f64 = 0.3;
+/// Steps up, and as many down.
+const STEPS: u32 = 5;
+/// How long each is held \[s\].
+const STEP_S: f64 = 0.7;
+/// Lower end of the steps, as a share of the range of pressures: the outlet passes little below.
+const STEP_FROM: f64 = 0.15;
+/// Points of a ramp are that far apart \[s\].
+const POINT_S: f64 = 0.02;
+
+/// What is known of one step of the core.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Record {
+    /// Number of the step.
+    pub step: u32,
+    /// Time \[s\].
+    pub time_s: f64,
+    /// The set point, in the drive's unit.
+    pub set_point: f64,
+    /// Measured absolute pressure \[Pa\].
+    pub pressure_pa: f64,
+    /// Measured length \[m\].
+    pub length_m: f64,
+    /// Estimated gas temperature \[K\].
+    pub gas_k: f64,
+    /// Estimated wall temperature \[K\].
+    pub wall_k: f64,
+    /// Inlet's share of the PWM period \[-\].
+    pub inlet: f64,
+    /// Outlet's share of the PWM period \[-\].
+    pub outlet: f64,
+    /// Faults that hold.
+    pub faults: Faults,
+}
+
+impl Record {
+    fn new(telemetry: &Telemetry, step_s: f64) -> Self {
+        let Telemetry { step, pressure_pa, length_m, estimate, command, faults, .. } = telemetry;
+        // What acts, not what was planned: over a line a set point may come late.
+        let (_, set_point, _) = kind_and_values(telemetry.set_point);
+        Self {
+            step: *step,
+            time_s: f64::from(*step) * step_s,
+            set_point: f64::from(set_point),
+            pressure_pa: f64::from(*pressure_pa),
+            length_m: f64::from(*length_m),
+            gas_k: f64::from(estimate.gas_k),
+            wall_k: f64::from(estimate.wall_k),
+            inlet: f64::from(command.inlet.share()),
+            outlet: f64::from(command.outlet.share()),
+            faults: *faults,
+        }
+    }
+}
+
+/// What an experiment is carried out on: a board with a simulated muscle, or with one of its own.
+pub trait Bench {
+    /// Drives a scenario from its beginning to its end; the telemetry of every step is shown.
+    ///
+    /// # Errors
+    /// When the run could not be finished.
+    fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError>;
+
+    /// Vents.
+    ///
+    /// # Errors
+    /// When the board does not answer.
+    fn vent(&mut self, config: &Config) -> Result<(), BoardError>;
+}
+
+/// A board that is given the samples of a simulated muscle, step by step.
+pub struct Simulated<'a>(pub &'a mut dyn Board);
+
+impl Bench for Simulated<'_> {
+    fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError> {
+        let mut observer = |row: &Row| {
+            each(&row.telemetry);
+            Ok(())
+        };
+        run::run(driven, self.0, None, &mut observer).map(drop)
+    }
+
+    fn vent(&mut self, config: &Config) -> Result<(), BoardError> {
+        self.0.start(config, SetPoint::Vent)
+    }
+}
+
+/// Runs a set-point profile and records every step.
+///
+/// # Errors
+/// When the run could not be finished.
+pub fn record(
+    loaded: &Loaded,
+    kind: DriveKind,
+    profile: Vec<(f64, f64)>,
+    bench: &mut dyn Bench,
+) -> Result<Vec<Record>, RunError> {
+    let driven = loaded.driven(kind, profile);
+    let step_s = driven.plant.run.step_s;
+    let mut records = Vec::new();
+    bench.drive(&driven, &mut |telemetry| {
+        records.push(Record::new(telemetry, step_s));
+    })?;
+    Ok(records)
+}
+
+/// One ramp.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ramp {
+    /// From its start to the end of the rest after it \[s\].
+    pub time_s: Range<f64>,
+    /// Whether the pressure rises.
+    pub rises: bool,
+}
+
+/// What is going to be done.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Lowest and highest set point \[Pa\].
+    pub pressures_pa: [f64; 2],
+    /// Contractions that the configured muscle has there \[-\].
+    pub contractions: [f64; 2],
+    /// Set points over time \[s, Pa\].
+    pub profile: Vec<(f64, f64)>,
+    /// When the muscle rests, before it moves \[s\].
+    pub rest_s: Range<f64>,
+    /// When it is moved evenly \[s\].
+    pub ramps_s: Range<f64>,
+    /// One by one.
+    pub ramps: Vec<Ramp>,
+    /// When the pressure is stepped \[s\].
+    pub steps_s: Range<f64>,
+}
+
+/// The configured chamber and the force of its load.
+///
+/// # Errors
+/// [`Refusal::NothingMoves`] where the load is a length.
+pub fn configured(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
+    match config.load {
+        Load::Isotonic { force_n } => Ok((AnyChamber::new(&config.chamber), f64::from(force_n))),
+        Load::Isometric { .. } => Err(Refusal::NothingMoves),
+    }
+}
+
+impl Plan {
+    /// The experiment for the core's configuration, at no more than `highest_pa`.
+    ///
+    /// # Errors
+    /// Where the pressures that are allowed do not move the configured muscle.
+    pub fn new(config: &Config, highest_pa: f64) -> Result<Self, Refusal> {
+        let (chamber, load_n) = configured(config)?;
+        let supply_pa = f64::from(config.supply.pressure_pa);
+        let limit_pa = f64::from(config.pressure_limit_pa);
+        let highest_pa = highest_pa.min(SUPPLY_SHARE * supply_pa).min(LIMIT_SHARE * limit_pa);
+        let rest_m = chamber.rest_length_m();
+        let [least, greatest] = contractions(config, &chamber).map(f64::from);
+        let (sign, stroke) = if greatest > -least { (1.0, greatest) } else { (-1.0, -least) };
+        let pressure_pa = |contraction: f64| {
+            let length_m = rest_m * (1.0 - (sign * contraction) as f32);
+            let gauge_pa = chamber.gauge_pressure_for_force_pa(load_n as f32, length_m);
+            // 0 where the muscle holds no load at all.
+            if gauge_pa > 0.0 {
+                f64::from(config.ambient.pressure_pa + gauge_pa)
+            } else {
+                f64::INFINITY
+            }
+        };
+        let [from, most] = [0, 1].map(|i| CONTRACTIONS[i].min(OF_STROKE[i] * stroke));
+        let steps = ((most - from) / 0.001) as u32;
+        let to = (0..=steps)
+            .map(|step| most - 0.001 * f64::from(step))
+            .find(|contraction| pressure_pa(*contraction) <= highest_pa)
+            .filter(|contraction| contraction - from >= LEAST_WIDTH)
+            .ok_or_else(|| Refusal::NoRange {
+                highest_pa,
+                needed_pa: pressure_pa(from + LEAST_WIDTH),
+            })?;
+        let pressures_pa = [from, to].map(pressure_pa);
+        let mut profile = Profile { points: vec![(0.0, pressures_pa[0])] };
+        profile.hold(REST_S);
+        let rest_s = 0.5 * REST_S..profile.end_s();
+        let ramps_from_s = profile.end_s();
+        let mut ramps = Vec::new();
+        for (speed, times) in RAMPS {
+            let duration_s = (to - from) / speed;
+            let points = (duration_s / POINT_S).ceil() as u32;
+            let ramp = |start: f64, end: f64| {
+                (1..=points).map(move |i| {
+                    let share = f64::from(i) / f64::from(points);
+                    (duration_s / f64::from(points), pressure_pa(start + share * (end - start)))
+                })
+            };
+            for _ in 0..times {
+                for (start, end) in [(from, to), (to, from)] {
+                    let start_s = profile.end_s();
+                    ramp(start, end).for_each(|(after_s, pa)| profile.go(after_s, pa));
+                    profile.hold(DWELL_S);
+                    ramps.push(Ramp { time_s: start_s..profile.end_s(), rises: end > start });
+                }
+            }
+        }
+        let steps_from_s = profile.end_s();
+        let [low_pa, high_pa] = pressures_pa;
+        for _ in 0..STEPS {
+            for pa in [low_pa + STEP_FROM * (high_pa - low_pa), high_pa] {
+                profile.go(0.001, pa);
+                profile.hold(STEP_S - 0.001);
+            }
+        }
+        let steps_to_s = profile.end_s();
+        profile.go(0.001, f64::from(config.ambient.pressure_pa));
+        profile.hold(REST_S);
+        Ok(Self {
+            pressures_pa,
+            contractions: [sign * from, sign * to],
+            profile: profile.points,
+            rest_s,
+            ramps_s: ramps_from_s..steps_from_s,
+            ramps,
+            steps_s: steps_from_s..steps_to_s,
+        })
+    }
+}
+
+/// A profile that grows.
+struct Profile {
+    points: Vec<(f64, f64)>,
+}
+
+impl Profile {
+    fn last(&self) -> (f64, f64) {
+        self.points[self.points.len() - 1]
+    }
+
+    fn end_s(&self) -> f64 {
+        self.last().0
+    }
+
+    fn go(&mut self, after_s: f64, pa: f64) {
+        self.points.push((self.end_s() + after_s, pa));
+    }
+
+    fn hold(&mut self, duration_s: f64) {
+        self.go(duration_s, self.last().1);
+    }
+}
+
+/// The records of a stretch of time.
+pub fn during<'a>(records: &'a [Record], time_s: &Range<f64>) -> &'a [Record] {
+    let from = records.partition_point(|record| record.time_s < time_s.start);
+    let to = records.partition_point(|record| record.time_s < time_s.end);
+    &records[from..to]
+}

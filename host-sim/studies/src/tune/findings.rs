@@ -1,0 +1,295 @@
+//! The table: every value before and after, how sure it is, and why some were kept.
+
+use super::check::{Checked, Figures};
+use super::experiment::Record;
+use super::force::Force;
+use super::gains::{Basis, LoopGains};
+use super::regression::Measure;
+use super::valve::Steps;
+use serde::Serialize;
+use thermyo_files::number::significant;
+use thermyo_plant::chamber::Tunable;
+use thermyo_scenario::schema::limits;
+use thermyo_scenario::{PlantModel, number};
+use thermyo_setup::Loaded;
+
+/// Relative difference up to which two errors on the check's sine are as good as each other \[-\].
+const EQUAL: f64 = 0.1;
+
+/// One value.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Parameter {
+    /// Path of its key.
+    pub path: &'static str,
+    /// What the core was configured with \[unit\].
+    pub before: f64,
+    /// What it is configured with from now on \[unit\].
+    pub after: f64,
+    /// Standard error \[unit\]; none where the value was kept or follows from a bound.
+    pub standard_error: Option<f64>,
+    /// Unit.
+    pub unit: &'static str,
+    /// Where it comes from, or why it was kept.
+    pub remark: String,
+}
+
+/// What parameters are made of.
+pub(super) struct Parts<'a> {
+    pub configured: &'a Loaded,
+    pub force: &'a Force,
+    pub tunable: Tunable,
+    /// Inlet and outlet.
+    pub steps: [Steps; 2],
+    /// Whether the valves take time to switch.
+    pub switching: bool,
+    pub switch_time_s: Option<Measure>,
+    pub delay_s: Measure,
+    pub gains: &'a LoopGains,
+}
+
+impl Parts<'_> {
+    fn before(&self, path: &str) -> f64 {
+        number(&self.configured.believed, path).expect("a number of the scenario")
+    }
+
+    fn measured(&self, path: &'static str, found: Measure, remark: &str) -> Parameter {
+        let Measure { value, error } = found;
+        self.bound(path, value, remark).with_error(error)
+    }
+
+    fn bound(&self, path: &'static str, after: f64, remark: &str) -> Parameter {
+        Parameter {
+            path,
+            before: self.before(path),
+            after,
+            standard_error: None,
+            unit: limits(path).unit,
+            remark: remark.to_owned(),
+        }
+    }
+
+    fn kept(&self, path: &'static str, why: &str) -> Parameter {
+        self.bound(path, self.before(path), &format!("kept: {why}"))
+    }
+
+    /// Every value, in the order of the table.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let Self { force, gains, .. } = self;
+        let [inlet, outlet] = &self.steps;
+        let full = self.configured.believed.plant.model == PlantModel::Full;
+        let area = force.area_scale;
+        let (area_key, power) = self.tunable.area[0];
+        let configured = self.before(area_key);
+        let mut all = vec![
+            self.measured("friction.force_n", force.coulomb_n, "half of the hysteresis"),
+            match force.softening_per_k {
+                Some(found) => self.measured(
+                    "friction.softening_per_k",
+                    found,
+                    "hysteresis over wall temperature",
+                ),
+                None => {
+                    let [low, high] = force.wall_k;
+                    let why = format!("the wall spanned {:.1} K only", high - low);
+                    self.kept("friction.softening_per_k", &why)
+                }
+            },
+        ];
+        if full {
+            all.push(match force.viscous_n_s_m {
+                Some(found) => {
+                    self.measured("friction.viscous_n_s_m", found, "fast ramps against slow ones")
+                }
+                None => self.kept("friction.viscous_n_s_m", "lost in the scatter"),
+            });
+            let why = "friction builds up within a few steps of the length's code";
+            all.push(self.kept("friction.presliding_stiffness_n_m", why));
+        }
+        all.extend([
+            self.measured(
+                area_key,
+                Measure {
+                    value: configured * area.value.powf(power),
+                    error: configured * (power * area.value.powf(power - 1.0)).abs() * area.error,
+                },
+                &format!(
+                    "force area and volume, {} of the configured ones",
+                    significant(area.value, 4)
+                ),
+            ),
+            self.measured(self.tunable.stiffness, force.stiffness_n_m, "force over the way"),
+            self.measured(
+                "valve.conductance_m3_s_pa",
+                inlet.conductance.between(outlet.conductance),
+                &format!(
+                    "inlet {}, outlet {}",
+                    significant(inlet.conductance.value, 4),
+                    significant(outlet.conductance.value, 4)
+                ),
+            ),
+        ]);
+        if self.switching {
+            let switch_s = self
+                .switch_time_s
+                .unwrap_or(Measure { value: self.before("valve.switch_time_s"), error: 0.0 });
+            all.push(match self.switch_time_s {
+                Some(found) => {
+                    self.measured("valve.switch_time_s", found, "what short pulses move")
+                }
+                None => self.kept("valve.switch_time_s", "no ramp had pulses short enough"),
+            });
+            let dead_s = self.delay_s.less(switch_s.scaled(0.5, 0.0));
+            let dead_s = Measure { value: dead_s.value.max(0.0), ..dead_s };
+            let remark = "delay less half of the switching; with the sensor's lag";
+            all.push(self.measured("valve.dead_time_s", dead_s, remark));
+        }
+        let twice = "2 (half a PWM period + delay)";
+        all.extend([
+            self.measured("controller.pressure_loop_s", gains.loop_s, twice),
+            self.measured("controller.length_loop_s", gains.loop_s, twice),
+            self.measured("controller.pressure_reset_s", gains.reset_s, "20 times the loop's"),
+            self.measured(
+                "controller.load_gain_n_m_s",
+                gains.load_gain_n_m_s,
+                "gas spring over the reset time",
+            ),
+            self.bound(
+                "controller.pressure_dead_zone_pa",
+                gains.pressure_dead_zone_pa,
+                "as configured, at least 3 standard deviations of the noise",
+            ),
+            self.bound(
+                "controller.contraction_dead_zone",
+                gains.contraction_dead_zone,
+                "as configured, at least 3 standard deviations of the noise",
+            ),
+        ]);
+        all
+    }
+}
+
+impl Parameter {
+    fn with_error(self, error: f64) -> Self {
+        Self { standard_error: Some(error), ..self }
+    }
+}
+
+/// How the muscle followed with the values before and after.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Check {
+    /// With what was configured.
+    pub before: Figures,
+    /// With the tuned values.
+    pub after: Figures,
+}
+
+/// `summary.json` of a tuning.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Findings {
+    /// Length of the experiment \[s\].
+    pub duration_s: f64,
+    /// Highest pressure in it \[Pa\].
+    pub highest_pa: f64,
+    /// Every value.
+    pub parameters: Vec<Parameter>,
+    /// From the pin to half of the opening, of the outlet \[s\].
+    pub delay_s: f64,
+    /// Noise of one reading of the pressure \[Pa\].
+    pub pressure_noise_pa: f64,
+    /// Noise of one reading of the length \[m\].
+    pub length_noise_m: f64,
+    /// What the balance of forces leaves, RMS \[N\].
+    pub force_rms_n: f64,
+    /// Friction over its standard error \[-\].
+    pub signal_to_noise: f64,
+    /// The same short motion with both.
+    pub check: Check,
+    /// Whether the sine is followed closer than before, by a tenth at least.
+    pub improved: bool,
+}
+
+impl Findings {
+    pub(super) fn new(
+        parameters: Vec<Parameter>,
+        records: &[Record],
+        force: &Force,
+        basis: &Basis,
+        [before, after]: [&Checked; 2],
+    ) -> Self {
+        let (before, after) = (before.figures, after.figures);
+        Self {
+            duration_s: records.last().map_or(0.0, |record| record.time_s),
+            highest_pa: records.iter().map(|record| record.pressure_pa).fold(0.0, f64::max),
+            parameters,
+            delay_s: basis.delay_s.value,
+            pressure_noise_pa: basis.noise.pressure_pa,
+            length_noise_m: basis.noise.length_m,
+            force_rms_n: force.rms_n,
+            signal_to_noise: force.coulomb_n.value / force.coulomb_n.error,
+            check: Check { before, after },
+            improved: after.sine_rms_percent < (1.0 - EQUAL) * before.sine_rms_percent,
+        }
+    }
+
+    /// The value of a path after tuning.
+    pub fn value(&self, path: &str) -> Option<&Parameter> {
+        self.parameters.iter().find(|parameter| parameter.path == path)
+    }
+
+    /// How the muscle follows the check's sine with the tuned values, in words.
+    pub fn word(&self) -> &'static str {
+        let Check { before, after } = self.check;
+        if self.improved {
+            "closer than before"
+        } else if after.sine_rms_percent <= (1.0 + EQUAL) * before.sine_rms_percent {
+            "as closely as before"
+        } else {
+            "less closely than before"
+        }
+    }
+
+    /// What the check says.
+    pub fn verdict(&self) -> String {
+        let Check { before, after } = self.check;
+        let figures = |f: &Figures| {
+            format!(
+                "sine {:.2} % RMS, at rest {:.2} %, settled in {:.2} s, overshoot {:.1} %",
+                f.sine_rms_percent, f.rest_error_percent, f.settled_s, f.overshoot_percent
+            )
+        };
+        let word = self.word();
+        let (before, after) = (figures(&before), figures(&after));
+        format!("check: the sine is followed {word}\n  before: {before}\n  after:  {after}")
+    }
+
+    /// For a terminal.
+    pub fn text(&self) -> String {
+        let width = self.parameters.iter().map(|p| p.path.len()).max().unwrap_or(0);
+        let mut text = format!(
+            "{:width$}  {:>10}  {:>10}  {:>10}  {:10}\n",
+            "parameter", "before", "after", "std. error", "unit"
+        );
+        for parameter in &self.parameters {
+            let error = parameter.standard_error.map_or_else(String::new, plain);
+            text += &format!(
+                "{:width$}  {:>10}  {:>10}  {error:>10}  {:10}  {}\n",
+                parameter.path,
+                plain(parameter.before),
+                plain(parameter.after),
+                parameter.unit,
+                parameter.remark
+            );
+        }
+        text + &self.verdict() + "\n"
+    }
+}
+
+/// Four digits, as TOML would have them.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
+        let digits = (3 - value.abs().max(1e-300).log10().floor() as i32).clamp(0, 9) as usize;
+        format!("{value:.*}", if value == 0.0 { 0 } else { digits })
+    } else {
+        format!("{value:.3e}")
+    }
+}

@@ -1,0 +1,198 @@
+//! `report.html` of a tuning: the hysteresis and what was fitted to it, a step of the pressure, the
+//! check before and after.
+
+use super::experiment::during;
+use super::force::Point;
+use super::{Figures, Tuned};
+use thermyo_files::number::{MISSING, significant};
+use thermyo_report::Colour;
+use thermyo_report::chart::{Axis, Chart, Panel};
+use thermyo_report::figure::Figure;
+use thermyo_report::page::{Page, Section, Table, Tile};
+
+/// What a chart of one step of the pressure shows before and after it \[s\].
+const STEP_BEFORE_S: f64 = 0.05;
+const STEP_AFTER_S: f64 = 0.3;
+
+/// The page.
+pub fn page(tuned: &Tuned, title: &str) -> String {
+    let findings = &tuned.findings;
+    let lead = format!(
+        "{:.0} s of ramps and steps of the pressure, up to {:.0} kPa. With the tuned values the muscle \
+         follows a slow sine {}.",
+        findings.duration_s,
+        findings.highest_pa / 1e3,
+        findings.word()
+    );
+    let check = &findings.check;
+    Page::new(&format!("{title}, tuned"), &lead, &thermyo_setup::render(&tuned.scenario))
+        .tile(Tile::new(
+            "Sine of 0.5 Hz, RMS of the stroke, before",
+            check.before.sine_rms_percent,
+            "%",
+        ))
+        .tile(Tile::new("The same after", check.after.sine_rms_percent, "%"))
+        .tile(Tile::new("Residual force, RMS", findings.force_rms_n, "N"))
+        .section(values(tuned))
+        .section(forces(tuned))
+        .section(valves(tuned))
+        .section(followed(tuned))
+        .render()
+}
+
+fn values(tuned: &Tuned) -> Section {
+    let columns = ["Parameter", "After", "Standard error", "Unit", "Before", "From"];
+    let rows = tuned.findings.parameters.iter().map(|parameter| {
+        let error = parameter.standard_error.map(|error| significant(error, 2));
+        vec![
+            parameter.path.to_owned(),
+            significant(parameter.after, 4),
+            error.unwrap_or_else(|| MISSING.to_owned()),
+            parameter.unit.to_owned(),
+            significant(parameter.before, 4),
+            parameter.remark.clone(),
+        ]
+    });
+    let table = Table {
+        caption: "The core's configuration, in SI".to_owned(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    };
+    Section::new("Values").table(table).paragraph(
+        "Standard errors are of the scatter, correlated as it is. What the balance of forces leaves out \
+         comes on top, some 0.5 % of them. The conductance is an effective one, with tube and regulator; \
+         heat transfer that is configured 30 % wrong makes it 3 % wrong.",
+    )
+}
+
+/// Points of one direction and speed, by contraction.
+fn group(points: &[Point], up: bool, fast: bool) -> Vec<Point> {
+    let middle_m_s = 0.5 * points.iter().map(|p| p.speed_m_s.abs()).fold(0.0, f64::max);
+    let mut group: Vec<Point> = points
+        .iter()
+        .filter(|p| (p.speed_m_s > 0.0) == up && (p.speed_m_s.abs() > middle_m_s) == fast)
+        .copied()
+        .collect();
+    group.sort_by(|a, b| a.contraction.total_cmp(&b.contraction));
+    group
+}
+
+fn column(points: &[Point], of: impl Fn(&Point) -> f64) -> Vec<f64> {
+    points.iter().map(of).collect()
+}
+
+fn forces(tuned: &Tuned) -> Section {
+    let mut pull = Panel::new(Axis::new("Pull of the gas", "N")).height(300.0);
+    let mut rest = Panel::new(Axis::new("Measured less fitted", "N")).height(150.0);
+    for (up, fast) in [(true, false), (true, true), (false, false), (false, true)] {
+        let points = group(&tuned.force.points, up, fast);
+        let x = column(&points, |p| 100.0 * p.contraction);
+        let colour = if up { Colour::Vermillion } else { Colour::Blue };
+        let fitted = column(&points, |p| p.pull_n - p.residual_n);
+        let name = match (up, fast) {
+            (true, false) => "contracting",
+            (false, false) => "lengthening",
+            _ => "",
+        };
+        pull = pull.dots(name, colour, &x, &column(&points, |p| p.pull_n));
+        pull = if fast {
+            pull.dashed(if up { "fitted, fast" } else { "" }, Colour::Ink, &x, &fitted)
+        } else {
+            pull.line(if up { "fitted, slow" } else { "" }, Colour::Ink, &x, &fitted)
+        };
+        rest = rest.dots("", colour, &x, &column(&points, |p| p.residual_n));
+    }
+    let chart =
+        Chart::new(Axis::new("Contraction", "%")).panel(pull).panel(rest.reference(0.0, "0"));
+    Section::new("Friction").figure(chart.figure(
+        "Hysteresis",
+        "Gauge pressure times force area while the muscle slides evenly. Half of the distance between \
+         the branches is friction, their middle load and bladder.",
+    ))
+}
+
+fn valves(tuned: &Tuned) -> Section {
+    let steps = during(&tuned.records, &tuned.plan.steps_s);
+    let jumps: Vec<f64> = steps
+        .windows(2)
+        .filter(|pair| (pair[1].set_point - pair[0].set_point).abs() > 1e3)
+        .map(|pair| pair[1].time_s)
+        .collect();
+    // The last of either direction: the muscle has warmed to its work.
+    let last = &jumps[jumps.len().saturating_sub(2)..];
+    let figures = last.iter().map(|jump_s| step(tuned, *jump_s)).collect();
+    Section::new("Valves").figures(figures)
+}
+
+fn step(tuned: &Tuned, jump_s: f64) -> Figure {
+    let shown = during(&tuned.records, &(jump_s - STEP_BEFORE_S..jump_s + STEP_AFTER_S));
+    let time: Vec<f64> = shown.iter().map(|record| 1e3 * (record.time_s - jump_s)).collect();
+    let of = |f: fn(&super::Record) -> f64| shown.iter().map(f).collect::<Vec<f64>>();
+    let chart = Chart::new(Axis::new("Time", "ms"))
+        .half()
+        .panel(
+            Panel::new(Axis::new("Pressure", "kPa"))
+                .dashed("set point", Colour::Grey, &time, &of(|r| r.set_point / 1e3))
+                .line("measured", Colour::Ink, &time, &of(|r| r.pressure_pa / 1e3)),
+        )
+        .panel(
+            Panel::new(Axis::new("Duty", "%").range(-5.0, 105.0))
+                .height(90.0)
+                .line("inlet", Colour::Vermillion, &time, &of(|r| 100.0 * r.inlet))
+                .line("outlet", Colour::Blue, &time, &of(|r| 100.0 * r.outlet)),
+        );
+    chart.figure(
+        "A step of the pressure",
+        "While a duty is 100 %, the valve's conductance and delay are read off the gas mass.",
+    )
+}
+
+fn followed(tuned: &Tuned) -> Section {
+    let row = |name: &str, f: &Figures| {
+        vec![
+            name.to_owned(),
+            significant(f.sine_rms_percent, 3),
+            significant(f.rest_error_percent, 3),
+            significant(f.settled_s, 3),
+            significant(f.overshoot_percent, 3),
+        ]
+    };
+    let check = &tuned.findings.check;
+    let columns =
+        ["", "Sine, RMS [% of stroke]", "At rest [% of stroke]", "Settled [s]", "Overshoot [%]"];
+    Section::new("Check").figure(check_figure(tuned)).table(Table {
+        caption: "The same motion with both".to_owned(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: vec![row("before", &check.before), row("after", &check.after)],
+    })
+}
+
+fn check_figure(tuned: &Tuned) -> Figure {
+    check_chart(tuned).figure(
+        "Check, before and after",
+        "A sine of 0.5 Hz, then two steps; of steps the error below shows where they come to rest.",
+    )
+}
+
+/// The check before and after.
+pub fn check_chart(tuned: &Tuned) -> Chart {
+    let (before, after) = (&tuned.before.points, &tuned.after.points);
+    let time: Vec<f64> = after.iter().map(|point| point.0).collect();
+    let percent = |points: &[(f64, f64, f64)], of: fn(&(f64, f64, f64)) -> f64| {
+        points.iter().map(|point| 100.0 * of(point)).collect::<Vec<f64>>()
+    };
+    let error = |point: &(f64, f64, f64)| point.2 - point.1;
+    Chart::new(Axis::new("Time", "s"))
+        .panel(
+            Panel::new(Axis::new("Contraction", "%"))
+                .wide("set point", Colour::Grey, &time, &percent(after, |point| point.1))
+                .line("before", Colour::Vermillion, &time, &percent(before, |point| point.2))
+                .line("after", Colour::Blue, &time, &percent(after, |point| point.2)),
+        )
+        .panel(
+            Panel::new(Axis::new("Contraction less set point", "%").range(-1.5, 1.5))
+                .height(150.0)
+                .line("before", Colour::Vermillion, &time, &percent(before, error))
+                .line("after", Colour::Blue, &time, &percent(after, error)),
+        )
+}

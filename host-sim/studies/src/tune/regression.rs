@@ -1,0 +1,151 @@
+//! Linear least squares with standard errors that know of correlated residuals.
+
+use nalgebra::{DMatrix, DVector};
+pub use thermyo_identify::correlation_rows;
+
+/// Smallest eigenvalue of the scaled normal matrix: below it a combination of the coefficients
+/// changes nothing that was measured.
+const SINGULAR: f64 = 1e-9;
+
+/// A value with its standard error, in one unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measure {
+    /// The value.
+    pub value: f64,
+    /// Its standard error.
+    pub error: f64,
+}
+
+impl Measure {
+    /// The middle of two measures of one quantity; its error is no less than half of what they
+    /// differ by.
+    pub fn between(self, other: Self) -> Self {
+        let half = 0.5 * (self.value - other.value).abs();
+        Self {
+            value: f64::midpoint(self.value, other.value),
+            error: half.max(0.5 * self.error.hypot(other.error)),
+        }
+    }
+
+    /// The measure of this quantity times a known factor, plus a known term.
+    pub fn scaled(self, factor: f64, term: f64) -> Self {
+        Self { value: factor * self.value + term, error: factor.abs() * self.error }
+    }
+
+    /// The difference to an independent measure.
+    pub fn less(self, other: Self) -> Self {
+        Self { value: self.value - other.value, error: self.error.hypot(other.error) }
+    }
+}
+
+/// Coefficients of a linear model, with their covariance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit<const N: usize> {
+    coefficients: [f64; N],
+    covariance: DMatrix<f64>,
+    /// Measured less fitted, row by row.
+    pub residuals: Vec<f64>,
+}
+
+/// Fits y = sum of coefficient times column to rows of (columns, y); none where the rows are fewer
+/// than twice the coefficients, or leave a combination of them open.
+///
+/// The covariance is s^2 t (X'X)^-1: s^2 the mean square of the residuals, t their integrated
+/// autocorrelation time in rows, since what a model leaves out goes on from row to row.
+pub fn least_squares<const N: usize>(rows: &[([f64; N], f64)]) -> Option<Fit<N>> {
+    if rows.len() < 2 * N {
+        return None;
+    }
+    let columns = DMatrix::from_fn(rows.len(), N, |row, i| rows[row].0[i]);
+    // Scaled to columns of length 1, so that units do not matter.
+    let lengths = DVector::from_fn(N, |i, _| columns.column(i).norm());
+    if lengths.iter().any(|length| !(*length > 0.0 && length.is_finite())) {
+        return None;
+    }
+    let y = DVector::from_fn(rows.len(), |row, _| rows[row].1);
+    let scaled = DMatrix::from_fn(rows.len(), N, |row, i| columns[(row, i)] / lengths[i]);
+    let normal = scaled.transpose() * &scaled;
+    let open = normal.clone().symmetric_eigenvalues().min() < SINGULAR;
+    let inverse = normal.cholesky().filter(|_| !open)?.inverse();
+    let found = (&inverse * scaled.transpose() * &y).component_div(&lengths);
+    let residuals = y - columns * &found;
+    let variance =
+        residuals.norm_squared() / (rows.len() - N) as f64 * correlation_rows(residuals.as_slice());
+    Some(Fit {
+        coefficients: std::array::from_fn(|i| found[i]),
+        covariance: DMatrix::from_fn(N, N, |i, j| {
+            variance * inverse[(i, j)] / (lengths[i] * lengths[j])
+        }),
+        residuals: residuals.as_slice().to_vec(),
+    })
+}
+
+impl<const N: usize> Fit<N> {
+    /// What follows from the coefficients by `of`, its error by the gradient.
+    pub fn measure(&self, of: impl Fn(&[f64; N]) -> f64) -> Measure {
+        let gradient = DVector::from_fn(N, |i, _| {
+            let step = 1e-3 * self.covariance[(i, i)].sqrt().max(f64::MIN_POSITIVE);
+            let at = |shift: f64| {
+                let mut moved = self.coefficients;
+                moved[i] += shift;
+                of(&moved)
+            };
+            (at(step) - at(-step)) / (2.0 * step)
+        });
+        let variance = (gradient.transpose() * &self.covariance * &gradient)[0];
+        Measure { value: of(&self.coefficients), error: variance.sqrt() }
+    }
+
+    /// Root mean square of the residuals.
+    pub fn rms(&self) -> f64 {
+        let square: f64 = self.residuals.iter().map(|r| r * r).sum();
+        (square / self.residuals.len() as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_xoshiro::Xoshiro256PlusPlus;
+    use rand_xoshiro::rand_core::SeedableRng;
+
+    #[test]
+    fn the_stated_errors_are_those_of_repeated_fits() {
+        let fits: u32 = 400;
+        let outside = (0..fits)
+            .filter(|seed| {
+                let mut random = Xoshiro256PlusPlus::seed_from_u64(u64::from(*seed));
+                let rows: Vec<([f64; 2], f64)> = (0..200)
+                    .map(|row| {
+                        let x = f64::from(row) / 200.0;
+                        let noise: f64 = StandardNormal.sample(&mut random);
+                        ([1.0, x], 3.0 + 2.0 * x + 0.1 * noise)
+                    })
+                    .collect();
+                let ratio = least_squares(&rows).unwrap().measure(|c| c[1] / c[0]);
+                (ratio.value - 2.0 / 3.0).abs() > 2.0 * ratio.error
+            })
+            .count();
+        // 4.6 % of a normal distribution; what is estimated from the residuals adds some.
+        assert!((0.01..0.10).contains(&(outside as f64 / f64::from(fits))), "{outside}");
+    }
+
+    #[test]
+    fn what_the_rows_leave_open_has_no_fit() {
+        let same: Vec<_> = (0..9).map(|i| ([f64::from(i), 2.0 * f64::from(i)], 1.0)).collect();
+        assert_eq!(least_squares(&same), None);
+        let nothing: Vec<_> = (0..9).map(|i| ([f64::from(i), 0.0], 1.0)).collect();
+        assert_eq!(least_squares(&nothing), None);
+        assert_eq!(least_squares(&[([1.0], 1.0)]), None);
+    }
+
+    #[test]
+    fn what_disagrees_is_no_more_certain_than_its_difference() {
+        let one = Measure { value: 1.0, error: 0.1 };
+        let close = one.between(Measure { value: 1.02, error: 0.1 });
+        assert!((close.value - 1.01).abs() < 1e-12 && (close.error - 0.0707).abs() < 1e-3);
+        let far = one.between(Measure { value: 2.0, error: 0.1 });
+        assert!((far.error - 0.5).abs() < 1e-12);
+    }
+}
