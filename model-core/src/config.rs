@@ -1,6 +1,6 @@
 //! Everything that the core is configured with before it starts, and what each value may be.
 
-use crate::math::limit;
+use crate::math::{SMALLEST, absolute, limit};
 use crate::parameter::{Parameter, parameters};
 use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
 use crate::physics::friction::Friction;
@@ -216,6 +216,9 @@ pub struct ConfigError {
 impl core::fmt::Display for ConfigError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let Self { field, value, minimum, maximum } = self;
+        if is_too_small(*value) {
+            return write!(f, "{field} = {value:e}: must be 0, or {SMALLEST:e} or more in size");
+        }
         write!(f, "{field} = {value}: must be from {minimum} to {maximum}")
     }
 }
@@ -281,6 +284,12 @@ pub(crate) const fn named(key: &'static str) -> &'static str {
     if cfg!(feature = "keys") { key } else { "" }
 }
 
+/// So close to zero that a processor which flushes subnormal numbers could compute other bits.
+fn is_too_small(value: f32) -> bool {
+    // Not a comparison with zero: such a processor takes a subnormal number for one.
+    absolute(value) < SMALLEST && value.to_bits() << 1 != 0
+}
+
 /// Not inlined: some eighty calls.
 #[inline(never)]
 pub(crate) fn within(
@@ -289,7 +298,7 @@ pub(crate) fn within(
     minimum: f32,
     maximum: f32,
 ) -> Result<(), ConfigError> {
-    if value >= minimum && value <= maximum {
+    if value >= minimum && value <= maximum && !is_too_small(value) {
         Ok(())
     } else {
         Err(ConfigError { field: named(field), value, minimum, maximum })
@@ -318,6 +327,32 @@ mod tests {
         config.pwm_period_steps = 1000;
         config.valve.switch_time_s = 0.101;
         assert_eq!(config.check().unwrap_err().maximum, 0.1);
+    }
+
+    /// A subnormal number is zero on one processor and not on another.
+    #[test]
+    fn next_to_nothing_is_refused_and_nothing_is_not() {
+        type Field = fn(&mut Config) -> &mut f32;
+        let fields: [(&str, Field); 3] = [
+            ("link.timeout_s", |config| &mut config.link.timeout_s),
+            ("leak.conductance_m3_s_pa", |config| &mut config.leak.conductance_m3_s_pa),
+            ("adc.wide_code_lsb", |config| &mut config.sensors.adc.wide_code_lsb),
+        ];
+        for (key, field) in fields {
+            let with = |value| {
+                let mut config = Config::default();
+                *field(&mut config) = value;
+                config.check()
+            };
+            for value in [1.0e-40, f32::MIN_POSITIVE, f32::from_bits(1), 0.99 * SMALLEST] {
+                assert_eq!(with(value).map_err(|error| error.field), Err(key), "{value:e}");
+            }
+            assert_eq!([0.0, -0.0, SMALLEST].map(with), [Ok(()); 3], "{key}");
+        }
+        let load = Load::Isotonic { force_n: -1.0e-40 };
+        let error = Config { load, ..Config::default() }.check().unwrap_err();
+        let text = std::string::ToString::to_string(&error);
+        assert_eq!(text, "load.force_n = -1e-40: must be 0, or 1e-20 or more in size");
     }
 
     #[test]

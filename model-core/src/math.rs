@@ -6,6 +6,10 @@
 
 use micromath::F32Ext;
 
+/// Smallest number that the core takes from outside, but for zero, in any unit: far from the subnormal numbers,
+/// which are zeros on some processors.
+pub(crate) const SMALLEST: f32 = 1.0e-20;
+
 /// Reciprocal square root, relative error below 1e-6.
 ///
 /// Returns 0 for arguments that are not positive: the callers' ranges exclude them, and a finite

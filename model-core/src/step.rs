@@ -180,7 +180,7 @@ impl Core {
         self.supervisor.recall(first, latched);
     }
 
-    /// Changes what the core is to do, from the next PWM period on.
+    /// Changes what the core is to do, from the next PWM period on; to vent, from the next step on.
     ///
     /// # Errors
     /// [`SetPointError`] for a value that is no number or out of its range, and for anything but
@@ -211,9 +211,9 @@ impl Core {
         self.controller.target().set_point()
     }
 
-    /// Vents, from this step on: what [`SetPoint::Vent`] does from the next PWM period on.
+    /// Vents, from the next step on, as [`SetPoint::Vent`] does.
     pub fn vent(&mut self) {
-        self.controller.vent();
+        self.controller.set(Target::VENT);
     }
 
     /// Forgets latched faults whose cause is gone. The set point falls back to venting: nothing
@@ -244,6 +244,14 @@ impl Core {
         };
         let faults = self.supervisor.step(&sample.into(), &readings, activity);
         let length_m = self.length_m(read_m, pressure_pa, faults);
+        // While the sensors are judged too: the set point that waits is forgotten like one that drives.
+        let venting = self.supervisor.venting() != Faults::NONE;
+        if venting {
+            self.controller.set(Target::VENT);
+            if self.armed_pa.is_some() {
+                self.set_armed(None);
+            }
+        }
         if self.supervisor.judging() {
             self.follow(Command::VENT);
             return Telemetry {
@@ -258,13 +266,6 @@ impl Core {
                 set_point: self.set_point(),
                 faults,
             };
-        }
-        let venting = self.supervisor.venting() != Faults::NONE;
-        if venting {
-            self.controller.set(Target::VENT);
-            if self.armed_pa.is_some() {
-                self.set_armed(None);
-            }
         }
         // While venting too: it counts the periods of the PWM, and the hardware goes on with them.
         let wanted = self.controller.step(
@@ -354,6 +355,7 @@ impl Core {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::LinkConfig;
     use crate::physics::chamber::{ChamberConfig, Vessel};
     use crate::sample::AdcCode;
     use crate::sensing::Sensors;
@@ -514,6 +516,79 @@ mod tests {
     }
 
     const CLOSED: SetPoint = SetPoint::Duty { inlet: 0.0, outlet: 0.0 };
+
+    const STOPPED: Sample = Sample { emergency_stop: true, ..HEALTHY };
+
+    /// A muscle that is filled as fast as it can be, at its third step of a period of so many.
+    fn filling(pwm_period_steps: u16) -> Core {
+        let link = LinkConfig { timeout_s: 0.02 };
+        let config = Config { pwm_period_steps, link, ..Config::default() };
+        let full = SetPoint::Duty { inlet: 1.0, outlet: 0.0 };
+        let mut core = judged_core(&config, full, &HEALTHY);
+        for _ in 0..3 {
+            assert_eq!(core.step(&HEALTHY).command.inlet, Duty::FULL);
+        }
+        core
+    }
+
+    /// Whatever vents, clears or arms leaves none of the period's command: it would be on the valve for 97 of
+    /// the steps at a period of 100.
+    #[test]
+    fn no_acknowledgement_reopens_the_inlet() {
+        type Request = fn(&mut Core);
+        let requests: [(&str, Request); 7] = [
+            ("clear after a stop", |core| {
+                core.step(&STOPPED);
+                core.step(&HEALTHY);
+                core.clear_faults();
+            }),
+            ("clear", Core::clear_faults),
+            ("arm after a lost link", |core| {
+                let silent = Sample { heard: false, ..HEALTHY };
+                for _ in 0..20 {
+                    core.step(&silent);
+                }
+                assert_eq!(core.supervisor().latched(), Faults::LINK_LOST);
+                core.step(&HEALTHY);
+                core.arm(None).unwrap();
+            }),
+            ("arm for less", |core| core.arm(Some(2.0e5)).unwrap()),
+            ("disarm", Core::disarm),
+            ("vent", Core::vent),
+            ("set to vent", |core| core.set(SetPoint::Vent).unwrap()),
+        ];
+        for pwm_period_steps in [10, 100, 1000] {
+            for (name, request) in &requests {
+                let mut core = filling(pwm_period_steps);
+                request(&mut core);
+                for step in 0..2 * pwm_period_steps {
+                    let command = core.step(&HEALTHY).command;
+                    assert_eq!(command, Command::VENT, "{name}: {step} of {pwm_period_steps}");
+                }
+                assert_eq!(core.set_point(), SetPoint::Vent, "{name}");
+            }
+        }
+    }
+
+    /// Nor does a set point that was given before the stop drive afterwards.
+    #[test]
+    fn a_fault_while_the_sensors_are_judged_disarms() {
+        let config = Config::default();
+        let mut core = judged_core(&config, HALF, &HEALTHY);
+        core.restart_as(core_with(HALF));
+        for _ in 0..5 {
+            let telemetry = core.step(&STOPPED);
+            assert_eq!((telemetry.mode, telemetry.command), (Mode::Judging, Command::VENT));
+        }
+        core.step(&HEALTHY);
+        core.clear_faults();
+        assert_eq!((core.armed_pa(), core.set_point()), (None, SetPoint::Vent));
+        let refused = core.set(SetPoint::Pressure { pressure_pa: 2.0e5 });
+        assert_eq!(refused, Err(SetPointError::NotArmed));
+        for _ in 0..200 {
+            assert_eq!(core.step(&HEALTHY).command, Command::VENT);
+        }
+    }
 
     /// A core with this configuration and set point that has judged such samples.
     fn judged_core(config: &Config, set_point: SetPoint, sample: &Sample) -> Core {

@@ -10,8 +10,11 @@
 //!   |  |      |  set(Contraction) v  |   the dead zone                  |
 //!   |  +------+-------------> [Contraction: moving] <--> [holding] -----+
 //!   |                                      five periods within, or a step out of, the dead zone
-//!   +--- emergency stop, pressure fault, set(Vent): from everywhere, within one step
+//!   +--- every fault that vents, clear, arm, disarm, set(Vent): from everywhere, at once
 //! ```
+//!
+//! All of them enter *Vent* by [`Controller::set`], which forgets the openings of the period under way, the mass
+//! that is owed and the loop's state. Only the phase of the period stays.
 //!
 //! Entering *Pressure* or *Contraction* starts the loop from what is measured (bumpless); the same
 //! kind again keeps what it has learnt. *Holding*: both valves closed, the gas locked in, friction
@@ -144,7 +147,8 @@ impl Controller {
         }
     }
 
-    /// Changes the set point. The same kind again keeps what its loop has learnt.
+    /// Changes the set point from the next PWM period on; to vent, at once. The same kind again keeps what its
+    /// loop has learnt.
     pub fn set(&mut self, target: Target) {
         let kind = |target: &Target| core::mem::discriminant(&target.set_point());
         if kind(&target) != kind(&self.target) {
@@ -152,6 +156,9 @@ impl Controller {
             self.active = ActiveLoop::Open;
         }
         self.target = target;
+        if target == Target::VENT {
+            self.command = self.drive.direct(Command::VENT);
+        }
     }
 
     /// What it is to do.
@@ -162,12 +169,6 @@ impl Controller {
     /// Follows no set point beyond this absolute pressure \[Pa\].
     pub fn limit_to(&mut self, working_limit_pa: f32) {
         self.working_limit_pa = working_limit_pa;
-    }
-
-    /// Vents, in the middle of a PWM period too: venting acts at once.
-    pub fn vent(&mut self) {
-        self.set(Target::VENT);
-        self.command = self.drive.direct(Command::VENT);
     }
 
     /// Whether something other than to vent is wanted.
@@ -202,8 +203,8 @@ impl Controller {
         }
     }
 
-    /// Openings for this step, before which `missed_steps` were left out. They change at the start of a
-    /// PWM period only: in between the hardware would not take them.
+    /// Openings for this step, before which `missed_steps` were left out. But for venting they change at the
+    /// start of a PWM period only: in between the hardware would not take them.
     pub fn step(
         &mut self,
         config: &Config,
@@ -246,11 +247,9 @@ impl Controller {
                 return self.drive.direct(Command { inlet, outlet });
             }
             SetPoint::MassFlow { flow_kg_s } => {
-                let wanted_kg = flow_kg_s * self.drive.period_s();
-                if self.limited_kg(&port, wanted_kg) < wanted_kg {
-                    return self.drive.closed();
-                }
-                return self.drive.flow(config, flow_kg_s, muscle);
+                let wanted_kg = self.drive.owing_kg(flow_kg_s);
+                let given_kg = self.limited_kg(&port, wanted_kg);
+                return self.drive.flow(config, given_kg, muscle);
             }
             SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
                 let (mut active, elapsed_steps) = match self.active {
@@ -464,6 +463,90 @@ mod tests {
         }
     }
 
+    /// The shortest period of which a share is left, the default, and the longest.
+    #[test]
+    fn venting_forgets_the_openings_of_the_period_and_keeps_its_phase() {
+        for period_steps in [2, 10, 1000] {
+            let config = Config { pwm_period_steps: period_steps, ..Config::default() };
+            let now = feedback(2.0e5, LENGTH_M);
+            let muscle = chamber(&config);
+            for from in &every_set_point()[1..] {
+                let mut controller = Controller::new(&config);
+                set(&mut controller, *from);
+                let mut step = || controller.step(&config, &muscle, &now, 0);
+                // A loop at a short period takes some until its pulse is worth giving.
+                let fills = (0..100 * u32::from(period_steps)).find(|count| {
+                    step().inlet > Duty::ZERO && count % u32::from(period_steps) == 0
+                });
+                assert!(fills.is_some(), "{from:?}");
+                set(&mut controller, SetPoint::Vent);
+                set(&mut controller, *from);
+                for step in 1..period_steps {
+                    let command = controller.step(&config, &muscle, &now, 0);
+                    assert_eq!(command, Command::VENT, "{from:?}, step {step} of {period_steps}");
+                }
+                let next = controller.step(&config, &muscle, &now, 0);
+                assert_ne!(next, Command::VENT, "{from:?}, the next period of {period_steps}");
+            }
+        }
+    }
+
+    /// Neither a flow that is stopped nor one that is reversed moves what the one before it owed.
+    #[test]
+    fn what_a_flow_owes_is_forgotten_where_it_stops_or_turns() {
+        let now = feedback(2.0e5, LENGTH_M);
+        for period_steps in [1, 10, 100, 1000] {
+            let config = Config { pwm_period_steps: period_steps, ..Config::default() };
+            let flow = |controller: &mut Controller, flow_kg_s| {
+                set(controller, SetPoint::MassFlow { flow_kg_s });
+                periods(controller, &config, 1, now)
+            };
+            for first_kg_s in [0.5, -0.5] {
+                for then_kg_s in [0.0, -1.0e-4 * first_kg_s] {
+                    let mut controller = Controller::new(&config);
+                    for _ in 0..3 {
+                        flow(&mut controller, first_kg_s);
+                    }
+                    for _ in 0..4 {
+                        let command = flow(&mut controller, then_kg_s);
+                        let backwards =
+                            if first_kg_s > 0.0 { command.inlet } else { command.outlet };
+                        assert_eq!(backwards, Duty::ZERO, "{first_kg_s} then {then_kg_s} kg/s");
+                    }
+                }
+            }
+        }
+    }
+
+    /// What is owed is cut to the room below the working limit, and is not owed later either.
+    #[test]
+    fn what_a_flow_owes_does_not_pass_the_working_limit() {
+        let config = Config::default();
+        let limit_pa = config.working_limit_pa();
+        let mut controller = Controller::new(&config);
+        set(&mut controller, SetPoint::MassFlow { flow_kg_s: 0.5 });
+        periods(&mut controller, &config, 3, feedback(2.0e5, LENGTH_M));
+        set(&mut controller, SetPoint::MassFlow { flow_kg_s: 1.0e-5 });
+        let below = feedback(limit_pa - 3000.0, LENGTH_M);
+        let room_kg = {
+            let port = controller.port(&config, &chamber(&config), &below);
+            port.mass_kg(3000.0, 0.0)
+        };
+        let full_kg_s = config.valve.mass_flow_kg_s(
+            &config.gas,
+            config.supply.pressure_pa,
+            config.supply.temperature_k,
+            below.pressure_pa,
+        );
+        let inlet = periods(&mut controller, &config, 1, below).inlet;
+        assert!(inlet > Duty::ZERO && controller.limited());
+        assert!(full_kg_s * 0.01 * inlet.share() <= 1.001 * room_kg, "{inlet:?}");
+        let above = feedback(limit_pa, LENGTH_M);
+        assert_eq!(periods(&mut controller, &config, 1, above), Command::CLOSED);
+        let inlet = periods(&mut controller, &config, 1, feedback(2.0e5, LENGTH_M)).inlet;
+        assert_eq!(inlet, Duty::ZERO, "0.1 mg a period is too little for a pulse");
+    }
+
     #[test]
     fn what_a_flow_owes_is_forgotten_with_its_kind() {
         let config = Config::default();
@@ -472,10 +555,10 @@ mod tests {
         let mut controller = Controller::new(&config);
         set(&mut controller, flow(5.0e-3));
         periods(&mut controller, &config, 3, now);
-        set(&mut controller, flow(0.0));
+        set(&mut controller, flow(1.0e-9));
         assert!(periods(&mut controller, &config, 1, now).inlet > Duty::ZERO, "still owed");
         set(&mut controller, SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
-        set(&mut controller, flow(0.0));
+        set(&mut controller, flow(1.0e-9));
         assert_eq!(periods(&mut controller, &config, 1, now), Command::CLOSED);
     }
 
@@ -597,11 +680,11 @@ mod tests {
         assert_ne!(step(&mut controller, 0), Command::VENT);
         // Over a whole period and into the next.
         assert_ne!(step(&mut controller, 13), Command::VENT);
-        set(&mut controller, SetPoint::Vent);
+        set(&mut controller, SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
         for count in 25..30 {
-            assert_ne!(step(&mut controller, 0), Command::VENT, "step {count}");
+            assert_ne!(step(&mut controller, 0), Command::CLOSED, "step {count}");
         }
-        assert_eq!(step(&mut controller, 0), Command::VENT, "step 30");
+        assert_eq!(step(&mut controller, 0), Command::CLOSED, "step 30");
     }
 
     /// Friction softens with the wall whatever the PWM period.

@@ -1,7 +1,7 @@
 //! What the core is asked to do, and what of it it takes.
 
 use crate::config::{Config, Load};
-use crate::math::absolute;
+use crate::math::{SMALLEST, absolute};
 use crate::physics::chamber::Chamber;
 use crate::sample::Faults;
 
@@ -12,10 +12,6 @@ const LEAST_PERIODS: f32 = 3.996;
 const LONGEST_CYCLE_S: f32 = 86_400.0;
 /// Largest mass flow \[kg/s\]: hundreds of times what the valves of a muscle pass.
 const LARGEST_FLOW_KG_S: f32 = 1.0;
-
-/// What is smaller is zero, in any unit: nothing that is worked out of a set point is so small that it
-/// would be zero only where a processor flushes subnormal numbers.
-const SMALLEST: f32 = 1.0e-20;
 
 /// What the core is asked to do. [`crate::Core::set`] says what it takes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -53,7 +53,8 @@ impl FlowDrive {
     /// let config = Config::default();
     /// let mut drive = FlowDrive::new(&config);
     /// let muscle = Reservoir { pressure_pa: 2.0e5, temperature_k: 298.0 };
-    /// assert!(drive.flow(&config, 1.0e-3, muscle).inlet > Duty::ZERO);
+    /// let wanted_kg = drive.owing_kg(1.0e-3);
+    /// assert!(drive.flow(&config, wanted_kg, muscle).inlet > Duty::ZERO);
     /// ```
     pub fn new(config: &Config) -> Self {
         let period_s = f32::from(config.pwm_period_steps) * config.step_s;
@@ -111,13 +112,25 @@ impl FlowDrive {
         command
     }
 
-    /// Openings for the coming period that move `flow_kg_s` (negative: out) on average: what a
-    /// period cannot move, or is too little for a pulse, is carried to the next one.
-    pub fn flow(&mut self, config: &Config, flow_kg_s: f32, muscle: Reservoir) -> Command {
-        self.owed_kg += flow_kg_s * self.period_s;
-        let (command, moved_kg, full_kg) = self.pulse(config, self.owed_kg, muscle);
+    /// Mass that a flow of `flow_kg_s` (negative: out) is to move in the coming period, with what is owed in
+    /// its own direction. The mass that a flow before it owes in the other one would drive against it.
+    pub fn owing_kg(&self, flow_kg_s: f32) -> f32 {
+        let owed_kg = if flow_kg_s > 0.0 {
+            limit(self.owed_kg, 0.0, f32::MAX)
+        } else if flow_kg_s < 0.0 {
+            limit(self.owed_kg, f32::MIN, 0.0)
+        } else {
+            0.0
+        };
+        owed_kg + flow_kg_s * self.period_s
+    }
+
+    /// Openings for the coming period that move what of [`Self::owing_kg`] is allowed. What the period cannot
+    /// move of it, or what is too little for a pulse, is owed to the next one.
+    pub fn flow(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> Command {
+        let (command, moved_kg, full_kg) = self.pulse(config, mass_kg, muscle);
         // What one open period cannot move is not owed for longer than one more.
-        self.owed_kg = limit(self.owed_kg - moved_kg, -2.0 * full_kg, 2.0 * full_kg);
+        self.owed_kg = limit(mass_kg - moved_kg, -2.0 * full_kg, 2.0 * full_kg);
         command
     }
 
@@ -222,6 +235,12 @@ mod tests {
         }
     }
 
+    /// The openings of one period for a flow that nothing limits.
+    fn flowing(drive: &mut FlowDrive, flow_kg_s: f32, muscle: Reservoir) -> Command {
+        let mass_kg = drive.owing_kg(flow_kg_s);
+        drive.flow(&Config::default(), mass_kg, muscle)
+    }
+
     proptest! {
         /// Whatever the flow, its mean arrives and the valves are never open together.
         #[test]
@@ -236,7 +255,7 @@ mod tests {
             let mut moved = 0.0;
             let periods = 1000;
             for _ in 0..periods {
-                let command = drive.flow(&config, flow, muscle);
+                let command = flowing(&mut drive, flow, muscle);
                 prop_assert!(command.inlet == Duty::ZERO || command.outlet == Duty::ZERO);
                 let pulse = command.inlet.max(command.outlet).share() * 0.01;
                 let shortest = config.controller.minimum_pulse_s;
@@ -373,18 +392,19 @@ mod tests {
         for flow_kg_s in [1000.0 * inlet_kg, -1000.0 * outlet_kg] {
             let mut drive = FlowDrive::new(&config);
             for _ in 0..10 {
-                drive.flow(&config, flow_kg_s, MUSCLE);
+                flowing(&mut drive, flow_kg_s, MUSCLE);
             }
-            let owed = [(); 3].map(|()| drive.flow(&config, 0.0, MUSCLE));
+            let owed = [(); 3].map(|()| flowing(&mut drive, 1.0e-9 * flow_kg_s, MUSCLE));
             let open = if flow_kg_s > 0.0 { owed.map(|c| c.inlet) } else { owed.map(|c| c.outlet) };
             assert_eq!(open[0], Duty::FULL);
             assert!(
                 open[1] > Duty::from_share(0.99) && open[2] < Duty::from_share(0.1),
                 "{open:?}"
             );
-            drive.flow(&config, flow_kg_s, MUSCLE);
+            flowing(&mut drive, flow_kg_s, MUSCLE);
             drive.reset();
-            assert_eq!(drive.flow(&config, 0.0, MUSCLE), Command::CLOSED, "forgotten");
+            let command = flowing(&mut drive, 1.0e-9 * flow_kg_s, MUSCLE);
+            assert_eq!(command, Command::CLOSED, "forgotten");
         }
     }
 

@@ -28,7 +28,7 @@ pub struct Row {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Table {
-    /// The rows, by rising length; only the first `count` count.
+    /// The rows, by rising length; those after the first `count` are zeros.
     pub rows: [Row; MOST_ROWS],
     /// How many there are, 3 to 12.
     pub count: u8,
@@ -59,6 +59,11 @@ impl Table {
                 (row.volume_m3 * (1.0 + 1.0e-6), 1.0e3)
             };
             before = *row;
+        }
+        for row in self.rows.iter().skip(usize::from(self.count)) {
+            within("table.length_m", row.length_m, 0.0, 0.0)?;
+            within("table.volume_m3", row.volume_m3, 0.0, 0.0)?;
+            within("table.force_n", row.force_n, 0.0, 0.0)?;
         }
         Ok(())
     }
@@ -325,6 +330,10 @@ mod tests {
             change(&mut table);
             table.check().unwrap_err().field
         };
+        assert_eq!(field(|table| table.count = 5), "table.length_m", "a row more than it counts");
+        assert_eq!(field(|table| table.rows[6].length_m = f32::NAN), "table.length_m");
+        assert_eq!(field(|table| table.rows[9].volume_m3 = f32::NAN), "table.volume_m3");
+        assert_eq!(field(|table| table.rows[11].force_n = f32::INFINITY), "table.force_n");
         assert_eq!(field(|table| table.count = 2), "table.rows");
         assert_eq!(field(|table| table.count = 13), "table.rows");
         assert_eq!(field(|table| table.rows[2].length_m = 0.08), "table.length_m");
