@@ -6,8 +6,7 @@ use model_core::link::{HostCommand, Request, encode};
 use serde_json::json;
 use std::fs;
 
-mod board_support;
-use board_support::{Bench, repository, skip_emulator};
+use crate::board_support::{Bench, repository, skip_emulator};
 
 #[test]
 fn a_board_is_told_armed_driven_and_asked() {

@@ -10,8 +10,7 @@ use std::process::{Child, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-mod board_support;
-use board_support::{Bench, skip_emulator};
+use crate::board_support::{Bench, skip_emulator};
 
 /// Until something holds, or it has not held for too long.
 fn until(what: &str, mut holds: impl FnMut() -> bool) {
@@ -344,7 +343,8 @@ fn a_disk_that_fills_up_while_it_drives_vents_and_is_told() {
         return;
     }
     let bench = configured();
-    let whole = fs::read_to_string(board_support::repository().join("scenarios/contraction.toml"));
+    let whole =
+        fs::read_to_string(crate::board_support::repository().join("scenarios/contraction.toml"));
     let short = whole.unwrap().replace("duration_s = 5.0", "duration_s = 0.1");
     fs::write(bench.path("short.toml"), short).unwrap();
     // Full while it drives, and when its report is written.
@@ -362,7 +362,7 @@ fn a_disk_that_fills_up_while_it_drives_vents_and_is_told() {
             .arg(bench.path("out/drive"))
             .arg(kib)
             .env("TMPDIR", bench.path(""))
-            .current_dir(board_support::repository());
+            .current_dir(crate::board_support::repository());
         let output = command.output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{}", message(&output));
         let said = message(&output);

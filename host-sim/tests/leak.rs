@@ -1,10 +1,8 @@
 //! What a chamber leaks all the time: in the plant against the closed form, in the estimate, the pressure loop
 //! and the supervisor that know of it or not.
 
-mod run_support;
-
+use crate::run_support::rows;
 use model_core::Faults;
-use run_support::rows;
 use thermyo_plant::{Actuation, BuildError, Truth};
 use thermyo_record::trace::Row;
 use thermyo_runs::signals::rms_difference;

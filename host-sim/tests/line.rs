@@ -1,13 +1,10 @@
 //! A long line between valves and muscle: against a fine discretisation solved by other hands, its books, and the core that
 //! drives a muscle through it.
 
-mod plant_support;
-mod run_support;
-
+use crate::plant_support::{MassFlow, muscle};
+use crate::run_support::rows;
 use model_core::Faults;
 use ode_solvers::{DVector, Dop853, OutputType, System};
-use plant_support::{MassFlow, muscle};
-use run_support::rows;
 use std::f64::consts::PI;
 use thermyo_plant::Actuation;
 use thermyo_plant::chamber::braid::Geometry;

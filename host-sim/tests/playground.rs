@@ -6,8 +6,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 use thermyo_boards::image::prepare_node;
 
-mod browser_support;
-use browser_support::{chromium, look};
+use crate::browser_support::{chromium, look};
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")

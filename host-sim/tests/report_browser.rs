@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
-mod browser_support;
-use browser_support::{chromium, look};
+use crate::browser_support::{chromium, look};
 
 /// Runs `thermyo` with these arguments and `--out` in a folder; gives the page.
 fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {

@@ -10,9 +10,7 @@ use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
-mod board_support;
-mod browser_support;
-use board_support::{Bench, skip_emulator};
+use crate::board_support::{Bench, skip_emulator};
 
 /// An emulated board wants a core for itself.
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
@@ -425,11 +423,12 @@ fn the_page_in_a_browser() {
     if skip_emulator() {
         return;
     }
-    let Some(chromium) = browser_support::chromium() else { return };
+    let Some(chromium) = crate::browser_support::chromium() else { return };
     let served = Served::new("emulated");
     let place = served.bench.path("");
     let more = [env!("CARGO_BIN_EXE_thermyo").as_ref(), place.as_os_str()];
-    let seen = browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve", &more);
+    let seen =
+        crate::browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve", &more);
     assert_eq!(seen["problems"], json!([]), "{seen}");
     assert_eq!(seen["first"], json!({ "armed": true, "readings": true }), "{seen}");
     assert_eq!(seen["refused"][0], "Type a number, in kPa.", "{seen}");

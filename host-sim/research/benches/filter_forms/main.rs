@@ -5,7 +5,7 @@
 //!     cargo bench --bench filter_forms                  # the tables
 //!     cargo bench --bench filter_forms -- --plots       # and the plots of docs/estimator.md
 
-#[path = "../../../model-core/src/estimation/covariance.rs"]
+#[path = "../../../../model-core/src/estimation/covariance.rs"]
 // As in its own crate: `!(x <= y)` is how a NaN is caught.
 #[allow(clippy::neg_cmp_op_on_partial_ord)]
 mod covariance;
@@ -14,12 +14,12 @@ mod plots;
 mod record;
 
 use forms::{Counted, Dense, Form, Interval, Joseph, N, Named, Steady, Ud};
-use thermyo_evaluate::estimator;
-use thermyo_setup::Loaded;
-use thermyo_scenario::PlantModel;
 use model_core::{Config, math};
 use nalgebra::Matrix5;
 use record::Recording;
+use thermyo_evaluate::estimator;
+use thermyo_scenario::PlantModel;
+use thermyo_setup::Loaded;
 
 /// The errors count from here on \[s\].
 const SETTLED_S: f64 = 10.0;

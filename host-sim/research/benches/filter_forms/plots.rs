@@ -1,12 +1,12 @@
 //! The plots of `docs/estimator.md`.
 
 use crate::record::Recording;
+use std::{fs, io};
 use thermyo_evaluate::smoother;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
-use std::{fs, io};
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs");
 /// Steps from point to point.

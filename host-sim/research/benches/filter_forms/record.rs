@@ -4,11 +4,11 @@
 
 use crate::covariance::{Covariance, Transition};
 use crate::forms::{Interval, N, SENSOR};
-use thermyo_simulation::board::{Board, BoardError, BoardStep, CoreBoard};
+use model_core::{Config, Duty, Sample, SetPoint, Telemetry};
 use thermyo_record::trace::Row;
 use thermyo_setup::Loaded;
+use thermyo_simulation::board::{Board, BoardError, BoardStep, CoreBoard};
 use thermyo_simulation::run;
-use model_core::{Config, Duty, Sample, SetPoint, Telemetry};
 
 /// Steps of an interval of the estimator, at a step of a millisecond.
 const INTERVAL_STEPS: usize = 20;

@@ -1,9 +1,7 @@
 //! The full muscle: the working cycle, conservation, order, its parts.
 
-mod plant_support;
-
+use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
-use plant_support::{MassFlow, muscle};
 use thermyo_plant::chamber::braid::Geometry;
 use thermyo_plant::flow::{Iso6358, Streams};
 use thermyo_plant::gas::IdealGas;

@@ -1,9 +1,7 @@
 //! The lumped muscle: the working cycle, conservation, order, an independent solver.
 
-mod plant_support;
-
+use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
-use plant_support::{MassFlow, muscle};
 use thermyo_plant::chamber::braid::Geometry;
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;

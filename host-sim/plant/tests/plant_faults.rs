@@ -1,8 +1,6 @@
 //! Faults of the plant against physics: holes, valves that stick or leak, a supply that is lost.
 
-mod plant_support;
-
-use plant_support::{MassFlow, muscle};
+use crate::plant_support::{MassFlow, muscle};
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
 use thermyo_plant::{Actuation, BuildError, Disturbance, Plant, Travel, Truth};

@@ -1,10 +1,8 @@
 //! Windows of faults: what a scenario may say, and what a run makes of it over time.
 
-mod run_support;
-
+use crate::run_support::rows;
 use model_core::control::Mode;
 use model_core::{Command, Faults};
-use run_support::rows;
 use std::path::Path;
 use thermyo_plant::{Travel, Truth};
 use thermyo_record::trace::Row;

@@ -1,0 +1,3 @@
+//! The smoother.
+
+mod smoother;

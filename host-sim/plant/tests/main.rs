@@ -1,0 +1,7 @@
+//! The plant.
+
+mod plant_faults;
+mod plant_full;
+mod plant_lumped;
+mod plant_support;
+mod plant_vessel;

@@ -1,0 +1,23 @@
+//! The `thermyo` command, and what needs several crates.
+
+mod board_command;
+mod board_guided;
+mod board_support;
+mod browser_support;
+mod command;
+mod docs;
+mod leak;
+mod line;
+mod logs;
+#[path = "../plant/tests/plant_support/mod.rs"]
+mod plant_support;
+mod playground;
+mod records;
+mod report_browser;
+mod report_render;
+#[path = "../simulation/tests/run_support/mod.rs"]
+mod run_support;
+mod scenario_files;
+mod serve;
+mod static_map;
+mod sweep;

@@ -1,0 +1,29 @@
+//! The whole system: the same core on every board, conservation, closed forms, the paper.
+
+mod chambers;
+mod closed_forms;
+mod control;
+mod emulated_control;
+mod emulated_cycle;
+mod emulated_endurance;
+mod emulated_flash;
+mod emulated_float;
+mod emulated_image;
+mod emulated_monitor;
+mod emulated_parity;
+mod emulated_safety;
+mod emulated_sensors;
+mod emulated_serial;
+mod emulated_store;
+mod emulated_tune;
+mod emulated_usb;
+mod estimator;
+mod faults;
+mod firmware_float;
+mod identify;
+mod m33_parity;
+mod panic_free;
+mod reproduction;
+mod runs;
+mod soak;
+mod tune;
