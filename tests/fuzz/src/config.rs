@@ -5,7 +5,8 @@ use arbitrary::Unstructured;
 use model_core::Config;
 use model_core::config::{ConfigError, Load};
 use model_core::link::MAX_FRAME;
-use model_core::physics::chamber::{ChamberConfig, Cylinder, Vessel};
+use model_core::physics::chamber::table::{MOST_ROWS, Row};
+use model_core::physics::chamber::{ChamberConfig, Cylinder, Table, Vessel};
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasElement;
 use model_core::sensing::pressure::{Mpr, PressurePart};
@@ -51,7 +52,7 @@ pub fn from_bytes(bytes: &mut Unstructured) -> Config {
     if spread == Spread::Usual {
         return kind.base;
     }
-    filled(kind, |slot, error| {
+    let drawn = filled(kind, |slot, error| {
         let usual = kind.numbers[slot];
         let drawn = match spread {
             Spread::Usual => usual,
@@ -61,11 +62,12 @@ pub fn from_bytes(bytes: &mut Unstructured) -> Config {
             Spread::Some(_) | Spread::Quarter | Spread::All => anywhere(bytes, usual, error),
         };
         drawn.clamp(error.minimum, error.maximum)
-    })
+    });
+    drawn.unwrap_or(kind.base)
 }
 
 /// A share of 1, in 2^16 parts.
-fn share(bytes: &mut Unstructured) -> f32 {
+pub fn share(bytes: &mut Unstructured) -> f32 {
     bytes.whole(16) as f32 / 65_535.0
 }
 
@@ -84,15 +86,20 @@ fn anywhere(bytes: &mut Unstructured, usual: f32, allowed: &ConfigError) -> f32 
     }
 }
 
-/// The configuration whose numbers are what `number` says, asked in the order in which they are checked.
-fn filled(kind: &Kind, mut number: impl FnMut(usize, &ConfigError) -> f32) -> Config {
+/// The configuration whose numbers are what `number` says, asked in the order in which they are checked; none
+/// where the rows of a table leave the next one no room.
+fn filled(kind: &Kind, mut number: impl FnMut(usize, &ConfigError) -> f32) -> Option<Config> {
     let mut numbers = vec![f32::NAN; kind.numbers.len()];
     loop {
         let config = config_of(&kind.variants, &numbers);
-        let Err(error) = config.check() else { return config };
-        let slot = kind.names.iter().position(|name| *name == error.field);
-        let slot = slot.unwrap_or_else(|| panic!("{error}: of no number"));
-        assert!(numbers[slot].is_nan(), "{error}: was to be allowed");
+        let Err(error) = config.check() else { return Some(config) };
+        if error.minimum > error.maximum {
+            return None;
+        }
+        // The rows of a table have the same names, and are checked in turn.
+        let mut slots = kind.names.iter().zip(&numbers);
+        let slot = slots.position(|(name, number)| *name == error.field && number.is_nan());
+        let slot = slot.unwrap_or_else(|| panic!("{error}: of no number, or was to be allowed"));
         numbers[slot] = number(slot, &error);
     }
 }
@@ -108,7 +115,7 @@ pub fn differences(config: &Config) -> String {
     });
     let differing: Vec<String> = differing.collect();
     let names = [
-        &["muscle", "vessel", "cylinder"][..],
+        &["muscle", "vessel", "cylinder", "table"][..],
         &["isotonic", "isometric"][..],
         GasElementKind::WORDS,
         PressureKind::WORDS,
@@ -127,18 +134,39 @@ fn kinds() -> &'static [Kind] {
         let cylinder = Config { chamber, load: Load::Isotonic { force_n: -50.0 }, ..muscle };
         let load = Load::Isometric { length_m: 0.28 };
         let held = |free: Config| Config { load, ..free };
+        let bellows =
+            Config { chamber: bellows(), load: Load::Isotonic { force_n: -40.0 }, ..muscle };
         let bases = [muscle, held(muscle), vessel, held(vessel), cylinder, held(cylinder)];
+        // Last, so that the cases of the corpus keep their kinds.
+        let bases: [&[Config]; 2] = [&bases, &[bellows, held(bellows)]];
         let parts = [PressurePart::Ratiometric, PressurePart::Mpr(Mpr::default())];
-        let with = |gas_element| {
-            parts.into_iter().flat_map(move |pressure_part| {
-                bases.map(|base| {
-                    let sensors = Sensors { gas_element, pressure_part, ..base.sensors };
-                    kind(Config { sensors, ..base })
-                })
-            })
-        };
-        GasElement::all().flat_map(with).collect()
+        let mut kinds = Vec::new();
+        for bases in bases {
+            for gas_element in GasElement::all() {
+                for pressure_part in parts {
+                    kinds.extend(bases.iter().map(|base| {
+                        let sensors = Sensors { gas_element, pressure_part, ..base.sensors };
+                        kind(Config { sensors, ..*base })
+                    }));
+                }
+            }
+        }
+        kinds
     })
+}
+
+/// Every row is in use, so that each of its numbers is checked.
+fn bellows() -> ChamberConfig {
+    let mut rows = [Row::default(); MOST_ROWS];
+    for (i, row) in rows.iter_mut().enumerate() {
+        let way = i as f32 / (MOST_ROWS - 1) as f32;
+        *row = Row {
+            length_m: 0.08 + 0.05 * way,
+            volume_m3: 1.0e-4 + 9.5e-5 * way,
+            force_n: 400.0 * way - 80.0,
+        };
+    }
+    ChamberConfig::Table(Table { rows, count: MOST_ROWS as u8, rest_length_m: 0.09 })
 }
 
 /// Which number is which, `check` says: the one that it complains of changes.
@@ -148,7 +176,8 @@ fn kind(base: Config) -> Kind {
     let mut names = vec![""; usual.len()];
     let mut tried = vec![f32::NAN; usual.len()];
     while let Err(error) = config_of(&variants, &tried).check() {
-        let slot = (0..usual.len()).find(|slot| {
+        let mut untried = (0..usual.len()).filter(|slot| tried[*slot].is_nan());
+        let slot = untried.find(|slot| {
             let mut other = tried.clone();
             other[*slot] = f32::MAX;
             let changed = config_of(&variants, &other).check();
@@ -252,13 +281,18 @@ mod tests {
         assert_eq!(differences(&Config::default()), "muscle, isotonic, pt1000, ratiometric: ");
     }
 
+    /// In the scenario the rows are a file's.
+    fn is_of_a_row(name: &str) -> bool {
+        ["table.rows", "table.length_m", "table.volume_m3", "table.force_n"].contains(&name)
+    }
+
     /// What the core complains of, a user can look up; the rest no key says.
     #[test]
     fn every_number_is_named_by_a_key_of_the_scenario() {
         for name in kinds().iter().flat_map(|kind| &kind.names) {
             let key = name.split(' ').next().unwrap_or_default();
             let known = thermyo_scenario::schema::key(key).is_some();
-            assert!(known || *name == "vessel.section_m2", "{name}");
+            assert!(known || *name == "vessel.section_m2" || is_of_a_row(name), "{name}");
         }
     }
 
@@ -289,6 +323,7 @@ mod tests {
                     "sensor.max31865.highest_k",
                 ]
                 .contains(name)
+                    || is_of_a_row(name)
                 {
                     continue;
                 }

@@ -17,7 +17,13 @@ const VENTING: Faults = Faults::EMERGENCY_STOP
     .with(Faults::OVERPRESSURE)
     .with(Faults::LINK_LOST)
     .with(Faults::MISSED_STEPS)
-    .with(Faults::NOT_CONFIGURED);
+    .with(Faults::NOT_CONFIGURED)
+    .with(Faults::GAS_GAINED)
+    .with(Faults::BURST)
+    .with(Faults::NO_INFLOW)
+    .with(Faults::NO_OUTFLOW)
+    .with(Faults::FORCE)
+    .with(Faults::GAS_LOST);
 
 /// Temperatures beyond which neither gas nor wall lies \[K\].
 const POSSIBLE_K: std::ops::RangeInclusive<f32> = 100.0..=1000.0;
@@ -49,9 +55,13 @@ struct Life {
     core: Core,
     /// The same core where subnormal numbers are zeros.
     flushed: Core,
+    /// The set point given since the core last vented, by whatever cause.
     set_point: SetPoint,
-    /// Steps for which a set point that opened both valves may still do so.
-    both_steps: u32,
+    /// The set point that the openings of this PWM period come from.
+    held: SetPoint,
+    armed: bool,
+    /// Steps since the PWM period began, the coming one not counted.
+    elapsed_steps: u16,
     latched: Faults,
     command: Command,
     pressure: Signal,
@@ -71,10 +81,12 @@ impl Life {
             _ => started(&config::from_bytes(bytes)),
         };
         Self {
+            armed: core.armed_pa().is_some(),
             core,
             flushed: other,
             set_point: SetPoint::Vent,
-            both_steps: 0,
+            held: SetPoint::Vent,
+            elapsed_steps: 0,
             latched: Faults::NONE,
             command: Command::VENT,
             pressure: Signal::usual(7770),
@@ -92,25 +104,24 @@ impl Life {
             1 => {
                 self.core.vent();
                 flushed(|| self.flushed.vent());
-                self.set_point = SetPoint::Vent;
-                self.both_steps = 0;
+                self.let_go();
             }
             2 | 3 => {
                 self.core.clear_faults();
                 flushed(|| self.flushed.clear_faults());
                 self.let_go();
-                self.set_point = SetPoint::Vent;
                 self.latched = self.core.supervisor().latched();
             }
-            6 => {
-                let armed = self.core.arm(None).is_ok();
-                let flushed_armed = flushed(|| self.flushed.arm(None)).is_ok();
-                self.same(armed == flushed_armed);
-                if armed {
-                    self.let_go();
-                    self.set_point = SetPoint::Vent;
-                }
-                self.latched = self.core.supervisor().latched();
+            6 => self.arm(None),
+            14 => {
+                let most_pa = self.core.config().pressure_limit_pa * config::share(bytes);
+                self.arm(Some(most_pa));
+            }
+            15 => {
+                self.core.disarm();
+                flushed(|| self.flushed.disarm());
+                self.let_go();
+                self.armed = false;
             }
             4 => {
                 let config = config::from_bytes(bytes);
@@ -140,9 +151,22 @@ impl Life {
         self.same(taken == flushed(|| other.set(set_point)).is_ok());
         self.core.restart_as(core);
         flushed(|| self.flushed.restart_as(other));
-        let driven = taken && self.core.armed_pa().is_some();
-        self.set_point = if driven { set_point } else { SetPoint::Vent };
-        self.both_steps = 0;
+        self.let_go();
+        if taken && self.armed {
+            self.set_point = set_point;
+        }
+        self.elapsed_steps = 0;
+    }
+
+    fn arm(&mut self, most_pa: Option<f32>) {
+        let armed = self.core.arm(most_pa).is_ok();
+        let other = flushed(|| self.flushed.arm(most_pa)).is_ok();
+        self.same(armed == other);
+        if armed {
+            self.let_go();
+            self.armed = true;
+        }
+        self.latched = self.core.supervisor().latched();
     }
 
     fn set(&mut self, set_point: SetPoint) {
@@ -150,19 +174,27 @@ impl Life {
         let taken = self.core.set(set_point).is_ok();
         let other = flushed(|| self.flushed.set(set_point)).is_ok();
         self.same(taken == other);
-        if taken {
+        if taken && set_point == SetPoint::Vent {
             self.let_go();
+        } else if taken {
             self.set_point = set_point;
         } else {
             self.holds(self.core == before, "a refused set point changes nothing", None);
         }
     }
 
-    /// Another set point holds from the next period on.
+    /// From now on it vents, without grace, until another set point is given.
     fn let_go(&mut self) {
-        if opens_both(self.set_point) {
-            self.both_steps = u32::from(self.core.config().pwm_period_steps);
-        }
+        self.set_point = SetPoint::Vent;
+        self.held = SetPoint::Vent;
+    }
+
+    /// Whether a PWM period begins in a step, before which so many were missed.
+    fn begins_period(&mut self, missed_steps: u8) -> bool {
+        let period_steps = self.core.config().pwm_period_steps;
+        let elapsed_steps = (self.elapsed_steps + u16::from(missed_steps)) % period_steps;
+        self.elapsed_steps = (elapsed_steps + 1) % period_steps;
+        elapsed_steps == 0
     }
 
     fn steps(&mut self, bytes: &mut Unstructured) {
@@ -205,25 +237,58 @@ impl Life {
         self.holds(gas_sd_k > 0.0, "a deviation above zero", about);
         self.holds(mass_kg > 0.0, "a mass above zero", about);
 
+        let judging = mode == Mode::Judging;
+        let faulty = faults.intersects(VENTING);
+        if faulty {
+            self.let_go();
+            self.armed = false;
+        }
+        let begins = !judging && self.begins_period(sample.missed_steps);
+        if begins {
+            self.held = self.set_point;
+        }
         let vents = command == Command::VENT;
-        self.holds(vents || !faults.intersects(VENTING), "faults vent", about);
-        self.holds(vents || mode != Mode::Judging, "it vents while it judges", about);
+        self.holds(vents || !faulty, "faults vent", about);
+        self.holds(vents || !judging, "it vents while it judges", about);
+        self.holds(self.core.armed_pa().is_some() == self.armed, "what vents disarms", about);
         let inlet = command.inlet > Duty::ZERO;
-        self.holds(!(inlet && sample.emergency_stop), "the emergency stop closes the inlet", about);
-        let both = inlet && command.outlet > Duty::ZERO;
-        let asked = opens_both(self.set_point) || self.both_steps > 0;
-        self.holds(!both || asked, "both valves are open only where both are asked for", about);
+        let shut = sample.emergency_stop || !self.armed;
+        self.holds(!(inlet && shut), "who is stopped or unarmed has a closed inlet", about);
+        if self.held == SetPoint::Vent {
+            self.holds(vents, "it vents until a set point is given", about);
+        } else if begins {
+            self.asked_for(&telemetry);
+        } else {
+            let same = command == self.command;
+            self.holds(same, "openings change where a period begins", about);
+        }
         self.keeps_what_is_latched();
         self.holds(faults.of(self.latched) == self.latched, "what is latched shows", about);
 
         self.latched = self.core.supervisor().latched();
-        if faults.intersects(VENTING) {
-            self.let_go();
-            self.set_point = SetPoint::Vent;
-        }
-        self.both_steps = self.both_steps.saturating_sub(1);
         self.command = command;
         self.step += 1;
+    }
+
+    /// Openings with which a period begins are what its set point allows.
+    fn asked_for(&self, telemetry: &Telemetry) {
+        let about = Some(telemetry);
+        let Command { inlet, outlet } = telemetry.command;
+        let (fills, empties) = (inlet > Duty::ZERO, outlet > Duty::ZERO);
+        if let SetPoint::Duty { inlet: asked_inlet, outlet: asked_outlet } = self.held {
+            let asked = (Duty::from_share(asked_inlet), Duty::from_share(asked_outlet));
+            self.holds((inlet, outlet) == asked, "a duty is the one asked for", about);
+            return;
+        }
+        self.holds(!(fills && empties), "one valve is open at a time", about);
+        if let SetPoint::MassFlow { flow_kg_s } = self.held {
+            let backwards = fills && !(flow_kg_s > 0.0) || empties && !(flow_kg_s < 0.0);
+            self.holds(!backwards, "a mass flow has pulses of its own direction", about);
+        }
+        let limit_pa = self.core.config().working_limit_pa();
+        let limit_pa = self.core.armed_pa().map_or(limit_pa, |armed_pa| armed_pa.min(limit_pa));
+        let above = fills && telemetry.pressure_pa >= limit_pa;
+        self.holds(!above, "no pulse of the inlet begins above the working limit", about);
     }
 
     fn keeps_what_is_latched(&self) {
@@ -259,10 +324,6 @@ impl Life {
 fn started(config: &Config) -> (Core, Core) {
     let new = || Core::new(config).expect("every configuration that is checked is taken");
     (new(), flushed(new))
-}
-
-fn opens_both(set_point: SetPoint) -> bool {
-    matches!(set_point, SetPoint::Duty { inlet, outlet } if inlet > 0.0 && outlet > 0.0)
 }
 
 /// A set point, mostly one that is taken.
