@@ -25,7 +25,9 @@ mod violation;
 pub use check::render;
 pub use document::Document;
 pub use geometry::at_rest;
-pub use load::{Loaded, WrongCell, assemble, load, load_with_warnings, parse, parse_with_warnings};
+pub use load::{
+    Loaded, WrongCell, assemble, load, load_with_warnings, parse, parse_alone, parse_with_warnings,
+};
 pub use number::{number, with_numbers};
 pub use rules::{OBSERVABLE, highest_pa};
 pub use sense::warnings;
