@@ -11,6 +11,9 @@ use thermyo_simulation::board::BoardError;
 /// A board that has not answered after this time will not; an emulated one may be slow.
 const PATIENCE: Duration = Duration::from_secs(3);
 
+/// The emulated board is asked again for so long who it is.
+const PATIENCE_WITH_EMULATED: Duration = Duration::from_secs(5);
+
 /// A port and what is said over it.
 pub struct Line {
     name: String,
@@ -37,15 +40,21 @@ impl Line {
     /// # Errors
     /// [`BoardError`], where nobody answers.
     pub fn meet(name: &str) -> Result<(Self, Version), BoardError> {
-        let mut line = Self::over(port::open(name)?, name);
-        match line.ask(HostCommand::Version, "version") {
-            Ok(Answer::Version(version)) => Ok((line, version)),
-            Ok(_) => Err(BoardError::Silent { asked: "version" }),
-            // It lets one client in and shows the door to the next.
-            Err(BoardError::Line(_)) if name == port::EMULATED => {
-                Err(BoardError::Taken { port: name.to_owned() })
+        let began = Instant::now();
+        loop {
+            let mut line = Self::over(port::open(name)?, name);
+            match line.ask(HostCommand::Version, "version") {
+                Ok(Answer::Version(version)) => return Ok((line, version)),
+                Ok(_) => return Err(BoardError::Silent { asked: "version" }),
+                // The emulated board lets one client in, and shows the next one the door: on a busy machine before
+                // it has seen that the one before has left, and it may take long to start.
+                Err(BoardError::Line(_) | BoardError::EmulatedSilent { .. })
+                    if name == port::EMULATED && began.elapsed() < PATIENCE_WITH_EMULATED => {}
+                Err(BoardError::Line(_)) if name == port::EMULATED => {
+                    return Err(BoardError::Taken { port: name.to_owned() });
+                }
+                Err(error) => return Err(error),
             }
-            Err(error) => Err(error),
         }
     }
 
@@ -96,7 +105,11 @@ impl Line {
                 return Ok(found);
             }
             if start.elapsed() > PATIENCE {
-                return Err(BoardError::Silent { asked });
+                return Err(if self.name == port::EMULATED {
+                    BoardError::EmulatedSilent { asked }
+                } else {
+                    BoardError::Silent { asked }
+                });
             }
             self.poll()?;
         }

@@ -3,7 +3,7 @@
 //! ```text
 //! board --link--> operator (a thread) --every step--> recording (a thread) --> trace, summary, report
 //!                   |    ^
-//!    frames, state  |    | orders; the wish to vent passes them
+//!    frames, state  |    | orders, one of each kind; a vent passes them
 //!                   v    |
 //!                 sockets (one async thread) <--> pages: the first steers, the others watch
 //! ```
@@ -15,6 +15,7 @@
 mod frames;
 mod guide;
 mod operator;
+mod orders;
 pub mod page;
 mod recording;
 mod results;
@@ -33,11 +34,8 @@ pub use target::{OpenError, Target};
 pub use web::{Address, listen};
 
 use std::path::PathBuf;
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 use std::{io, thread};
-
-/// Orders that wait for the board; a page that sends more is told so.
-const MOST_ORDERS: usize = 64;
 
 /// Serves a board until `wanted` says to end, and then vents it. Gives the
 /// folders of what was recorded.
@@ -51,9 +49,8 @@ pub fn serve(
     wanted: impl Fn() -> bool + Send + 'static,
 ) -> io::Result<Vec<PathBuf>> {
     let shared = operator.shared();
-    let (orders, received) = mpsc::sync_channel(MOST_ORDERS);
-    let operating = thread::spawn(move || operator.run(&received, &wanted));
-    let served = web::run(listener, address, Arc::clone(&shared), orders);
+    let operating = thread::spawn(move || operator.run(&wanted));
+    let served = web::run(listener, address, Arc::clone(&shared));
     // Where the sockets have failed, the board is not left alone.
     shared.end();
     let _ = operating.join();

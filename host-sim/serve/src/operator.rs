@@ -2,6 +2,7 @@
 
 use super::frames::Frames;
 use super::guide::{Calibration, Guided, Step};
+use super::orders::Next;
 use super::recording::Recording;
 use super::results::{Outcome, next_folder};
 use super::shared::Shared;
@@ -15,7 +16,6 @@ use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults, SetPoint, Telemetry};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::Receiver;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use thermyo_boards::live::LiveBoard;
@@ -152,18 +152,15 @@ impl Operator {
     }
 
     /// Operates until `wanted` says to end; then it vents, and ends what is recorded.
-    pub fn run(mut self, orders: &Receiver<Order>, wanted: &dyn Fn() -> bool) {
+    pub fn run(mut self, wanted: &dyn Fn() -> bool) {
         while !wanted() && !self.shared.ended() {
-            if self.shared.vent_wanted().is_some() {
-                // What was ordered before does not move the muscle after it.
-                let rest: Vec<Order> = orders.try_iter().filter(|order| !order.moves()).collect();
-                self.vent();
-                for order in rest {
-                    self.carry_out(order, orders, wanted);
-                }
-            }
-            while let Ok(order) = orders.try_recv() {
-                self.carry_out(order, orders, wanted);
+            // Telemetry that came while an order waited for its answer is taken before the next order, or the pages
+            // and the record would fall further behind with each.
+            let behind = self.board.as_ref().is_some_and(LiveBoard::is_behind);
+            match self.shared.orders.next(!behind) {
+                Some(Next::Vent) => self.vent(),
+                Some(Next::Order(order)) => self.carry_out(order, wanted),
+                None => (),
             }
             self.listen();
             self.show();
@@ -180,7 +177,6 @@ impl Operator {
     }
 
     fn vent(&mut self) {
-        self.shared.vent_done();
         self.guided = self.guided.take().filter(|guided| matches!(guided, Guided::Over(_)));
         match self.board.as_mut().map(LiveBoard::vent) {
             Some(Ok(())) => self.shared.log(Weight::Plain, "the muscle vents"),
@@ -362,8 +358,8 @@ impl Operator {
         self.shown = None;
     }
 
-    fn carry_out(&mut self, order: Order, orders: &Receiver<Order>, wanted: &dyn Fn() -> bool) {
-        if let Err(error) = self.attempt(order, orders, wanted) {
+    fn carry_out(&mut self, order: Order, wanted: &dyn Fn() -> bool) {
+        if let Err(error) = self.attempt(order, wanted) {
             match error {
                 NotDone::Board(error @ BoardError::Line(_)) => self.lost(&error),
                 other => self.shared.log(Weight::Refused, other.to_string()),
@@ -372,12 +368,7 @@ impl Operator {
         self.shown = None;
     }
 
-    fn attempt(
-        &mut self,
-        order: Order,
-        orders: &Receiver<Order>,
-        wanted: &dyn Fn() -> bool,
-    ) -> Result<(), NotDone> {
+    fn attempt(&mut self, order: Order, wanted: &dyn Fn() -> bool) -> Result<(), NotDone> {
         match order {
             Order::Leave => {
                 self.guided = None;
@@ -393,7 +384,7 @@ impl Operator {
                 }
                 return Ok(());
             }
-            Order::Tune { most_pa } => return self.tune(most_pa, orders, wanted),
+            Order::Tune { most_pa } => return self.tune(most_pa, wanted),
             _ => (),
         }
         let board = self.board.as_mut().ok_or(NO_LINK)?;
@@ -440,12 +431,7 @@ impl Operator {
         Ok(())
     }
 
-    fn tune(
-        &mut self,
-        most_pa: f64,
-        orders: &Receiver<Order>,
-        wanted: &dyn Fn() -> bool,
-    ) -> Result<(), NotDone> {
+    fn tune(&mut self, most_pa: f64, wanted: &dyn Fn() -> bool) -> Result<(), NotDone> {
         if self.recording.is_some() {
             return Err(RECORDS);
         }
@@ -458,10 +444,10 @@ impl Operator {
         self.shared.log(Weight::Plain, "tuning begins");
         let name = self.known.status.config_name;
         let shared = Arc::clone(&self.shared);
-        let ends = || shared.vent_wanted().is_some() || wanted();
+        let ends = || shared.orders.vent_wanted().is_some() || wanted();
         let bench = LiveBench::new(&mut board, name.as_str(), most_pa, &ends);
         let tuned = tuning::tune(&known, most_pa, bench, &mut |telemetry, part| {
-            while orders.try_recv().is_ok() {
+            if self.shared.orders.refuse() {
                 self.shared.log(Weight::Refused, "the board is being tuned: to vent ends that");
             }
             let text = format!(
@@ -487,7 +473,7 @@ impl Operator {
         let outcome = match tuned {
             Ok(tuned) => tuning::write(&tuned, &folder, &name).map(|()| tuned.findings.text())?,
             Err(error) => {
-                let why = match (error, self.shared.vent_wanted()) {
+                let why = match (error, self.shared.orders.vent_wanted()) {
                     (TuneError::Run(RunError::Board(BoardError::Interrupted)), Some(why)) => {
                         format!("{why}; the board vents")
                     }
@@ -567,7 +553,7 @@ fn learn(board: &mut LiveBoard) -> Result<Known, BoardError> {
 fn configuration(target: &Target, text: Option<ScenarioText>) -> Result<(Config, String), NotDone> {
     let (loaded, name) = match text {
         Some(ScenarioText { name, text }) => {
-            let loaded = thermyo_setup::parse(&text, Path::new(&name))?;
+            let loaded = thermyo_setup::parse_alone(&text, Path::new(&name))?;
             let stem = Path::new(&name).file_stem().unwrap_or_default();
             (loaded, stem.to_string_lossy().into_owned())
         }
@@ -604,6 +590,25 @@ fn asked_for(set_point: SetPoint) -> String {
         SetPoint::Pressure { pressure_pa } => format!("{:.1} kPa", pressure_pa / 1e3),
         SetPoint::Contraction { contraction } => {
             format!("contraction {:.2} %", contraction * 100.0)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_names_no_file() {
+        for (text, key) in [
+            ("[drive]\nkind = \"pressure\"\nprofile_csv = \"/etc/passwd\"\n", "drive.profile_csv"),
+            ("[vessel]\nvolume_csv = \"/etc/passwd\"\n", "vessel.volume_csv"),
+            ("[table]\ncsv = \"/etc/passwd\"\n", "table.csv"),
+        ] {
+            let text = ScenarioText { name: "sent.toml".to_owned(), text: text.to_owned() };
+            let error = configuration(&Target::Emulated, Some(text)).unwrap_err().to_string();
+            let said = format!("{key} = \"/etc/passwd\": must be left out");
+            assert!(error.starts_with("sent.toml:") && error.contains(&said), "{error}");
         }
     }
 }

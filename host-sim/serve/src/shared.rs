@@ -1,5 +1,6 @@
 //! What the operator and the sockets share.
 
+use super::orders::Orders;
 use super::results::Outcome;
 use super::seats::Seats;
 use super::state::{Event, Weight};
@@ -17,14 +18,14 @@ const MOST_EVENTS: usize = 100;
 /// See the module.
 #[derive(Debug)]
 pub struct Shared {
+    /// What the pages ask for.
+    pub orders: Orders,
     /// Who steers.
     pub seats: Seats,
     /// Measured values, thinned.
     pub frames: broadcast::Sender<Utf8Bytes>,
     /// The state of everything else, as it is sent.
     pub state: watch::Sender<Utf8Bytes>,
-    /// Why the muscle is to vent.
-    vent: Mutex<Option<&'static str>>,
     ended: AtomicBool,
     events: Mutex<VecDeque<Event>>,
     results: Mutex<Vec<Outcome>>,
@@ -33,10 +34,10 @@ pub struct Shared {
 impl Default for Shared {
     fn default() -> Self {
         Self {
+            orders: Orders::default(),
             seats: Seats::default(),
             frames: broadcast::Sender::new(MOST_FRAMES),
             state: watch::Sender::new(Utf8Bytes::default()),
-            vent: Mutex::default(),
             ended: AtomicBool::new(false),
             events: Mutex::default(),
             results: Mutex::default(),
@@ -53,17 +54,7 @@ impl Shared {
     /// The muscle is to vent, before anything else.
     pub fn vent(&self, why: &'static str) {
         self.log(Weight::Plain, format!("{why}: it vents"));
-        *locked(&self.vent) = Some(why);
-    }
-
-    /// Whether it is to, and why.
-    pub fn vent_wanted(&self) -> Option<&'static str> {
-        *locked(&self.vent)
-    }
-
-    /// It does.
-    pub fn vent_done(&self) {
-        *locked(&self.vent) = None;
+        self.orders.vent(why);
     }
 
     /// The server ends.

@@ -2,11 +2,10 @@
 
 use super::shared::Shared;
 use super::state::Weight;
-use super::word::{Order, Word};
+use super::word::Word;
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
 use serde::Serialize;
 use std::sync::Arc;
-use std::sync::mpsc::{SyncSender, TrySendError};
 use std::time::{Duration, Instant};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{self, MissedTickBehavior};
@@ -61,20 +60,15 @@ impl Sent {
 }
 
 /// Serves a page until it goes. One that steered leaves a muscle that vents.
-pub async fn run(mut socket: WebSocket, shared: Arc<Shared>, orders: SyncSender<Order>) {
+pub async fn run(mut socket: WebSocket, shared: Arc<Shared>) {
     let seat = shared.seats.take();
-    let why = attend(&mut socket, &shared, &orders, seat).await;
+    let why = attend(&mut socket, &shared, seat).await;
     if shared.seats.leave(seat) && !shared.ended() {
         shared.vent(why);
     }
 }
 
-async fn attend(
-    socket: &mut WebSocket,
-    shared: &Shared,
-    orders: &SyncSender<Order>,
-    seat: u64,
-) -> &'static str {
+async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static str {
     const CLOSED: &str = "the page that steered was closed";
     let mut frames = shared.frames.subscribe();
     let mut state = shared.state.subscribe();
@@ -98,7 +92,7 @@ async fn attend(
                     Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
                         // What was never sent cannot have been seen.
                         Ok(Word::Seen(seen)) => sent.seen = seen.min(sent.messages).max(sent.seen),
-                        Ok(word) => hear(word, shared, orders, seat, &mut told),
+                        Ok(word) => hear(word, shared, seat, &mut told),
                         Err(error) => {
                             let text = format!("not understood: {error}; no more of it is told of this page");
                             Told::refuse(&mut told.not_understood, shared, &text);
@@ -143,7 +137,7 @@ fn own(shared: &Shared, seat: u64, lost_frames: u64) -> Utf8Bytes {
     serde_json::to_string(&own).expect("plain data").into()
 }
 
-fn hear(word: Word, shared: &Shared, orders: &SyncSender<Order>, seat: u64, told: &mut Told) {
+fn hear(word: Word, shared: &Shared, seat: u64, told: &mut Told) {
     let order = match word {
         Word::Vent => {
             return shared.vent("Vent was pressed on a page");
@@ -155,7 +149,5 @@ fn hear(word: Word, shared: &Shared, orders: &SyncSender<Order>, seat: u64, told
         let text = "another page steers; this one watches, and may vent";
         return Told::refuse(&mut told.watches, shared, text);
     }
-    if let Err(TrySendError::Full(_)) = orders.try_send(order) {
-        shared.log(Weight::Refused, "more was asked for than the board carries out");
-    }
+    shared.orders.put(order);
 }

@@ -8,8 +8,6 @@ use super::page;
 use super::results::Outcome;
 use super::shared::Shared;
 use super::socket;
-use super::word::Order;
-use axum::Router;
 use axum::extract::ws::{WebSocketUpgrade, rejection::WebSocketUpgradeRejection};
 use axum::extract::{Path, Request, State};
 use axum::http::header::{
@@ -20,17 +18,27 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use std::collections::VecDeque;
 use std::fmt;
 use std::io;
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
-use std::sync::mpsc::SyncSender;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use thermyo_report::muscle::palette;
 use thermyo_report::style::DRAWING_STYLE;
+use tokio::task::AbortHandle;
 
 /// A message of a page is short, a scenario's text included.
 const LONGEST_MESSAGE: usize = 1 << 18;
+/// Connections that have not shown the secret yet: a browser opens six.
+const MOST_STRANGERS: usize = 64;
+/// Time that the headers of a request may take, and a connection may stand idle.
+const HEADERS: Duration = Duration::from_secs(10);
 /// Time between two looks whether the server ends.
 const LOOK: Duration = Duration::from_millis(50);
 /// Time that the pages are given to hear of it.
@@ -84,30 +92,55 @@ pub fn listen(port: Option<u16>) -> io::Result<(TcpListener, Address)> {
 struct Site {
     address: Arc<Address>,
     shared: Arc<Shared>,
-    orders: SyncSender<Order>,
 }
 
 /// Serves until the server ends.
 ///
 /// # Errors
 /// Those of the sockets.
-pub(super) fn run(
-    listener: TcpListener,
-    address: Address,
-    shared: Arc<Shared>,
-    orders: SyncSender<Order>,
-) -> io::Result<()> {
+pub(super) fn run(listener: TcpListener, address: Address, shared: Arc<Shared>) -> io::Result<()> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     let ending = Arc::clone(&shared);
-    let app = router(Site { address: Arc::new(address), shared, orders });
+    let app = router(Site { address: Arc::new(address), shared });
     runtime.block_on(async move {
         let listener = tokio::net::TcpListener::from_std(listener)?;
         tokio::select! {
-            served = async { axum::serve(listener, app).await } => served,
+            () = accept(listener, app) => Ok(()),
             () = ended(&ending) => Ok(()),
         }
     })
+}
+
+/// A connection that has shown the secret in a request.
+#[derive(Debug, Clone, Default)]
+struct Known(Arc<AtomicBool>);
+
+/// Serves every connection. Where too many have not shown the secret, the oldest of them makes room, so that neither
+/// the page nor a recording's files ever want for descriptors.
+async fn accept(listener: tokio::net::TcpListener, app: Router) {
+    let mut strangers: VecDeque<(Known, AbortHandle)> = VecDeque::new();
+    loop {
+        let Ok((stream, _)) = listener.accept().await else {
+            // Descriptors are short for a while.
+            tokio::time::sleep(LOOK).await;
+            continue;
+        };
+        let known = Known::default();
+        let service = TowerToHyperService::new(app.clone().layer(Extension(known.clone())));
+        let mut http = http1::Builder::new();
+        http.timer(TokioTimer::new()).header_read_timeout(HEADERS);
+        let connection = http.serve_connection(TokioIo::new(stream), service).with_upgrades();
+        let serving = tokio::spawn(async move { drop(connection.await) });
+        strangers
+            .retain(|(known, serving)| !known.0.load(Ordering::Relaxed) && !serving.is_finished());
+        strangers.push_back((known, serving.abort_handle()));
+        if strangers.len() > MOST_STRANGERS
+            && let Some((_, oldest)) = strangers.pop_front()
+        {
+            oldest.abort();
+        }
+    }
 }
 
 async fn ended(shared: &Shared) {
@@ -131,10 +164,16 @@ fn router(site: Site) -> Router {
 }
 
 /// Lets in who may, and says what the browser has to keep to.
-async fn door(State(site): State<Site>, request: Request, next: Next) -> Response {
+async fn door(
+    State(site): State<Site>,
+    Extension(known): Extension<Known>,
+    request: Request,
+    next: Next,
+) -> Response {
     if let Err(why) = may_enter(&site.address, request.uri().path(), request.headers()) {
         return (StatusCode::FORBIDDEN, format!("{why}\n")).into_response();
     }
+    known.0.store(true, Ordering::Relaxed);
     let mut response = next.run(request).await;
     let headers = response.headers_mut();
     let fixed = |text| HeaderValue::from_static(text);
@@ -149,6 +188,9 @@ async fn door(State(site): State<Site>, request: Request, next: Next) -> Respons
 
 fn may_enter(address: &Address, path: &str, headers: &HeaderMap) -> Result<(), &'static str> {
     let names = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", address.port));
+    if [HOST, ORIGIN].iter().any(|name| headers.get_all(name).iter().count() > 1) {
+        return Err("a request has one Host header and one Origin header");
+    }
     let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or_default());
     if !text(HOST).is_some_and(|host| names.iter().any(|name| name == host)) {
         return Err("this server goes by another name: open the address that it has printed");
@@ -214,7 +256,7 @@ async fn live(
     match upgrade {
         Ok(upgrade) => upgrade
             .max_message_size(LONGEST_MESSAGE)
-            .on_upgrade(|socket| socket::run(socket, site.shared, site.orders)),
+            .on_upgrade(|socket| socket::run(socket, site.shared)),
         Err(rejection) => rejection.into_response(),
     }
 }
@@ -222,6 +264,8 @@ async fn live(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Read, Write};
+    use std::net::TcpStream;
 
     #[test]
     fn only_the_page_of_this_server_may_enter() {
@@ -251,5 +295,39 @@ mod tests {
         ] {
             assert!(!enters(path, host, origin), "{what}");
         }
+        for name in [HOST, ORIGIN] {
+            let mut headers = HeaderMap::new();
+            headers.insert(HOST, "127.0.0.1:4711".parse().unwrap());
+            headers.insert(ORIGIN, "http://127.0.0.1:4711".parse().unwrap());
+            assert!(may_enter(&address, path, &headers).is_ok());
+            headers.append(name, "evil.example".parse().unwrap());
+            assert!(may_enter(&address, path, &headers).is_err(), "a second one");
+        }
+    }
+
+    #[test]
+    fn connections_without_the_secret_make_room() {
+        const STRANGERS: usize = 300;
+        let (listener, address) = listen(None).unwrap();
+        let (host, shared) = (format!("127.0.0.1:{}", address.port), Arc::new(Shared::default()));
+        let path = format!("/{}/page.js", address.token);
+        let serving = std::thread::spawn({
+            let shared = Arc::clone(&shared);
+            move || run(listener, address, shared)
+        });
+        let mut strangers: Vec<TcpStream> =
+            (0..STRANGERS).map(|_| TcpStream::connect(&host).unwrap()).collect();
+        let mut page = TcpStream::connect(&host).unwrap();
+        write!(page, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut text = String::new();
+        page.read_to_string(&mut text).unwrap();
+        assert!(text.starts_with("HTTP/1.1 200"), "{text}");
+        // The page was the last to come: by now the server has closed all but the latest of those before.
+        for stranger in &mut strangers[..=STRANGERS - MOST_STRANGERS] {
+            stranger.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+            assert!(matches!(stranger.read(&mut [0]), Ok(0)), "it was kept");
+        }
+        shared.end();
+        serving.join().unwrap().unwrap();
     }
 }

@@ -16,7 +16,7 @@ mod sense;
 mod tree;
 
 pub use check::render;
-pub use load::{assemble, load, load_with_warnings, parse, parse_with_warnings};
+pub use load::{assemble, load, load_with_warnings, parse, parse_alone, parse_with_warnings};
 pub use loaded::Loaded;
 pub use rules::{OBSERVABLE, highest_pa};
 pub use sense::warnings;

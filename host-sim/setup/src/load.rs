@@ -61,6 +61,26 @@ pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     assemble(&Document::parse(text, origin)?)
 }
 
+/// As [`parse`], of a text whose sender has no right to this machine's files.
+///
+/// # Errors
+/// As [`load`]; any key that names a file is refused.
+pub fn parse_alone(text: &str, origin: &Path) -> Result<Loaded, InputError> {
+    let document = Document::parse(text, origin)?;
+    let mut entries = document.plant.iter().chain(document.believed.iter());
+    match entries.find(|entry| matches!(entry.key.allowed, Allowed::Csv { .. })) {
+        Some(entry) => {
+            let problem = Problem::NotAllowed {
+                key: entry.path(),
+                value: entry.written.clone(),
+                allowed: "left out: a page's scenario may not name a file".to_owned(),
+            };
+            Err(at(entry, origin, problem))
+        }
+        None => assemble(&document),
+    }
+}
+
 /// Fills in defaults, and applies the rules that tie keys together.
 ///
 /// # Errors

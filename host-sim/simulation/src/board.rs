@@ -166,6 +166,15 @@ pub enum BoardError {
         /// What was asked.
         asked: &'static str,
     },
+    /// The emulated board does not answer: there is no wiring to check.
+    #[error(
+        "the emulated board does not answer ({asked}): this machine may be too busy for it; try again, or start \
+         it afresh: thermyo board emulated plug"
+    )]
+    EmulatedSilent {
+        /// What was asked.
+        asked: &'static str,
+    },
     /// The board speaks another version of the protocol.
     #[error(
         "the board's firmware speaks protocol {board}, this program {PROTOCOL}: flash the \

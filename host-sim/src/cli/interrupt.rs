@@ -1,9 +1,12 @@
-//! Ctrl-C, and SIGTERM: not the end of the program, but a wish that it stops, keeps what it has and vents what it drives. Pressed
-//! twice, it ends the program: the board then vents by its link's timeout.
+//! Ctrl-C, SIGTERM and SIGHUP: not the end of the program, but a wish that it stops, keeps what it has and vents what it drives.
+//! Ctrl-C or SIGTERM a second time ends the program: the board then vents by its link's timeout.
 
 use super::failure::STOPPED;
 #[cfg(unix)]
-use signal_hook::{consts::SIGTERM, iterator::Signals};
+use signal_hook::{
+    consts::{SIGHUP, SIGTERM},
+    iterator::Signals,
+};
 use std::io;
 use std::sync::Once;
 pub(super) use thermyo_compute::stop::wanted;
@@ -18,10 +21,28 @@ pub(super) fn watch() {
         let _ = ctrlc::set_handler(pressed);
         #[cfg(unix)]
         if let Ok(mut signals) = Signals::new([SIGTERM]) {
-            std::thread::spawn(move || signals.forever().for_each(|_| pressed()));
+            if !ignores_hangup() {
+                let _ = signals.add_signal(SIGHUP);
+            }
+            std::thread::spawn(move || {
+                signals.forever().for_each(|signal| match signal {
+                    // A terminal that is closed sends it more than once: shell and kernel each do.
+                    SIGHUP => drop(want()),
+                    _ => pressed(),
+                });
+            });
         }
     });
     forget();
+}
+
+/// Whether SIGHUP is ignored, as `nohup` sets it, and so to be left alone. Linux tells it; elsewhere it is left alone.
+#[cfg(unix)]
+fn ignores_hangup() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    ignored.is_none_or(|mask| mask >> (SIGHUP - 1) & 1 == 1)
 }
 
 fn pressed() {
