@@ -2,12 +2,13 @@
 
 use crate::black_box::BlackBox;
 use crate::board::Valves;
-use crate::shared::{Answer, Message, Order, Shared, Tally};
+use crate::shared::{Answer, Asker, Message, Order, Shared, Tally};
 use crate::source::Source;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
 use model_core::control::Mode;
+use model_core::link::arbiter::Arbiter;
 use model_core::link::{Phase, Refusal};
 use model_core::{Command, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
 
@@ -86,7 +87,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
                     }
                 }
                 Either::Second((asker, order)) => {
-                    let answer = match self.obey(order) {
+                    let answer = match self.obey(order, asker) {
                         Ok(()) => Answer::Done { step: self.next_step },
                         Err(refusal) => Answer::Refused(refusal),
                     };
@@ -103,9 +104,13 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         self.silence = 0;
         let start = Instant::now();
         self.black_box.note(Phase::Sampling);
-        let sample = self.sample(missed);
-        if Shared::take(&self.shared.stop) {
+        let turn = self.shared.arbitrate(Arbiter::step);
+        let sample = self.sample(missed, turn.heard);
+        if turn.stop {
             self.core.vent();
+        }
+        if turn.ask {
+            self.shared.lines.iter().for_each(|line| line.asked.signal(()));
         }
         self.black_box.note(Phase::Stepping);
         let before = Instant::now();
@@ -127,7 +132,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
     }
 
     /// What the core is to know in this step.
-    fn sample(&mut self, missed: u32) -> Sample {
+    fn sample(&mut self, missed: u32, heard: bool) -> Sample {
         let dropped = self.shared.dropped_requests.load(Ordering::Relaxed);
         if dropped != self.dropped_requests {
             self.dropped_requests = dropped;
@@ -135,7 +140,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         }
         self.flooded_steps = self.flooded_steps.saturating_sub(1);
         Sample {
-            heard: self.shared.take_heard(),
+            heard,
             flooded: self.flooded_steps > 0,
             missed_steps: missed.try_into().unwrap_or(u8::MAX),
             ..self.source.sample(&self.core.config().sensors)
@@ -173,14 +178,22 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         // While the sensors are judged the core's own count stands still.
         let judging = telemetry.mode == Mode::Judging;
         let step = if judging { self.tally.steps as u32 } else { telemetry.step };
-        for line in shared.lines.iter().filter(|line| line.wants(step)) {
-            line.post(Message::Telemetry(telemetry));
+        let arbiter = shared.arbitrate(|arbiter| *arbiter);
+        for (index, line) in shared.lines.iter().enumerate() {
+            if line.wants(step, arbiter.obeys(index)) {
+                line.post(Message::Telemetry(telemetry));
+            }
         }
     }
 
     /// Does what a host asks for, as a whole or not at all.
-    fn obey(&mut self, order: Order) -> Result<(), Refusal> {
+    fn obey(&mut self, order: Order, asker: Option<Asker>) -> Result<(), Refusal> {
         let Self { core, shared, .. } = self;
+        let ticket = asker.filter(|_| order.may_drive()).map(|asker| asker.ticket);
+        // Here, where no stop can come in between.
+        if ticket.is_some_and(|ticket| !shared.arbitrate(|arbiter| arbiter.admits(ticket))) {
+            return Err(Refusal::Overtaken);
+        }
         match order {
             Order::Configure { .. } => {
                 let other = shared.prepared().ok_or(Refusal::NotConfigured)?;
@@ -191,6 +204,9 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             Order::Arm(most_pa) => core.arm(most_pa)?,
             Order::Set(set_point) => core.set(set_point)?,
             Order::ClearFaults => core.clear_faults(),
+        }
+        if let Some(ticket) = ticket {
+            shared.arbitrate(|arbiter| arbiter.obey(ticket));
         }
         let restarted = matches!(order, Order::Configure { .. } | Order::Start(_));
         if restarted {

@@ -3,6 +3,7 @@
 use crate::shared::{Answer, Asker, InUse, Keep, Line, Order, Shared};
 use crate::source::STEP;
 use core::sync::atomic::Ordering;
+use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
@@ -80,12 +81,6 @@ fn cost(command: &HostCommand) -> u32 {
     }
 }
 
-/// Whether what the request asks for holds only as long as its host is there.
-fn commands(command: &HostCommand) -> bool {
-    use HostCommand::{Arm, Configure, Set, Start};
-    matches!(command, Arm { .. } | Configure(_) | Start(_) | Set(_))
-}
-
 /// Time in which an answer leaves the board.
 const ANSWERING: Duration = Duration::from_millis(20);
 
@@ -103,15 +98,32 @@ pub async fn receive<R: Read>(
     let mut decoder = Decoder::new();
     let mut chunk = [0; 32];
     let mut ration = Ration { left: RATION, since: Instant::now() };
+    let index = shared.index(line);
+    let mut frame = None;
     loop {
-        // After an error of the line the frame at hand will not pass its checksum.
-        let count = port.read(&mut chunk).await.unwrap_or(0);
+        let count = loop {
+            match select(port.read(&mut chunk), line.asked.wait()).await {
+                // After an error of the line the frame at hand will not pass its checksum.
+                Either::First(count) => break count.unwrap_or(0),
+                // `read` was looked at first.
+                Either::Second(()) => shared.arbitrate(|arbiter| arbiter.silent(index)),
+            }
+        };
+        shared.arbitrate(|arbiter| arbiter.read(index));
         for &byte in chunk.iter().take(count) {
+            let ticket =
+                *frame.get_or_insert_with(|| shared.arbitrate(|arbiter| arbiter.begin(index)));
+            if byte == 0 {
+                frame = None;
+            }
             if let Some(Request { sequence, command }) = decoder.push(byte) {
-                line.hear();
-                if command == HostCommand::Stop {
-                    shared.stop.store(true, Ordering::Relaxed);
-                }
+                line.open();
+                shared.arbitrate(|arbiter| {
+                    arbiter.hear(index);
+                    if command == HostCommand::Stop {
+                        arbiter.stop(index);
+                    }
+                });
                 // Its samples come one at a time, each after the answer to the one before.
                 let unlimited = cfg!(feature = "hil") && matches!(command, HostCommand::Step(_));
                 if !unlimited && !ration.take(cost(&command)) {
@@ -121,10 +133,7 @@ pub async fn receive<R: Read>(
                     );
                     continue;
                 }
-                if commands(&command) {
-                    shared.obey(line);
-                }
-                let asker = Asker { line, sequence };
+                let asker = Asker { line, sequence, ticket };
                 match carry_out(command, &identity, line, shared).await {
                     Outcome::Answer(answer) => line.answer(sequence, answer),
                     Outcome::Order(order) => shared.order(Some(asker), order).await,

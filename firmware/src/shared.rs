@@ -8,6 +8,7 @@ use embassy_sync::channel::Channel;
 use embassy_sync::mutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
+use model_core::link::arbiter::{Arbiter, Ticket};
 use model_core::link::{self, ConfigSource, Name, ReplyWith, Status, Timing, checksum};
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{Config, Core, Faults, Sample, SetPoint};
@@ -44,6 +45,11 @@ pub enum Order {
 }
 
 impl Order {
+    /// Whether the muscle may move by it: a stop overtakes it, and its host has to stay for it to hold.
+    pub fn may_drive(&self) -> bool {
+        matches!(self, Self::Arm(_) | Self::Start(_) | Self::Set(_))
+    }
+
     /// To start anew with this configuration.
     pub fn configure(config: &Config, source: ConfigSource, name: Name) -> Self {
         Self::Configure { checksum: checksum(config), source, name }
@@ -93,10 +99,8 @@ pub struct Line {
     pub outbox: Channel<CriticalSectionRawMutex, Message, OUTBOX>,
     /// Steps per telemetry frame, 0 for none, and one more: zero before the first request.
     telemetry: AtomicU32,
-    /// A request has come since control last looked.
-    heard: AtomicBool,
-    /// The host of this line has given the set point, and has to stay for it to hold.
-    commands: AtomicBool,
+    /// Control asks whether there is nothing to read.
+    pub asked: Signal<CriticalSectionRawMutex, ()>,
     /// Messages for which the outbox had no room.
     dropped: AtomicU32,
     /// Frames that were no request.
@@ -108,16 +112,14 @@ impl Line {
         Self {
             outbox: Channel::new(),
             telemetry: AtomicU32::new(0),
-            heard: AtomicBool::new(false),
-            commands: AtomicBool::new(false),
+            asked: Signal::new(),
             dropped: AtomicU32::new(0),
             malformed: AtomicU32::new(0),
         }
     }
 
-    /// A request has come.
-    pub fn hear(&self) {
-        self.heard.store(true, Ordering::Relaxed);
+    /// A request has come: telemetry begins.
+    pub fn open(&self) {
         if self.telemetry.load(Ordering::Relaxed) == 0 {
             self.set_telemetry_divider(DEFAULT_TELEMETRY_DIVIDER);
         }
@@ -140,11 +142,11 @@ impl Line {
         self.telemetry.load(Ordering::Relaxed) > 0
     }
 
-    /// Whether the host wants the telemetry of this step.
-    pub fn wants(&self, step: u32) -> bool {
+    /// Whether the host, which is obeyed or not, wants the telemetry of this step.
+    pub fn wants(&self, step: u32, obeyed: bool) -> bool {
         if cfg!(feature = "hil") {
             // The answer to its sample.
-            return self.commands.load(Ordering::Relaxed);
+            return obeyed;
         }
         let divider = self.telemetry.load(Ordering::Relaxed).saturating_sub(1);
         divider > 0 && step.is_multiple_of(divider)
@@ -177,6 +179,8 @@ pub struct Asker {
     pub line: &'static Line,
     /// Its number.
     pub sequence: u8,
+    /// When it began to arrive.
+    pub ticket: Ticket,
 }
 
 /// The one instance is a static of the board.
@@ -209,8 +213,7 @@ pub struct Shared {
     pub vented: AtomicBool,
     /// Requests that the link dropped, because too many came.
     pub dropped_requests: AtomicU32,
-    /// The host wants the muscle vented: carried out in the next step, whatever else is asked.
-    pub stop: AtomicBool,
+    arbiter: Mutex<CriticalSectionRawMutex, Cell<Arbiter<LINES>>>,
     /// Never waited for: the tasks of the thread hold it between two waits, and control reads it when one of
     /// them has sent an order, which it carries out before that task goes on. Interrupts are not held back
     /// while a core is copied: that would take the time of a late step.
@@ -239,7 +242,7 @@ impl Shared {
             faults: AtomicU16::new(0),
             vented: AtomicBool::new(false),
             dropped_requests: AtomicU32::new(0),
-            stop: AtomicBool::new(false),
+            arbiter: Mutex::new(Cell::new(Arbiter::new())),
             next_core: mutex::Mutex::new(Slot::Empty),
             first_failure: Mutex::new(Cell::new(None)),
             tally: Mutex::new(Cell::new(Tally::NONE)),
@@ -247,19 +250,19 @@ impl Shared {
         }
     }
 
-    /// The set point is that of this line's host now.
-    pub fn obey(&self, line: &Line) {
-        for other in &self.lines {
-            other.commands.store(core::ptr::eq(other, line), Ordering::Relaxed);
-        }
+    /// Looks at or changes whose orders hold.
+    pub fn arbitrate<T>(&self, with: impl FnOnce(&mut Arbiter<LINES>) -> T) -> T {
+        self.arbiter.lock(|cell| {
+            let mut arbiter = cell.get();
+            let result = with(&mut arbiter);
+            cell.set(arbiter);
+            result
+        })
     }
 
-    /// Whether the host that has given the set point has asked anything since the last call. Others may
-    /// ask what they like: they do not keep its set point.
-    pub fn take_heard(&self) -> bool {
-        let asked = self.lines.each_ref().map(|line| Self::take(&line.heard));
-        let mut lines = self.lines.iter().zip(asked);
-        lines.any(|(line, asked)| asked && line.commands.load(Ordering::Relaxed))
+    /// The number of a line.
+    pub fn index(&self, line: &Line) -> usize {
+        self.lines.iter().position(|other| core::ptr::eq(other, line)).unwrap_or(LINES)
     }
 
     /// Gives control an order when the flash is not being written.
@@ -283,16 +286,6 @@ impl Shared {
     /// Whether nothing but to vent was asked of control in its last step.
     pub fn vented(&self) -> bool {
         self.vented.load(Ordering::Relaxed)
-    }
-
-    /// Takes a flag down; whether it was up. Both sides only ever write one value each, and what
-    /// is raised between the two accesses was raised before the step that follows.
-    pub fn take(flag: &AtomicBool) -> bool {
-        let up = flag.load(Ordering::Relaxed);
-        if up {
-            flag.store(false, Ordering::Relaxed);
-        }
-        up
     }
 
     /// Leaves a core for [`Order::Configure`] and each [`Order::Start`] from then on: a start need not work its

@@ -353,8 +353,19 @@ impl EmulatedBoard {
 
     /// A request, whose answer nobody waits for.
     pub fn send(&mut self, command: HostCommand) {
-        let (_, frame) = self.wire().link.request(command);
+        self.request(command);
+    }
+
+    /// A request, whose answer is [taken](Self::take_answer) later; its number.
+    pub fn request(&mut self, command: HostCommand) -> u8 {
+        let (sequence, frame) = self.wire().link.request(command);
         self.write(&frame);
+        sequence
+    }
+
+    /// The answer to the request of that number, if it has come.
+    pub fn take_answer(&mut self, sequence: u8) -> Option<Answer> {
+        self.wire().link.take_answer(sequence)
     }
 
     /// Bytes that the board has sent since the last call, as they are.
@@ -389,12 +400,11 @@ impl EmulatedBoard {
     /// # Errors
     /// [`BoardError::Refused`], [`BoardError::Silent`]
     pub fn ask(&mut self, command: HostCommand) -> Result<Answer, BoardError> {
-        let (sequence, frame) = self.wire().link.request(command);
-        self.write(&frame);
+        let sequence = self.request(command);
         let inputs = self.inputs;
         for _ in 0..PATIENCE {
             self.exchange(&inputs)?;
-            match self.wire().link.take_answer(sequence) {
+            match self.take_answer(sequence) {
                 Some(Answer::Refused(refusal)) => return Err(BoardError::Refused(refusal)),
                 Some(answer) => return Ok(answer),
                 None => (),

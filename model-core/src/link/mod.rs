@@ -9,6 +9,8 @@
 //! The host asks ([`Request`]), the board answers each request with one [`Reply`] of the same
 //! sequence number, and sends [`Message::Telemetry`] of its own accord.
 
+pub mod arbiter;
+
 use crate::config::{Config, ConfigError};
 use crate::control::{SetPoint, SetPointError};
 use crate::safety::supervisor::FirstFailure;
@@ -19,7 +21,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 13;
+pub const PROTOCOL: u16 = 14;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -60,7 +62,7 @@ pub enum HostCommand {
     Start(SetPoint),
     /// Another set point, from the step on that the reply names.
     Set(SetPoint),
-    /// Vent.
+    /// Vent. What was sent before it on any line and could drive is refused: [`Refusal::Overtaken`].
     Stop,
     /// Forget latched faults whose cause is gone; the board then vents.
     ClearFaults,
@@ -184,6 +186,8 @@ pub enum Refusal {
     NoBootLoader,
     /// A sensor of the configuration is a part that this board has no bus for.
     NoSuchPart,
+    /// A [`HostCommand::Stop`] of another line came after it was sent: [`arbiter`].
+    Overtaken,
 }
 
 impl From<SetPointError> for Refusal {
@@ -222,6 +226,9 @@ impl core::fmt::Display for Refusal {
                 "this board's firmware reads no such digital part (sensor.gas.kind = \"max31865\", \
                  sensor.pressure.kind = \"mpr\"): a Pico's does"
             ),
+            Self::Overtaken => {
+                write!(f, "another host has stopped the board meanwhile: it is not carried out")
+            }
         }
     }
 }
@@ -670,7 +677,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "0a070dda3cce7ccdb90102010105c930c05400"),
-            (answer(Answer::Version(version)), "030107020d02010101054f7d95ff00"),
+            (answer(Answer::Version(version)), "030107020e0201010105e10f017900"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (

@@ -26,11 +26,12 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 4] = [
+pub const TARGETS: [Target; 5] = [
     Target { name: "core", counts: "steps of the core", run: crate::core::run },
     Target { name: "frames", counts: "frames", run: crate::frames::run },
     Target { name: "scenarios", counts: "scenarios", run: crate::scenarios::run },
     Target { name: "tables", counts: "tables", run: crate::tables::run },
+    Target { name: "hosts", counts: "steps of two hosts", run: crate::hosts::run },
 ];
 
 /// Something that does not hold.

@@ -1,6 +1,6 @@
 //! Inputs that nobody would think of, and what has to hold for every one of them.
 //!
-//! A case is a few hundred bytes. [`core`], [`frames`], [`scenarios`] and [`tables`] each make their
+//! A case is a few hundred bytes. [`core`], [`frames`], [`scenarios`], [`tables`] and [`hosts`] each make their
 //! input of them, and panic where something does not hold. [`hunt`] makes cases, half of them from those
 //! of `corpus/`, and shortens the ones that fail.
 
@@ -9,6 +9,7 @@ pub mod config;
 pub mod core;
 pub mod flush;
 pub mod frames;
+pub mod hosts;
 pub mod hunt;
 pub mod scenarios;
 mod signal;

@@ -21,6 +21,9 @@ struct Arguments {
     /// Tables
     #[arg(long, default_value_t = 20_000)]
     tables: u64,
+    /// Steps of two hosts at one board
+    #[arg(long, default_value_t = 10_000_000)]
+    hosts: u64,
     /// Other cases for another number
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -40,7 +43,8 @@ fn main() -> io::Result<ExitCode> {
 }
 
 fn hunt(arguments: &Arguments) -> io::Result<bool> {
-    let counts = [arguments.core, arguments.frames, arguments.scenarios, arguments.tables];
+    let Arguments { core, frames, scenarios, tables, hosts, .. } = *arguments;
+    let counts = [core, frames, scenarios, tables, hosts];
     let mut held = true;
     for (target, count) in TARGETS.iter().zip(counts) {
         let started = Instant::now();

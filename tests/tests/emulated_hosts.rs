@@ -1,0 +1,202 @@
+//! Two hosts at one emulated board, over UART and USB: only the one whose order holds keeps it alive, and a stop
+//! overtakes what was sent before it.
+
+use host_sim::board::emulated::{Exchange, Port};
+use model_core::link::{Answer, HostCommand};
+use model_core::{Config, Sample, SetPoint};
+use system_tests::rig::{JUDGING_STEPS, Rig};
+use system_tests::skip_emulator;
+
+/// One microsecond \[ns\].
+const US: u32 = 1_000;
+const LINK_TIMEOUT_MS: u32 = 100;
+const FILL: SetPoint = SetPoint::Duty { inlet: 0.3, outlet: 0.0 };
+
+fn scenario(pwm_hz: f64) -> String {
+    format!(
+        "[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 600000.0\n[link]\ntimeout_s = 0.1\n\
+         [valve]\npwm_hz = {pwm_hz}\n"
+    )
+}
+
+/// A muscle at a board that is plugged in.
+fn plugged() -> Rig {
+    let mut rig = Rig::new(&scenario(100.0));
+    rig.board.connect_usb().expect("the board enumerates");
+    rig
+}
+
+/// Without the words of a host that the emulated board says by itself.
+fn silent(sample: Sample) -> Sample {
+    Sample { heard: false, ..sample }
+}
+
+fn powered(exchange: &Exchange) -> bool {
+    exchange.inlet_coil > 0.0 || exchange.outlet_coil > 0.0
+}
+
+/// The other line.
+fn other(port: Port) -> Port {
+    match port {
+        Port::Uart => Port::Usb,
+        Port::Usb => Port::Uart,
+    }
+}
+
+/// A host at this line fills the muscle, and is there every 20 ms.
+fn fill(rig: &mut Rig, port: Port) {
+    rig.board.use_port(port);
+    rig.board.ask(HostCommand::ClearFaults).unwrap();
+    rig.start(FILL);
+    let mut closed = false;
+    for ms in 0..u32::from(JUDGING_STEPS) + 60 {
+        if ms % 20 == 0 {
+            rig.board.send(HostCommand::Alive);
+        }
+        closed = rig.exchange_with(silent).outlet_coil > 0.9;
+    }
+    assert!(closed, "{port:?}: it fills");
+}
+
+/// Each request that is refused, sent again and again over the other line.
+#[test]
+fn a_refused_request_of_another_host_keeps_no_set_point_alive() {
+    if skip_emulator() {
+        return;
+    }
+    let mut rig = plugged();
+    let nan = SetPoint::Pressure { pressure_pa: f32::NAN };
+    let refused = [
+        HostCommand::Set(nan),
+        HostCommand::Start(nan),
+        HostCommand::Arm { most_pa: Some(f32::NAN) },
+        HostCommand::Configure(Config { step_s: f32::NAN, ..*rig.muscle.config() }),
+    ];
+    for port in [Port::Uart, Port::Usb] {
+        for command in refused {
+            fill(&mut rig, port);
+            rig.board.use_port(other(port));
+            let mut last_powered_ms = 0;
+            let mut answers = 0;
+            let mut asked = None;
+            for ms in 1..=LINK_TIMEOUT_MS + 100 {
+                if ms % 20 == 1 {
+                    asked = Some(rig.board.request(command));
+                }
+                if powered(&rig.exchange_with(silent)) {
+                    last_powered_ms = ms;
+                }
+                match asked.and_then(|sequence| rig.board.take_answer(sequence)) {
+                    None => (),
+                    Some(Answer::Refused(_)) => answers += 1,
+                    Some(answer) => panic!("{command:?}: {answer:?}"),
+                }
+            }
+            assert_eq!(answers, 10, "{command:?}");
+            let expected = LINK_TIMEOUT_MS - 22..=LINK_TIMEOUT_MS + 20;
+            assert!(
+                expected.contains(&last_powered_ms),
+                "{port:?}, {command:?}: held for {last_powered_ms} ms after its host's last word"
+            );
+        }
+    }
+}
+
+/// What the other host sends together, so that it is on its way while the stop is carried out.
+fn sent_before(rig: &Rig) -> [Vec<HostCommand>; 4] {
+    let arm = HostCommand::Arm { most_pa: None };
+    let configure = HostCommand::Configure(*rig.muscle.config());
+    [
+        vec![HostCommand::Start(FILL)],
+        vec![HostCommand::Set(FILL)],
+        vec![arm, HostCommand::Start(FILL), HostCommand::Set(FILL)],
+        vec![configure, arm, HostCommand::Start(FILL)],
+    ]
+}
+
+/// A stop so many microseconds after the other host's orders; afterwards each of the hosts drives as before.
+fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
+    let mut rig = plugged();
+    let mut refused = 0;
+    for port in [Port::Uart, Port::Usb] {
+        fill(&mut rig, port);
+        for orders in sent_before(&rig) {
+            for delay_us in delays_us.clone() {
+                let case = format!("{orders:?} over {port:?}, stopped {delay_us} us later");
+                rig.board.use_port(port);
+                rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
+                // Where within a step it begins.
+                rig.run(1 + delay_us * 377 % 1000 * US, silent);
+                let sent: Vec<u8> =
+                    orders.iter().map(|&command| rig.board.request(command)).collect();
+                if delay_us > 0 {
+                    rig.run(delay_us * US, silent);
+                }
+                rig.board.use_port(other(port));
+                let stop = rig.board.request(HostCommand::Stop);
+                let mut stopped_ms = None;
+                let mut last_powered_ms = 0;
+                for ms in 1..=u32::from(JUDGING_STEPS) + 40 {
+                    if powered(&rig.exchange_with(silent)) {
+                        last_powered_ms = ms;
+                    }
+                    if stopped_ms.is_none() && rig.board.take_answer(stop).is_some() {
+                        stopped_ms = Some(ms);
+                    }
+                }
+                let stopped_ms = stopped_ms.unwrap_or_else(|| panic!("{case}: no answer"));
+                assert!(
+                    last_powered_ms <= stopped_ms + 2,
+                    "{case}: answered after {stopped_ms} ms, powered after {last_powered_ms} ms"
+                );
+                rig.board.use_port(port);
+                for sequence in sent {
+                    match rig.board.take_answer(sequence) {
+                        Some(Answer::Refused(_)) => refused += 1,
+                        Some(Answer::Done { .. }) => (),
+                        answer => panic!("{case}: {answer:?}"),
+                    }
+                }
+            }
+        }
+        // Another order of either line drives.
+        for port in [port, other(port)] {
+            fill(&mut rig, port);
+        }
+    }
+    println!("{refused} orders refused");
+    assert!(refused > 0);
+}
+
+#[test]
+fn a_stop_overtakes_what_another_host_has_sent_before_it() {
+    if !skip_emulator() {
+        assert_a_stop_overtakes((0..=600).step_by(60));
+    }
+}
+
+#[test]
+#[ignore = "a minute: cargo test --release --test emulated_hosts -- --ignored --nocapture"]
+fn a_stop_overtakes_at_every_moment() {
+    if !skip_emulator() {
+        assert_a_stop_overtakes((0..=1500).step_by(5));
+    }
+}
+
+/// The stop is in the middle of what its own host sends.
+#[test]
+fn what_follows_a_stop_on_its_line_holds() {
+    if skip_emulator() {
+        return;
+    }
+    let mut rig = plugged();
+    for port in [Port::Uart, Port::Usb] {
+        fill(&mut rig, port);
+        rig.board.ask(HostCommand::Stop).unwrap();
+        rig.board.ask(HostCommand::Set(FILL)).unwrap();
+        for _ in 0..20 {
+            rig.exchange_with(silent);
+        }
+        assert!(rig.exchange_with(silent).outlet_coil > 0.9, "{port:?}");
+    }
+}
