@@ -413,6 +413,25 @@ pub fn line_of(before: &[u8]) -> u64 {
     1 + before.iter().filter(|byte| **byte == b'\n').count() as u64
 }
 
+/// Where the lines of a text begin, so that many places in it are found without counting from its start each time.
+#[derive(Debug)]
+pub struct Lines {
+    starts: Vec<usize>,
+}
+
+impl Lines {
+    /// The lines of a text.
+    pub fn of(text: &str) -> Self {
+        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        Self { starts: ends.map(|(end, _)| end + 1).collect() }
+    }
+
+    /// The line, from 1, of a byte of the text.
+    pub fn line_at(&self, offset: usize) -> u64 {
+        1 + self.starts.partition_point(|start| *start <= offset) as u64
+    }
+}
+
 /// A piece of the user's text, fit to be quoted within one line of a message.
 pub fn quoted(text: &str) -> String {
     const LONGEST: usize = 60;
@@ -468,6 +487,15 @@ mod tests {
     fn quotes_stay_short_and_on_the_line() {
         assert_eq!(quoted(" a\nb\u{1b} "), "a\\nb\\u{1b}");
         assert_eq!(quoted(&"x".repeat(1000)).len(), 63);
+    }
+
+    #[test]
+    fn a_byte_is_on_the_line_that_counting_gives() {
+        let text = "\na\r\n\nbc\n";
+        let lines = Lines::of(text);
+        for offset in 0..=text.len() {
+            assert_eq!(lines.line_at(offset), line_of(&text.as_bytes()[..offset]), "byte {offset}");
+        }
     }
 
     #[test]
