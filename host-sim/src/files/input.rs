@@ -55,6 +55,18 @@ pub enum Problem {
     /// What a folder of a sweep says of itself.
     #[error("says no sweep ({0}): run that shard again, into another folder")]
     DamagedStudy(String),
+    /// A line of a sweep's table that is not as it was written.
+    #[error("{}", damaged_line(*more))]
+    DamagedRow {
+        /// Lines below it that are damaged too.
+        more: usize,
+    },
+    /// A table whose columns are not those of the sweep beside it.
+    #[error("is damaged, or an older program wrote it: the columns must be {columns}")]
+    OtherColumns {
+        /// Their names.
+        columns: String,
+    },
     /// Bytes that are no text.
     #[error("is not UTF-8 text")]
     NotUtf8,
@@ -288,6 +300,14 @@ pub enum Problem {
         /// What it may be.
         allowed: String,
     },
+}
+
+fn damaged_line(more: usize) -> String {
+    match more {
+        0 => "does not match its checksum".to_owned(),
+        1 => "does not match its checksum, nor does a line below it".to_owned(),
+        more => format!("does not match its checksum, nor do {more} lines below it"),
+    }
 }
 
 /// What to write in place of an unknown name.
