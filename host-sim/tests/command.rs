@@ -98,6 +98,42 @@ fn bad_input_is_one_line_and_exit_code_2() {
     }
 }
 
+/// A pipe or a device may have no end, and opening a pipe waits for its writer.
+#[cfg(unix)]
+#[test]
+fn only_regular_files_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("pipe.csv");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let writer = pipe.clone();
+    // Ends with the process where nothing reads the pipe.
+    std::thread::spawn(move || {
+        loop {
+            let _ = fs::write(&writer, "time_s,pressure_pa\n0,1e5\n");
+        }
+    });
+    let pipe = pipe.display().to_string();
+    let text =
+        "[run]\nduration_s = 0.1\n[drive]\nkind = \"pressure\"\nprofile_csv = \"pipe.csv\"\n";
+    let profile = scenario(folder.path(), text);
+    let nominal = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/nominal.toml");
+    let out = folder.path().join("out").display().to_string();
+    for (arguments, file) in [
+        (vec!["check", "/dev/null"], "/dev/null"),
+        (vec!["check", &pipe], &pipe),
+        (vec!["check", &profile], &pipe),
+        (vec!["run", nominal, "--quiet", "--out", &out, "--measured", &pipe], &pipe),
+        (vec!["identify", &pipe, "--quiet", "--out", &out, "--config", nominal], &pipe),
+        (vec!["replay", &pipe, "--quiet", "--out", &out], &pipe),
+        (vec!["compare", &pipe, &pipe, "--quiet", "--out", &out], &pipe),
+    ] {
+        let output = thermyo(&arguments);
+        let expected = format!("{file}: is a pipe or a device; a regular file is needed\n");
+        assert!(said(&output).ends_with(&expected), "{arguments:?}: {}", said(&output));
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
+}
+
 /// A run whose true gas temperature stands for a reference sensor.
 #[test]
 fn a_recording_is_judged_by_its_reference() {

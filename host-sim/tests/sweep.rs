@@ -70,7 +70,7 @@ fn every_point_is_the_run_that_the_file_would_give() {
     assert_eq!(
         lines.next().unwrap(),
         "point,sensor.gas.time_constant_s,sensor.gas.position,seed,settled_s,sensor_gas_rmse_k,\
-         sensor_wall_rmse_k,model_rmse_k,estimate_rmse_k,estimate_within_2sd,failure"
+         sensor_wall_rmse_k,model_rmse_k,estimate_rmse_k,estimate_within_2sd,failure,checksum"
     );
     let rows: Vec<Vec<f64>> = lines.map(cells).collect();
     let expected = [[0.5, 0.25], [0.5, 1.0], [3.0, 0.25], [3.0, 1.0]];
@@ -145,6 +145,38 @@ fn shards_add_up_to_the_whole_to_the_byte() {
             "{err}"
         );
     }
+
+    fs::write(&label, text).unwrap();
+
+    // Not a bit of a table is taken that was not written so.
+    let table = folder.path().join("b/sweep.csv");
+    let text = fs::read(&table).unwrap();
+    for place in 0..text.len() - 1 {
+        let mut altered = text.clone();
+        altered[place] ^= 1 << (place % 7);
+        fs::write(&table, &altered).unwrap();
+        let (code, _, err) = merge(&[a, b, c]);
+        let line = 1 + text[..place].iter().filter(|byte| **byte == b'\n').count();
+        // Where a row's end is no end any more, the row begins above.
+        let named = format!("thermyo: {}:{line}: ", table.display());
+        assert!(code == 2 && err.starts_with(&named), "byte {place}: {code} {err}");
+    }
+    assert!(!merged.join("earlier").exists());
+    let mut altered = text.clone();
+    let rows: Vec<usize> = (0..text.len()).filter(|place| text[*place] == b'\n').collect();
+    altered[rows[1] - 1] ^= 1;
+    altered[rows[2] - 1] ^= 1;
+    fs::write(&table, &altered).unwrap();
+    let (_, _, err) = merge(&[a, b, c]);
+    let said = "b/sweep.csv:2: does not match its checksum, nor does a line below it; run that shard again";
+    assert!(err.contains(said), "{err}");
+    // The same command does what is damaged once more, and says so.
+    let own =
+        [&["sweep", &scenario, "--quiet", "--out", b], &grid[..], &["--shard", "2/3"]].concat();
+    let (code, _, err) = thermyo(&own);
+    let kept = "2 of 4 points were done and are kept; what is damaged is run again: ";
+    assert!(code == 0 && err.contains(kept), "{err}");
+    assert_eq!(fs::read(&table).unwrap(), text);
 
     let other = folder.path().join("other");
     sweep(&scenario, &["--vary", "run.seed=1:3:3"], &other);
@@ -335,7 +367,7 @@ fn a_point_that_diverges_is_empty_and_told() {
         "{err}"
     );
     let table = fs::read_to_string(out.join("sweep.csv")).unwrap();
-    assert!(table.lines().nth(1).is_some_and(|line| cells(line).len() == 9), "{table}");
+    assert!(table.lines().nth(1).is_some_and(|line| cells(line).len() == 10), "{table}");
     let failed = "2,1,1,0.5,,,,,,\"the plant diverged at ";
     assert!(table.lines().nth(2).is_some_and(|line| line.starts_with(failed)), "{table}");
 }

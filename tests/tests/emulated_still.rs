@@ -1,7 +1,7 @@
 //! What must be still on the emulated board is still: after a fault was acknowledged, after the board was armed again,
 //! and whatever two hosts, the stop button and the USB cable do in any order.
 
-use host_sim::board::emulated::{Exchange, Port};
+use thermyo_boards::emulated::{Exchange, Port};
 use model_core::link::{Answer, HostCommand};
 use model_core::{Config, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;

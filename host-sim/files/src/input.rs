@@ -3,7 +3,8 @@
 
 use super::shipped;
 use std::fmt;
-use std::io::{self, Write};
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// A file that cannot be used as it is. Its `Display` is one line:
@@ -30,6 +31,15 @@ pub enum Problem {
     /// A file is no folder.
     #[error("is a file; a folder is needed")]
     IsFile,
+    /// Nothing that has an end and can be read twice.
+    #[error("is a pipe or a device; a regular file is needed")]
+    NotRegular,
+    /// It would fill the memory.
+    #[error("has more than {most} bytes: must be at most {} MiB", most >> 20)]
+    TooLarge {
+        /// Bytes that it may have.
+        most: u64,
+    },
     /// The system refuses to read.
     #[error("cannot be read: {0}")]
     Unreadable(String),
@@ -45,6 +55,18 @@ pub enum Problem {
     /// What a folder of a sweep says of itself.
     #[error("says no sweep ({0}): run that shard again, into another folder")]
     DamagedStudy(String),
+    /// A line of a sweep's table that is not as it was written.
+    #[error("{}", damaged_line(*more))]
+    DamagedRow {
+        /// Lines below it that are damaged too.
+        more: usize,
+    },
+    /// A table whose columns are not those of the sweep beside it.
+    #[error("is damaged, or an older program wrote it: the columns must be {columns}")]
+    OtherColumns {
+        /// Their names.
+        columns: String,
+    },
     /// Bytes that are no text.
     #[error("is not UTF-8 text")]
     NotUtf8,
@@ -280,6 +302,14 @@ pub enum Problem {
     },
 }
 
+fn damaged_line(more: usize) -> String {
+    match more {
+        0 => "does not match its checksum".to_owned(),
+        1 => "does not match its checksum, nor does a line below it".to_owned(),
+        more => format!("does not match its checksum, nor do {more} lines below it"),
+    }
+}
+
 /// What to write in place of an unknown name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Instead {
@@ -334,32 +364,25 @@ impl fmt::Display for InputError {
     }
 }
 
-/// Reads a whole file; of the [shipped] ones what the program has, where they are not there.
+/// Most bytes of a table or a record: an hour of every step has some 1.3e9.
+const LARGEST_TABLE: u64 = 2 << 30;
+/// Most bytes of a scenario or another text of keys.
+const LARGEST_TEXT: u64 = 16 << 20;
+
+/// Reads a whole table or record; of the [shipped] ones what the program has, where they are not there.
 ///
 /// # Errors
-/// When it is missing, a folder or unreadable.
+/// When it is missing, no regular file, larger than 2 GiB or unreadable.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
-    if let Some(text) = shipped::instead_of(path) {
-        return Ok(text.into());
-    }
-    std::fs::read(path).map_err(|error| {
-        let problem = match error.kind() {
-            io::ErrorKind::NotFound => Problem::NotFound,
-            io::ErrorKind::IsADirectory => Problem::IsFolder,
-            // Windows says "access denied" of a folder.
-            _ if path.is_dir() => Problem::IsFolder,
-            _ => Problem::Unreadable(error.to_string()),
-        };
-        InputError::file(path, problem)
-    })
+    read_at_most(path, LARGEST_TABLE)
 }
 
-/// Reads a whole text file. A byte order mark at its start is dropped.
+/// Reads a whole text of keys, of 16 MiB at most, as [`read_bytes`]. A byte order mark at its start is dropped.
 ///
 /// # Errors
 /// As [`read_bytes`], and when it is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
-    let bytes = read_bytes(path)?;
+    let bytes = read_at_most(path, LARGEST_TEXT)?;
     if is_utf16(&bytes) {
         return Err(InputError::file(path, Problem::Utf16));
     }
@@ -371,6 +394,35 @@ pub fn read_text(path: &Path) -> Result<String, InputError> {
             Err(InputError::line(path, line, Problem::NotUtf8))
         }
     }
+}
+
+fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>, InputError> {
+    if let Some(text) = shipped::instead_of(path) {
+        return Ok(text.into());
+    }
+    let because = |problem| InputError::file(path, problem);
+    let unreadable = |error: io::Error| {
+        because(match error.kind() {
+            io::ErrorKind::NotFound => Problem::NotFound,
+            _ => Problem::Unreadable(error.to_string()),
+        })
+    };
+    // Before it is opened: opening a pipe waits until something is written to it.
+    let about = fs::metadata(path).map_err(unreadable)?;
+    if about.is_dir() {
+        return Err(because(Problem::IsFolder));
+    }
+    if !about.is_file() {
+        return Err(because(Problem::NotRegular));
+    }
+    if about.len() > most {
+        return Err(because(Problem::TooLarge { most }));
+    }
+    let mut bytes = Vec::with_capacity(about.len() as usize);
+    // It may grow while it is read.
+    let read = File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
+    read.map_err(unreadable)?;
+    if bytes.len() as u64 > most { Err(because(Problem::TooLarge { most })) } else { Ok(bytes) }
 }
 
 /// Whether bytes are text of two bytes a letter: by their byte order mark, or because of the first two letters one byte
@@ -411,6 +463,25 @@ pub fn write_new(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputErro
 /// The line, from 1, in which what follows `before` begins.
 pub fn line_of(before: &[u8]) -> u64 {
     1 + before.iter().filter(|byte| **byte == b'\n').count() as u64
+}
+
+/// Where the lines of a text begin, so that many places in it are found without counting from its start each time.
+#[derive(Debug)]
+pub struct Lines {
+    starts: Vec<usize>,
+}
+
+impl Lines {
+    /// The lines of a text.
+    pub fn of(text: &str) -> Self {
+        let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
+        Self { starts: ends.map(|(end, _)| end + 1).collect() }
+    }
+
+    /// The line, from 1, of a byte of the text.
+    pub fn line_at(&self, offset: usize) -> u64 {
+        1 + self.starts.partition_point(|start| *start <= offset) as u64
+    }
 }
 
 /// A piece of the user's text, fit to be quoted within one line of a message.
@@ -468,6 +539,34 @@ mod tests {
     fn quotes_stay_short_and_on_the_line() {
         assert_eq!(quoted(" a\nb\u{1b} "), "a\\nb\\u{1b}");
         assert_eq!(quoted(&"x".repeat(1000)).len(), 63);
+    }
+
+    #[test]
+    fn only_regular_files_up_to_a_size_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scenario.toml");
+        let file = File::create(&path).unwrap();
+        file.set_len(LARGEST_TEXT).unwrap();
+        assert_eq!(read_text(&path).unwrap().len() as u64, LARGEST_TEXT);
+        file.set_len(LARGEST_TEXT + 1).unwrap();
+        let said = read_text(&path).unwrap_err().to_string();
+        let expected = "has more than 16777216 bytes: must be at most 16 MiB";
+        assert_eq!(said, format!("{}: {expected}", path.display()));
+        assert_eq!(read_bytes(&path).unwrap().len() as u64, LARGEST_TEXT + 1);
+        file.set_len(LARGEST_TABLE + 1).unwrap();
+        let said = read_bytes(&path).unwrap_err().to_string();
+        assert!(said.ends_with("must be at most 2048 MiB"), "{said}");
+        let said = read_bytes(folder.path()).unwrap_err().to_string();
+        assert!(said.ends_with("is a folder; a file is needed"), "{said}");
+    }
+
+    #[test]
+    fn a_byte_is_on_the_line_that_counting_gives() {
+        let text = "\na\r\n\nbc\n";
+        let lines = Lines::of(text);
+        for offset in 0..=text.len() {
+            assert_eq!(lines.line_at(offset), line_of(&text.as_bytes()[..offset]), "byte {offset}");
+        }
     }
 
     #[test]

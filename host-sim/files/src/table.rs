@@ -1,6 +1,6 @@
 //! Tables of numbers: CSV files whose first line names the columns.
 
-use crate::input::{InputError, Problem, is_utf16, line_of, quoted, read_bytes, read_text};
+use crate::input::{InputError, Problem, is_utf16, line_of, quoted, read_bytes};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -60,7 +60,7 @@ enum Bad {
 /// When the file cannot be read; for columns without a name or of one name, rows that are too long
 /// or too short, and cells that are neither empty nor a finite number; without any row.
 pub fn read_table(path: &Path) -> Result<Table, InputError> {
-    Table::parse(&read_text(path)?, path)
+    Table::undamaged(Table::rows_of(&read_bytes(path)?, path)?)
 }
 
 /// Reads a CSV file that a program recorded, as [`read_table`]. What a power cut or a bad disk leaves

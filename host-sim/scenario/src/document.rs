@@ -2,7 +2,7 @@
 
 use super::schema::{self, Allowed, Key};
 use std::path::{Path, PathBuf};
-use thermyo_files::input::{InputError, Instead, Problem, line_of, nearest, quoted};
+use thermyo_files::input::{InputError, Instead, Lines, Problem, nearest, quoted};
 use toml::de::{DeInteger, DeTable, DeValue};
 use toml::{Spanned, Value};
 
@@ -74,23 +74,26 @@ impl Document {
     /// # Errors
     /// For the first place of the file that is not TOML or not in the schema.
     pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
-        let line_at = |offset: usize| line_of(&text.as_bytes()[..offset.min(text.len())]);
+        let lines = Lines::of(text);
         let root = DeTable::parse(text).map_err(|error| {
             let message = Problem::Syntax(error.message().replace('\n', ", "));
             match error.span() {
-                Some(span) => InputError::line(origin, line_at(span.start), message),
+                Some(span) => InputError::line(origin, lines.line_at(span.start), message),
                 None => InputError::file(origin, message),
             }
         })?;
         let mut walk = Walk {
             text,
+            lines: &lines,
             plant: Entries::default(),
             believed: Entries { prefix: "believed.", list: Vec::new() },
             first_problem: None,
         };
         walk.table("", root.get_ref());
         match walk.first_problem {
-            Some((offset, problem)) => Err(InputError::line(origin, line_at(offset), problem)),
+            Some((offset, problem)) => {
+                Err(InputError::line(origin, lines.line_at(offset), problem))
+            }
             None => Ok(Self {
                 origin: origin.to_path_buf(),
                 plant: walk.plant,
@@ -193,6 +196,7 @@ fn split_believed(full_path: &str) -> (bool, &str) {
 /// looked at and the first in the file is kept.
 struct Walk<'a> {
     text: &'a str,
+    lines: &'a Lines,
     plant: Entries,
     believed: Entries,
     first_problem: Option<(usize, Problem)>,
@@ -254,7 +258,7 @@ impl Walk<'_> {
                 allowed: key.allowed.to_string(),
             });
         };
-        let line = Some(line_of(&self.text.as_bytes()[..offset]));
+        let line = Some(self.lines.line_at(offset));
         let entries = if is_believed { &mut self.believed } else { &mut self.plant };
         entries.list.push(Entry { table: table_of(path).to_owned(), key, value, written, line });
         Ok(())

@@ -9,6 +9,7 @@ use thermyo_scenario::document::{Document, Entry};
 use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
 };
+use std::collections::BTreeMap;
 
 /// The tables that neither plant nor core looks at, each with the value that decides so.
 pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)> {
@@ -193,8 +194,10 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         let why = format!("not before the end of the run, run.duration_s = {end_s:?}");
         late.then(|| (format!("{path}.from_s"), window.from_s, Some(why)))
     });
+    let lines: BTreeMap<String, Option<u64>> =
+        document.plant.iter().map(|entry| (entry.path(), entry.line)).collect();
     all.extend(values.into_iter().chain(late).filter_map(|(key, value, why)| {
-        let line = document.plant.get(&key).and_then(|entry| entry.line);
+        let line = lines.get(&key).copied().flatten();
         let value = format!("{value:?}");
         Some(problem_at(document, line, Problem::NoSense { key, value, why: why? }))
     }));

@@ -14,7 +14,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use thermyo_files::input::{InputError, Problem, read_text};
+use thermyo_files::input::{InputError, Problem, read_bytes, read_text};
 use thermyo_files::output::OutputDir;
 
 const LABEL: &str = "study.json";
@@ -39,18 +39,25 @@ pub struct Kept {
     pub rows: Vec<Point>,
     /// Those that were begun and not done when it ended.
     pub died: Vec<usize>,
+    /// Where the table is damaged: those points are run again.
+    pub damage: Option<InputError>,
 }
 
 impl Kept {
     /// What a user has to hear, if something was there.
     pub fn text(&self, study: &Study) -> Option<String> {
-        if self.rows.is_empty() && self.died.is_empty() {
+        if self.rows.is_empty() && self.died.is_empty() && self.damage.is_none() {
             return None;
         }
-        let text =
+        let mut text =
             format!("{} of {} points were done and are kept", self.rows.len(), study.own().len());
-        let Some(_) = self.died.first() else { return Some(text) };
-        Some(format!("{text}; at work when it ended: {}", named(study, &self.died)))
+        if !self.died.is_empty() {
+            text += &format!("; at work when it ended: {}", named(study, &self.died));
+        }
+        if let Some(damage) = &self.damage {
+            text += &format!("; what is damaged is run again: {damage}");
+        }
+        Some(text)
     }
 }
 
@@ -77,7 +84,10 @@ impl Journal {
         if let Some(unfinished) = OutputDir::unfinished(folder).into_iter().find(same) {
             return Self::resume(folder, unfinished, study);
         }
-        let rows = if same(&folder.to_path_buf()) { read_rows(folder, study) } else { Vec::new() };
+        let Table { rows, damage } = match same(&folder.to_path_buf()) {
+            true => Table::read(folder, study),
+            false => Table::default(),
+        };
         let mut out = OutputDir::create(folder)?;
         out.keep();
         out.text(SCENARIO, &study.scenario)?;
@@ -87,7 +97,7 @@ impl Journal {
         out.text(LABEL, &study.label_text())?;
         let table = append(&out.place().join(TABLE))?;
         let journal = Self { out, table: Mutex::new(table), begun: Mutex::new(begun) };
-        Ok((journal, Kept { rows, died: Vec::new() }))
+        Ok((journal, Kept { rows, died: Vec::new(), damage }))
     }
 
     fn resume(
@@ -96,7 +106,7 @@ impl Journal {
         study: &Study,
     ) -> Result<(Self, Kept), InputError> {
         let begun = lock(&unfinished)?;
-        let rows = read_rows(&unfinished, study);
+        let Table { rows, damage } = Table::read(&unfinished, study);
         let done: BTreeSet<usize> = rows.iter().map(|row| row.point).collect();
         let text = fs::read_to_string(unfinished.join(BEGUN)).unwrap_or_default();
         let numbers = text.lines().filter_map(|line| line.parse::<usize>().ok()?.checked_sub(1));
@@ -106,7 +116,7 @@ impl Journal {
         out.text(TABLE, &table(study, &rows))?;
         let table = append(&out.place().join(TABLE))?;
         let journal = Self { out, table: Mutex::new(table), begun: Mutex::new(begun) };
-        Ok((journal, Kept { rows, died: died.into_iter().collect() }))
+        Ok((journal, Kept { rows, died: died.into_iter().collect(), damage }))
     }
 
     /// A point begins.
@@ -183,17 +193,44 @@ fn table(study: &Study, rows: &[Point]) -> String {
     text
 }
 
-/// The rows of a table that are whole, and of this study, each once.
-fn read_rows(folder: &Path, study: &Study) -> Vec<Point> {
-    let bytes = fs::read(folder.join(TABLE)).unwrap_or_default();
-    let text = String::from_utf8_lossy(&bytes);
-    let Some((header, lines)) = text.split_once('\n') else { return Vec::new() };
-    if header != study.csv_header() {
-        return Vec::new();
+/// A table as it was found.
+#[derive(Default)]
+struct Table {
+    /// The rows that are as they were written, and of this study, each once.
+    rows: Vec<Point>,
+    /// What is not.
+    damage: Option<InputError>,
+}
+
+impl Table {
+    /// A last row without its end was cut by a kill, and is no damage.
+    fn read(folder: &Path, study: &Study) -> Self {
+        let file = folder.join(TABLE);
+        let bytes = match read_bytes(&file) {
+            Ok(bytes) => bytes,
+            Err(error) => return Self { rows: Vec::new(), damage: Some(error) },
+        };
+        let text = String::from_utf8_lossy(&bytes);
+        let mut lines = (1..).zip(text.split_inclusive('\n'));
+        let columns = study.csv_header();
+        if lines.next().and_then(|(_, line)| line.strip_suffix('\n')) != Some(columns.as_str()) {
+            let problem = Problem::OtherColumns { columns };
+            return Self { rows: Vec::new(), damage: Some(InputError::line(&file, 1, problem)) };
+        }
+        let whole = lines.filter_map(|(number, line)| Some((number, line.strip_suffix('\n')?)));
+        let (mut seen, mut rows, mut damaged) = (BTreeSet::new(), Vec::new(), Vec::new());
+        for (number, line) in whole {
+            match study.read_row(line) {
+                Some(row) if seen.insert(row.point) => rows.push(row),
+                Some(_) => {}
+                None => damaged.push(number),
+            }
+        }
+        let damage = damaged.first().map(|line| {
+            InputError::line(&file, *line, Problem::DamagedRow { more: damaged.len() - 1 })
+        });
+        Self { rows, damage }
     }
-    let whole = lines.split_inclusive('\n').filter_map(|line| line.strip_suffix('\n'));
-    let mut seen = BTreeSet::new();
-    whole.filter_map(|line| study.read_row(line)).filter(|row| seen.insert(row.point)).collect()
 }
 
 /// Why tables do not add up to one.
@@ -224,6 +261,9 @@ pub enum MergeError {
         /// The first of them, with their values.
         named: String,
     },
+    /// A table that is not as it was written.
+    #[error("{0}; run that shard again: what is whole is kept")]
+    Damaged(InputError),
     /// A file cannot be read.
     #[error(transparent)]
     Input(#[from] InputError),
@@ -259,7 +299,11 @@ pub fn merge(folders: &[PathBuf]) -> Result<(Study, Vec<Point>), MergeError> {
             }
             let Some((_, study)) = whole.as_ref().filter(|(of, _)| *of == label) else { continue };
             used = true;
-            for row in read_rows(&place, study) {
+            let table = Table::read(&place, study);
+            if let Some(damage) = table.damage {
+                return Err(MergeError::Damaged(damage));
+            }
+            for row in table.rows {
                 let text = study.csv_row(&row);
                 let before = rows.entry(row.point).or_insert(row);
                 if study.csv_row(before) != text {

@@ -140,7 +140,8 @@ impl Study {
         let keys = self.ranges().iter().map(|range| range.key.as_str());
         let errors = WAYS.iter().map(|(_, column, _)| *column);
         let all = ["point"].into_iter().chain(keys).chain(["seed", "settled_s"]).chain(errors);
-        all.chain(["estimate_within_2sd", "failure"]).collect::<Vec<&str>>().join(",")
+        let last = ["estimate_within_2sd", "failure", "checksum"];
+        all.chain(last).collect::<Vec<&str>>().join(",")
     }
 
     /// Number and values of a point, as its row begins.
@@ -174,7 +175,16 @@ impl Study {
                 text += &quoted(failure);
             }
         }
-        text
+        let checksum = self.row_checksum(&text);
+        text + "," + &checksum.to_string()
+    }
+
+    /// Of a row, of what the columns are, and of the scenario that was run.
+    fn row_checksum(&self, row: &str) -> u64 {
+        let mut checksum = Checksum::default();
+        write!(checksum, "{}\n{}\n{row}", self.checksum, self.csv_header())
+            .expect("a checksum takes everything");
+        checksum.0
     }
 
     /// The point of such a row; none where it is damaged, or of another study.
@@ -183,7 +193,8 @@ impl Study {
         if point >= self.points() {
             return None;
         }
-        let rest = line.strip_prefix(&self.csv_start(point))?.strip_prefix(',')?;
+        let (row, _) = line.rsplit_once(',')?;
+        let rest = row.strip_prefix(&self.csv_start(point))?.strip_prefix(',')?;
         // The failure is the last cell, and may have commas of its own.
         let cells: Vec<&str> = rest.splitn(WAYS.len() + 4, ',').collect();
         let [seed, settled_s, gas, wall, model, estimate, within, failure] = cells[..] else {
@@ -205,7 +216,7 @@ impl Study {
             Err(unquoted(failure)?)
         };
         let row = Point { point, seed: seed.parse().ok()?, settled_s: number(settled_s)?, figures };
-        // What does not read back to itself was cut.
+        // Of what was cut or altered not even the checksum reads back to itself.
         (self.csv_row(&row) == line).then_some(row)
     }
 }
@@ -257,7 +268,7 @@ mod tests {
         let figures = Ok(Figures { rmse_k, within_2sd: 1.0 });
         let whole = Point { point: 4, seed: 7, settled_s: 10.0, figures };
         let text = study.csv_row(&whole);
-        assert_eq!(text, "5,3,full,7,10,0.1,0.3333333333333333,,0.0000003,1,");
+        assert_eq!(text, "5,3,full,7,10,0.1,0.3333333333333333,,0.0000003,1,,1764967966016988612");
         // NaN is not equal to itself.
         assert_eq!(study.read_row(&text).map(|row| study.csv_row(&row)), Some(text.clone()));
         let failure = "the plant diverged: p = 1 Pa, \"V\" = 0".to_owned();
@@ -267,6 +278,14 @@ mod tests {
         // A number without its last digits is a number too; its row lacks the last comma then.
         assert!((0..text.len()).all(|end| study.read_row(&text[..end]).is_none()));
         assert!(study.read_row(&text.replace("full", "lumped")).is_none());
-        assert!(study.read_row("99,3,full,7,10,0.1,0.1,0.1,0.1,1,").is_none());
+        for place in 0..text.len() {
+            let mut altered = text.clone().into_bytes();
+            altered[place] ^= 1;
+            let altered = String::from_utf8(altered).unwrap();
+            assert!(study.read_row(&altered).is_none(), "{altered}");
+        }
+        let other = Study { checksum: "1".to_owned(), ..super::tests::study() };
+        assert!(other.read_row(&text).is_none(), "the row of another scenario");
+        assert!(study.read_row("99,3,full,7,10,0.1,0.1,0.1,0.1,1,,1").is_none());
     }
 }
