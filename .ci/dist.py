@@ -25,7 +25,7 @@ STATIC = "x86_64-unknown-linux-musl"
 # What a shared library runs in: programs that use the C library of their machine.
 SHARED = "x86_64-unknown-linux-gnu"
 WASM = "wasm32-unknown-unknown"
-# Names as `host_sim::board::image` has them, with the target and the arguments of cargo.
+# Names as `thermyo_boards::image` has them, with the target and the arguments of cargo.
 IMAGES = {
     "firmware.elf": ("thumbv6m-none-eabi", []),
     "firmware-hil.elf": ("thumbv6m-none-eabi", ["--features", "hil"]),

@@ -1,7 +1,7 @@
 //! Hangs, emergency stops and floods by the hundred, at random, with a muscle at the emulated board.
 //!
 //! `cargo test` runs a few of each. All of them take long:
-//! `cargo test --release --test emulated_endurance -- --ignored --nocapture`
+//! `cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture`
 
 use model_core::control::Mode;
 use model_core::link::{HostCommand, LastReset, Name, Phase, Request, encode};
@@ -460,7 +460,7 @@ fn contraction_control_is_on_time() {
 }
 
 #[test]
-#[ignore = "minutes, even in release: cargo test --release --test emulated_endurance -- --ignored --nocapture"]
+#[ignore = "minutes, even in release: cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture"]
 fn a_thousand_hangs_vent() {
     if !skip_emulator() {
         assert_hangs_vent(1000);
@@ -468,7 +468,7 @@ fn a_thousand_hangs_vent() {
 }
 
 #[test]
-#[ignore = "minutes, even in release: cargo test --release --test emulated_endurance -- --ignored --nocapture"]
+#[ignore = "minutes, even in release: cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture"]
 fn a_thousand_emergency_stops_vent() {
     if !skip_emulator() {
         assert_stops_vent(1020);
@@ -476,7 +476,7 @@ fn a_thousand_emergency_stops_vent() {
 }
 
 #[test]
-#[ignore = "minutes, even in release: cargo test --release --test emulated_endurance -- --ignored --nocapture"]
+#[ignore = "minutes, even in release: cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture"]
 fn long_floods_change_nothing() {
     if skip_emulator() {
         return;
@@ -487,7 +487,7 @@ fn long_floods_change_nothing() {
 }
 
 #[test]
-#[ignore = "minutes, even in release: cargo test --release --test emulated_endurance -- --ignored --nocapture"]
+#[ignore = "minutes, even in release: cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture"]
 fn ten_minutes_of_contraction_control_miss_no_step() {
     if !skip_emulator() {
         assert_no_step_is_missed(600, LONG_STEP_MEAN_NS);

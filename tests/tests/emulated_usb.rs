@@ -297,7 +297,7 @@ fn a_host_that_is_lost_vents() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release --test emulated_usb -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p system-tests emulated_usb -- --ignored --nocapture"]
 fn a_hundred_hosts_that_are_lost_vent() {
     if !skip_emulator() {
         assert_a_lost_host_vents(100);

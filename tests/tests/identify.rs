@@ -1,7 +1,7 @@
 //! `thermyo identify`: it finds the parameters that a trace was made with, says how sure it is, and
 //! refuses what it cannot use.
 //!
-//! More seeds: `THERMYO_IDENTIFY_SEEDS=20 cargo test -p system-tests --test identify`. The measured
+//! More seeds: `THERMYO_IDENTIFY_SEEDS=20 cargo test -p system-tests identify`. The measured
 //! cases need `THERMYO_DATA`, the folder with `gas_spring` and `hyddown`; without it they are skipped.
 
 use thermyo_record::board_trace::Recorder;

@@ -65,7 +65,7 @@ fn the_estimate_does_not_drift_in_half_an_hour() {
 }
 
 #[test]
-#[ignore = "10^8 steps per plant; fast only in release: cargo test --release --test soak -- --ignored"]
+#[ignore = "10^8 steps per plant; fast only in release: cargo test --release -p system-tests soak -- --ignored"]
 fn the_estimate_does_not_drift_in_a_day() {
     for model in [PlantModel::Lumped, PlantModel::Full] {
         let drift_k = drift_k(model, 20_000);

@@ -2,8 +2,8 @@
 //! each makes of them, what 10^8 steps of f32 do to it, what it costs. `docs/estimator.md` discusses the
 //! table.
 //!
-//!     cargo bench --bench filter_forms                  # the tables
-//!     cargo bench --bench filter_forms -- --plots       # and the plots of docs/estimator.md
+//!     cargo bench -p research --bench filter_forms                  # the tables
+//!     cargo bench -p research --bench filter_forms -- --plots       # and the plots of docs/estimator.md
 
 #[path = "../../../../model-core/src/estimation/covariance.rs"]
 // As in its own crate: `!(x <= y)` is how a NaN is caught.

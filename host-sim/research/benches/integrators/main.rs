@@ -1,7 +1,7 @@
 //! What the plant's fixed steps cost and how exact they are, beside solvers of other hands: `ode_solvers`, and SciPy
 //! where python3 has it.
 //!
-//!     cargo bench --bench integrators
+//!     cargo bench -p research --bench integrators
 //!
 //! The case is the largest of which an adaptive solver can be given the same equations: the default muscle of the model
 //! `lumped` with stop, friction, both valves and wall, over four cycles of filling, holding, letting out and holding.

@@ -13,9 +13,9 @@
 //!
 //! - Here a file: its configuration, with its `check`, and `From` that what implements [`Chamber`]. Its `mod`
 //!   and its line in `chambers!` below; `link::PROTOCOL` goes up, with its pinned bytes.
-//! - In the simulator a file in `host-sim/src/plant/chamber/`: its `table!` of keys and its law in f64,
+//! - In the simulator a file in `host-sim/plant/src/chamber/`: its `table!` of keys and its law in f64,
 //!   derived apart from this one. Its arm in `with_chamber!`, its word in `PlantKind`, its field and its
-//!   line in `host-sim/src/scenario/tables/`.
+//!   line in `host-sim/scenario/src/tables/`.
 //! - Its row in `MOVING` of `tests/tests/chambers.rs`: estimate, pressure and position on every plant.
 //! - Its row in `docs/chambers.md`.
 //!
