@@ -6,6 +6,8 @@
 pub mod analysis;
 pub mod board;
 #[cfg(feature = "command")]
+pub mod checkout;
+#[cfg(feature = "command")]
 pub mod cli;
 pub mod commands;
 pub mod files;

@@ -121,18 +121,10 @@ pub enum BoardError {
         /// What it said.
         message: String,
     },
-    /// The compiler's target for the chip is not installed.
-    #[error("the compiler's target for the chip is missing: run `rustup target add {target}`")]
-    NoTarget {
-        /// Name of the target.
-        target: &'static str,
-    },
     /// The firmware did not build.
-    #[error("the firmware did not build:\n{message}")]
-    Build {
-        /// What cargo said.
-        message: String,
-    },
+    #[cfg(feature = "command")]
+    #[error(transparent)]
+    Build(#[from] crate::checkout::NotBuilt),
     /// There is no file where the image should be.
     #[error("{path}: no such image: give the ELF or UF2 file that a build of the firmware left")]
     NoImage {
