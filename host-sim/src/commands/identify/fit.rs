@@ -7,7 +7,6 @@ use super::simulate::{Experiment, Failed};
 use crate::commands::parallel::{self, Watch};
 use crate::scenario::{Scenario, with_numbers};
 use crate::stop;
-use levenberg_marquardt::{LevenbergMarquardt, TerminationReason};
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, Uniform};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -115,15 +114,12 @@ impl Problem<'_> {
         if stop::wanted() {
             return None;
         }
-        let solver = LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE);
-        let found = search::minimize(self, start.clone(), &solver);
-        if found.stopped() {
+        let found = search::minimize(self, start.clone(), TOLERANCE, PATIENCE);
+        if found.stopped {
             return None;
         }
-        let converged = found.termination.was_successful()
-            || matches!(found.termination, TerminationReason::NoImprovementPossible(_));
         let hopeless = HOPELESS * HOPELESS;
-        let converged = converged && found.cost < hopeless;
+        let converged = found.converged && found.cost < hopeless;
         Some(End { place: found.place, cost: found.cost, converged })
     }
 }

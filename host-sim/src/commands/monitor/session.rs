@@ -9,7 +9,6 @@ use model_core::link::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{Config, SetPoint, Telemetry};
 use serde::Serialize;
-use std::collections::VecDeque;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
@@ -25,8 +24,6 @@ const ALIVE: Duration = Duration::from_millis(100);
 const OPEN_QUESTIONS: usize = 64;
 /// The pressure's set point is moved by multiples of this \[Pa\].
 pub const MOVE_PA: f32 = 5.0e3;
-/// Points that the plot keeps.
-const HISTORY: usize = 6000;
 
 /// State of the connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +61,7 @@ pub struct Session {
     tried: Instant,
     heard: Instant,
     connections: u32,
-    history: VecDeque<Telemetry>,
+    latest: Option<Telemetry>,
     wanted: Option<f32>,
     said: Instant,
     refused: Option<Refusal>,
@@ -92,7 +89,7 @@ impl Session {
             tried: now,
             heard: now,
             connections: 1,
-            history: VecDeque::new(),
+            latest: None,
             wanted: None,
             said: now,
             refused: None,
@@ -126,10 +123,7 @@ impl Session {
             let status = self.link.status();
             let written = self.recorder.write(&config, status.as_ref(), &telemetry);
             written.map_err(MonitorError::Recording)?;
-            self.history.push_back(telemetry);
-            if self.history.len() > HISTORY {
-                self.history.pop_front();
-            }
+            self.latest = Some(telemetry);
         }
         if self.asked.is_none_or(|at| at.elapsed() > RETRY) {
             self.ask();
@@ -158,7 +152,7 @@ impl Session {
 
     /// Vents what is driven: nobody looks after it any more.
     pub fn let_go(&mut self) {
-        if self.history.back().is_some_and(|telemetry| telemetry.set_point != SetPoint::Vent) {
+        if self.latest.is_some_and(|telemetry| telemetry.set_point != SetPoint::Vent) {
             self.vent();
         }
     }
@@ -171,7 +165,7 @@ impl Session {
 
     /// Moves the pressure's set point, from what is measured if there is none \[Pa\].
     pub fn move_set_point(&mut self, by_pa: f32) {
-        let Some(telemetry) = self.history.back() else { return };
+        let Some(telemetry) = self.latest else { return };
         let config = self.config();
         let from_pa = self.wanted.unwrap_or(telemetry.pressure_pa);
         let to_pa = ((from_pa + by_pa) / MOVE_PA).round() * MOVE_PA;
@@ -300,9 +294,9 @@ impl Session {
         self.timing
     }
 
-    /// Telemetry of the last minute, the oldest first.
-    pub fn history(&self) -> &VecDeque<Telemetry> {
-        &self.history
+    /// The latest telemetry.
+    pub fn latest(&self) -> Option<&Telemetry> {
+        self.latest.as_ref()
     }
 
     /// Rows recorded.
