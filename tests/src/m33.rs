@@ -8,7 +8,7 @@ use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol, SectionKind};
 use rp2350_emu::{Config as EmulatorConfig, Emulator, EmulatorBuilder};
 use std::collections::BTreeMap;
 use std::mem::offset_of;
-use std::process::Command;
+use thermyo_boards::checkout::{Build, target_folder};
 use thermyo_boards::link::Link;
 use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
@@ -159,20 +159,17 @@ impl Board for EmulatedM33 {
 
 /// The guest's ELF file. From the firmware's folder, whose configuration says how its images are optimised.
 fn build(target: &str) -> Vec<u8> {
-    let folder = std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| repository("target"), Into::into)
-        .join("m33");
-    let output = Command::new(env!("CARGO"))
-        .args(["build", "--release", "--package", "m33-guest", "--target", target])
-        .arg("--target-dir")
-        .arg(&folder)
-        .current_dir(repository("firmware"))
-        .env_remove("RUSTFLAGS")
-        .output()
-        .expect("cargo runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let folder = target_folder().join("m33");
+    let build = Build {
+        name: "the guest",
+        folder: repository("firmware"),
+        target_folder: &folder,
+        target: Some(target),
+        command: "build",
+        arguments: &["--release", "--package", "m33-guest"],
+    };
     let image = folder.join(target).join("release").join("m33-guest");
-    std::fs::read(image).expect("cargo has built the guest")
+    build.run().and_then(|()| build.read(&image)).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Addresses from which on there are instructions, or are none: the mapping symbols `$t` and `$d`

@@ -1,11 +1,9 @@
 //! `thermyo monitor` on the emulated board, through a pseudo-terminal, and through its unplugging.
 #![cfg(unix)]
 
-use host_sim::commands::monitor::{Session, Status, draw};
+use host_sim::commands::monitor::{Session, Status, view};
 use model_core::link::LastReset;
 use model_core::{AdcCode, Sample};
-use ratatui::Terminal;
-use ratatui::backend::TestBackend;
 use std::fs::File;
 use std::time::{Duration, Instant};
 use system_tests::skip_emulator;
@@ -47,62 +45,42 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     assert_eq!(session.status(), Status::Connected);
     assert_eq!(session.last_reset(), Some(LastReset::Power));
 
-    let mut terminal = Terminal::new(TestBackend::new(80, 24)).unwrap();
-    terminal.draw(|frame| draw(frame, &session)).unwrap();
-    let screen = terminal.backend().to_string();
-    let parts = ["connected", "Rp2040, firmware", "pressure", "kPa", "+-", "[K]"];
-    // Nobody has configured the board.
-    for text in parts.into_iter().chain(["not configured"]) {
-        assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
-    }
-
-    // Nothing is cut off.
-    for text in [
-        "set point none: it vents",
-        "not armed",
-        "Ctrl-C vents and leaves",
-        "late; 0 missed",
-        "K, wall",
-    ] {
-        assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
-    }
-
-    // In half of the width it is folded.
-    let mut narrow = Terminal::new(TestBackend::new(40, 24)).unwrap();
-    narrow.draw(|frame| draw(frame, &session)).unwrap();
-    let screen = narrow.backend().to_string();
-    for text in [
-        "space vents",
-        "Ctrl-C vents and leaves",
-        "pressure",
-        "missed",
-        "malformed",
+    let shown = |session: &Session| {
+        let figures = view::figures(session).unwrap();
+        assert!(!figures.contains('\n'), "{figures}");
+        view::notes(session).join("\n") + "\n" + &figures
+    };
+    let text = shown(&session);
+    for part in [
+        "connected, Rp2040, firmware",
+        // The board has no configuration yet.
         "not configured",
+        "not armed",
+        " kPa (set point none: it vents), ",
+        " mm, gas ",
+        " +- ",
+        "K, wall",
+        "late; 0 missed",
+        "malformed",
     ] {
-        assert!(screen.contains(text), "{text} is not on the screen:\n{screen}");
+        assert!(text.contains(part), "{part} is not in:\n{text}");
     }
 
-    // Where less is seen it goes on all the same.
-    for (columns, rows) in [(40, 12), (20, 6), (1, 1)] {
-        let mut small = Terminal::new(TestBackend::new(columns, rows)).unwrap();
-        small.draw(|frame| draw(frame, &session)).unwrap();
-    }
-
-    // What it does not know its muscle for, it refuses.
+    // Without a configuration it refuses to be armed.
     session.arm();
     poll_until(&mut session, |session| session.refused().is_some());
+    assert!(shown(&session).contains("refused: "), "{}", shown(&session));
 
     // Who kills the monitor now has what it has shown.
-    let shown = session.rows();
+    let seen = session.rows();
     poll_until(&mut session, |_| {
-        std::fs::read_to_string(&trace).unwrap().lines().count() as u64 > shown
+        std::fs::read_to_string(&trace).unwrap().lines().count() as u64 > seen
     });
 
     drop(board);
     poll_until(&mut session, |session| session.status() == Status::Unplugged);
     let rows = session.rows();
-    terminal.draw(|frame| draw(frame, &session)).unwrap();
-    assert!(terminal.backend().to_string().contains("unplugged"));
+    assert!(shown(&session).contains("unplugged"), "{}", shown(&session));
 
     let _board = plug_in();
     poll_until(&mut session, |session| session.rows() > rows + 50);

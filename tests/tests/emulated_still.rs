@@ -1,7 +1,6 @@
 //! What must be still on the emulated board is still: after a fault was acknowledged, after the board was armed again,
 //! and whatever two hosts, the stop button and the USB cable do in any order.
 
-use thermyo_boards::emulated::{Exchange, Port};
 use model_core::link::{Answer, HostCommand};
 use model_core::{Config, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -9,6 +8,7 @@ use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::env;
 use system_tests::rig::{JUDGING_STEPS, Rig};
 use system_tests::skip_emulator;
+use thermyo_boards::emulated::{Exchange, Port};
 
 /// One millisecond \[ns\].
 const MS: u64 = 1_000_000;

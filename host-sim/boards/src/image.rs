@@ -1,13 +1,11 @@
-//! The firmware and what the emulator needs: those inside this program, or those of its checkout, built when stale.
+//! The firmware's images and the emulator's files: the ones inside this program, or the checkout's, built when stale.
 
+use crate::checkout::{self, Begins, Build, watched, workspace};
 use crate::inside;
-use std::io::{self, IsTerminal, Write};
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::Command;
 use std::sync::Mutex;
-use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::Duration;
-use std::{env, fs, thread};
 use thermyo_simulation::board::BoardError;
 
 /// Targets of the RP2040 and the RP2350.
@@ -16,9 +14,6 @@ const RP2350: &str = "thumbv8m.main-none-eabihf";
 
 /// Oldest Node.js that the emulator runs on.
 const NODE_MAJOR: u32 = 18;
-
-/// Whoever waits longer than that wants to know what for.
-const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Builds of the firmware, one at a time.
 static BUILD: Mutex<()> = Mutex::new(());
@@ -51,6 +46,15 @@ impl Variant {
         }
     }
 
+    /// In messages.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Standard => "the firmware",
+            Self::Hil => "the firmware for samples of the host",
+            Self::Pico2 => "the firmware for the Pico 2",
+        }
+    }
+
     /// Name of the image.
     fn file(self) -> &'static str {
         match self {
@@ -61,114 +65,35 @@ impl Variant {
     }
 }
 
-/// The folder `host-sim`. A program that is given away knows of none, and so is the same wherever it was built.
-fn host_sim() -> &'static Path {
-    let crate_folder =
-        Path::new(if cfg!(feature = "release") { "" } else { env!("CARGO_MANIFEST_DIR") });
-    crate_folder.parent().unwrap_or(crate_folder)
-}
-
-/// Folder of the workspace that this program was built from.
-pub fn workspace() -> PathBuf {
-    let host_sim = host_sim();
-    host_sim.parent().unwrap_or(host_sim).to_path_buf()
-}
-
-/// Why cargo has built nothing.
-pub enum NotBuilt {
-    /// The compiler's target is not installed.
-    NoTarget,
-    /// What cargo said.
-    Failed(String),
-}
-
-/// Builds what a folder of this checkout has for another machine, where it is stale, which cargo decides; gives cargo's
-/// target folder. That is one of its own, since a test's cargo holds the lock of the usual one.
-///
-/// # Errors
-/// [`NotBuilt`]
-pub fn build(folder: &Path, arguments: &[&str]) -> Result<PathBuf, NotBuilt> {
-    let target_folder = env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| workspace().join("target"), PathBuf::from)
-        .join("firmware");
-    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo
-        .args(["build", "--target-dir"])
-        .arg(&target_folder)
-        .args(arguments)
-        .current_dir(folder)
-        .stdin(Stdio::null());
-    // What cargo tells a test about the test itself would make the firmware stale.
-    for (name, _) in env::vars_os() {
-        let text = name.to_string_lossy();
-        if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_PROFILE_") {
-            cargo.env_remove(&name);
-        }
-    }
-    cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
-    let what = format!("builds {}, once: a minute or two", folder.display());
-    let output = output(&mut cargo, &what).map_err(|error| NotBuilt::Failed(error.to_string()))?;
-    if output.status.success() {
-        return Ok(target_folder);
-    }
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    let no_target = ["can't find crate for `core`", "target may not be installed"];
-    if no_target.iter().any(|text| message.contains(text)) {
-        return Err(NotBuilt::NoTarget);
-    }
-    Err(NotBuilt::Failed(message))
-}
-
-/// What a program says that may take minutes the first time; at a terminal it is said what is waited for.
-fn output(command: &mut Command, what: &str) -> io::Result<Output> {
-    if !io::stderr().is_terminal() {
-        return command.output();
-    }
-    waited_for(&mut io::stderr(), what, PATIENCE, || command.output())
-}
-
-fn waited_for<T>(
-    said: &mut (dyn Write + Send),
-    what: &str,
-    patience: Duration,
-    work: impl FnOnce() -> T,
-) -> T {
-    let (working, ended) = mpsc::channel::<()>();
-    thread::scope(|scope| {
-        scope.spawn(move || {
-            if ended.recv_timeout(patience) == Err(RecvTimeoutError::Timeout) {
-                let _ = writeln!(said, "thermyo: {what}");
-            }
-        });
-        let done = work();
-        drop(working);
-        done
-    })
-}
-
 /// The image of the firmware: this program's, or this checkout's, up to date.
 ///
 /// # Errors
-/// [`BoardError::NotUnpacked`], [`BoardError::NoTarget`], [`BoardError::Build`]
+/// [`BoardError::NotUnpacked`], [`BoardError::Build`]
 pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     if let Some(folder) = inside::emulator()? {
         return Ok(folder.join(variant.file()));
     }
     let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    let mut arguments = vec!["--release", "--target", variant.target()];
+    // A folder of its own: the cargo of a test holds the lock of the usual one.
+    let target_folder = checkout::target_folder().join("firmware");
+    let mut arguments = vec!["--release"];
     arguments.extend(variant.arguments());
-    let target_folder =
-        build(&workspace().join("firmware"), &arguments).map_err(|error| match error {
-            NotBuilt::NoTarget => BoardError::NoTarget { target: variant.target() },
-            NotBuilt::Failed(message) => BoardError::Build { message },
-        })?;
+    let build = Build {
+        name: variant.name(),
+        folder: workspace().join("firmware"),
+        target_folder: &target_folder,
+        target: Some(variant.target()),
+        command: "build",
+        arguments: &arguments,
+    };
+    build.run()?;
     // The variants share the folder, and with it what they are built of; each image gets a place of its own, at once
     // whole.
     let image = target_folder.join(variant.file());
     let copy = image.with_extension(format!("{}.part", std::process::id()));
     fs::copy(target_folder.join(variant.target()).join("release").join("firmware"), &copy)
         .and_then(|_| fs::rename(&copy, &image))
-        .map_err(|error: io::Error| BoardError::Build { message: error.to_string() })?;
+        .map_err(|error| build.failed(&error.to_string()))?;
     Ok(image)
 }
 
@@ -181,7 +106,7 @@ pub fn prepare_emulator() -> Result<PathBuf, BoardError> {
         check_node()?;
         return Ok(folder);
     }
-    let folder = host_sim().join("emulator");
+    let folder = checkout::host_sim().join("emulator");
     prepare_node(&folder)?;
     Ok(folder)
 }
@@ -214,27 +139,11 @@ pub fn prepare_node(folder: &Path) -> Result<(), BoardError> {
     }
     let npm = if cfg!(windows) { "npm.cmd" } else { "npm" };
     let mut npm = Command::new(npm);
-    npm.args(["ci", "--no-audit", "--no-fund"]).current_dir(folder).stdin(Stdio::null());
-    let output = output(&mut npm, "fetches the emulator's packages, once")
+    npm.args(["ci", "--no-audit", "--no-fund"]).current_dir(folder);
+    let (status, message) = watched(&mut npm, "fetching Node.js packages", Begins::AtOnce)
         .map_err(|error| npm_error(error.to_string()))?;
-    if !output.status.success() {
-        return Err(npm_error(String::from_utf8_lossy(&output.stderr).into_owned()));
+    if !status.success() {
+        return Err(npm_error(message));
     }
     fs::write(&installed, lock).map_err(|error| npm_error(error.to_string()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_waited_for_is_said_and_what_is_quick_is_not() {
-        let mut said = Vec::new();
-        let long = || thread::sleep(Duration::from_millis(200));
-        waited_for(&mut said, "builds it, once", Duration::from_millis(1), long);
-        assert_eq!(said, b"thermyo: builds it, once\n");
-        said.clear();
-        assert_eq!(waited_for(&mut said, "builds it, once", PATIENCE, || 7), 7);
-        assert!(said.is_empty());
-    }
 }

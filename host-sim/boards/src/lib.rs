@@ -1,6 +1,7 @@
 //! Boards with a firmware: on an emulated chip, or on a real one behind a serial port.
 
 mod armed;
+pub mod checkout;
 pub mod emulated;
 pub mod image;
 pub mod inside;

@@ -5,7 +5,6 @@ use super::failed::Failed;
 use super::parameter::Parameter;
 use super::search::{self, LeastSquares};
 use super::simulate::Experiment;
-use levenberg_marquardt::{LevenbergMarquardt, TerminationReason};
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, Uniform};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -117,15 +116,12 @@ impl Problem<'_> {
         if stop::wanted() {
             return None;
         }
-        let solver = LevenbergMarquardt::new().with_tol(TOLERANCE).with_patience(PATIENCE);
-        let found = search::minimize(self, start.clone(), &solver);
-        if found.stopped() {
+        let found = search::minimize(self, start.clone(), TOLERANCE, PATIENCE);
+        if found.stopped {
             return None;
         }
-        let converged = found.termination.was_successful()
-            || matches!(found.termination, TerminationReason::NoImprovementPossible(_));
         let hopeless = HOPELESS * HOPELESS;
-        let converged = converged && found.cost < hopeless;
+        let converged = found.converged && found.cost < hopeless;
         Some(End { place: found.place, cost: found.cost, converged })
     }
 }

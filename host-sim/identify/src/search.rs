@@ -1,8 +1,7 @@
 //! What every search has in common: a sum of squares, made small by Levenberg and Marquardt.
 
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationReason};
-use nalgebra::storage::Owned;
-use nalgebra::{DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
+use rmpfit::{MPConfig, MPError, MPFitter, MPMaxFev, MPPar, MPResult, MPSide, MPSuccess};
 use thermyo_compute::stop;
 
 /// What is to be made small.
@@ -21,59 +20,145 @@ pub struct Found {
     pub place: DVector<f64>,
     /// Sum of the squared weighted residuals.
     pub cost: f64,
-    /// Why it ended.
-    pub termination: TerminationReason,
-}
-
-impl Found {
+    /// Whether nothing better is near.
+    pub converged: bool,
     /// Whether it was ended on its way, by [`thermyo_compute::stop`].
-    pub fn stopped(&self) -> bool {
-        matches!(self.termination, TerminationReason::User(_))
-    }
+    pub stopped: bool,
 }
 
-/// Searches from one start.
+/// Searches from one start, until sum and place change by less than a relative `tolerance`. It is given up after
+/// `patience` evaluations per parameter, of which a set of slopes is one.
 pub fn minimize<P: LeastSquares>(
     problem: &P,
     start: DVector<f64>,
-    solver: &LevenbergMarquardt<f64>,
+    tolerance: f64,
+    patience: usize,
 ) -> Found {
     let residuals = problem.weighted(&start);
-    let (search, report) = solver.minimize(Search { problem, place: start, residuals });
-    Found {
-        cost: search.residuals.norm_squared(),
-        place: search.place,
-        termination: report.termination,
+    let cost = residuals.norm_squared();
+    // The library does not look at this.
+    if residuals.len() < start.len() {
+        return Found { place: start, cost, converged: false, stopped: false };
+    }
+    let config = MPConfig {
+        ftol: tolerance,
+        xtol: tolerance,
+        // It has to be above 0.
+        gtol: f64::MIN_POSITIVE,
+        max_iter: usize::MAX,
+        max_fev: MPMaxFev::Limited(patience * (start.len() + 1)),
+        ..MPConfig::new()
+    };
+    let slopes = || MPPar { side: MPSide::User, ..MPPar::new() };
+    let parameters = (0..start.len()).map(|_| slopes()).collect();
+    let mut search = Search { problem, place: start.clone(), residuals, config, parameters };
+    let mut place = start.clone();
+    match search.mpfit(place.as_mut_slice()) {
+        Ok(status) => Found {
+            place,
+            // Its own norm may be that of a step that it has not taken.
+            cost: DVector::from_vec(status.resid).norm_squared(),
+            converged: status.success != MPSuccess::MaxIter,
+            stopped: false,
+        },
+        Err(error) => {
+            Found { place: start, cost, converged: false, stopped: matches!(error, MPError::Eval) }
+        }
     }
 }
 
 /// One search under way.
 struct Search<'a, P> {
     problem: &'a P,
+    /// Evaluated last, and the residuals there.
     place: DVector<f64>,
     residuals: DVector<f64>,
+    config: MPConfig,
+    parameters: Vec<MPPar>,
 }
 
-impl<P: LeastSquares> LeastSquaresProblem<f64, Dyn, Dyn> for Search<'_, P> {
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, Dyn>;
-    type ParameterStorage = Owned<f64, Dyn>;
-
-    fn set_params(&mut self, place: &DVector<f64>) {
-        self.place.copy_from(place);
-        self.residuals = self.problem.weighted(place);
+impl<P: LeastSquares> MPFitter for Search<'_, P> {
+    fn eval(&mut self, place: &[f64], residuals: &mut [f64]) -> MPResult<()> {
+        if stop::wanted() {
+            return Err(MPError::Eval);
+        }
+        if self.place.as_slice() != place {
+            self.place.copy_from_slice(place);
+            self.residuals = self.problem.weighted(&self.place);
+        }
+        residuals.copy_from_slice(self.residuals.as_slice());
+        Ok(())
     }
 
-    fn params(&self) -> DVector<f64> {
-        self.place.clone()
+    fn jacobian(
+        &mut self,
+        place: &[f64],
+        residuals: &mut [f64],
+        slopes: &mut [Option<Vec<f64>>],
+    ) -> MPResult<()> {
+        self.eval(place, residuals)?;
+        let columns = self.problem.slopes(&self.place, &self.residuals);
+        for (slope, column) in slopes.iter_mut().zip(columns.column_iter()) {
+            if let Some(slope) = slope {
+                slope.copy_from_slice(column.as_slice());
+            }
+        }
+        Ok(())
     }
 
-    // None ends the search.
-    fn residuals(&self) -> Option<DVector<f64>> {
-        (!stop::wanted()).then(|| self.residuals.clone())
+    fn number_of_points(&self) -> usize {
+        self.residuals.len()
     }
 
-    fn jacobian(&self) -> Option<DMatrix<f64>> {
-        (!stop::wanted()).then(|| self.problem.slopes(&self.place, &self.residuals))
+    fn config(&self) -> &MPConfig {
+        &self.config
+    }
+
+    fn parameters(&self) -> &[MPPar] {
+        &self.parameters
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rosenbrock's valley, whose floor is `floor` above 0, at (1, 1).
+    struct Valley {
+        floor: f64,
+    }
+
+    impl LeastSquares for Valley {
+        fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+            let bend = 10.0 * (place[1] - place[0] * place[0]);
+            DVector::from_vec(vec![bend, 1.0 - place[0], self.floor.sqrt()])
+        }
+
+        fn slopes(&self, place: &DVector<f64>, residuals: &DVector<f64>) -> DMatrix<f64> {
+            assert_eq!(*residuals, self.weighted(place));
+            DMatrix::from_row_slice(3, 2, &[-20.0 * place[0], 10.0, -1.0, 0.0, 0.0, 0.0])
+        }
+    }
+
+    fn start() -> DVector<f64> {
+        DVector::from_vec(vec![-1.2, 1.0])
+    }
+
+    #[test]
+    fn a_search_ends_at_the_minimum_with_its_cost() {
+        for floor in [0.0, 7.0] {
+            let found = minimize(&Valley { floor }, start(), 1e-8, 30);
+            assert!(found.converged && !found.stopped, "{found:?}");
+            assert!((found.cost - floor).abs() < 1e-9, "{found:?}");
+            assert!((&found.place - DVector::from_element(2, 1.0)).norm() < 1e-3, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_search_without_patience_or_with_too_few_residuals_has_not_converged() {
+        let impatient = minimize(&Valley { floor: 0.0 }, start(), 1e-8, 1);
+        assert!(!impatient.converged, "{impatient:?}");
+        let lost = minimize(&Valley { floor: 0.0 }, DVector::zeros(4), 1e-8, 30);
+        assert!(!lost.converged && lost.place == DVector::zeros(4), "{lost:?}");
     }
 }

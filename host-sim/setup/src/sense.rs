@@ -3,13 +3,13 @@
 use super::loaded::Loaded;
 use super::tree::{same, tree, value};
 use crate::core_config::pressure_limit_pa;
+use std::collections::BTreeMap;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_plant::chamber;
 use thermyo_scenario::document::{Document, Entry};
 use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
 };
-use std::collections::BTreeMap;
 
 /// The tables that neither plant nor core looks at, each with the value that decides so.
 pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)> {

@@ -98,16 +98,10 @@ pub enum BoardError {
         /// What it said.
         message: String,
     },
-    /// The compiler's target for the chip is not installed.
-    #[error("the compiler's target for the chip is missing: run `rustup target add {target}`")]
-    NoTarget {
-        /// Name of the target.
-        target: &'static str,
-    },
     /// The firmware did not build.
-    #[error("the firmware did not build:\n{message}")]
+    #[error("{message}")]
     Build {
-        /// What cargo said.
+        /// The builder's message.
         message: String,
     },
     /// There is no file where the image should be.

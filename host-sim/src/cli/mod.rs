@@ -24,12 +24,11 @@ use self::board::BoardArgs;
 use self::failure::Failure;
 use self::folded::Folded;
 use self::log::LogArgs;
-use crate::commands::monitor;
-use crate::commands::monitor::Session;
+use crate::commands::monitor::{self, Session, Shown};
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
+use crossterm::terminal;
 use indicatif::{ProgressBar, ProgressStyle};
-use ratatui::crossterm::terminal;
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
@@ -96,10 +95,10 @@ enum Task {
     Fmu(fmu::FmuArgs),
     /// Runs over each other: what differs, in pictures and figures
     Compare(compare::CompareArgs),
-    /// Live view and recording of a board, which it arms and drives too
+    /// Records a board, with a line of figures, and arms and drives it by keys
     ///
-    /// With --quiet or --json, or where standard output is no terminal, it only records, until Ctrl-C
-    /// or the end of the line.
+    /// Where standard output is no terminal it has no keys, prints its figures once a second, and ends by
+    /// Ctrl-C or with the line to the board. With --quiet or --json it only records.
     Monitor {
         /// Serial port, such as /dev/ttyUSB0 or COM3, or "emulated"
         port: String,
@@ -463,15 +462,20 @@ fn monitor_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    // Of a screen Ctrl-C comes as a key; else as a signal.
+    // At a terminal Ctrl-C comes as a key; else as a signal.
     interrupt::watch();
     let mut out = OutputDir::create(folder)?;
     let recorder = Recorder::new(out.file("trace.csv")?)
         .map_err(|error| out.unwritable("trace.csv", &error))?
         .beside(logs.open(&mut out)?);
     let mut session = Session::open(port, recorder).map_err(Failure::Board)?;
-    let screen = !said.quiet && !said.json && io::stdout().is_terminal();
-    let outcome = monitor::run(&mut session, &mut out, screen);
+    let shown = match (said.quiet || said.json, io::stdout().is_terminal()) {
+        (true, _) => Shown::Not,
+        (false, true) => Shown::Terminal,
+        (false, false) => Shown::Lines,
+    };
+    // Not through `stdout`, which folds lines.
+    let outcome = monitor::run(&mut session, &mut out, shown, &mut io::stdout());
     let rows = session.rows();
     // The file is closed before it moves.
     drop(session);

@@ -3,8 +3,7 @@
 use serde_json::json;
 use std::io::Write;
 use std::path::PathBuf;
-use std::{fs, io};
-use thermyo_boards::image::{NotBuilt, build, workspace};
+use thermyo_boards::checkout::{self, Build, NotBuilt, workspace};
 use thermyo_boards::inside;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
@@ -44,12 +43,9 @@ pub enum PlaygroundError {
         .0.display()
     )]
     NoCheckout(PathBuf),
-    /// The compiler's target for browsers is not installed.
-    #[error("the compiler's target for browsers is missing: run `rustup target add {TARGET}`")]
-    NoTarget,
     /// It did not build.
-    #[error("the playground did not build:\n{0}")]
-    Build(String),
+    #[error(transparent)]
+    Build(#[from] NotBuilt),
     /// The folder has a page of somebody else.
     #[error("{}: not of a playground, and would be replaced: name another folder", .0.display())]
     Foreign(PathBuf),
@@ -106,12 +102,16 @@ fn module() -> Result<Vec<u8>, PlaygroundError> {
     if !root.join("Cargo.toml").is_file() {
         return Err(PlaygroundError::NoCheckout(root));
     }
-    let arguments = ["--package", "thermyo-playground", "--profile", PROFILE, "--target", TARGET];
-    let target = build(&root, &arguments).map_err(|error| match error {
-        NotBuilt::NoTarget => PlaygroundError::NoTarget,
-        NotBuilt::Failed(message) => PlaygroundError::Build(message),
-    })?;
-    let file = target.join(TARGET).join(PROFILE).join("thermyo_playground.wasm");
-    fs::read(&file)
-        .map_err(|error: io::Error| PlaygroundError::Build(format!("{}: {error}", file.display())))
+    let target_folder = checkout::target_folder().join("firmware");
+    let build = Build {
+        name: "the playground",
+        folder: root,
+        target_folder: &target_folder,
+        target: Some(TARGET),
+        command: "build",
+        arguments: &["--package", "thermyo-playground", "--profile", PROFILE],
+    };
+    build.run()?;
+    let file = target_folder.join(TARGET).join(PROFILE).join("thermyo_playground.wasm");
+    Ok(build.read(&file)?)
 }

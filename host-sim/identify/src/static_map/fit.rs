@@ -11,9 +11,7 @@
 //! and friction over the largest force; K1 is expected to grow with the diameter, as the bladder does.
 
 use super::readings::{Reading, Readings};
-use crate::search;
-use crate::search::{Found, LeastSquares};
-use levenberg_marquardt::LevenbergMarquardt;
+use crate::search::{self, Found, LeastSquares};
 use nalgebra::{DMatrix, DVector};
 use thermyo_plant::chamber::Chamber;
 use thermyo_plant::chamber::braid;
@@ -27,6 +25,10 @@ const SPREADS: [f64; 6] = [1.0, 0.1, 0.5, 0.5, 0.006, 0.1];
 const STARTS: [f64; 3] = [0.0, -0.08, 0.08];
 /// Step of the differences; what is searched is of the order of one.
 const DIFFERENCE: f64 = 1e-6;
+/// Relative change of the sum of squares, and of the place, at which a search has converged: near f64's rounding.
+const TOLERANCE: f64 = 30.0 * f64::EPSILON;
+/// Evaluations per parameter before a search is given up.
+const PATIENCE: usize = 100;
 /// Diameters that are searched \[m\].
 const DIAMETERS_M: [f64; 2] = [1.0e-3, 0.2];
 /// Braid angles that are searched \[deg\]: at 54.7 the force vanishes.
@@ -131,7 +133,7 @@ impl<'a> Problem<'a> {
         let ends = STARTS.map(|turned_rad| {
             let mut start = DVector::from_vec(self.usual.clone());
             start[1] += turned_rad;
-            search::minimize(self, start, &LevenbergMarquardt::new())
+            search::minimize(self, start, TOLERANCE, PATIENCE)
         });
         let best = ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         best.expect("there are three starts")

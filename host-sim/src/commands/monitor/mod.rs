@@ -1,25 +1,23 @@
-//! `thermyo monitor`: a live view of a board behind a serial port, and its recording.
+//! `thermyo monitor`: records a board behind a serial port, with a line of figures.
 //!
-//! The session asks the board and records what it says; the view draws what the session knows. A
-//! board that is unplugged is waited for, and asked again when it is back.
+//! The session asks the board and records its answers; the view prints the session's state. At a terminal the
+//! monitor waits for a board that is unplugged, and asks again when it is back.
 
 mod session;
-mod view;
+pub mod view;
 
 pub use session::{Configured, MOVE_PA, Session, Status};
-pub use view::draw;
+use view::View;
 
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyModifiers};
-use std::io;
-use std::time::{Duration, Instant};
+use crossterm::event::{self, Event, KeyCode, KeyModifiers};
+use crossterm::terminal::{disable_raw_mode, enable_raw_mode};
+use std::io::{self, Write};
+use std::time::Duration;
 use thermyo_compute::stop;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
-
-/// Time between two pictures.
-const FRAME: Duration = Duration::from_millis(100);
 
 /// Why a monitor ends before it is told to.
 #[derive(Debug, thiserror::Error)]
@@ -36,7 +34,7 @@ pub enum MonitorError {
     /// Nobody sees that it is waited for.
     #[error("the line to the board is gone; what it said until then is recorded")]
     Gone,
-    /// There is nothing to draw on.
+    /// Its keys cannot be read, or nothing can be written to it.
     #[error("the terminal cannot be used: {0}")]
     Terminal(io::Error),
 }
@@ -50,36 +48,60 @@ pub enum Ended {
     Stopped,
 }
 
-/// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents what is driven; `config.json` in `out` says
-/// what the board was configured with, `scenario.toml` what it was configured with last. Without a `screen` it records
-/// until Ctrl-C, or until the line is gone.
+/// Where a monitor shows its figures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shown {
+    /// Nowhere.
+    Not,
+    /// In lines, one after the other.
+    Lines,
+    /// In one line of a terminal, whose keys drive the board.
+    Terminal,
+}
+
+/// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents a driven board; `config.json` in `out` lists every
+/// configuration of the board, `scenario.toml` is the scenario of the last one. Without a terminal it records until
+/// Ctrl-C, or until the line is gone.
 ///
 /// # Errors
 /// [`MonitorError`]; the rows until then are recorded.
 pub fn run(
     session: &mut Session,
     out: &mut OutputDir,
-    screen: bool,
+    shown: Shown,
+    to: &mut dyn Write,
 ) -> Result<Ended, MonitorError> {
-    let outcome = if screen {
-        let mut terminal = ratatui::try_init().map_err(MonitorError::Terminal)?;
-        let outcome = watch(session, out, Some(&mut terminal));
-        ratatui::restore();
+    let outcome = if shown == Shown::Terminal {
+        enable_raw_mode().map_err(MonitorError::Terminal)?;
+        let _keys = Keys;
+        let outcome = watch(session, out, shown, to);
+        // The next output begins below the figures.
+        let _ = write!(to, "\r\n");
         outcome
     } else {
-        watch(session, out, None)
+        watch(session, out, shown, to)
     };
     session.let_go();
     let finished = session.finish();
     outcome.and_then(|ended| finished.map(|()| ended))
 }
 
+/// Keys come one by one, and are not echoed, until it is dropped.
+struct Keys;
+
+impl Drop for Keys {
+    fn drop(&mut self) {
+        let _ = disable_raw_mode();
+    }
+}
+
 fn watch(
     session: &mut Session,
     out: &mut OutputDir,
-    mut terminal: Option<&mut ratatui::DefaultTerminal>,
+    shown: Shown,
+    to: &mut dyn Write,
 ) -> Result<Ended, MonitorError> {
-    let mut shown: Option<Instant> = None;
+    let mut view = View::new(shown);
     let mut written = 0;
     loop {
         session.poll()?;
@@ -96,15 +118,12 @@ fn watch(
                 out.text("scenario.toml", &thermyo_setup::render(&said.scenario))?;
             }
         }
-        let Some(terminal) = &mut terminal else {
+        view.show(to, session).map_err(MonitorError::Terminal)?;
+        if shown != Shown::Terminal {
             if session.status() == Status::Unplugged {
                 return Err(MonitorError::Gone);
             }
             continue;
-        };
-        if shown.is_none_or(|at| at.elapsed() >= FRAME) {
-            shown = Some(Instant::now());
-            terminal.draw(|frame| draw(frame, session)).map_err(MonitorError::Terminal)?;
         }
         match key().map_err(MonitorError::Terminal)? {
             Some(Key::Leave) => return Ok(Ended::Left),

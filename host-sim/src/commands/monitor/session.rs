@@ -6,7 +6,6 @@ use model_core::link::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{Config, SetPoint, Telemetry};
 use serde::Serialize;
-use std::collections::VecDeque;
 use std::io::Write;
 use std::time::{Duration, Instant};
 use thermyo_boards::link::Link;
@@ -27,8 +26,6 @@ const ALIVE: Duration = Duration::from_millis(100);
 const OPEN_QUESTIONS: usize = 64;
 /// The pressure's set point is moved by multiples of this \[Pa\].
 pub const MOVE_PA: f32 = 5.0e3;
-/// Points that the plot keeps.
-const HISTORY: usize = 6000;
 
 /// State of the connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,7 +63,7 @@ pub struct Session {
     tried: Instant,
     heard: Instant,
     connections: u32,
-    history: VecDeque<Telemetry>,
+    latest: Option<Telemetry>,
     wanted: Option<f32>,
     said: Instant,
     refused: Option<Refusal>,
@@ -94,7 +91,7 @@ impl Session {
             tried: now,
             heard: now,
             connections: 1,
-            history: VecDeque::new(),
+            latest: None,
             wanted: None,
             said: now,
             refused: None,
@@ -128,10 +125,7 @@ impl Session {
             let status = self.link.status();
             let written = self.recorder.write(&config, status.as_ref(), &telemetry);
             written.map_err(MonitorError::Recording)?;
-            self.history.push_back(telemetry);
-            if self.history.len() > HISTORY {
-                self.history.pop_front();
-            }
+            self.latest = Some(telemetry);
         }
         if self.asked.is_none_or(|at| at.elapsed() > RETRY) {
             self.ask();
@@ -160,7 +154,7 @@ impl Session {
 
     /// Vents what is driven: nobody looks after it any more.
     pub fn let_go(&mut self) {
-        if self.history.back().is_some_and(|telemetry| telemetry.set_point != SetPoint::Vent) {
+        if self.latest.is_some_and(|telemetry| telemetry.set_point != SetPoint::Vent) {
             self.vent();
         }
     }
@@ -173,7 +167,7 @@ impl Session {
 
     /// Moves the pressure's set point, from what is measured if there is none \[Pa\].
     pub fn move_set_point(&mut self, by_pa: f32) {
-        let Some(telemetry) = self.history.back() else { return };
+        let Some(telemetry) = self.latest else { return };
         let config = self.config();
         let from_pa = self.wanted.unwrap_or(telemetry.pressure_pa);
         let to_pa = ((from_pa + by_pa) / MOVE_PA).round() * MOVE_PA;
@@ -302,9 +296,9 @@ impl Session {
         self.timing
     }
 
-    /// Telemetry of the last minute, the oldest first.
-    pub fn history(&self) -> &VecDeque<Telemetry> {
-        &self.history
+    /// The latest telemetry.
+    pub fn latest(&self) -> Option<&Telemetry> {
+        self.latest.as_ref()
     }
 
     /// Rows recorded.

@@ -1,50 +1,85 @@
-//! One picture of a session. It fits a terminal of 80 by 24; in a narrower one lines fold, and the plot makes room.
+//! A session in words: notes, each printed when it changes, and one line of figures.
 
-use super::{Session, Status};
+use super::{Session, Shown, Status};
+use crossterm::terminal;
 use model_core::control::Mode;
 use model_core::link::LastReset;
 use model_core::sensing::Sensing;
-use model_core::{Faults, SetPoint, Telemetry};
-use ratatui::Frame;
-use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Color, Style};
-use ratatui::symbols::Marker;
-use ratatui::text::Line;
-use ratatui::widgets::{Axis, Block, Chart, Dataset, Gauge, GraphType, Paragraph, Wrap};
+use model_core::{Faults, SetPoint};
+use std::io::{self, Write};
+use std::time::{Duration, Instant};
 use thermyo_record::board_trace::kind_and_values;
 
-/// Draws the session.
-pub fn draw(frame: &mut Frame, session: &Session) {
-    let narrow = frame.area().width < 80;
-    let (head_rows, plot_rows, key_rows) = if narrow { (9, 0, 2) } else { (6, 8, 1) };
-    let [head, muscle, plot, keys] = Layout::vertical([
-        Constraint::Length(head_rows),
-        Constraint::Length(8),
-        Constraint::Min(plot_rows),
-        Constraint::Length(key_rows),
-    ])
-    .areas(frame.area());
-    draw_head(frame, head, session);
-    if let Some(telemetry) = session.history().back() {
-        draw_muscle(frame, muscle, session, telemetry);
-        draw_plot(frame, plot, session);
-    }
-    let help = "space vents   Ctrl-C vents and leaves   a arms   arrows move the pressure";
-    let help = Paragraph::new(help).style(Style::new().fg(Color::DarkGray));
-    frame.render_widget(help.wrap(Wrap { trim: true }), keys);
+/// The keys at a terminal.
+pub const KEYS: &str = "space vents, Ctrl-C vents and leaves, a arms, arrows move the pressure";
+
+/// Time between two figures in a terminal's line.
+const REFRESH: Duration = Duration::from_millis(100);
+/// Time between two lines of figures.
+const LINE: Duration = Duration::from_secs(1);
+
+/// The latest of a session that was printed.
+pub(super) struct View {
+    shown: Shown,
+    notes: Vec<String>,
+    figures: Option<Instant>,
 }
 
-fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
-    let (status, color) = match session.status() {
-        Status::Connected => ("connected", Color::Green),
-        Status::Silent => ("no telemetry: is the firmware flashed?", Color::Yellow),
-        Status::Unplugged => ("unplugged: waiting for it to come back", Color::Red),
+impl View {
+    pub(super) fn new(shown: Shown) -> Self {
+        Self { shown, notes: Vec::new(), figures: None }
+    }
+
+    /// Prints new notes, and figures when it is time for them.
+    ///
+    /// # Errors
+    /// Those of `to`.
+    pub(super) fn show(&mut self, to: &mut dyn Write, session: &Session) -> io::Result<()> {
+        let (begin, end, pause) = match self.shown {
+            Shown::Not => return Ok(()),
+            Shown::Lines => ("", "\n", LINE),
+            // A raw terminal does not go back to the first column by itself.
+            Shown::Terminal => ("\r\x1b[K", "\r\n", REFRESH),
+        };
+        if self.figures.is_some_and(|at| at.elapsed() < pause) {
+            return Ok(());
+        }
+        if self.figures.is_none() && self.shown == Shown::Terminal {
+            write!(to, "{KEYS}{end}")?;
+        }
+        self.figures = Some(Instant::now());
+        let notes = notes(session);
+        for note in notes.iter().filter(|note| !self.notes.contains(note)) {
+            write!(to, "{begin}{note}{end}")?;
+        }
+        self.notes = notes;
+        let Some(figures) = figures(session) else { return to.flush() };
+        match self.shown {
+            Shown::Terminal => {
+                // A line that wraps cannot be written over.
+                let columns = terminal::size().map_or(80, |(columns, _)| columns);
+                let most = usize::from(columns).saturating_sub(1);
+                let line: String = figures.chars().take(most).collect();
+                write!(to, "{begin}{line}")?;
+            }
+            _ => writeln!(to, "{figures}")?,
+        }
+        to.flush()
+    }
+}
+
+/// State that changes rarely: connection, arming, failures.
+pub fn notes(session: &Session) -> Vec<String> {
+    let status = match session.status() {
+        Status::Connected => "connected",
+        Status::Silent => "no telemetry: is the firmware flashed?",
+        Status::Unplugged => "unplugged: waiting for it to come back",
     };
     let board = session.version().map_or(String::new(), |version| {
         let [major, minor, patch] = version.firmware;
         format!(", {:?}, firmware {major}.{minor}.{patch}", version.chip)
     });
-    let arming = session.last_status().map_or(String::new(), |status| {
+    let arming = session.last_status().map(|status| {
         let armed = match status.armed_pa {
             Some(pa) => format!("armed up to {:.0} kPa", pa / 1e3),
             None => "not armed".to_owned(),
@@ -64,10 +99,26 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
         format!("first failure: {} at {bar:.2} bar, step {}", first.faults, first.step)
     });
     let refused = session.refused().map(|refusal| format!("refused: {refusal}"));
-    let event = refused.or(first).or(restart).unwrap_or_default();
+    let connection = Some(format!("{}: {status}{board}", session.port()));
+    [connection, arming, restart, first, refused].into_iter().flatten().collect()
+}
+
+/// The latest telemetry in one line, the most important first: a narrow terminal cuts the rest off.
+pub fn figures(session: &Session) -> Option<String> {
+    let telemetry = session.latest()?;
+    let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
+    let mode = mode.map_or("", |(_, name)| name);
+    let limited = if telemetry.limited { ", limited" } else { "" };
+    let faults = match telemetry.faults {
+        Faults::NONE => "no fault".to_owned(),
+        faults => faults.to_string(),
+    };
+    let estimate = &telemetry.estimate;
+    let reading_k = Sensing::new(&session.config()).gas_k(telemetry.sample.gas);
+    let remark = if estimate.valid { "" } else { " (not to be relied on)" };
     let timing = session.timing().map_or(String::new(), |timing| {
         format!(
-            "step {:.0}/{} us, start {} us late; {} missed, {} dropped, {} malformed",
+            "; step {:.0}/{} us, start {} us late; {} missed, {} dropped, {} malformed",
             f64::from(timing.step_mean_ns) / 1000.0,
             timing.step_worst_us,
             timing.jitter_worst_us,
@@ -76,74 +127,22 @@ fn draw_head(frame: &mut Frame, area: Rect, session: &Session) {
             timing.malformed_frames,
         )
     });
-    let title = format!(" thermyo monitor {} - {} rows ", session.port(), session.rows());
-    let lines = vec![
-        Line::styled(format!("{status}{board}"), color),
-        Line::raw(arming),
-        Line::styled(event, Color::Yellow),
-        Line::raw(timing),
-    ];
-    let lines = Paragraph::new(lines).wrap(Wrap { trim: true });
-    frame.render_widget(lines.block(Block::bordered().title(title)), area);
+    Some(format!(
+        "{:.1} kPa (set point {}), {:.1} mm, gas {:.2} +- {:.2} K{remark}; {mode}{limited}: {faults}; inlet {:.1} %, \
+         outlet {:.1} %, sensor {reading_k:.2} K, wall {:.2} K; {} rows{timing}",
+        telemetry.pressure_pa / 1e3,
+        set_point(telemetry.set_point),
+        telemetry.length_m * 1e3,
+        estimate.gas_k,
+        estimate.gas_sd_k,
+        telemetry.command.inlet.share() * 100.0,
+        telemetry.command.outlet.share() * 100.0,
+        estimate.wall_k,
+        session.rows(),
+    ))
 }
 
-/// A quantity: its name, its share of the range, what is written beside it.
-type Row = (&'static str, f32, String);
-
-fn draw_muscle(frame: &mut Frame, area: Rect, session: &Session, telemetry: &Telemetry) {
-    let sensors = session.config().sensors;
-    let (pressure, length) = (telemetry.pressure_pa, telemetry.length_m);
-    let (inlet, outlet) = (telemetry.command.inlet.share(), telemetry.command.outlet.share());
-    let wanted = wanted(telemetry.set_point);
-    let rows: [Row; 4] = [
-        ("pressure", pressure / sensors.pressure.range_pa, format!("{:.1} kPa", pressure / 1e3)),
-        ("length", length / sensors.length.range_m, format!("{:.1} mm", length * 1e3)),
-        ("inlet", inlet, format!("{:.1} %", inlet * 100.0)),
-        ("outlet", outlet, format!("{:.1} %", outlet * 100.0)),
-    ];
-    let areas = Layout::vertical([Constraint::Length(1); 8]).split(area);
-    for ((name, ratio, label), &row) in rows.into_iter().zip(areas.iter()) {
-        let [name_area, gauge_area, wanted_area] = Layout::horizontal([
-            Constraint::Length(10),
-            Constraint::Min(10),
-            Constraint::Length(28),
-        ])
-        .areas(row);
-        frame.render_widget(Paragraph::new(name), name_area);
-        let gauge = Gauge::default()
-            .ratio(f64::from(ratio).clamp(0.0, 1.0))
-            .label(label)
-            .gauge_style(Style::new().fg(Color::Cyan).bg(Color::DarkGray));
-        frame.render_widget(gauge, gauge_area);
-        if name == "pressure" {
-            frame.render_widget(Paragraph::new(format!(" set point {wanted}")), wanted_area);
-        }
-    }
-    let estimate = &telemetry.estimate;
-    let reading_k = Sensing::new(&session.config()).gas_k(telemetry.sample.gas);
-    let remark = if estimate.valid { "" } else { " (not to be relied on)" };
-    let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-    let mode = mode.map_or("", |(_, name)| name);
-    let limited = if telemetry.limited { ", limited" } else { "" };
-    let (faults, color) = match telemetry.faults {
-        Faults::NONE => ("no fault".to_owned(), Color::Green),
-        faults => (faults.to_string(), Color::Red),
-    };
-    let lines = vec![
-        Line::raw(format!(
-            "gas {:.2} +- {:.2} K{remark}, sensor {reading_k:.2} K, wall {:.2} K",
-            estimate.gas_k, estimate.gas_sd_k, estimate.wall_k,
-        )),
-        Line::styled(format!("{mode}{limited}: {faults}"), color),
-    ];
-    // Many faults take two lines.
-    if let (Some(&from), Some(&to)) = (areas.get(4), areas.get(7)) {
-        let rest = Rect { height: to.bottom() - from.y, ..from };
-        frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), rest);
-    }
-}
-
-fn wanted(set_point: SetPoint) -> String {
+fn set_point(set_point: SetPoint) -> String {
     let (_, value, second) = kind_and_values(set_point);
     match set_point {
         SetPoint::Vent => "none: it vents".to_owned(),
@@ -153,45 +152,4 @@ fn wanted(set_point: SetPoint) -> String {
         SetPoint::MassFlowCycle { .. } => format!("{:.3} g/s, {second:.1} s", value * 1e3),
         SetPoint::Duty { .. } => format!("{:.0} %, {:.0} %", value * 100.0, second * 100.0),
     }
-}
-
-fn draw_plot(frame: &mut Frame, area: Rect, session: &Session) {
-    let config = session.config();
-    let sensing = Sensing::new(&config);
-    let last = session.history().back().map_or(0, |telemetry| telemetry.step);
-    let points = |value: &dyn Fn(&Telemetry) -> f32| -> Vec<(f64, f64)> {
-        session
-            .history()
-            .iter()
-            .filter(|telemetry| telemetry.step <= last)
-            .map(|telemetry| {
-                let age = f64::from(last - telemetry.step) * f64::from(config.step_s);
-                (-age, f64::from(value(telemetry)))
-            })
-            .collect()
-    };
-    let estimate = points(&|telemetry| telemetry.estimate.gas_k);
-    let sensor = points(&|telemetry| sensing.gas_k(telemetry.sample.gas));
-    let all = || estimate.iter().chain(&sensor);
-    let low = all().map(|point| point.1).fold(f64::INFINITY, f64::min) - 0.5;
-    let high = all().map(|point| point.1).fold(f64::NEG_INFINITY, f64::max) + 0.5;
-    let oldest = all().map(|point| point.0).fold(-1.0, f64::min);
-    let line = |name, color, data| {
-        Dataset::default()
-            .name(name)
-            .marker(Marker::Braille)
-            .graph_type(GraphType::Line)
-            .style(Style::new().fg(color))
-            .data(data)
-    };
-    let chart = Chart::new(vec![
-        line("estimate", Color::Red, &estimate),
-        line("sensor", Color::Blue, &sensor),
-    ])
-    .block(Block::bordered().title(" gas temperature [K] over time [s] "))
-    .x_axis(Axis::default().bounds([oldest, 0.0]).labels([format!("{oldest:.0}"), "0".to_owned()]))
-    .y_axis(
-        Axis::default().bounds([low, high]).labels([format!("{low:.1}"), format!("{high:.1}")]),
-    );
-    frame.render_widget(chart, area);
 }

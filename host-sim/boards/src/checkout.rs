@@ -1,0 +1,312 @@
+//! Builds from the checkout that this program was built from: firmware, playground, shared library.
+//!
+//! Each adds the compiler's target that it needs, and shows that it goes on while it takes minutes.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
+use std::{env, thread};
+use thermyo_simulation::board::BoardError;
+
+/// Time between two signs of life.
+const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
+
+/// Folder of this crate. A program that is given away has none, and so is the same wherever it was built.
+const CRATE: &str = if cfg!(feature = "release") { "" } else { env!("CARGO_MANIFEST_DIR") };
+
+/// The folder `host-sim`.
+pub fn host_sim() -> &'static Path {
+    let folder = Path::new(CRATE);
+    folder.parent().unwrap_or(folder)
+}
+
+/// Folder of the workspace.
+pub fn workspace() -> PathBuf {
+    host_sim().parent().unwrap_or(host_sim()).to_path_buf()
+}
+
+/// Cargo's target folder.
+pub fn target_folder() -> PathBuf {
+    workspace().join(env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()))
+}
+
+/// Why nothing was built.
+#[derive(Debug, thiserror::Error)]
+pub enum NotBuilt {
+    /// The compiler's target is missing, and cannot be added.
+    #[error("the compiler's target {target} is missing, and {reason}")]
+    NoTarget {
+        /// Its name.
+        target: String,
+        /// Why it cannot be added, and how to help that.
+        reason: String,
+    },
+    /// Cargo failed, or cannot be run.
+    #[error("{name} did not build:\n{message}")]
+    Failed {
+        /// What was to be built.
+        name: String,
+        /// Cargo's messages.
+        message: String,
+    },
+}
+
+impl From<NotBuilt> for BoardError {
+    fn from(error: NotBuilt) -> Self {
+        Self::Build { message: error.to_string() }
+    }
+}
+
+/// A call of cargo, which itself decides what is stale.
+#[derive(Debug)]
+pub struct Build<'a> {
+    /// What it builds, in messages.
+    pub name: &'a str,
+    /// The folder in which cargo runs: its `.cargo/config.toml` applies.
+    pub folder: PathBuf,
+    /// Cargo's target folder.
+    pub target_folder: &'a Path,
+    /// The compiler's target; without one, this machine.
+    pub target: Option<&'a str>,
+    /// Cargo's subcommand.
+    pub command: &'a str,
+    /// Further arguments.
+    pub arguments: &'a [&'a str],
+}
+
+impl Build<'_> {
+    /// Builds, after adding the compiler's target where it is missing.
+    ///
+    /// # Errors
+    /// [`NotBuilt`]
+    pub fn run(&self) -> Result<(), NotBuilt> {
+        let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        cargo.arg(self.command).arg("--target-dir").arg(self.target_folder);
+        if let Some(target) = self.target {
+            add_target(target, &self.folder)?;
+            cargo.args(["--target", target]);
+        }
+        cargo.args(self.arguments).current_dir(&self.folder);
+        // Cargo sets these for a test's own crate; in this build they would make everything stale.
+        for (name, _) in env::vars_os() {
+            let text = name.to_string_lossy();
+            if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_PROFILE_") {
+                cargo.env_remove(&name);
+            }
+        }
+        // They are this machine's, and replace the flags that a target's configuration has.
+        if self.target.is_some() {
+            cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
+        }
+        let doing = format!("building {}", self.name);
+        let (status, message) = watched(&mut cargo, &doing, Begins::WhenStale)
+            .map_err(|error| self.failed(&error.to_string()))?;
+        if status.success() { Ok(()) } else { Err(self.failed(&message)) }
+    }
+
+    /// A file that the build left.
+    ///
+    /// # Errors
+    /// [`NotBuilt::Failed`]
+    pub fn read(&self, file: &Path) -> Result<Vec<u8>, NotBuilt> {
+        fs::read(file).map_err(|error| self.failed(&format!("{}: {error}", file.display())))
+    }
+
+    /// The error of this build.
+    pub fn failed(&self, message: &str) -> NotBuilt {
+        NotBuilt::Failed { name: self.name.to_owned(), message: message.to_owned() }
+    }
+}
+
+/// Adds a target to the compiler that builds in a folder, if it is missing there.
+///
+/// # Errors
+/// [`NotBuilt::NoTarget`]
+pub fn add_target(target: &str, folder: &Path) -> Result<(), NotBuilt> {
+    if has_target(target, folder) {
+        return Ok(());
+    }
+    let missing = |reason: String| NotBuilt::NoTarget { target: target.to_owned(), reason };
+    let Ok(home) = rustup(&["show", "home"], folder) else {
+        return Err(missing(
+            "there is no rustup to add it: install rustup (https://rustup.rs), or the standard library for \
+             that target with the program that installed the compiler"
+                .to_owned(),
+        ));
+    };
+    let add = format!("rustup target add {target}");
+    let not_added = |why: String| missing(format!("`{add}` failed: {}", why.trim()));
+    // rustup itself does not keep two of its processes apart, and tests call this at once.
+    let lock = File::create(Path::new(home.trim()).join("thermyo.lock"))
+        .and_then(|file| file.lock().map(|()| file))
+        .map_err(|error| not_added(format!("{}: {error}", home.trim())))?;
+    if !has_target(target, folder) {
+        say(&format!("adding the compiler's target {target}: {add}"));
+        rustup(&["target", "add", target], folder).map_err(not_added)?;
+    }
+    drop(lock);
+    if has_target(target, folder) {
+        return Ok(());
+    }
+    Err(missing(format!(
+        "`{add}` did not help: the compiler in use is not one of rustup's; put rustup's first on the PATH"
+    )))
+}
+
+/// Whether the compiler that builds in a folder has a target's standard library.
+fn has_target(target: &str, folder: &Path) -> bool {
+    let rustc = env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let printed = output(rustc, &["--print", "target-libdir", "--target", target], folder);
+    let files = printed.ok().and_then(|libraries| fs::read_dir(libraries.trim()).ok());
+    let mut names = files.into_iter().flatten().flatten().map(|file| file.file_name());
+    names.any(|name| name.to_string_lossy().starts_with("libcore-"))
+}
+
+fn rustup(arguments: &[&str], folder: &Path) -> Result<String, String> {
+    output("rustup".into(), arguments, folder)
+}
+
+/// Standard output of a program; standard error where it fails.
+fn output(program: OsString, arguments: &[&str], folder: &Path) -> Result<String, String> {
+    let output = Command::new(program)
+        .args(arguments)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|error| error.to_string())?;
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
+}
+
+/// When a program's work begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Begins {
+    /// With the program.
+    AtOnce,
+    /// With cargo's first line about something stale: often nothing is.
+    WhenStale,
+}
+
+/// Runs a program that may take minutes, and says so where it has work to do: when it begins, while it goes on and when
+/// it is done. Gives its standard error too.
+///
+/// # Errors
+/// It cannot be run.
+pub fn watched(
+    command: &mut Command,
+    doing: &str,
+    begins: Begins,
+) -> io::Result<(ExitStatus, String)> {
+    watched_by(command, doing, begins, SIGN_OF_LIFE, &mut say)
+}
+
+fn say(line: &str) {
+    // Without a reader the work goes on.
+    let _ = writeln!(io::stderr(), "thermyo: {line}");
+}
+
+fn watched_by(
+    command: &mut Command,
+    doing: &str,
+    begins: Begins,
+    interval: Duration,
+    say: &mut dyn FnMut(&str),
+) -> io::Result<(ExitStatus, String)> {
+    let mut child =
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+    let (sender, lines) = mpsc::channel();
+    let stderr = child.stderr.take();
+    let reader =
+        thread::spawn(move || stderr.map(|stderr| read_lines(stderr, |line| sender.send(line))));
+    let (began, mut sign_due, mut message) = (Instant::now(), interval, String::new());
+    // The latest line about work, once there is any.
+    let mut working: Option<String> = None;
+    let begin = format!("{doing}; this can take minutes");
+    if begins == Begins::AtOnce {
+        say(&begin);
+        working = Some(String::new());
+    }
+    loop {
+        match lines.recv_timeout(sign_due.saturating_sub(began.elapsed())) {
+            Ok(line) => {
+                if is_work(&line) {
+                    if working.is_none() {
+                        say(&begin);
+                    }
+                    working = Some(format!(", {}", line.trim()));
+                }
+                message += &line;
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                if let Some(line) = &working {
+                    say(&format!("{doing}: {} s{line}", began.elapsed().as_secs()));
+                }
+                sign_due += interval;
+            }
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    let status = child.wait()?;
+    // It ended with its pipe.
+    let _ = reader.join();
+    if working.is_some() && status.success() {
+        say(&format!("{doing}: done, {} s", began.elapsed().as_secs()));
+    }
+    Ok((status, message))
+}
+
+/// Whether a line of cargo is about work that it does, or waits for.
+fn is_work(line: &str) -> bool {
+    let work = ["Blocking", "Compiling", "Downloading", "Updating"];
+    work.iter().any(|word| line.trim_start().starts_with(word))
+}
+
+fn read_lines<E>(from: impl Read, mut take: impl FnMut(String) -> Result<(), E>) {
+    let mut from = BufReader::new(from);
+    let mut line = Vec::new();
+    while from.read_until(b'\n', &mut line).is_ok_and(|count| count > 0) {
+        if take(String::from_utf8_lossy(&line).into_owned()).is_err() {
+            return;
+        }
+        line.clear();
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    /// Everything said while a shell ran a script, seconds left out.
+    fn said(script: &str, begins: Begins) -> (Vec<String>, String) {
+        let mut said = Vec::new();
+        let mut keep = |line: &str| said.push(line.replace(char::is_numeric, ""));
+        let mut shell = Command::new("sh");
+        let shell = shell.args(["-c", script]);
+        // A short interval, and a script that waits for far more than one of it: several signs of life on any machine.
+        let interval = Duration::from_millis(20);
+        let (_, message) = watched_by(shell, "building it", begins, interval, &mut keep).unwrap();
+        said.dedup();
+        (said, message)
+    }
+
+    #[test]
+    fn a_build_says_that_it_begins_lives_and_is_done_and_is_silent_with_nothing_to_do() {
+        let script = "echo '   Compiling one v' >&2; sleep 0.5; echo 'warning: two' >&2";
+        let (lines, message) = said(script, Begins::WhenStale);
+        let expected = [
+            "building it; this can take minutes",
+            "building it:  s, Compiling one v",
+            "building it: done,  s",
+        ];
+        assert_eq!(lines, expected);
+        assert_eq!(message, "   Compiling one v\nwarning: two\n");
+        let (lines, message) = said("sleep 0.2; echo '    Finished' >&2", Begins::WhenStale);
+        assert_eq!((lines, message.as_str()), (Vec::new(), "    Finished\n"));
+        let (lines, _) = said("exit 1", Begins::AtOnce);
+        assert_eq!(lines, ["building it; this can take minutes"]);
+    }
+}
