@@ -17,6 +17,7 @@ mod range;
 mod reach;
 mod shard;
 mod study;
+mod ways;
 
 pub use journal::{Journal, Kept, MergeError, merge};
 pub use measure::{Figures, settled_s};

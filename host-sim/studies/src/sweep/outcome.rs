@@ -1,24 +1,11 @@
 //! What a sweep gave: the table, the figures, and what follows from them.
 
 use super::reach::{Lines, Reach};
+use super::ways::{BARE, ESTIMATE, WAYS, Way};
 use super::{Figures, Point, Range, Study};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::number::significant;
-use thermyo_record::summary::Errors;
-
-/// A way to know the gas temperature: name, column of `sweep.csv`, error.
-pub(super) type Way = (&'static str, &'static str, fn(&Errors) -> f64);
-
-/// The ways that are compared.
-pub(super) const WAYS: [Way; 4] = [
-    ("bare sensor in the gas", "sensor_gas_rmse_k", |errors| errors.sensor_gas),
-    ("bare sensor in the wall", "sensor_wall_rmse_k", |errors| errors.sensor_wall),
-    ("forward model", "model_rmse_k", |errors| errors.model),
-    ("estimate", "estimate_rmse_k", |errors| errors.estimate),
-];
-pub(super) const BARE: usize = 0;
-pub(super) const ESTIMATE: usize = 3;
 
 /// What a sweep gave.
 #[derive(Debug)]

@@ -1,8 +1,9 @@
 //! `report.html` of a sweep: a line over one key, a map over two, a pair of maps for each value of a
 //! third.
 
-use super::outcome::{BARE, ESTIMATE, WAYS, ends};
+use super::outcome::ends;
 use super::reach::with_unit;
+use super::ways::{BARE, ESTIMATE, WAYS};
 use super::{Outcome, Study};
 use thermyo_files::number::fixed;
 use thermyo_report::Colour;

@@ -1,7 +1,7 @@
 //! What a sweep runs: enough to tell two sweeps apart, and to read and write the rows of either.
 
-use super::outcome::WAYS;
 use super::plan::{Latin, Plan};
+use super::ways::WAYS;
 use super::{Figures, Range, Shard, SweepError};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Write};
