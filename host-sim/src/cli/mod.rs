@@ -39,6 +39,7 @@ use crate::files::shipped;
 use crate::files::summary::Summary;
 use crate::files::table::{self, Table};
 use crate::files::trace::{COMPARABLE, Row, TraceWriter};
+use crate::plant;
 use crate::report::number::of_column;
 use crate::report::run_page::RunRecorder;
 use crate::scenario::{self, Loaded};
@@ -323,6 +324,9 @@ fn check_command(
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let loaded = load(path, err)?;
+    // Whether its steps would be too short is known once it is built.
+    plant::build(&loaded.plant, loaded.volume_profile.clone())
+        .map_err(|error| Failure::Run(RunError::Build(error)))?;
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
     said.done(out, &both, &scenario::render(&loaded))
 }
@@ -650,7 +654,7 @@ fn brief(summary: &Summary, folder: &Path) -> String {
         text += &control.text();
     }
     text += &summary.core.fault_line();
-    if let Some(warning) = summary.overconfidence() {
+    for warning in [summary.overconfidence(), summary.unrest()].into_iter().flatten() {
         text += &format!("warning: {warning}\n");
     }
     text + &format!("report: {}\n", folder.join("report.html").display())

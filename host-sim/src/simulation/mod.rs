@@ -5,6 +5,7 @@
 pub mod adc;
 pub mod elements;
 pub mod faults;
+pub mod limit_cycle;
 mod noise;
 pub mod rig;
 pub mod run;
