@@ -66,3 +66,16 @@ fn random_plants_neither_diverge_nor_swing_without_a_warning() {
         assert!(!misses(name), "{name}: {}", table(&lines));
     }
 }
+
+/// A valve passes no more than the tube behind it, which the core is configured with.
+#[test]
+fn a_valve_larger_than_its_tube_lets_gas_in() {
+    let mut scenario = Scenario::default();
+    scenario.plant.model = PlantModel::Full;
+    scenario.valve.conductance_m3_s_pa = 3.0e-7;
+    let config = host_sim::scenario::core_config::core_config(&scenario);
+    assert_eq!(config.valve.conductance_m3_s_pa, 3.0e-8, "the tube's");
+    scenario.valve.conductance_m3_s_pa = 4.0e-9;
+    let config = host_sim::scenario::core_config::core_config(&scenario);
+    assert_eq!(config.valve.conductance_m3_s_pa, 4.0e-9, "the valve's");
+}
