@@ -579,6 +579,7 @@ mod tests {
             let mut accumulator = Accumulator::new(loaded.plant.run.duration_s, None);
             rows[..steps].iter().for_each(|row| accumulator.add(row, Some(row.truth.pressure_pa)));
             let ending = Ending {
+                limit_cycle: None,
                 wall_clock_s: 1.0,
                 board: "core",
                 period_s: None,
