@@ -63,7 +63,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
         ),
         (vec!["serve", "--port", "80x"], "must be a whole number from 1 to 65535"),
         (vec!["serve", "--port", "0"], "must be a whole number from 1 to 65535"),
-        (vec!["evaluate", "tune", "--random", "3"], "--random goes with `evaluate estimator` only"),
+        (
+            vec!["evaluate", "tune", "--random", "3"],
+            "--random goes with `evaluate estimator` and `evaluate plants` only",
+        ),
         (vec!["evaluate", "estimator", "--random", "0"], "must be a whole number from 1 to 10000"),
         (vec!["evaluate", "estimator", "--seed", "3"], "--random <N>"),
         (

@@ -11,6 +11,7 @@ mod line;
 mod logs;
 #[path = "../plant/tests/plant_support/mod.rs"]
 mod plant_support;
+mod plants;
 mod playground;
 mod records;
 mod report_browser;
@@ -21,3 +22,4 @@ mod scenario_files;
 mod serve;
 mod static_map;
 mod sweep;
+mod targets;

@@ -4,4 +4,4 @@
 //! pure Rust, the same everywhere. What IEEE 754 rounds correctly, such as `sqrt` and `round`, is std's; the
 //! rest is refused by `clippy.toml`.
 
-pub use libm::{acos, cbrt, cos, exp, expm1, hypot, log, pow, sin};
+pub use libm::{acos, atan2, cbrt, cos, exp, expm1, hypot, log, pow, sin};

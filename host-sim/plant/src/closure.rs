@@ -12,6 +12,7 @@
 use super::Truth;
 use super::flow::Streams;
 use super::gas::IdealGas;
+use thermyo_compute::math;
 use thermyo_scenario::{HeatModel, Paper, PlantModel, Scenario};
 
 /// The closure in use.
@@ -107,6 +108,15 @@ impl Closure {
                 enthalpy - gas.cv * temperature * flow
             }
         }
+    }
+
+    /// Work of the gas \[J\] from one pressure \[Pa\] and volume \[m3\] to another while w = P V^e stays: the integral of P dV.
+    pub fn work(&self, before_pa: f64, before_m3: f64, after_pa: f64, after_m3: f64) -> f64 {
+        let exponent = self.exponent();
+        if exponent == 1.0 {
+            return before_pa * before_m3 * math::log(after_m3 / before_m3);
+        }
+        (before_pa * before_m3 - after_pa * after_m3) / (exponent - 1.0)
     }
 
     /// Internal energy P V/(k-1) \[J\], eq. (4).

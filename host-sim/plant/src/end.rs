@@ -27,6 +27,10 @@ impl End {
     fn fastest_rate(&self, softening: f64) -> f64 {
         self.bristle.fastest_rate(self.mass_kg, softening)
     }
+
+    fn swing(&self, spring_n_m: f64) -> f64 {
+        (spring_n_m * self.per_mass_kg).sqrt()
+    }
 }
 
 /// The end with its load and, of a chamber that cannot push, without it.
@@ -59,6 +63,12 @@ impl Ends {
     pub fn fastest_rate(&self, softening: f64) -> f64 {
         let slack = self.slack.map_or(0.0, |end| end.fastest_rate(softening));
         self.taut.fastest_rate(softening).max(slack)
+    }
+
+    /// Largest angular frequency of what moves, on a spring \[N/m\] \[1/s\].
+    pub fn fastest_swing(&self, spring_n_m: f64) -> f64 {
+        let Self { taut, slack } = self;
+        slack.unwrap_or(*taut).swing(spring_n_m).max(taut.swing(spring_n_m))
     }
 
     /// What moves while the load is there.

@@ -11,7 +11,7 @@ use super::closure::Closure;
 use super::end::{End, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
-use super::heat::{HEAT_TOO_LARGE, InnerHeat};
+use super::heat::{HEAT_TOO_LARGE, InnerHeat, WALL_BELOW_GAS_K};
 use super::line::Line;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
@@ -31,6 +31,13 @@ const LONGEST_OPEN_S: f64 = 1.0e-4;
 const LONGEST_SHUT_S: f64 = 2.5e-4;
 /// Integration step times the fastest rate, at most; RK4 is stable to 2.8.
 const STEP_TIMES_RATE: f64 = 2.0;
+/// Integration step times the angular frequency of what swings without damping, at most: the books close only where a
+/// swing is resolved.
+const STEP_TIMES_SWING: f64 = 0.5;
+/// Largest share of the volume that moves past in an integration step: work is resolved near the end of a small volume.
+const MOST_SWEPT: f64 = 0.02;
+/// An end hardly moves faster \[m/s\].
+const FASTEST_M_S: f64 = 10.0;
 /// Response of the pressure regulator to a change of flow \[s\].
 const REGULATOR_TIME_CONSTANT_S: f64 = 0.02;
 
@@ -168,21 +175,34 @@ struct Way<'a> {
     line: Option<&'a Line>,
 }
 
-/// Substeps of a step, while a valve is open, and while both are shut.
+/// Hottest that gas gets upstream \[K\].
+fn hottest_k(scenario: &Scenario) -> f64 {
+    let plant = &scenario.plant;
+    scenario.supply.temperature_k.max(plant.initial_temperature_k).max(plant.gas_k())
+}
+
+/// A rate \[1/s\] and the keys that make it so fast.
+type Rate = (f64, &'static str);
+
+fn fastest(rates: impl IntoIterator<Item = Rate>) -> Rate {
+    rates.into_iter().fold((0.0, ""), |most, rate| if rate.0 >= most.0 { rate } else { most })
+}
+
+/// Substeps of a step, while a valve is open, and while both are shut: [`STEP_TIMES_RATE`] over the fastest rate.
 ///
-/// Fastest are the tube between open valves and muscle, or the line; what `others` are, rates \[1/s\] and the keys that
-/// make them so fast; the muscle of `smallest` volume \[m3\] through its largest hole.
+/// The pressures of tube and muscle, of `smallest` volume \[m3\], are joined by the port. The sum of the rates at which each
+/// follows the other alone is the trace of that system, whose eigenvalues are real and negative: none is faster.
 fn substeps(
     scenario: &Scenario,
     gas: &IdealGas,
     way: &Way<'_>,
-    others: [(f64, &'static str); 3],
+    others: &[Rate],
     smallest: f64,
 ) -> Result<[Substeps; 2], BuildError> {
     let Way { piping, tube, tube_m3, line } = way;
     let plant = &scenario.plant;
     let supply = piping.supply();
-    let hottest = supply.1.max(plant.initial_temperature_k).max(plant.gas_k());
+    let hottest = hottest_k(scenario);
     let per_flow = gas.k * gas.r * hottest;
     let port = tube.steepest(hottest);
     // The port is at the tube, or at the other end of a line.
@@ -193,10 +213,15 @@ fn substeps(
             (0.0, line.fastest_rate(port, least_pa, hottest))
         }
     };
+    let chamber_rate = per_flow * port / smallest;
     let of = |longest: f64, valves: f64| {
         let tube_rate = per_flow * (valves * piping.steepest(hottest) + beside_tube) / tube_m3;
-        let rates = [
+        let joined = [
             (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
+            (
+                chamber_rate,
+                "the chamber's smallest volume is too small for tube.conductance_m3_s_pa",
+            ),
             (
                 line_rate,
                 "tube.length_m is too short, or tube.diameter_m too small, for a line in cells",
@@ -204,11 +229,10 @@ fn substeps(
         ];
         Substeps::new(scenario, piping, hottest, |leak, leak_too_large| {
             let leak_rate = per_flow * leak * piping.steepest(hottest) / smallest;
-            let (fastest, because) =
-                others.into_iter().chain(rates).fold((leak_rate, leak_too_large), |most, rate| {
-                    if rate.0 >= most.0 { rate } else { most }
-                });
-            super::substeps(scenario.run.step_s, longest.min(STEP_TIMES_RATE / fastest), because)
+            let joined = joined.into_iter().chain([(leak_rate, leak_too_large)]);
+            let together = (joined.clone().map(|rate| rate.0).sum(), fastest(joined).1);
+            let (rate, because) = fastest(others.iter().copied().chain([together]));
+            super::substeps(scenario.run.step_s, longest.min(STEP_TIMES_RATE / rate), because)
         })
     };
     Ok([of(LONGEST_OPEN_S, 2.0)?, of(LONGEST_SHUT_S, 0.0)?])
@@ -238,23 +262,54 @@ impl<C: Chamber> Constants<C> {
         let inner = InnerHeat::of(scenario, diameter);
         let softening = Softening::new(&scenario.friction);
         // The zone at the port gets the largest share of an inflow's heat transfer.
+        let supply = piping.supply();
+        let passes = piping.largest_inflow().min(tube.mass_flow(supply.0, supply.1, 0.0));
         let inflow = piping.largest_inflow()
             * stirring.zones().iter().fold(1.0, |most, share| share.max(most));
         let coldest_k = plant.initial_temperature_k.min(scenario.ambient.temperature_k);
-        let still = (scenario.ambient.pressure_pa, plant.initial_temperature_k);
+        let least_pa = piping.ambient().0.min(plant.initial_pressure_pa);
+        let most_pa = supply.0.max(plant.initial_pressure_pa);
+        let still = (least_pa, plant.initial_temperature_k);
         let space = (chamber.volume(rest_length), chamber.surface(rest_length));
+        let into_wall = {
+            let [from, to] = chamber.lengths().map(|length| chamber.surface(length));
+            let (_, gas_k) = still;
+            let surface = from.max(to).max(space.1);
+            let within = inner.coefficient(most_pa, gas_k, gas_k - WALL_BELOW_GAS_K, inflow);
+            let outside = heat.outer_w_m2_k + heat.outer_per_speed * FASTEST_M_S;
+            share * surface * (within / inner_j_k + outside / outer_j_k)
+        };
+        let area =
+            chamber.force_area(rest_length).abs().max(chamber.force_area(start.length).abs());
+        // What the gas in the smallest volume, and what is elastic, push back with.
+        let spring_n_m =
+            gas.k * most_pa * area * area / smallest + chamber.elastic_slope(rest_length).abs();
+        // Volume flows through the port at the muscle's pressure: in, where the jet stirs too, and out.
+        let volume_in = passes * gas.r * supply.1 / least_pa;
+        let volume_out =
+            tube.mass_flow(1.0, hottest_k(scenario), 0.0) * gas.r * hottest_k(scenario);
+        let turnover =
+            stirring.fastest_rate(smallest, chamber.gas_length(rest_length), volume_in, volume_out);
         let others = [
             (
                 ends.fastest_rate(softening.factor(coldest_k).max(1.0)),
                 "friction.presliding_stiffness_n_m or friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end",
             ),
+            (
+                STEP_TIMES_RATE / STEP_TIMES_SWING * ends.fastest_swing(spring_n_m),
+                "the gas in the chamber's smallest volume, or its spring, is too stiff for load.mass_kg, or for the 50 g of an end without a load",
+            ),
+            (
+                turnover,
+                "the chamber's smallest volume is too small for the conductances of valve and tube, or plant.initial_pressure_pa is too low, or there are too many zones",
+            ),
             (inner.fastest_rate(&gas, still, space, inflow), HEAT_TOO_LARGE),
             (
-                layers_w_k * (1.0 / inner_j_k + 1.0 / outer_j_k),
-                "wall.conductance_w_k is too large for wall.heat_capacity_j_k",
+                into_wall + layers_w_k * (1.0 / inner_j_k + 1.0 / outer_j_k),
+                "wall.heat_capacity_j_k is too small for wall.conductance_w_k and what [heat] transfers",
             ),
         ];
-        let [open, shut] = substeps(scenario, &gas, &way, others, smallest)?;
+        let [open, shut] = substeps(scenario, &gas, &way, &others, smallest)?;
         Ok(Self {
             step_s: scenario.run.step_s,
             open,
@@ -408,14 +463,20 @@ impl<C: Chamber> Constants<C> {
             y[SPEED] = y[SPEED].min(0.0);
         }
         let (pressure, volume) = self.place(y, power);
-        // The way is 0.1 % of the length at most: the trapezium's error is below rounding of the books.
-        let work = 0.5 * (before_pa + pressure) * (volume - before_m3);
+        let work = self.closure.work(before_pa, before_m3, pressure, volume);
         let heat = self.closure.heat_per_work() * work;
         y[WORK] += work;
         y[HEAT] += heat;
         for inner in &mut y[ZONES + self.zones..ZONES + 2 * self.zones] {
             *inner += self.share * heat * self.inner_k_j;
         }
+    }
+
+    /// Into how many parts a step \[s\] is divided, so that each sweeps no more than [`MOST_SWEPT`] of the volume.
+    fn parts(&self, y: &[f64], step: f64) -> u32 {
+        let chamber = &self.pull.chamber;
+        let swept_m3 = step * (chamber.force_area(y[LENGTH]) * y[SPEED]).abs();
+        (swept_m3 / (MOST_SWEPT * chamber.volume(y[LENGTH]))).ceil().max(1.0) as u32
     }
 
     /// Where the load is after a step; see [`Ends::hang`].
@@ -640,14 +701,19 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let count = (duration / longest - 1e-9).ceil().max(1.0);
         let step = duration / count;
         for i in 0..count as u32 {
-            let moving = constants.ends.moving(*falling);
-            integrator.step(state, step, |share, y, rates| {
-                let drive = start.towards(end, (f64::from(i) + share) / count);
-                constants.rates(y, power, moving, &drive, rates);
-            });
-            constants.stop(state, power);
-            let acceleration = integrator.last_rates()[SPEED];
-            *falling = constants.hang(state, acceleration, step, *falling);
+            let parts = constants.parts(state, step);
+            let step = step / f64::from(parts);
+            for part in 0..parts {
+                let moving = constants.ends.moving(*falling);
+                integrator.step(state, step, |share, y, rates| {
+                    let share = (f64::from(part) + share) / f64::from(parts);
+                    let drive = start.towards(end, (f64::from(i) + share) / count);
+                    constants.rates(y, power, moving, &drive, rates);
+                });
+                constants.stop(state, power);
+                let acceleration = integrator.last_rates()[SPEED];
+                *falling = constants.hang(state, acceleration, step, *falling);
+            }
         }
     }
 

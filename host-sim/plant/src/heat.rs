@@ -10,7 +10,7 @@ use thermyo_scenario::{DriveKind, Heat, HeatModel, PlantKind, PlantModel, Scenar
 const GRAVITY: f64 = 9.81;
 
 /// So far from each other gas and wall hardly come; natural convection grows with it \[K\].
-const WALL_BELOW_GAS_K: f64 = 100.0;
+pub const WALL_BELOW_GAS_K: f64 = 100.0;
 
 /// Why steps would have to be too short, where it is heat that is fast.
 pub const HEAT_TOO_LARGE: &str = "heat.scale, heat.inner_w_m2_k or heat.inner_per_flow is too large for the heat capacity of gas and wall";

@@ -29,7 +29,8 @@ pub struct Stirring {
 impl Stirring {
     /// For gas of that length and diameter \[m\].
     pub fn new(zones: usize, length_m: f64, diameter_m: f64) -> Self {
-        let decay = length_m / (JET_REACH_DIAMETERS * diameter_m);
+        // Within the range of the exponential: beyond, the first zone has all of the jet.
+        let decay = (length_m / (JET_REACH_DIAMETERS * diameter_m)).min(700.0);
         let at = |position: f64| math::exp(-decay * position / zones as f64);
         let strengths: Vec<f64> = (0..zones).map(|i| at(i as f64 + 0.5)).collect();
         let mean = strengths.iter().sum::<f64>() / zones as f64;
@@ -42,6 +43,17 @@ impl Stirring {
     /// Shares of the inflow's heat transfer that the zones get, mean 1 \[-\].
     pub fn zones(&self) -> &[f64] {
         &self.zones
+    }
+
+    /// Fastest rate \[1/s\] at which a zone's gas is replaced, for gas of that volume \[m3\] and length \[m\] and volume flows
+    /// in and out \[m3/s\]: by what flows through it, and by four times what is exchanged over a face, the largest eigenvalue of
+    /// diffusion in cells.
+    pub fn fastest_rate(&self, volume: f64, length: f64, inflow: f64, outflow: f64) -> f64 {
+        let strongest = self.faces.iter().fold(0.0_f64, |most, face| face.max(most));
+        // A single zone has no face.
+        let background = if self.faces.is_empty() { 0.0 } else { self.background(volume, length) };
+        let through = (inflow * (1.0 + 4.0 * strongest)).max(outflow);
+        (through + 4.0 * background) * self.zones.len() as f64 / volume
     }
 
     /// Volume that diffusion exchanges each way over every face \[m3/s\], of gas of that volume \[m3\] and

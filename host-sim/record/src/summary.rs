@@ -1,5 +1,6 @@
 //! `summary.json`: the figures of a run, gathered while it goes on.
 
+use crate::limit_cycle::LimitCycle;
 use crate::measured::Measured;
 use crate::trace::{COLUMNS, Row};
 use model_core::Faults;
@@ -86,6 +87,10 @@ pub struct Summary {
     /// How well the set point was held, where one was driven.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
+    /// The largest limit cycle around a set point that stood still, if there was one; its amplitude is in Pa or a share of
+    /// the rest length.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit_cycle: Option<LimitCycle>,
     /// How the steps were timed, where the board is not this process.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingFigures>,
@@ -263,6 +268,8 @@ pub struct Ending {
     pub period_s: Option<f64>,
     /// What a set point stood for.
     pub controlled: Option<Controlled>,
+    /// The largest limit cycle.
+    pub limit_cycle: Option<LimitCycle>,
     /// Rest length of a muscle \[m\].
     pub rest_length_m: Option<f64>,
     /// The plant's books.
@@ -385,6 +392,19 @@ impl Summary {
     /// A share below this, of two stated deviations, says that the estimate is surer of itself than it may
     /// be: of normal errors 95 % lie within.
     pub const LEAST_WITHIN_2SD: f64 = 0.8;
+
+    /// What has to be said of a loop that does not come to rest.
+    pub fn unrest(&self) -> Option<String> {
+        let LimitCycle { time_s, frequency_hz, amplitude } = self.limit_cycle?;
+        let amplitude = match self.control.as_ref()?.quantity {
+            Controlled::Pressure => format!("{:.1} kPa", amplitude / 1e3),
+            Controlled::Contraction => format!("{:.2} % of the rest length", 100.0 * amplitude),
+        };
+        Some(format!(
+            "the loop does not come to rest: a limit cycle of {frequency_hz:.1} Hz and an amplitude of {amplitude}, until \
+             {time_s:.1} s; docs/control.md says which valve and which gains it needs"
+        ))
+    }
 
     /// What has to be said of the stated deviations, where they are too small.
     pub fn overconfidence(&self) -> Option<String> {
@@ -563,6 +583,7 @@ impl Accumulator {
                 shown_s: self.shown_s,
             },
             control,
+            limit_cycle: ending.limit_cycle,
             timing: ending.timing.as_ref().map(TimingFigures::from),
             measured,
         }

@@ -176,7 +176,8 @@ fn lead(summary: &Summary) -> String {
 }
 
 fn warnings(summary: &Summary) -> Vec<String> {
-    summary.overconfidence().map(|text| capitalised(&text) + ".").into_iter().collect()
+    let all = [summary.overconfidence(), summary.unrest()];
+    all.into_iter().flatten().map(|text| capitalised(&text) + ".").collect()
 }
 
 fn tiles(summary: &Summary) -> Vec<Tile> {

@@ -138,7 +138,10 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
         valve: if s.moves_in_full() {
-            Valve { dead_time_s: dead_time_s(s) as f32, ..s.valve.core() }
+            // Through both in series passes no more than through either.
+            let conductance_m3_s_pa =
+                s.valve.conductance_m3_s_pa.min(s.tube.conductance_m3_s_pa) as f32;
+            Valve { dead_time_s: dead_time_s(s) as f32, conductance_m3_s_pa, ..s.valve.core() }
         } else {
             // Every other plant has ideal valves.
             Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() }

@@ -2,10 +2,15 @@
 
 use super::loaded::Loaded;
 use super::tree::{same, tree, value};
-use crate::core_config::pressure_limit_pa;
+use crate::core_config::{core_config, pressure_limit_pa};
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_plant::chamber;
+use thermyo_plant::flow::Iso6358;
+use thermyo_plant::gas::IdealGas;
+use thermyo_plant::load_n;
 use thermyo_scenario::document::{Document, Entry};
 use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
@@ -168,6 +173,11 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         problem_at(document, entry.line, problem)
     }));
     all.extend(unused_keys(document, loaded));
+    all.extend(restless(&loaded.believed).map(|(key, value, why)| {
+        let line = document.plant.get(key).and_then(|entry| entry.line);
+        let problem = Problem::NoSense { key: key.to_owned(), value, why };
+        problem_at(document, line, problem)
+    }));
     let values = [
         ("supply.pressure_pa", scenario.supply.pressure_pa, no_supply(scenario)),
         (
@@ -203,6 +213,94 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     }));
     all.sort_by_key(|warning| warning.line);
     all
+}
+
+/// Wakes at so many dead zones of contraction from its goal: `model-core/src/control/contraction.rs`.
+const WAKES_AT_ZONES: f64 = 2.0;
+
+/// Why a loop cannot come to rest: `docs/control.md`, \"Where it cannot come to rest\", derives both conditions.
+///
+/// The shortest pulse moves a mass dm, and with it the pressure by k R T dm/V, the end by A dP over the stiffness of gas and
+/// spring k P A^2/V + K: from one end of the zone that the loop wakes at beyond the other one, it goes on for ever. And the
+/// lead on the length's speed, late by a PWM period and the valve, pushes a gas spring that is faster than that on: from the
+/// amplitude on at which friction takes less, the swing grows.
+fn restless(s: &Scenario) -> Option<(&'static str, String, String)> {
+    let moving = chamber::of(s)?;
+    let contraction = s.drive.kind == DriveKind::Contraction;
+    if !contraction && s.drive.kind != DriveKind::Pressure {
+        return None;
+    }
+    let config = core_config(s);
+    let (tuning, valve) = (&config.controller, &config.valve);
+    let [pulse_s, switch_s] = [tuning.minimum_pulse_s, valve.switch_time_s].map(f64::from);
+    let opening_s = if pulse_s < switch_s { pulse_s * pulse_s / switch_s } else { pulse_s };
+    let gas = IdealGas::new(&s.gas);
+    let conductance = f64::from(valve.conductance_m3_s_pa);
+    let open = Iso6358::valve(conductance, s.valve.critical_ratio, &gas);
+    let (supply_pa, supply_k) = (s.supply.pressure_pa, s.supply.temperature_k);
+    let moved_kg = opening_s * open.mass_flow(supply_pa, supply_k, 0.0);
+    let tube_m3 = if s.moves_in_full() { s.tube.volume_m3 } else { 0.0 };
+    let by_gas = |volume_m3: f64| gas.k * gas.r * supply_k * moved_kg / (volume_m3 + tube_m3);
+    let rest_m = moving.rest_length();
+    let conductance_key = "valve.conductance_m3_s_pa";
+    if !contraction {
+        let step_pa = by_gas(moving.volume(rest_m));
+        let zone_pa = f64::from(tuning.pressure_dead_zone_pa);
+        return (step_pa > 2.0 * zone_pa).then(|| {
+            let why = format!(
+                "the shortest pulse, controller.minimum_pulse_s, moves the pressure by {step_pa:.0} Pa, beyond both ends of \
+                 controller.pressure_dead_zone_pa = {zone_pa:.0}: the loop may never come to rest"
+            );
+            (conductance_key, format!("{:e}", valve.conductance_m3_s_pa), why)
+        });
+    }
+    let [shortest, longest] = moving.lengths();
+    let length_m = if s.drive.profile_csv.is_some() {
+        0.5 * (shortest + longest)
+    } else {
+        rest_m * (1.0 - s.drive.contraction)
+    };
+    let (area_m2, volume_m3) = (moving.force_area(length_m), moving.volume(length_m));
+    let gauge_pa = (load_n(s, moving.as_ref()) - moving.elastic(length_m)) / area_m2;
+    let pressure_pa = s.ambient.pressure_pa + gauge_pa.max(0.0);
+    let gas_n_m = gas.k * pressure_pa * area_m2 * area_m2 / (volume_m3 + tube_m3);
+    let stiffness_n_m = gas_n_m + moving.elastic_slope(length_m).abs();
+    let step_m = (by_gas(volume_m3) * area_m2).abs() / stiffness_n_m;
+    let zone_m = f64::from(tuning.contraction_dead_zone) * rest_m;
+    if step_m > WAKES_AT_ZONES * zone_m {
+        let why = format!(
+            "the shortest pulse, controller.minimum_pulse_s, moves the end by {:.2} mm, beyond both ends of \
+             controller.contraction_dead_zone, {:.2} mm: the loop may never come to rest",
+            1e3 * step_m,
+            1e3 * zone_m
+        );
+        return Some((conductance_key, format!("{:e}", valve.conductance_m3_s_pa), why));
+    }
+    let mass_kg = f64::from(config.moving_mass_kg);
+    let lead_s = f64::from(tuning.length_lead_s) * f64::from(tuning.length_gain);
+    if mass_kg <= 0.0 || lead_s <= 0.0 {
+        return None;
+    }
+    let swing = (stiffness_n_m / mass_kg).sqrt();
+    let closes = 1.0 / f64::from(tuning.length_loop_s);
+    // Half a period by which the difference for the speed is late, and half a period by which a pulse is.
+    let late_s = f64::from(config.pwm_period_steps) * s.run.step_s
+        + f64::from(valve.dead_time_s)
+        + 0.5 * switch_s;
+    let beyond = (swing * late_s + math::atan2(swing, closes) - 0.5 * PI).min(0.5 * PI);
+    let pushes_n_m =
+        gas_n_m * lead_s * closes * swing / math::hypot(swing, closes) * math::sin(beyond.max(0.0));
+    let grows_from_m = 4.0 / PI * s.friction.force_n / pushes_n_m;
+    (grows_from_m < WAKES_AT_ZONES * zone_m).then(|| {
+        let why = format!(
+            "the load swings at {:.0} Hz on its gas, too fast for a lead that is {:.0} ms late: from {:.2} mm on the loop \
+             pushes more than friction takes, and may never come to rest; a smaller lead, or a higher valve.pwm_hz",
+            swing / (2.0 * PI),
+            1e3 * late_s,
+            1e3 * grows_from_m
+        );
+        ("controller.length_lead_s", format!("{:?}", tuning.length_lead_s), why)
+    })
 }
 
 /// Whether the drive is to let something in.

@@ -16,6 +16,7 @@ use std::time::Instant;
 use thermyo_compute::stop;
 use thermyo_plant::chamber;
 use thermyo_plant::{BuildError, Diverged, Truth};
+use thermyo_record::limit_cycle::Detector;
 use thermyo_record::measured::Measured;
 use thermyo_record::summary::{Accumulator, Controlled, Ending, Summary};
 use thermyo_record::trace::Row;
@@ -118,6 +119,8 @@ pub struct Run {
     drive: SetPoints,
     model: Model,
     accumulator: Accumulator,
+    /// Looks for a limit cycle, where a loop closes on something.
+    detector: Option<Detector>,
     rest_length_m: Option<f64>,
     length_held: bool,
     sample: Sample,
@@ -156,6 +159,7 @@ impl Run {
         let flows = MeanFlows::new(&rig);
         board.start(&config, drive.at(0.0))?;
         Ok(Self {
+            detector: drive.dead_zone(&loaded.believed).map(Detector::new),
             drive,
             model,
             accumulator: Accumulator::new(scenario.run.duration_s, measured),
@@ -253,7 +257,11 @@ impl Run {
             truth: done.truth,
             telemetry,
         };
-        self.accumulator.add(&row, self.drive.controlled(self.rest_length_m, &row));
+        let controlled = self.drive.controlled(self.rest_length_m, &row);
+        self.accumulator.add(&row, controlled);
+        if let (Some(detector), Some(value)) = (&mut self.detector, controlled) {
+            detector.add(row.truth.time_s, row.set_point, value);
+        }
         if done.logged {
             observer.row(&row).map_err(RunError::Output)?;
         }
@@ -271,6 +279,7 @@ impl Run {
         self.loaded.plant = plant.clone();
         if driven {
             self.drive = SetPoints::new(&self.loaded);
+            self.detector = self.drive.dead_zone(&self.loaded.believed).map(Detector::new);
             board.set(self.drive.at(self.rig.truth().time_s))?;
         }
         Ok(())
@@ -289,6 +298,7 @@ impl Run {
             period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
                 .then_some(scenario.drive.period_s),
             controlled: drive.quantity(),
+            limit_cycle: self.detector.and_then(Detector::finish),
             rest_length_m: self.rest_length_m,
             ledger: rig.ledger(),
             axial_wall_k: rig.axial_wall_k(),
@@ -410,6 +420,14 @@ impl SetPoints {
             Controlled::Contraction => {
                 rest_length_m.map(|rest_m| 1.0 - row.truth.length_m / rest_m)
             }
+        })
+    }
+
+    /// Error that the core leaves alone at rest, in the unit of what a loop closes on.
+    fn dead_zone(&self, believed: &Scenario) -> Option<f64> {
+        self.quantity().map(|quantity| match quantity {
+            Controlled::Pressure => f64::from(believed.controller.pressure_dead_zone_pa),
+            Controlled::Contraction => f64::from(believed.controller.contraction_dead_zone),
         })
     }
 

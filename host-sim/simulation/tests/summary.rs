@@ -21,6 +21,7 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
         let mut accumulator = Accumulator::new(loaded.plant.run.duration_s, None);
         rows[..steps].iter().for_each(|row| accumulator.add(row, Some(row.truth.pressure_pa)));
         let ending = Ending {
+            limit_cycle: None,
             wall_clock_s: 1.0,
             board: "core",
             period_s: None,

@@ -31,10 +31,11 @@ pub(super) struct EvaluateArgs {
     /// Simulated hours of healthy muscles; of `faults` [default: 1]
     #[arg(long, value_name = "HOURS", value_parser = hours)]
     hours: Option<f64>,
-    /// So many random muscles on the plant full instead of the table; of `estimator`
+    /// So many random muscles on the plant full instead of the table, of `estimator`; so many random plants, of `plants`
+    /// [default: 200]
     #[arg(long, value_name = "N", value_parser = |text: &str| whole(text, 1..=10_000_u64))]
     random: Option<u64>,
-    /// Other random muscles; with --random [default: 1]
+    /// Other random muscles or plants; with --random [default: 1]
     #[arg(long, value_name = "S", requires = "random", value_parser = |text: &str| whole(text, 0..=u64::MAX))]
     seed: Option<u64>,
     /// Judges a board's recording in this folder, with a reference sensor's column; of `estimator`
@@ -65,6 +66,8 @@ enum Subject {
     Tune,
     /// What breaks, whether it is found in time, and what follows; and that nothing else is
     Faults,
+    /// Random plants of every size: none diverges, and none swings without a warning
+    Plants,
     /// What others have measured, from the data in a folder
     Truth,
 }
@@ -78,8 +81,8 @@ fn check(args: &EvaluateArgs) -> Result<(), Failure> {
             "--recording goes with `evaluate estimator` only",
         ),
         (
-            random.is_some() && !matches!(what, Subject::Estimator),
-            "--random goes with `evaluate estimator` only",
+            random.is_some() && !matches!(what, Subject::Estimator | Subject::Plants),
+            "--random goes with `evaluate estimator` and `evaluate plants` only",
         ),
         (
             random.is_some() && scenario.is_some(),
@@ -164,6 +167,11 @@ fn evaluated(
         Subject::Truth => {
             let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());
             thermyo_evaluate::truth::evaluate(args.data.as_deref().ok_or_else(missing)?, &bar)?
+        }
+        Subject::Plants => {
+            let count = args.random.unwrap_or(thermyo_evaluate::plants::COUNT);
+            thermyo_evaluate::plants::evaluate(args.seed.unwrap_or(1), count, &bar)
+                .map_err(Failure::Run)?
         }
         Subject::Tune => thermyo_evaluate::tune::evaluate(nominal, &bar)?,
         Subject::Faults => {

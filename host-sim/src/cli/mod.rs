@@ -327,6 +327,9 @@ fn check_command(
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let loaded = load(path, err)?;
+    // Whether its steps would be too short is known once it is built.
+    thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
+        .map_err(|error| Failure::Run(RunError::Build(error)))?;
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
     said.done(out, &both, &thermyo_setup::render(&loaded))
 }
@@ -659,7 +662,7 @@ fn brief(summary: &Summary, folder: &Path) -> String {
         text += &control.text();
     }
     text += &summary.core.fault_line();
-    if let Some(warning) = summary.overconfidence() {
+    for warning in [summary.overconfidence(), summary.unrest()].into_iter().flatten() {
         text += &format!("warning: {warning}\n");
     }
     text + &format!("report: {}\n", folder.join("report.html").display())

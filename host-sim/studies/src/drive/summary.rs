@@ -125,6 +125,7 @@ impl Gathered {
         let cycle =
             scenario.drive.kind == DriveKind::MassFlow && !self.set_points.follows_profile();
         let summary = self.accumulator.finish(Ending {
+            limit_cycle: None,
             controlled: self.set_points.quantity(),
             wall_clock_s: f64::INFINITY,
             board: "live",

@@ -1,0 +1,148 @@
+//! A limit cycle in a run: a controlled value that swings on and on around a set point that stands still.
+
+use serde::Serialize;
+use std::collections::VecDeque;
+
+/// Swings that have to follow each other: five cycles.
+const SWINGS: usize = 10;
+/// The last of them is at least that share of the first: it does not die away \[-\].
+const LASTS: f64 = 0.7;
+
+/// A limit cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LimitCycle {
+    /// When the set point that it belongs to ended \[s\].
+    pub time_s: f64,
+    /// Its frequency \[Hz\].
+    pub frequency_hz: f64,
+    /// Half of its way from turn to turn, in the unit of the set point.
+    pub amplitude: f64,
+}
+
+/// Looks for turns that lie further apart than the least swing.
+#[derive(Debug, Clone)]
+pub struct Detector {
+    least_swing: f64,
+    set_point: f64,
+    time_s: f64,
+    /// Last turn, or the extreme so far: time \[s\] and value; 1 while the value rises.
+    extreme: (f64, f64),
+    rising: Option<bool>,
+    /// The last turns.
+    turns: VecDeque<(f64, f64)>,
+    largest: Option<LimitCycle>,
+}
+
+impl Detector {
+    /// For a dead zone within which a value is left alone: less than its width is no swing.
+    pub fn new(dead_zone: f64) -> Self {
+        Self {
+            least_swing: 2.0 * dead_zone,
+            set_point: f64::NAN,
+            time_s: 0.0,
+            extreme: (0.0, 0.0),
+            rising: None,
+            turns: VecDeque::new(),
+            largest: None,
+        }
+    }
+
+    /// Takes the value \[any unit\] at a time \[s\].
+    pub fn add(&mut self, time_s: f64, set_point: f64, value: f64) {
+        if set_point != self.set_point {
+            self.end_set_point();
+            self.set_point = set_point;
+            self.turns.clear();
+            self.rising = None;
+            self.extreme = (time_s, value);
+        }
+        self.time_s = time_s;
+        let beyond = value - self.extreme.1;
+        match self.rising {
+            None if beyond.abs() > self.least_swing => {
+                self.rising = Some(beyond > 0.0);
+                self.extreme = (time_s, value);
+            }
+            None => {}
+            Some(rising) => {
+                let further = if rising { beyond } else { -beyond };
+                if further >= 0.0 {
+                    self.extreme = (time_s, value);
+                } else if -further > self.least_swing {
+                    self.turns.push_back(self.extreme);
+                    if self.turns.len() > SWINGS + 1 {
+                        self.turns.pop_front();
+                    }
+                    self.rising = Some(!rising);
+                    self.extreme = (time_s, value);
+                }
+            }
+        }
+    }
+
+    /// A set point has ended: a cycle that went on to its end is one.
+    fn end_set_point(&mut self) {
+        let (Some(first), Some(last)) = (self.turns.front(), self.turns.back()) else { return };
+        if self.turns.len() <= SWINGS {
+            return;
+        }
+        let half_s = (last.0 - first.0) / SWINGS as f64;
+        let swings = self.turns.iter().zip(self.turns.iter().skip(1));
+        let swings: Vec<f64> = swings.map(|(from, to)| (to.1 - from.1).abs()).collect();
+        let lasts = swings[SWINGS - 1] >= LASTS * swings[0];
+        if !lasts || self.time_s - last.0 > 4.0 * half_s {
+            return;
+        }
+        let found = LimitCycle {
+            time_s: self.time_s,
+            frequency_hz: 0.5 / half_s,
+            amplitude: 0.5 * swings.iter().sum::<f64>() / SWINGS as f64,
+        };
+        if self.largest.is_none_or(|largest| found.amplitude > largest.amplitude) {
+            self.largest = Some(found);
+        }
+    }
+
+    /// The largest limit cycle of a run that has ended.
+    pub fn finish(mut self) -> Option<LimitCycle> {
+        self.end_set_point();
+        self.largest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+    use thermyo_compute::math;
+
+    fn found(value: impl Fn(f64) -> f64, set_point: impl Fn(f64) -> f64) -> Option<LimitCycle> {
+        let mut detector = Detector::new(0.1);
+        for step in 0..2000 {
+            let time_s = 0.001 * f64::from(step);
+            detector.add(time_s, set_point(time_s), value(time_s));
+        }
+        detector.finish()
+    }
+
+    #[test]
+    fn what_swings_on_is_found_with_its_frequency_and_amplitude() {
+        let swing = |t: f64| 5.0 + 0.5 * math::sin(TAU * 19.0 * t);
+        let cycle = found(swing, |_| 5.0).unwrap();
+        assert!((cycle.frequency_hz - 19.0).abs() < 0.2, "{cycle:?}");
+        assert!((cycle.amplitude - 0.5).abs() < 0.01, "{cycle:?}");
+        // It ended with its set point, not with the run.
+        let until = |t: f64| if t < 1.0 { swing(t) } else { 5.0 };
+        let cycle = found(until, |t| if t < 1.0 { 5.0 } else { 6.0 }).unwrap();
+        assert!((cycle.time_s - 0.999).abs() < 1e-9, "{cycle:?}");
+    }
+
+    #[test]
+    fn what_dies_away_or_is_small_or_follows_its_set_point_is_none() {
+        let swing = |t: f64| math::sin(TAU * 19.0 * t);
+        assert_eq!(found(|t| math::exp(-3.0 * t) * swing(t), |_| 0.0), None, "dies away");
+        assert_eq!(found(|t| 0.09 * swing(t), |_| 0.0), None, "within the dead zone");
+        assert_eq!(found(swing, swing), None, "follows");
+        assert_eq!(found(|t| swing(t.min(1.0)), |_| 0.0), None, "has come to rest");
+    }
+}
