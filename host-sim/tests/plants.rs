@@ -1,7 +1,7 @@
 //! Plants of every size: stable by their own steps, or refused.
 
 use thermyo_evaluate::{Figure, plants, table};
-use thermyo_plant::{self, Actuation, BuildError};
+use thermyo_plant::{Actuation, BuildError};
 use thermyo_scenario::{PlantKind, PlantModel, Scenario};
 
 fn cylinder(bore_m: f64, stroke_m: f64, dead_volume_m3: f64, valve: f64) -> Scenario {
@@ -19,7 +19,7 @@ fn cylinder(bore_m: f64, stroke_m: f64, dead_volume_m3: f64, valve: f64) -> Scen
 
 /// Filled and let out, a second each; the error of the energy's books.
 fn cycle(scenario: &Scenario) -> Result<f64, BuildError> {
-    let mut plant = plant::build(scenario, None)?;
+    let mut plant = thermyo_plant::build(scenario, None)?;
     for step in 0..4000 {
         let fills = step % 2000 < 1000;
         let [inlet, outlet] = if fills { [0.3, 0.0] } else { [0.0, 0.3] };
@@ -73,9 +73,9 @@ fn a_valve_larger_than_its_tube_lets_gas_in() {
     let mut scenario = Scenario::default();
     scenario.plant.model = PlantModel::Full;
     scenario.valve.conductance_m3_s_pa = 3.0e-7;
-    let config = thermyo_scenario::core_config::core_config(&scenario);
+    let config = thermyo_setup::core_config::core_config(&scenario);
     assert_eq!(config.valve.conductance_m3_s_pa, 3.0e-8, "the tube's");
     scenario.valve.conductance_m3_s_pa = 4.0e-9;
-    let config = thermyo_scenario::core_config::core_config(&scenario);
+    let config = thermyo_setup::core_config::core_config(&scenario);
     assert_eq!(config.valve.conductance_m3_s_pa, 4.0e-9, "the valve's");
 }
