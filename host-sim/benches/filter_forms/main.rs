@@ -1,9 +1,9 @@
 //! The estimator's covariance in the shipped form and in the usual ones, on the same samples: what
-//! each makes of them, what 10^8 steps of f32 do to it, what it costs. `docs/estimator.md` discusses the
+//! each makes of them, what 10^8 steps of f32 do to it, what it costs. `docs/background/estimator-trials.md` discusses the
 //! table.
 //!
 //!     cargo bench --bench filter_forms                  # the tables
-//!     cargo bench --bench filter_forms -- --plots       # and the plots of docs/estimator.md
+//!     cargo bench --bench filter_forms -- --plots       # and the plots of docs/background/estimator-trials.md
 
 #[path = "../../../model-core/src/estimation/covariance.rs"]
 // As in its own crate: `!(x <= y)` is how a NaN is caught.
