@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes what a user downloads, in target/dist: see docs/release.md.
+"""Makes what a user downloads, in target/dist: see docs/how-to/release.md.
 
     .ci/dist.py             makes it
     .ci/dist.py --twice     makes it here and in a copy of this checkout elsewhere; exit code 1: a byte differs

@@ -12,7 +12,7 @@
 #
 #     thermyo sweep --merge OUT/shard-* --out OUT/whole
 #
-# THERMYO says which program, where it is not in the path. docs/scale.md has sizes.
+# THERMYO says which program, where it is not in the path. docs/how-to/scale.md has sizes.
 set -euo pipefail
 shards=$1 out=$2
 shift 2

@@ -1,5 +1,5 @@
 //! `thermyo board emulated`: the command as a user runs it, one process after the other, and every line of
-//! `docs/board.md`.
+//! `docs/how-to/start-a-board.md`.
 
 use model_core::SetPoint;
 use model_core::link::{HostCommand, Request, encode};
@@ -143,7 +143,7 @@ fn every_line_of_the_document_runs() {
         return;
     }
     let bench = Bench::new();
-    let lines = documented("docs/board.md");
+    let lines = documented("docs/how-to/start-a-board.md");
     assert!(lines.len() >= 8, "{lines:?}");
     for line in lines {
         bench.ok(&line);
@@ -155,6 +155,6 @@ fn the_frame_of_the_document_is_the_links() {
     let command = HostCommand::Set(SetPoint::Pressure { pressure_pa: 2.5e5 });
     let frame = encode(&Request { sequence: 7, command }).unwrap();
     let bytes: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
-    let text = fs::read_to_string(repository().join("docs/protocol.md")).unwrap();
+    let text = fs::read_to_string(repository().join("docs/reference/protocol.md")).unwrap();
     assert!(text.contains(&bytes.join(" ")), "{bytes:?}");
 }

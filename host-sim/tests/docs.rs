@@ -12,15 +12,24 @@ fn repository() -> PathBuf {
 }
 
 fn documents() -> Vec<PathBuf> {
-    let docs = fs::read_dir(repository().join("docs")).unwrap();
-    let docs = docs.map(|entry| entry.unwrap().path());
-    let pages = docs.filter(|path| path.extension().is_some_and(|extension| extension == "md"));
-    ["", "firmware/", "model-core/", "host-sim/python/"]
+    let mut pages: Vec<PathBuf> = ["", "firmware/", "model-core/", "host-sim/python/"]
         .map(|folder| repository().join(folder).join("README.md"))
         .into_iter()
-        .chain([repository().join("CONTRIBUTING.md")])
-        .chain(pages)
-        .collect()
+        .chain(
+            ["CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md"].map(|name| repository().join(name)),
+        )
+        .collect();
+    let mut folders = vec![repository().join("docs")];
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "md") {
+                pages.push(path);
+            }
+        }
+    }
+    pages
 }
 
 /// Paths of all source files, each with a slash before it.
@@ -90,18 +99,33 @@ fn what_the_documents_name_is_there() {
 
 #[test]
 fn the_index_names_every_page() {
-    let index = fs::read_to_string(repository().join("docs/README.md")).unwrap();
-    let listed: BTreeSet<&str> = links(&index).collect();
-    for page in documents().iter().filter(|page| page.parent().unwrap().ends_with("docs")) {
-        let name = page.file_name().unwrap().to_str().unwrap();
-        assert!(name == "README.md" || listed.contains(name), "{name} is not in the index");
+    let docs = repository().join("docs");
+    let index = fs::read_to_string(docs.join("README.md")).unwrap();
+    let decisions = fs::read_to_string(docs.join("decisions/README.md")).unwrap();
+    let mut listed: BTreeSet<PathBuf> = links(&index).map(|link| docs.join(link)).collect();
+    listed.extend(links(&decisions).map(|link| docs.join("decisions").join(link)));
+    for page in documents().iter().filter(|page| page.starts_with(&docs)) {
+        let found = *page == docs.join("README.md") || listed.contains(page);
+        assert!(found, "{} is not in the index", page.display());
+    }
+}
+
+#[test]
+fn no_line_of_a_document_is_longer_than_100_characters() {
+    for document in documents() {
+        let text = fs::read_to_string(&document).unwrap();
+        // A row of a table cannot be broken.
+        for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.starts_with('|')) {
+            let length = line.chars().count();
+            assert!(length <= 100, "{}:{}: {length} characters", document.display(), number + 1);
+        }
     }
 }
 
 #[test]
 fn what_is_not_there_is_found() {
     let text = "See `docs/gone.md`, scenarios/nominal.toml, `step.rs`, `physics/gas.rs`, `gone.rs`, `physics/step.rs`, [a plot](gone.svg), \
-                [another](docs/control.md#tuning), [far](https://example.org/gone), out/run/gone.csv, \
+                [another](docs/how-to/tune.md#by-hand), [far](https://example.org/gone), out/run/gone.csv, \
                 `cargo run -- run scenarios/gone.toml`. It is in `model-core/src/`.";
     let expected =
         ["gone.svg", "docs/gone.md", "gone.rs", "physics/step.rs", "scenarios/gone.toml"];
@@ -124,8 +148,8 @@ fn tuning(document: &str) -> Vec<[String; 3]> {
 #[test]
 fn the_tables_of_tuning_values_are_those_of_the_core() {
     for (document, parameters) in [
-        ("docs/control.md", ControllerConfig::PARAMETERS),
-        ("docs/estimator.md", EstimatorConfig::PARAMETERS),
+        ("docs/reference/controller-keys.md", ControllerConfig::PARAMETERS),
+        ("docs/reference/estimator-keys.md", EstimatorConfig::PARAMETERS),
     ] {
         let rows = tuning(document);
         let names: Vec<&str> = rows.iter().map(|[name, ..]| name.as_str()).collect();

@@ -255,8 +255,8 @@ fn the_limits_of_one_key_say_whose_they_are() {
     assert!(limits.contains(">estimate</td>"), "{limits}");
 }
 
-/// The shipped scenario's claim, in the README and in docs/sensors.md: for 1 K the bare sensor needs a
-/// time constant of 0.041 s, and the estimate is content with 10 s.
+/// The shipped scenario's claim, in docs/figures.md and docs/how-to/choose-a-sensor.md: for 1 K the bare sensor needs a
+/// time constant of 0.054 s, and the estimate is content with 10 s.
 #[test]
 fn the_estimate_is_content_with_a_slow_sensor() {
     let folder = tempfile::tempdir().unwrap();

@@ -115,7 +115,7 @@ pub enum Load {
 
 parameters! {
     /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
-    /// `docs/estimator.md` says how each is found.
+    /// `docs/reference/estimator-keys.md` says how each is found.
     "estimator": EstimatorConfig {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
         gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
@@ -143,7 +143,7 @@ impl EstimatorConfig {
 }
 
 parameters! {
-    /// Controller tuning; `docs/control.md` says how each is found.
+    /// Controller tuning; `docs/reference/controller-keys.md` says how each is found.
     "controller": ControllerConfig {
         pressure_loop_s: 0.014, "s", 0.001 to 10.0, "time in which the pressure loop closes an error";
         pressure_reset_s: 0.3, "s", 0.01 to 10000.0, "reset time of the pressure loop's integral";

@@ -5,7 +5,7 @@
 //!
 //! One line in the `parameters!` of its table. Its name ends in the unit; the table's path and its name are
 //! the key that a user writes, and what an error calls it. A key of `[estimator]` or `[controller]` is in the
-//! scenario with that; `docs/estimator.md` and `docs/control.md` have a row for each, which a test compares.
+//! scenario with that; `docs/reference/estimator-keys.md` and `docs/reference/controller-keys.md` have a row for each, which a test compares.
 //! For the other tables the scenario says which of the core's parameters it takes: `declare.rs` in `host-sim`
 //! has the rest of this list. The bytes of the configuration on the wire change: raise `PROTOCOL` in
 //! `link` and pin the new ones there.

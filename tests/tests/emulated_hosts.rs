@@ -176,7 +176,7 @@ fn a_stop_overtakes_what_another_host_has_sent_before_it() {
 }
 
 #[test]
-#[ignore = "a minute: cargo test --release --test emulated_hosts -- --ignored --nocapture"]
+#[ignore = "a minute: cargo test --release -p system-tests emulated_hosts -- --ignored --nocapture"]
 fn a_stop_overtakes_at_every_moment() {
     if !skip_emulator() {
         assert_a_stop_overtakes((0..=1500).step_by(5));

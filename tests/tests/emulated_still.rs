@@ -433,7 +433,7 @@ fn a_hundred_interleavings_of_two_hosts_drive_only_what_may_be_driven() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test --release --test emulated_still -- --ignored --nocapture"]
+#[ignore = "minutes: cargo test --release -p system-tests emulated_still -- --ignored --nocapture"]
 fn a_thousand_interleavings_of_two_hosts_drive_only_what_may_be_driven() {
     if !skip_emulator() {
         assert_only_what_may_be_driven_is(1000);

@@ -482,7 +482,7 @@ fn measured_air_discharge() {
     let of = |key| found.figure(&["rmse", key]);
     let (pressure, temperature) = (of("pressure_pa"), of("temperature_k"));
     assert!((1.2..2.0).contains(&temperature), "{temperature} K");
-    // The readings themselves scatter by 1.4 kPa about a smooth curve; see docs/identify.md.
+    // The readings themselves scatter by 1.4 kPa about a smooth curve; see docs/background/identification.md.
     assert!((2_000.0..3_700.0).contains(&pressure), "{pressure} Pa");
     let (coefficient, error) = found.parameter("orifice.discharge_coefficient");
     assert!((0.82..0.92).contains(&coefficient) && error < 0.02, "{coefficient} ± {error}");

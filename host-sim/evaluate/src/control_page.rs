@@ -1,4 +1,4 @@
-//! What `thermyo evaluate control --out DIR` draws: the figures of `docs/control.md`, each as a file of
+//! What `thermyo evaluate control --out DIR` draws: the figures of `docs/background/control-trials.md`, each as a file of
 //! its own too, and a page with all of them.
 
 use super::control::{self, Change, ambient, configured, load, pressure_step_traces, sine_trace};

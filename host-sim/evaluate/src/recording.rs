@@ -1,5 +1,5 @@
 //! The estimate against a real muscle: a recording of a board, with the readings of a fast reference sensor in
-//! the gas beside it. `docs/measure-your-muscle.md` is how to make one.
+//! the gas beside it. `docs/how-to/measure-your-muscle.md` is how to make one.
 
 use super::{CaseFigures, Figure};
 use thermyo_compute::math;

@@ -53,7 +53,7 @@ pub enum TruthError {
     Run(#[from] RunError),
 }
 
-/// Runs every case whose data lie in `folder`, laid out as `docs/validation.md` says. They are published, and whole: of
+/// Runs every case whose data lie in `folder`, laid out as `docs/background/validation.md` says. They are published, and whole: of
 /// a damaged file no figure counts. Where it is stopped there are lines of the finished ones.
 ///
 /// # Errors

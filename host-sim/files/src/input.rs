@@ -273,7 +273,7 @@ pub enum Problem {
     /// A folder of what others have measured that has nothing of it.
     #[error(
         "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv or hyddown/air_discharge.csv in it; \
-         docs/validation.md says where they are from"
+         docs/background/validation.md says where they are from"
     )]
     NoTruth,
     /// A file that ends within a line: what it would have said cannot be known.

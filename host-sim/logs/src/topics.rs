@@ -93,7 +93,7 @@ pub const TOPICS: [Topic; 5] = [
         columns: &[
             ("step", "Number of the core's step"),
             ("missed_steps", "Steps missed before this one"),
-            ("faults", "Faults, one bit each: docs/safety.md"),
+            ("faults", "Faults, one bit each: docs/reference/safety.md"),
             ("emergency_stop", "1 where the emergency stop is pressed"),
             ("heard", "1 where the host was heard in this step"),
             ("flooded", "1 where the link brought more than it may in this step"),

@@ -60,7 +60,7 @@ def test_a_file_that_is_cut_reads_up_to_the_cut(record):
         try:
             for message in mcap.NonSeekingReader(io.BytesIO(data)).iter_messages(log_time_order=False):
                 messages.append(message)
-        except (EndOfFile, struct.error) as error:  # as docs/logs.md says
+        except (EndOfFile, struct.error) as error:  # as docs/how-to/logs.md says
             assert data is not whole, error
             told.add(type(error))
         return messages

@@ -19,7 +19,7 @@ pub(super) struct EvaluateArgs {
     /// Nominal scenario [default: scenarios/nominal.toml as built in]
     #[arg(long, value_name = "FILE.toml")]
     scenario: Option<PathBuf>,
-    /// Folder for report.html, and the plots of docs/control.md; of `control` and `faults`
+    /// Folder for report.html, and the plots of docs/background/control-trials.md; of `control` and `faults`
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the table as JSON on standard output

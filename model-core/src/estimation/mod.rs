@@ -27,7 +27,7 @@
 //! | tau | logarithm of the sensor's lag |
 //!
 //! Where gas does not mix at once (`estimator.port_cooling`), what leaves has the temperature of the gas near
-//! the port, T + d, in the place of T, and the foil sees T - 0.08 d: `mix_port`, and docs/estimator.md.
+//! the port, T + d, in the place of T, and the foil sees T - 0.08 d: `mix_port`, and docs/background/estimator.md.
 //!
 //! The housing's T_h follows T within a fraction of a second; it has no error of its own. s and tau
 //! are first-order Gauss-Markov processes about what is configured: a model's error stays the same

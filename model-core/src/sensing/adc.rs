@@ -1,7 +1,7 @@
 //! The board's converter: what a code stands for, as a share of the reference.
 //!
 //! Every channel is ratiometric: sensor, bridge and ADC share one reference, so that only fractions
-//! of it matter. The arithmetic of the circuits is in `docs/board.md`.
+//! of it matter. The arithmetic of the circuits is in `docs/reference/board.md`.
 
 use crate::parameter::parameters;
 use crate::sample::{AdcCode, CODE_MAX, OVERSAMPLING};

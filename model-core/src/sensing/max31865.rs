@@ -1,4 +1,4 @@
-//! Platinum resistor on a MAX31865, with 2 or 4 wires. The circuit is in `docs/board.md`.
+//! Platinum resistor on a MAX31865, with 2 or 4 wires. The circuit is in `docs/reference/board.md`.
 //!
 //! The chip gives R/R_ref in 15 bits (data sheet 19-6478, "ADC code = (R_RTD x 2^15)/R_REF"), here every 20 ms: its filter
 //! is that for 50 Hz.

@@ -1,4 +1,4 @@
-//! NTC thermistor as the lower leg of a divider, with no amplifier. The circuit is in `docs/board.md`.
+//! NTC thermistor as the lower leg of a divider, with no amplifier. The circuit is in `docs/reference/board.md`.
 //!
 //! ```text
 //! 1/T = 1/298.15 K + x/beta + square x^2 + cube x^3,   x = ln(R/R_25)

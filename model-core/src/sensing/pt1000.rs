@@ -1,4 +1,4 @@
-//! Pt1000 in a half bridge, behind an amplifier. The circuit is in `docs/board.md`.
+//! Pt1000 in a half bridge, behind an amplifier. The circuit is in `docs/reference/board.md`.
 
 use super::adc::{Characteristic, Point};
 use super::gas::{Curve, Element};

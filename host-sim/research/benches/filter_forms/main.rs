@@ -1,9 +1,9 @@
 //! The estimator's covariance in the shipped form and in the usual ones, on the same samples: what
-//! each makes of them, what 10^8 steps of f32 do to it, what it costs. `docs/estimator.md` discusses the
+//! each makes of them, what 10^8 steps of f32 do to it, what it costs. `docs/background/estimator-trials.md` discusses the
 //! table.
 //!
 //!     cargo bench -p research --bench filter_forms                  # the tables
-//!     cargo bench -p research --bench filter_forms -- --plots       # and the plots of docs/estimator.md
+//!     cargo bench -p research --bench filter_forms -- --plots       # and the plots of docs/background/estimator-trials.md
 
 #[path = "../../../../model-core/src/estimation/covariance.rs"]
 // As in its own crate: `!(x <= y)` is how a NaN is caught.
@@ -14,12 +14,11 @@ mod plots;
 mod record;
 
 use forms::{Counted, Dense, Form, Interval, Joseph, N, Named, Steady, Ud};
+use host_sim::commands::evaluate::{self, estimator};
+use host_sim::scenario::{Loaded, PlantModel};
 use model_core::{Config, math};
 use nalgebra::Matrix5;
 use record::Recording;
-use thermyo_evaluate::estimator;
-use thermyo_scenario::PlantModel;
-use thermyo_setup::Loaded;
 
 /// The errors count from here on \[s\].
 const SETTLED_S: f64 = 10.0;
@@ -31,7 +30,7 @@ const INTERVALS: usize = 5_000_000;
 const CYCLE: usize = 250;
 
 fn main() {
-    let nominal = thermyo_evaluate::nominal().expect("it is part of the program");
+    let nominal = evaluate::nominal().expect("it is part of the program");
     let [lumped, full] =
         [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
     let recordings = [&lumped, &full].map(Recording::new);

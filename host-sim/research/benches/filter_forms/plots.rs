@@ -1,4 +1,4 @@
-//! The plots of `docs/estimator.md`.
+//! The plots of `docs/background/estimator-trials.md`.
 
 use crate::record::Recording;
 use std::{fs, io};

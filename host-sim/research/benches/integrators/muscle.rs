@@ -1,4 +1,4 @@
-//! The equations of the lumped muscle, written down from docs/model.md for solvers that choose their own steps: mass
+//! The equations of the lumped muscle, written down from docs/background/model.md for solvers that choose their own steps: mass
 //! and energy of the gas, temperature of the wall, and the length where pull, load and friction balance.
 
 use crate::Sample;
@@ -30,7 +30,7 @@ pub struct Muscle {
     load_n: f64,
     friction_n: f64,
     friction_to_wall: f64,
-    /// h_0 to h_3 of docs/model.md.
+    /// h_0 to h_3 of docs/background/model.md.
     heat: [f64; 4],
     wall_j_k: f64,
     start_pa: f64,

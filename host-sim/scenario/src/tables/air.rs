@@ -4,7 +4,7 @@ use crate::declare::table;
 use model_core::{config, physics};
 
 /// Highest pressure at which gas is taken as ideal \[Pa\]. Against reference equations of state air and nitrogen then end
-/// an adiabatic filling up to 4.4 K too warm, and weigh 1.2 % too little (`docs/model.md`).
+/// an adiabatic filling up to 4.4 K too warm, and weigh 1.2 % too little (`docs/background/model.md`).
 pub const IDEAL_GAS_PA: f64 = 3.0e6;
 
 table! {

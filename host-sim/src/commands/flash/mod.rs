@@ -145,7 +145,7 @@ pub enum FlashError {
         port: String,
     },
     /// A board without a boot loader.
-    #[error("{port}: this board is flashed through its probe: docs/nucleo.md")]
+    #[error("{port}: this board is flashed through its probe: docs/reference/nucleo.md")]
     Probe {
         /// The port.
         port: String,
@@ -179,7 +179,7 @@ pub enum FlashError {
     Input(#[from] InputError),
     /// It was flashed, and does not answer.
     #[error(
-        "the firmware is written, and no board has answered in {} s: its LED tells why (docs/board.md)",
+        "the firmware is written, and no board has answered in {} s: its LED tells why (docs/reference/board.md)",
         PATIENCE.as_secs()
     )]
     NotBack,

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Only telemetry is looked at, so that a board with a muscle of its own can be tuned as a simulated
-//! one. What the core believes is changed, never the plant. `docs/control.md` tells the whole.
+//! one. What the core believes is changed, never the plant. `docs/background/tuning.md` tells the whole.
 
 mod check;
 mod experiment;

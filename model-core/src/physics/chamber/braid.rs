@@ -14,7 +14,7 @@
 //! part k, and with one that is full after a few percent of contraction (K1, over the strain e1), as a rubber tube that is
 //! bent and pressed against threads does. d0 is the part of the length that is no braid: threads that have come straight, fittings
 //! that have given way. With k, K1 and d0 at zero it is the ideal braid of the paper. Measured on two muscles in
-//! `docs/validation.md`.
+//! `docs/background/validation.md`.
 //!
 //! # Length for a force
 //!

@@ -17,7 +17,7 @@
 //!   derived apart from this one. Its arm in `with_chamber!`, its word in `PlantKind`, its field and its
 //!   line in `host-sim/scenario/src/tables/`.
 //! - Its row in `MOVING` of `tests/tests/chambers.rs`: estimate, pressure and position on every plant.
-//! - Its row in `docs/chambers.md`.
+//! - Its row in `docs/reference/chambers.md`.
 //!
 //! Nothing else knows which chambers there are.
 
