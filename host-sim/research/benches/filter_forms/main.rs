@@ -14,11 +14,12 @@ mod plots;
 mod record;
 
 use forms::{Counted, Dense, Form, Interval, Joseph, N, Named, Steady, Ud};
-use host_sim::commands::evaluate::{self, estimator};
-use host_sim::scenario::{Loaded, PlantModel};
 use model_core::{Config, math};
 use nalgebra::Matrix5;
 use record::Recording;
+use thermyo_evaluate::estimator;
+use thermyo_scenario::PlantModel;
+use thermyo_setup::Loaded;
 
 /// The errors count from here on \[s\].
 const SETTLED_S: f64 = 10.0;
@@ -30,7 +31,7 @@ const INTERVALS: usize = 5_000_000;
 const CYCLE: usize = 250;
 
 fn main() {
-    let nominal = evaluate::nominal().expect("it is part of the program");
+    let nominal = thermyo_evaluate::nominal().expect("it is part of the program");
     let [lumped, full] =
         [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
     let recordings = [&lumped, &full].map(Recording::new);
