@@ -156,7 +156,8 @@ impl Controller {
             self.active = ActiveLoop::Open;
         }
         self.target = target;
-        if target == Target::VENT {
+        // A start that is vented first has the state of one that is not: a record of it replays to the bit.
+        if target == Target::VENT && self.command != Command::VENT {
             self.command = self.drive.direct(Command::VENT);
         }
     }
@@ -488,6 +489,18 @@ mod tests {
                 let next = controller.step(&config, &muscle, &now, 0);
                 assert_ne!(next, Command::VENT, "{from:?}, the next period of {period_steps}");
             }
+        }
+    }
+
+    #[test]
+    fn venting_changes_nothing_in_a_controller_that_has_not_driven() {
+        let config = Config::default();
+        let fresh = Controller::new(&config);
+        for from in every_set_point() {
+            let mut controller = fresh;
+            set(&mut controller, from);
+            set(&mut controller, SetPoint::Vent);
+            assert_eq!(controller, fresh, "{from:?}");
         }
     }
 
