@@ -99,7 +99,11 @@ fn poor_data_is_refused_and_nothing_written() {
             "faults during the experiment: ",
         ),
         ("[valve]\nconductance_m3_s_pa = 4e-11\n".to_owned(), "or the valve too small"),
-        ("[valve]\nconductance_m3_s_pa = 4e-8\n".to_owned(), "no step kept the inlet open"),
+        (
+            // A valve too large for the muscle, behind a tube that does not limit it.
+            "[valve]\nconductance_m3_s_pa = 4e-8\n[tube]\nconductance_m3_s_pa = 1e-6\n".to_owned(),
+            "no step kept the inlet open",
+        ),
         ("[load]\nforce_n = 900.0\n[believed.load]\nforce_n = 100.0\n".to_owned(), "moved by 0."),
         (fault("length = \"frozen\""), "faults during the experiment: length sensor"),
         (fault("length = \"open\""), "faults during the experiment: length sensor"),
