@@ -1,6 +1,6 @@
-//! `thermyo board PORT calibrate`: leads through the two points, and tells the board.
+//! `thermyo board PORT calibrate`: leads through two points and configures the board.
 
-use super::{Failure, SaidArgs, interrupt, number, print};
+use super::{Failure, FormatArgs, interrupt, number, print};
 use clap::{Args, ValueEnum};
 use model_core::link::ConfigSource;
 use model_core::safety::supervisor::VENTING;
@@ -12,15 +12,15 @@ use thermyo_boards::live::LiveBoard;
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::calibrate::{Guide, Point, Sensor};
 
-/// Steps that the muscle is given to come to rest at a pressure that is held for a point.
+/// Steps that the muscle gets to settle at a held pressure.
 const SETTLING_STEPS: u32 = 3000;
 
 #[derive(Debug, Args)]
 pub(super) struct CalibrateArgs {
-    /// Which sensor
+    /// Sensor to calibrate
     #[arg(value_enum)]
     sensor: Which,
-    /// The board holds this absolute pressure for the second point, in Pa; it has to be armed for it
+    /// Absolute pressure that the board holds for the second point, in Pa; the board must be armed
     #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = number)]
     hold: Option<f32>,
 }
@@ -48,12 +48,12 @@ impl From<Which> for Sensor {
 pub(super) fn run(
     board: &mut LiveBoard,
     args: &CalibrateArgs,
-    said: SaidArgs,
+    format: FormatArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    // The dialogue is no part of the result.
-    let asks: &mut dyn Write = if said.json { err } else { &mut *out };
+    // The dialogue is not part of the result.
+    let asks: &mut dyn Write = if format.json { err } else { &mut *out };
     let sensor = Sensor::from(args.sensor);
     let before = board.status()?;
     if before.config_source == ConfigSource::Defaults {
@@ -96,7 +96,7 @@ pub(super) fn run(
     };
     board.stop()?;
     let status = board.configure(&calibrated, before.config_name.as_str())?;
-    said.done(
+    format.done(
         out,
         &serde_json::json!({
             "shifts": shifts,
@@ -119,7 +119,7 @@ fn implausible(why: thermyo_studies::calibrate::Implausible) -> Failure {
     Failure::Usage(format!("not calibrated: {why}"))
 }
 
-/// Lines that the user types, while the board is looked after.
+/// Lines that the user types, read while the board is kept alive.
 fn typed() -> Receiver<String> {
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
@@ -132,7 +132,7 @@ fn typed() -> Receiver<String> {
     receiver
 }
 
-/// Looks after the board until `done`, which sees the telemetry's step and sample.
+/// Keeps the board alive until `done`, which gets the telemetry's step and sample.
 fn wait(board: &mut LiveBoard, mut done: impl FnMut(u32, &Sample) -> bool) -> Result<(), Failure> {
     loop {
         if interrupt::wanted() {

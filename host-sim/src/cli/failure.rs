@@ -1,4 +1,4 @@
-//! Why a command does not end with 0.
+//! Errors of the commands and their exit codes.
 
 use crate::commands::flash::FlashError;
 use crate::commands::monitor::MonitorError;
@@ -12,10 +12,9 @@ use thermyo_simulation::run::RunError;
 use thermyo_studies::sweep::{MergeError, SweepError};
 use thermyo_studies::tune::{Refusal, TuneError};
 
-/// What shells report of a command that Ctrl-C ended.
+/// Exit code that shells report for a command that Ctrl-C ended.
 pub(super) const STOPPED: u8 = 130;
 
-/// Why the command does not end with 0.
 #[derive(Debug)]
 pub(super) enum Failure {
     /// Exit 2.
