@@ -1,44 +1,40 @@
-//! What is guided on the page: a calibration, and what is left of one or of a tuning to be read.
+//! Guided tasks on the page: a calibration, and the result of a calibration or tuning.
 
 use super::state;
 use model_core::{Config, Sample};
 use thermyo_studies::calibrate::{Guide, Implausible, Sensor};
 
-/// A guided task, or its end.
 #[derive(Debug)]
 pub enum Guided {
-    /// A sensor is calibrated.
     Calibration(Box<Calibration>),
-    /// It is over: what came out.
+    /// The task is over; its outcome is shown.
     Over(state::Guide),
 }
 
-/// A calibration that waits for a reference, or reads.
+/// A calibration that waits for a reference, or averages samples.
 #[derive(Debug)]
 pub struct Calibration {
     sensor: Sensor,
     guide: Guide,
-    /// What came before, a line each.
+    /// Earlier messages, a line each.
     said: String,
     reads: bool,
 }
 
-/// What a sample has led to.
+/// Result of a sample.
 #[derive(Debug)]
 pub enum Step {
-    /// It goes on.
     Goes,
-    /// Both points are known: the configuration, and by how much the sensor was off at them.
+    /// Both points are known: the configuration, and the sensor's error at them.
     Calibrated(Box<Config>, [f64; 2]),
 }
 
 impl Calibration {
-    /// Of a sensor, on a board with this configuration.
     pub fn new(sensor: Sensor, config: Config) -> Self {
         Self { sensor, guide: Guide::new(sensor, config), said: String::new(), reads: false }
     }
 
-    /// What the reference reads, as it was typed.
+    /// Takes the reading of the reference, as typed.
     pub fn answer(&mut self, text: &str) {
         match self.guide.answer(text) {
             Ok(()) => self.reads = true,
@@ -46,10 +42,7 @@ impl Calibration {
         }
     }
 
-    /// One of 100 samples a second.
-    ///
-    /// # Errors
-    /// [`Implausible`], where the two points tell no calibration.
+    /// Takes one of 100 samples per second.
     pub fn see(&mut self, sample: &Sample) -> Result<Step, Implausible> {
         match self.guide.see(sample) {
             Ok(None) => return Ok(Step::Goes),
@@ -60,7 +53,7 @@ impl Calibration {
                     point.reference, point.reading
                 );
             }
-            // It is asked for again.
+            // The reference is requested again.
             Err(restless) => self.said += &format!("{restless}\n"),
         }
         self.reads = false;
@@ -68,7 +61,7 @@ impl Calibration {
         Ok(calibrated.map_or(Step::Goes, |(config, off)| Step::Calibrated(Box::new(config), off)))
     }
 
-    /// What came out.
+    /// The outcome of the task.
     pub fn outcome(&self, text: &str) -> Guided {
         Guided::over(&title(self.sensor), format!("{}{text}", self.said), None)
     }
@@ -84,13 +77,12 @@ fn title(sensor: Sensor) -> String {
 }
 
 impl Guided {
-    /// The end of a task, and the result that it left.
+    /// A finished task, and the result that it wrote.
     pub fn over(title: &str, text: String, result: Option<String>) -> Self {
         let title = title.to_owned();
         Self::Over(state::Guide { title, text, asks: None, progress: None, result, over: true })
     }
 
-    /// As the page shows it.
     pub fn state(&self) -> state::Guide {
         match self {
             Self::Over(over) => over.clone(),
