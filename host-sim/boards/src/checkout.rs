@@ -167,8 +167,7 @@ pub enum Begins {
 }
 
 /// Runs a program that may take minutes. If it has work to do, a message tells when it begins, goes
-/// on and ends.
-/// Returns its standard error too.
+/// on and ends. Returns its standard error too.
 pub fn watched(
     command: &mut Command,
     doing: &str,

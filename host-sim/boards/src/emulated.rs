@@ -2,9 +2,8 @@
 //! millisecond of its time.
 //!
 //! Only the firmware's pins and protocol are known here: samples go to the ADC, the valves get the
-//! duties in the PWM's registers, and telemetry is read from the UART or from USB. At
-//! 921600 baud a frame takes most of a millisecond: the telemetry of a step arrives with the next
-//! step.
+//! duties in the PWM's registers, and telemetry is read from the UART or from USB. At 921600 baud a
+//! frame takes most of a millisecond: the telemetry of a step arrives with the next step.
 
 use super::armed::if_armed;
 use super::image;
@@ -21,9 +20,8 @@ use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 /// One exchange [ns].
 const STEP_NS: u32 = 1_000_000;
-/// The first exchange ends here: the firmware has copied itself into RAM and listens, and a tenth
-/// of a
-/// before the next one: inputs change between two steps.
+/// The first exchange ends here: the firmware has copied itself into RAM and listens. The time is a
+/// tenth of a step before the next one, because inputs change between two steps.
 const START_NS: u32 = 17_900_000;
 /// Exchanges after which an unanswered request fails.
 const PATIENCE: u32 = 200;
@@ -55,8 +53,7 @@ pub enum Injection {
     /// Power fails once during an operation of the flash, and returns at once.
     PowerCut {
         /// Counts the operations that begin from now on, each an erased sector or a programmed
-        /// page: 1 is the
-        /// next; `u32::MAX`: at once, whatever the flash does.
+        /// page: 1 is the next; `u32::MAX`: at once, whatever the flash does.
         operation: u32,
         /// Fraction of the operation's time that has passed.
         done: f32,
@@ -133,8 +130,7 @@ pub struct Exchange {
     /// Operations of the flash since power first came: sectors erased and pages programmed.
     pub flash_operations: u32,
     /// Reads of flash while it was written, which return nothing on silicon, and operations with a
-    /// wrong
-    /// argument. Must be 0.
+    /// wrong argument. Must be 0.
     pub flash_violations: u32,
     pub fault_output: bool,
     pub led: bool,
@@ -253,8 +249,7 @@ impl EmulatedBoard {
     }
 
     /// Runs one millisecond with these inputs. If the sample says that the host is heard,
-    /// keep-alive
-    /// messages are sent.
+    /// keep-alive messages are sent.
     pub fn exchange(&mut self, sample: &Sample) -> Result<Exchange, BoardError> {
         self.quiet_steps = if sample.heard { self.quiet_steps + 1 } else { 0 };
         if self.quiet_steps >= ALIVE_STEPS {
@@ -306,8 +301,7 @@ impl EmulatedBoard {
     }
 
     /// USB identities since the last call, one for each time the cable was plugged in: vendor,
-    /// product,
-    /// their names, serial number.
+    /// product, their names, serial number.
     pub fn take_identities(&mut self) -> Vec<String> {
         std::mem::take(&mut self.identities)
     }

@@ -82,8 +82,7 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     };
     build.run()?;
     // The variants share a target folder, and so their dependencies. Each image is copied to a name
-    // of
-    // its own, and appears there complete.
+    // of its own, and appears there complete.
     let image = target_folder.join(variant.file());
     let copy = image.with_extension(format!("{}.part", std::process::id()));
     fs::copy(target_folder.join(variant.target()).join("release").join("firmware"), &copy)

@@ -30,8 +30,7 @@ pub fn file(name: &str) -> Option<Vec<u8>> {
 }
 
 /// Folder with the built-in emulator scripts and firmware images, unpacked into the user's cache if
-/// they
-/// are missing there or differ; `None` in a checkout.
+/// they are missing there or differ; `None` in a checkout.
 pub fn emulator() -> Result<Option<PathBuf>, BoardError> {
     let Some(archive) = ARCHIVE else { return Ok(None) };
     let not_unpacked = |folder: &Path, reason: String| BoardError::NotUnpacked {

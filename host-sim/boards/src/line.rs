@@ -48,8 +48,7 @@ impl Line {
                 Ok(Answer::Version(version)) => return Ok((line, version)),
                 Ok(_) => return Err(BoardError::Silent { asked: "version" }),
                 // The emulated board accepts one client and closes the next connection: on a busy
-                // machine even
-                // when the earlier client has left. It may also take long to start.
+                // machine even when the earlier client has left. It may also take long to start.
                 Err(BoardError::Line(_) | BoardError::EmulatedSilent { .. })
                     if name == port::EMULATED && began.elapsed() < PATIENCE_WITH_EMULATED => {}
                 Err(BoardError::Line(_)) if name == port::EMULATED => {

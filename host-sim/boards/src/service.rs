@@ -5,8 +5,7 @@
 //! A file in the folder for temporary files holds its local port. The first program that opens it
 //! plugs it in; removing that file unplugs it. Without a client its time stops, after the time that
 //! a board needs to notice that its host is gone; unused for long, it ends. A second file beside
-//! the
-//! first holds the content of its flash, which survives the loss of power.
+//! the first holds the content of its flash, which survives the loss of power.
 
 use super::emulated::EmulatedBoard;
 use super::image::{self, Variant};
@@ -110,8 +109,7 @@ pub fn is_plugged_in() -> bool {
 }
 
 /// Plugs in a board that runs in a thread of this process, with the muscle of a scenario, replacing
-/// an
-/// earlier one: for programs that cannot be started again as the board's process.
+/// an earlier one: for programs that cannot be started again as the board's process.
 pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
@@ -141,8 +139,7 @@ pub fn unplug() -> bool {
 }
 
 /// Runs the board, with the emulator's scripts and an image of the firmware, until it is unplugged
-/// or
-/// has been idle for long.
+/// or has been idle for long.
 pub fn serve(scripts: &Path, image: &Path, file: &Path, loaded: &Loaded) -> Result<(), BoardError> {
     let flash = file.with_extension("flash");
     let mut board = Emulated::new(loaded, EmulatedBoard::with_flash(scripts, image, &flash)?)?;

@@ -10,10 +10,9 @@
 //! ```
 //!
 //! One thread owns the link, because all that talks to a board waits for its answers: driving,
-//! tuning, calibrating.
-//! It sends every step to the recording, and a thinned stream to the pages. A page confirms what it
-//! has received; one
-//! that falls behind gets no more for a while and loses frames, so that it delays no other.
+//! tuning, calibrating. It sends every step to the recording, and a thinned stream to the pages. A
+//! page confirms what it has received; one that falls behind gets no more for a while and loses
+//! frames, so that it delays no other.
 
 mod frames;
 mod guide;
@@ -40,8 +39,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::{io, thread};
 
-/// Serves a board until `wanted` returns true, and then vents it. Returns the
-/// folders of the recordings.
+/// Serves a board until `wanted` returns true, and then vents it. Returns the folders of the
+/// recordings.
 pub fn serve(
     operator: Operator,
     listener: std::net::TcpListener,

@@ -150,8 +150,7 @@ impl Operator {
     pub fn run(mut self, wanted: &dyn Fn() -> bool) {
         while !wanted() && !self.shared.ended() {
             // Telemetry that arrived while an order waited for its answer is read before the next
-            // order;
-            // otherwise the pages and the record would lag further with each.
+            // order; otherwise the pages and the record would lag further with each.
             let behind = self.board.as_ref().is_some_and(LiveBoard::is_behind);
             match self.shared.orders.next(!behind) {
                 Some(Next::Vent) => self.vent(),

@@ -1,10 +1,8 @@
 //! The local web server: access and addresses.
 //!
 //! Three locks: it listens on the loopback only; every address begins with a secret that is printed
-//! once; and a
-//! request must name this server (`Host`) and come from its own page (`Origin`), so that no other
-//! page in the
-//! browser can reach the muscle.
+//! once; and a request must name this server (`Host`) and come from its own page (`Origin`), so
+//! that no other page in the browser can reach the muscle.
 
 use super::page;
 use super::results::Outcome;
@@ -111,8 +109,7 @@ pub(super) fn run(listener: TcpListener, address: Address, shared: Arc<Shared>) 
 struct Known(Arc<AtomicBool>);
 
 /// Serves every connection. If too many have not sent the secret, the oldest of them is closed, so
-/// that
-/// the page and a recording's files never run out of descriptors.
+/// that the page and a recording's files never run out of descriptors.
 async fn accept(listener: tokio::net::TcpListener, app: Router) {
     let mut strangers: VecDeque<(Known, AbortHandle)> = VecDeque::new();
     loop {

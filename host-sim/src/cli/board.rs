@@ -9,8 +9,8 @@ use thermyo_simulation::board::{Board, BoardError, CoreBoard};
 pub(super) struct BoardArgs {
     /// Where the core runs: "core" (in this process), "emulated" (the firmware on an emulated
     /// RP2040), "serial:PORT" (a flashed board, firmware built with its feature `hil`), or for
-    /// `tune` a PORT
-    /// such as /dev/ttyACM0 (a flashed board with a real muscle; "port:emulated" tries that)
+    /// `tune` a PORT such as /dev/ttyACM0 (a flashed board with a real muscle; "port:emulated"
+    /// tries that)
     #[arg(long, value_name = "BOARD", default_value = "core", value_parser = board_kind)]
     board: BoardKind,
     /// Image for the emulated board, ELF or UF2 [default: the firmware of this program, or of its checkout]

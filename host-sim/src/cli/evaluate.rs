@@ -30,8 +30,7 @@ pub(super) struct EvaluateArgs {
     #[arg(long, value_name = "HOURS", value_parser = hours)]
     hours: Option<f64>,
     /// `estimator`: evaluate N random muscles (full model) instead of the table; `plants`: number
-    /// of random plants
-    /// [default: 200]
+    /// of random plants [default: 200]
     #[arg(long, value_name = "N", value_parser = |text: &str| whole(text, 1..=10_000_u64))]
     random: Option<u64>,
     /// Seed of the random muscles or plants; with --random [default: 1]

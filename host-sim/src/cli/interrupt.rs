@@ -1,5 +1,5 @@
-//! Ctrl-C, SIGTERM and SIGHUP request a stop: results are kept and driven muscles are vented.
-//! A second Ctrl-C or SIGTERM ends the program: the board then vents by its link's timeout.
+//! Ctrl-C, SIGTERM and SIGHUP request a stop: results are kept and driven muscles are vented. A
+//! second Ctrl-C or SIGTERM ends the program: the board then vents by its link's timeout.
 
 use super::failure::STOPPED;
 #[cfg(unix)]

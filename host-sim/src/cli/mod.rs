@@ -98,8 +98,7 @@ enum Task {
     /// Record a board and show its figures; keys arm and drive it
     ///
     /// If standard output is no terminal, there are no keys: figures are printed once a second,
-    /// until Ctrl-C
-    /// or until the port is closed. With --quiet or --json it only records.
+    /// until Ctrl-C or until the port is closed. With --quiet or --json it only records.
     Monitor {
         /// Serial port, such as /dev/ttyUSB0 or COM3, or "emulated"
         port: String,

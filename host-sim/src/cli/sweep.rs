@@ -15,8 +15,7 @@ pub(super) struct SweepArgs {
     scenario: Option<PathBuf>,
     /// Key of the scenario and its values: COUNT values from FROM to TO with a fixed difference,
     /// with ":log" a fixed ratio, or a list, which may hold words. Several --vary are combined to a
-    /// grid.
-    /// With --lhs: FROM:TO without COUNT, or a list
+    /// grid. With --lhs: FROM:TO without COUNT, or a list
     #[arg(long, value_name = "KEY=FROM:TO:COUNT[:log]", required_unless_present = "merge")]
     vary: Vec<Range>,
     /// Run N points of a Latin hypercube instead of a grid

@@ -53,8 +53,7 @@ pub enum PlaygroundError {
 }
 
 /// Writes the page and an up-to-date module into a folder, replacing an earlier playground: any web
-/// server can serve
-/// the folder. Returns the bytes of all files together.
+/// server can serve the folder. Returns the bytes of all files together.
 pub fn write(mut out: OutputDir) -> Result<u64, PlaygroundError> {
     let module = module()?;
     let colours = json!(palette(page::PALETTE));

@@ -80,8 +80,7 @@ pub fn mounts() -> Vec<PathBuf> {
 }
 
 /// Mount point of a FAT in a line of Linux's list of mounts. Other file systems are not looked
-/// into:
-/// they cannot be such a drive, and may hang.
+/// into: they cannot be such a drive, and may hang.
 fn fat_mount(line: &str) -> Option<PathBuf> {
     let mut fields = line.split(' ').skip(1);
     let folder = fields.next()?;

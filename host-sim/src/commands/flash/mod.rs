@@ -1,6 +1,5 @@
 //! `thermyo flash`: flashes the firmware of this program or its checkout through the chip's
-//! built-in
-//! boot loader.
+//! built-in boot loader.
 
 mod drive;
 mod uf2;

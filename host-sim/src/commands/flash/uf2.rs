@@ -1,5 +1,5 @@
-//! UF2, the format that a boot loader's drive takes (github.com/microsoft/uf2): blocks of 512 bytes, each of
-//! which holds the address in flash of its 256 bytes.
+//! UF2, the format that a boot loader's drive takes (github.com/microsoft/uf2): blocks of 512
+//! bytes, each of which holds the address in flash of its 256 bytes.
 
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{LittleEndian, elf};
@@ -8,8 +8,7 @@ use std::collections::BTreeMap;
 const BLOCK: usize = 512;
 const PAGE: usize = 256;
 /// The boot ROM erases this much at a time. Pages of a sector that no block writes are left
-/// undefined
-/// (RP2040 datasheet, erratum E14): every sector is filled.
+/// undefined (RP2040 datasheet, erratum E14): every sector is filled.
 const SECTOR: u32 = 4096;
 const MAGIC_START: [u32; 2] = [0x0a32_4655, 0x9e5d_5157];
 const MAGIC_END: u32 = 0x0ab1_6f30;

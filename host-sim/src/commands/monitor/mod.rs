@@ -1,8 +1,7 @@
 //! `thermyo monitor`: records a board behind a serial port, with a line of figures.
 //!
 //! The session queries the board and records its answers; the view prints the session's state. At a
-//! terminal the
-//! monitor waits for a board that is unplugged, and connects again when it is back.
+//! terminal the monitor waits for a board that is unplugged, and connects again when it is back.
 
 mod session;
 pub mod view;
@@ -59,10 +58,8 @@ pub enum Shown {
 }
 
 /// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents a driven board. `config.json`
-/// in `out` lists
-/// every configuration of the board, `scenario.toml` is the scenario of the last one. Without a
-/// terminal it
-/// records until Ctrl-C, or until the line is lost.
+/// in `out` lists every configuration of the board, `scenario.toml` is the scenario of the last
+/// one. Without a terminal it records until Ctrl-C, or until the line is lost.
 pub fn run(
     session: &mut Session,
     out: &mut OutputDir,
