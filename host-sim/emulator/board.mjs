@@ -47,7 +47,7 @@ export class Board {
     this.hang = null; // what is to happen: { is: one of PLACES, instructions: left until it does }
     this.uartBytes = [];
     this.usbBytes = [];
-    this.identities = []; // what the board has said of itself over USB, each time that it was plugged in
+    this.identities = []; // USB identity, for each time that the board was plugged in
     this.cable = { plugged: false, open: false };
     this.bootLoader = false;
     this.resets = 0;

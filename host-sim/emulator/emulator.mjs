@@ -86,8 +86,8 @@ function fill(buffer) {
 }
 
 function respond() {
-  const said = Buffer.from(board.identities.map((identity) => `${identity}\n`).join(''));
-  const parts = [board.uartBytes, board.usbBytes, said, board.takeLog()];
+  const identities = Buffer.from(board.identities.map((identity) => `${identity}\n`).join(''));
+  const parts = [board.uartBytes, board.usbBytes, identities, board.takeLog()];
   board.uartBytes = [];
   board.usbBytes = [];
   board.identities = [];

@@ -23,7 +23,7 @@ export class FlashCache {
     this.oldest = new Uint8Array(SETS); // way that is replaced next
     this.reads = 0;
     this.misses = 0;
-    this.stalled = 0; // cycles that nobody has taken yet
+    this.stalled = 0; // cycles not yet taken
     this.flush();
   }
 

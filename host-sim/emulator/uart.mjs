@@ -66,7 +66,7 @@ export class PacedUart extends BasePeripheral {
   /** Bytes from the host, which arrive one after the other at the line's speed. */
   feed(bytes) {
     if (!(this.registers[CR] & 1)) {
-      return; // nobody listens
+      return; // no receiver
     }
     for (const byte of bytes) {
       this.line.push(byte);

@@ -475,9 +475,9 @@ impl EmulatedBoard {
             let bytes = self.read_counted()?;
             self.wires[port as usize].feed(&bytes);
         }
-        let said = self.read_counted()?;
-        self.enumerated |= !said.is_empty();
-        self.identities.extend(String::from_utf8_lossy(&said).lines().map(str::to_owned));
+        let identities = self.read_counted()?;
+        self.enumerated |= !identities.is_empty();
+        self.identities.extend(String::from_utf8_lossy(&identities).lines().map(str::to_owned));
         let log = self.read_counted()?;
         self.log.extend(log);
         let [state] = state;

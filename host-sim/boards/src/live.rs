@@ -22,7 +22,7 @@ pub struct LiveBoard {
     config: Option<Config>,
     /// Steps per telemetry frame, as last requested.
     every: u16,
-    said: Instant,
+    last_sent: Instant,
     driving: bool,
 }
 
@@ -42,8 +42,8 @@ impl LiveBoard {
     }
 
     fn of(line: Line, version: Version) -> Self {
-        let (every, said) = (VIEW_DIVIDER, Instant::now());
-        Self { line, version, config: None, every, said, driving: false }
+        let (every, last_sent) = (VIEW_DIVIDER, Instant::now());
+        Self { line, version, config: None, every, last_sent, driving: false }
     }
 
     pub fn version(&self) -> Version {
@@ -189,9 +189,10 @@ impl LiveBoard {
 
     /// The configuration in use, requested again if it may have changed.
     fn known_config(&mut self) -> Result<Config, BoardError> {
-        let said = self.last_status();
-        let in_use =
-            |config: &Config| said.is_none_or(|said| said.config_checksum == checksum(config));
+        let status = self.last_status();
+        let in_use = |config: &Config| {
+            status.is_none_or(|status| status.config_checksum == checksum(config))
+        };
         match self.config.filter(in_use) {
             Some(config) => Ok(config),
             None => self.config(),
@@ -207,7 +208,7 @@ impl LiveBoard {
     /// Sends a set point without waiting for the answer.
     pub fn send(&mut self, set_point: SetPoint) -> Result<u8, BoardError> {
         self.driving |= set_point != SetPoint::Vent;
-        self.said = Instant::now();
+        self.last_sent = Instant::now();
         self.line.send(HostCommand::Set(set_point))
     }
 
@@ -273,8 +274,8 @@ impl LiveBoard {
         if let Some(telemetry) = self.line.take_telemetry() {
             return Ok(Some(telemetry));
         }
-        if self.said.elapsed() > ALIVE {
-            self.said = Instant::now();
+        if self.last_sent.elapsed() > ALIVE {
+            self.last_sent = Instant::now();
             self.line.send(HostCommand::Alive)?;
         }
         self.line.poll()?;

@@ -128,8 +128,8 @@ function fresh() {
   $("muscle").hidden = $("r-length-row").hidden = kind === "vessel";
   plots[1].traces[0].name = kind;
   const warnings = simulation.warnings();
-  $("told").textContent = warnings;
-  $("told").hidden = !warnings;
+  $("warnings").textContent = warnings;
+  $("warnings").hidden = !warnings;
   makeKnobs();
   tell();
 }
@@ -199,7 +199,7 @@ function take(cells) {
   shared.end = columns.time.at(-1) ?? 0;
 }
 
-// What is seen
+// Display
 
 const trace = (name, column, colour, factor, more = {}) => ({ name, column, colour, factor, ...more });
 const plots = [
@@ -253,7 +253,7 @@ function draw() {
   put("r-length", (now.length * 1e3).toFixed(1), contracted ? `mm, ${(now.contraction * 100).toFixed(1)} %` : "mm");
 }
 
-// What the user wants
+// User input
 
 function save(name, content, type) {
   const link = document.createElement("a");

@@ -23,7 +23,7 @@ pub struct Live {
     /// Warnings about its text, a line each.
     warnings: String,
     /// Latest mode and faults of the core.
-    said: Option<(Mode, Faults)>,
+    latest: Option<(Mode, Faults)>,
 }
 
 /// First line of a trace.
@@ -87,7 +87,7 @@ impl Live {
         let mut board = CoreBoard::default();
         let run =
             Run::start(&endless(&loaded), &mut board, None).map_err(|error| error.to_string())?;
-        Ok(Self { loaded, run, board, warnings, said: None })
+        Ok(Self { loaded, run, board, warnings, latest: None })
     }
 
     /// Present parameters of the plant, as JSON.
@@ -121,10 +121,10 @@ impl Live {
 
     /// Runs so many steps, and adds the cells of every `every`-th row to `rows`.
     pub fn advance(&mut self, steps: u32, every: u32, rows: &mut Vec<f64>) -> Result<(), String> {
-        let Self { run, board, said, .. } = self;
+        let Self { run, board, latest, .. } = self;
         let mut observer = |row: &Row| {
             let Telemetry { step, mode, faults, .. } = row.telemetry;
-            *said = Some((mode, faults));
+            *latest = Some((mode, faults));
             if step.is_multiple_of(every.max(1)) {
                 rows.extend_from_slice(&row.cells());
             }
@@ -137,7 +137,7 @@ impl Live {
     }
 
     pub fn state(&self) -> String {
-        match self.said {
+        match self.latest {
             None => String::new(),
             Some((now, faults)) => {
                 let named = Mode::NAMES.iter().find(|(mode, _)| *mode == now);

@@ -17,7 +17,7 @@ pub struct Calibration {
     sensor: Sensor,
     guide: Guide,
     /// Earlier messages, a line each.
-    said: String,
+    notes: String,
     reads: bool,
 }
 
@@ -31,14 +31,14 @@ pub enum Step {
 
 impl Calibration {
     pub fn new(sensor: Sensor, config: Config) -> Self {
-        Self { sensor, guide: Guide::new(sensor, config), said: String::new(), reads: false }
+        Self { sensor, guide: Guide::new(sensor, config), notes: String::new(), reads: false }
     }
 
     /// Takes the reading of the reference, as typed.
     pub fn answer(&mut self, text: &str) {
         match self.guide.answer(text) {
             Ok(()) => self.reads = true,
-            Err(error) => self.said += &format!("{error}\n"),
+            Err(error) => self.notes += &format!("{error}\n"),
         }
     }
 
@@ -48,13 +48,13 @@ impl Calibration {
             Ok(None) => return Ok(Step::Goes),
             Ok(Some(point)) => {
                 let unit = self.sensor.unit();
-                self.said += &format!(
+                self.notes += &format!(
                     "the reference reads {} {unit}, the sensor {:.4} {unit}\n",
                     point.reference, point.reading
                 );
             }
             // The reference is requested again.
-            Err(restless) => self.said += &format!("{restless}\n"),
+            Err(restless) => self.notes += &format!("{restless}\n"),
         }
         self.reads = false;
         let calibrated = self.guide.calibrated()?;
@@ -63,7 +63,7 @@ impl Calibration {
 
     /// The outcome of the task.
     pub fn outcome(&self, text: &str) -> Guided {
-        Guided::over(&title(self.sensor), format!("{}{text}", self.said), None)
+        Guided::over(&title(self.sensor), format!("{}{text}", self.notes), None)
     }
 }
 
@@ -89,9 +89,9 @@ impl Guided {
             Self::Calibration(calibration) => state::Guide {
                 title: title(calibration.sensor),
                 text: if calibration.reads {
-                    format!("{}The sensor is read for a second.", calibration.said)
+                    format!("{}The sensor is read for a second.", calibration.notes)
                 } else {
-                    format!("{}{}", calibration.said, calibration.guide.question())
+                    format!("{}{}", calibration.notes, calibration.guide.question())
                 },
                 asks: (!calibration.reads).then(|| calibration.sensor.unit()),
                 progress: None,

@@ -95,8 +95,8 @@ pub struct Braid {
 
 impl Configuration {
     pub fn new(config: &Config, status: &Status, own: Option<String>) -> Self {
-        let said = from_config::say(config).ok();
-        let chamber = said.and_then(|said| chamber::of(&said.scenario.believed));
+        let scenario = from_config::say(config).ok();
+        let chamber = scenario.and_then(|scenario| chamber::of(&scenario.scenario.believed));
         let braid = match &config.chamber {
             ChamberConfig::Muscle(muscle) => Some(Braid {
                 thread_length_m: muscle.braid.thread_length_m,

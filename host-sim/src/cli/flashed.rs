@@ -330,7 +330,7 @@ fn configuration(status: &Status) -> String {
     };
     let from = match status.config_source {
         ConfigSource::Defaults => "the core's defaults",
-        ConfigSource::Host => "told by the host, not saved",
+        ConfigSource::Host => "sent by the host, not saved",
         ConfigSource::Flash => "from flash",
     };
     format!("{name}, {:08x}, {from}", status.config_checksum)
@@ -490,7 +490,7 @@ fn history(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Re
     let events = board.history()?;
     let json = serde_json::to_value(&events).expect("plain data");
     if events.is_empty() {
-        let words = "nothing: it has never vented by itself, nor restarted unasked\n";
+        let words = "no events: it has neither vented by itself nor restarted\n";
         return format.answer(out, &json, words);
     }
     let mut words = String::new();

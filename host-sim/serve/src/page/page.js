@@ -134,7 +134,7 @@ function showLink() {
   const [text, why] = !open ? ["no server", "The server does not answer. A muscle that was driven vents."]
     : state?.link === "ended" ? ["ended", "The server has ended, and the muscle vents."]
     : state?.link === "lost" ? ["link lost", "The link to the board is lost. A muscle that was driven vents by itself. It is tried again and again."]
-    : state?.link === "silent" || (state && quiet) ? ["link lost", "The board says nothing. A muscle that was driven vents by itself when it hears nothing either."]
+    : state?.link === "silent" || (state && quiet) ? ["link lost", "The board does not answer. A driven muscle vents by itself when the board gets no messages either."]
     : [state ? "connected" : "connecting", ""];
   const link = $("link");
   link.textContent = text;
@@ -196,7 +196,7 @@ function showState() {
   const timing = state.timing;
   const facts = [
     ["Chip", board ? `${board.chip}, firmware ${board.firmware.join(".")}` : "–"],
-    ["Configuration", `${configuration.name || "without a name"}, ${configuration.checksum.toString(16).padStart(8, "0")}, ${{ Defaults: "the core's defaults", Host: "told, not saved", Flash: "saved" }[configuration.source]}`],
+    ["Configuration", `${configuration.name || "without a name"}, ${configuration.checksum.toString(16).padStart(8, "0")}, ${{ Defaults: "the core's defaults", Host: "not saved", Flash: "saved" }[configuration.source]}`],
     ["Limit", `${(configuration.working_limit_pa / 1e3).toFixed(0)} kPa; supply ${(configuration.supply_pa / 1e3).toFixed(0)} kPa`],
     ["Core step", timing ? `${(timing.step_mean_ns / 1e3).toFixed(0)} µs mean, ${timing.step_worst_us} µs worst, ${timing.missed_steps} missed` : "–"],
     ["Link", `telemetry of ${state.lost_steps} steps lost`],

@@ -108,7 +108,7 @@ pub enum FlashError {
     NoDrive { path: PathBuf },
     /// There is no firmware for this chip.
     #[error(
-        "{}: its INFO_UF2.TXT says Board-ID {id:?}: must be RPI-RP2 (Pico) or RP2350 (Pico 2)",
+        "{}: its INFO_UF2.TXT has Board-ID {id:?}: must be RPI-RP2 (Pico) or RP2350 (Pico 2)",
         path.display()
     )]
     UnknownBoard { path: PathBuf, id: String },
@@ -143,7 +143,7 @@ pub enum FlashError {
     Input(#[from] InputError),
     /// The board was flashed and does not answer.
     #[error(
-        "the firmware is written, and no board has answered in {} s: its LED tells why (docs/reference/board.md)",
+        "the firmware is written, and no board has answered in {} s: its LED shows why (docs/reference/board.md)",
         PATIENCE.as_secs()
     )]
     NotBack,

@@ -32,7 +32,7 @@ pub enum MonitorError {
     #[error(transparent)]
     Output(#[from] InputError),
     /// Without a terminal a lost line ends the recording.
-    #[error("the line to the board is gone; what it said until then is recorded")]
+    #[error("the line to the board is gone; the rows until then are recorded")]
     Gone,
     /// The keys cannot be read, or nothing can be printed.
     #[error("the terminal cannot be used: {0}")]
@@ -109,8 +109,8 @@ fn watch(
                 serde_json::to_string_pretty(session.configurations()).expect("plain data") + "\n";
             out.text("config.json", &json)?;
             // A configuration that no scenario can express is still in `config.json`.
-            if let Ok(said) = from_config::say(&session.config()) {
-                out.text("scenario.toml", &thermyo_setup::render(&said.scenario))?;
+            if let Ok(scenario) = from_config::say(&session.config()) {
+                out.text("scenario.toml", &thermyo_setup::render(&scenario.scenario))?;
             }
         }
         view.show(to, session).map_err(MonitorError::Terminal)?;

@@ -63,7 +63,7 @@ pub struct Session {
     connections: u32,
     latest: Option<Telemetry>,
     wanted: Option<f32>,
-    said: Instant,
+    last_sent: Instant,
     refused: Option<Refusal>,
 }
 
@@ -87,7 +87,7 @@ impl Session {
             connections: 1,
             latest: None,
             wanted: None,
-            said: now,
+            last_sent: now,
             refused: None,
         })
     }
@@ -123,14 +123,14 @@ impl Session {
         }
         if self.asked.is_none_or(|at| at.elapsed() > RETRY) {
             self.ask();
-        } else if self.said.elapsed() > ALIVE {
+        } else if self.last_sent.elapsed() > ALIVE {
             self.send(HostCommand::Alive);
         }
         Ok(())
     }
 
     fn send(&mut self, command: HostCommand) {
-        self.said = Instant::now();
+        self.last_sent = Instant::now();
         let (sequence, frame) = self.link.request(command);
         self.questions.push(sequence);
         if let Some(port) = &mut self.port
