@@ -68,13 +68,13 @@ function turn(key, value, show) {
     unconfigured = true;
   });
   show();
-  tell();
+  showExport();
 }
 
-function tell() {
+function showExport() {
   $("exported").textContent = unconfigured
-    ? "What is set now, for thermyo run scenario.toml: a run that starts so, its core configured as it is here. The trace is that of such a run, to the bit."
-    : "What runs here, for thermyo run scenario.toml. The trace is that of such a run, to the bit.";
+    ? "The present values, for thermyo run scenario.toml: the run starts with them, and its core is configured as here. The trace is bit-identical to that of such a run."
+    : "The scenario of this page, for thermyo run scenario.toml. The trace is bit-identical to that of such a run.";
 }
 
 /** Shows the reason in the message line if an action is refused. */
@@ -131,10 +131,10 @@ function fresh() {
   $("warnings").textContent = warnings;
   $("warnings").hidden = !warnings;
   makeKnobs();
-  tell();
+  showExport();
 }
 
-// Time goes on
+// Simulation loop
 
 let rate = 1, before = 0, due_s = 0, stopped = false, measured = { from: 0, simulated_s: 0 };
 

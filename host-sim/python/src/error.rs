@@ -27,7 +27,7 @@ create_exception!(
     thermyo,
     BoardError,
     PyRuntimeError,
-    "A board cannot be used, or refuses what it is asked."
+    "A board cannot be used, or refuses a request."
 );
 
 pub fn input(error: InputError) -> PyErr {

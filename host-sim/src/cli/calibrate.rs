@@ -4,7 +4,7 @@ use super::{Failure, FormatArgs, interrupt, number, print};
 use clap::{Args, ValueEnum};
 use model_core::link::ConfigSource;
 use model_core::safety::supervisor::VENTING;
-use model_core::{Faults, Sample, SetPoint};
+use model_core::{Config, Faults, Sample, SetPoint};
 use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::thread;
@@ -61,12 +61,43 @@ pub(super) fn run(
     }
     let config = board.config()?;
     interrupt::watch();
+    let (calibrated, shifts) = two_points(board, sensor, config, args.hold, asks)?;
+    board.stop()?;
+    let status = board.configure(&calibrated, before.config_name.as_str())?;
+    format.done(
+        out,
+        &serde_json::json!({
+            "shifts": shifts,
+            "unit": sensor.unit(),
+            "config_name": status.config_name.as_str(),
+            "config_checksum": status.config_checksum,
+        }),
+        &format!(
+            "put right by {:+.4} and {:+.4} {}; configuration {} {:08x}, not saved; it vents and is not armed\n",
+            shifts[0],
+            shifts[1],
+            sensor.unit(),
+            status.config_name.as_str(),
+            status.config_checksum,
+        ),
+    )
+}
+
+/// Asks for the readings of the reference until both points are known; returns the calibrated
+/// configuration and the sensor's errors at the points.
+fn two_points(
+    board: &mut LiveBoard,
+    sensor: Sensor,
+    config: Config,
+    hold: Option<f32>,
+    asks: &mut dyn Write,
+) -> Result<(Config, [f64; 2]), Failure> {
     let lines = typed();
     let mut held = false;
     let mut guide = Guide::new(sensor, config);
-    let (calibrated, shifts) = loop {
+    loop {
         if let Some(calibrated) = guide.calibrated().map_err(implausible)? {
-            break calibrated;
+            return Ok(calibrated);
         }
         print(asks, &format!("{} ", guide.question()))?;
         let mut typed = None;
@@ -88,31 +119,12 @@ pub(super) fn run(
         if let Some(Point { reading, .. }) = seen.map_err(implausible)? {
             print(asks, &format!("the sensor reads {reading:.4} {}\n", sensor.unit()))?;
         }
-        if let Some(pressure_pa) = args.hold.filter(|_| !std::mem::replace(&mut held, true)) {
+        if let Some(pressure_pa) = hold.filter(|_| !std::mem::replace(&mut held, true)) {
             let first = board.set(SetPoint::Pressure { pressure_pa })?;
             print(asks, &format!("it holds {:.1} kPa\n", pressure_pa / 1e3))?;
             wait(board, |step, _| step.saturating_sub(first) >= SETTLING_STEPS)?;
         }
-    };
-    board.stop()?;
-    let status = board.configure(&calibrated, before.config_name.as_str())?;
-    format.done(
-        out,
-        &serde_json::json!({
-            "shifts": shifts,
-            "unit": sensor.unit(),
-            "config_name": status.config_name.as_str(),
-            "config_checksum": status.config_checksum,
-        }),
-        &format!(
-            "put right by {:+.4} and {:+.4} {}; configuration {} {:08x}, not saved; it vents and is not armed\n",
-            shifts[0],
-            shifts[1],
-            sensor.unit(),
-            status.config_name.as_str(),
-            status.config_checksum,
-        ),
-    )
+    }
 }
 
 fn implausible(why: thermyo_studies::calibrate::Implausible) -> Failure {

@@ -18,6 +18,7 @@ use thermyo_boards::{port, service};
 use thermyo_files::input::write_new;
 use thermyo_files::output::OutputDir;
 use thermyo_record::board_trace::Recorder;
+use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
@@ -539,12 +540,7 @@ fn drive_and_record(
     let measured =
         args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
-    let mut files = OutputDir::create(&folder)?;
-    files.text("scenario.toml", &thermyo_setup::render(&driven))?;
-    if let Some(profile) = &driven.drive_profile {
-        let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
-        files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;
-    }
+    let mut files = drive_files(&folder, &driven)?;
     let mut recorder = Recorder::new(files.file("trace.csv")?)
         .map_err(|error| files.unwritable("trace.csv", &error))?
         .beside(args.log.wanted().open(&mut files)?);
@@ -584,8 +580,8 @@ fn drive_and_record(
         ..gathered.finish(board.port(), &status, &timing)
     };
     let json = serde_json::to_string_pretty(&summary).expect("plain data") + "\n";
-    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     files.text("summary.json", &json)?;
+    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
     files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
     publish(files, err)?;
     if format.json {
@@ -599,6 +595,17 @@ fn drive_and_record(
         return Err(Failure::Interrupted);
     }
     Ok(())
+}
+
+/// Creates the folder of a drive, with its scenario and its profile.
+fn drive_files(folder: &Path, driven: &Loaded) -> Result<OutputDir, Failure> {
+    let mut files = OutputDir::create(folder)?;
+    files.text("scenario.toml", &thermyo_setup::render(driven))?;
+    if let Some(profile) = &driven.drive_profile {
+        let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
+        files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;
+    }
+    Ok(files)
 }
 
 fn brief(summary: &Driven, folder: &Path) -> String {

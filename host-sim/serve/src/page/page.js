@@ -188,7 +188,7 @@ function showState() {
   if (recording) {
     $("recording").textContent = `${recording.time_s.toFixed(0)} s`;
     $("record-text").textContent = `${recording.time_s.toFixed(1)} s, ${recording.rows} steps`;
-  } else $("record-text").textContent = "Every step, whatever this page can show.";
+  } else $("record-text").textContent = "Records every step, even if this page shows fewer.";
   showResults();
   showGuide(guide);
   showEvents();
