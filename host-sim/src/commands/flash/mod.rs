@@ -26,7 +26,9 @@ const LOOK: Duration = Duration::from_millis(200);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Model {
+    /// Raspberry Pi Pico
     Pico,
+    /// Raspberry Pi Pico 2
     Pico2,
 }
 
