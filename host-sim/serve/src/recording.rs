@@ -127,7 +127,8 @@ impl Writer {
             if let Err(error) = written {
                 let error = self.files.unwritable("trace.csv", &error);
                 let left = self.files.leave();
-                let text = format!("recording: {error}; what there is lies in {}", left.display());
+                let text =
+                    format!("recording: {error}; the record so far is in {}", left.display());
                 return shared.log(Weight::Fault, text);
             }
         }

@@ -10,7 +10,7 @@ use thermyo_setup::Loaded;
 pub(super) struct EvaluateArgs {
     /// Subject of the evaluation
     #[arg(value_enum)]
-    what: Subject,
+    subject: Subject,
     /// Folder of measured data; for `truth`
     data: Option<PathBuf>,
     /// Nominal scenario [default: scenarios/nominal.toml as built in]
@@ -73,14 +73,14 @@ enum Subject {
 
 /// Checks which arguments go together.
 fn check(args: &EvaluateArgs) -> Result<(), Failure> {
-    let EvaluateArgs { what, data, scenario, out, hours, random, recording, .. } = args;
+    let EvaluateArgs { subject, data, scenario, out, hours, random, recording, .. } = args;
     let wrong = [
         (
-            recording.is_some() && !matches!(what, Subject::Estimator),
+            recording.is_some() && !matches!(subject, Subject::Estimator),
             "--recording goes with `evaluate estimator` only",
         ),
         (
-            random.is_some() && !matches!(what, Subject::Estimator | Subject::Plants),
+            random.is_some() && !matches!(subject, Subject::Estimator | Subject::Plants),
             "--random goes with `evaluate estimator` and `evaluate plants` only",
         ),
         (
@@ -88,15 +88,15 @@ fn check(args: &EvaluateArgs) -> Result<(), Failure> {
             "--random draws its own scenarios: leave out --scenario",
         ),
         (
-            out.is_some() && !matches!(what, Subject::Control | Subject::Faults),
+            out.is_some() && !matches!(subject, Subject::Control | Subject::Faults),
             "--out goes with `evaluate control` and `evaluate faults` only",
         ),
         (
-            hours.is_some() && !matches!(what, Subject::Faults),
+            hours.is_some() && !matches!(subject, Subject::Faults),
             "--hours goes with `evaluate faults` only",
         ),
         (
-            data.is_some() && !matches!(what, Subject::Truth),
+            data.is_some() && !matches!(subject, Subject::Truth),
             "a folder of data goes with `evaluate truth` only",
         ),
     ];
@@ -131,7 +131,7 @@ pub(super) fn run(
         return Err(Failure::Interrupted);
     }
     if let Some(files) = drawn {
-        report(args.what, &nominal, &lines, files, err)?;
+        report(args.subject, &nominal, &lines, files, err)?;
     }
     match thermyo_evaluate::missed(&lines) {
         (0, _) => Ok(()),
@@ -145,7 +145,7 @@ fn evaluated(
     err: &mut dyn Write,
 ) -> Result<Vec<CaseFigures>, Failure> {
     let bar = Bar::new(args.quiet);
-    Ok(match args.what {
+    Ok(match args.subject {
         Subject::Estimator => match (&args.recording, args.random) {
             (Some(folder), _) => {
                 let recorded = read_record(&folder.join(recording::FILE), err)?;
@@ -184,13 +184,13 @@ fn evaluated(
 
 /// Writes the page, and for `control` its plots.
 fn report(
-    what: Subject,
+    subject: Subject,
     nominal: &Loaded,
     lines: &[CaseFigures],
     mut files: OutputDir,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let page = if let Subject::Faults = what {
+    let page = if let Subject::Faults = subject {
         faults::page::page(nominal, lines)
     } else {
         let plots = control_page::plots(nominal)?;
@@ -205,12 +205,12 @@ fn report(
 
 /// Message about the finished cases of a stopped table.
 fn finished(count: usize) -> String {
-    let what = match count {
+    let finished = match count {
         0 => return "no case was finished, nothing is kept".to_owned(),
         1 => "line above is of the case that was".to_owned(),
         count => format!("{count} lines above are of the cases that were"),
     };
-    format!("the {what} finished; no report is written")
+    format!("the {finished} finished; no report is written")
 }
 
 #[cfg(test)]

@@ -51,12 +51,12 @@ impl fmt::Display for Failure {
             Self::Sweep(error) => error.fmt(f),
             Self::Merge(error) => error.fmt(f),
             Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
-            Self::Usage(what) => f.write_str(what),
+            Self::Usage(message) => f.write_str(message),
             Self::Board(error) => error.fmt(f),
             Self::Flash(error) => error.fmt(f),
             Self::Monitor(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
-            Self::Check(what) => f.write_str(what),
+            Self::Check(message) => f.write_str(message),
             Self::Interrupted => f.write_str("stopped"),
         }
     }

@@ -80,7 +80,7 @@ struct ArmArgs {
 #[derive(Debug, Args)]
 struct SetArgs {
     #[command(subcommand)]
-    what: Wanted,
+    set_point: SetPointArgs,
     /// Vent after this time, in s [default: at Ctrl-C]
     #[arg(long, value_name = "S", global = true, allow_negative_numbers = true, value_parser = seconds)]
     hold: Option<f64>,
@@ -113,7 +113,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 #[derive(Debug, Clone, Copy, Subcommand)]
-enum Wanted {
+enum SetPointArgs {
     /// Absolute pressure
     Pressure {
         /// Pressure in Pa
@@ -148,17 +148,17 @@ enum Wanted {
     Vent,
 }
 
-impl From<Wanted> for SetPoint {
-    fn from(wanted: Wanted) -> Self {
-        match wanted {
-            Wanted::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
-            Wanted::Contraction { contraction } => Self::Contraction { contraction },
-            Wanted::Flow { flow_kg_s, period_s: None } => Self::MassFlow { flow_kg_s },
-            Wanted::Flow { flow_kg_s, period_s: Some(period_s) } => {
+impl From<SetPointArgs> for SetPoint {
+    fn from(args: SetPointArgs) -> Self {
+        match args {
+            SetPointArgs::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
+            SetPointArgs::Contraction { contraction } => Self::Contraction { contraction },
+            SetPointArgs::Flow { flow_kg_s, period_s: None } => Self::MassFlow { flow_kg_s },
+            SetPointArgs::Flow { flow_kg_s, period_s: Some(period_s) } => {
                 Self::MassFlowCycle { flow_kg_s, period_s }
             }
-            Wanted::Duty { inlet, outlet } => Self::Duty { inlet, outlet },
-            Wanted::Vent => Self::Vent,
+            SetPointArgs::Duty { inlet, outlet } => Self::Duty { inlet, outlet },
+            SetPointArgs::Vent => Self::Vent,
         }
     }
 }
@@ -387,7 +387,7 @@ fn set(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let set_point = SetPoint::from(args.what);
+    let set_point = SetPoint::from(args.set_point);
     let step_s = f64::from(board.config()?.step_s);
     interrupt::watch();
     if args.arm {
@@ -482,7 +482,7 @@ fn configure(
         }
         ConfigTask::Forget => {
             board.forget()?;
-            format.done(out, &json!({ "saved": false }), "what was saved is forgotten\n")
+            format.done(out, &json!({ "saved": false }), "the saved configuration is deleted\n")
         }
     }
 }
@@ -591,7 +591,7 @@ fn drive_and_record(
     }
     if ended == Ended::Stopped {
         let (driven, folder) = (summary.driven(), folder.display());
-        let _ = writeln!(err, "thermyo: stopped at {driven}; what was driven is in {folder}");
+        let _ = writeln!(err, "thermyo: stopped at {driven}; the record is in {folder}");
         return Err(Failure::Interrupted);
     }
     Ok(())

@@ -42,10 +42,10 @@ pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> R
             "step_s": loaded.plant.run.step_s,
             "variables": variables(kind).iter().map(|variable| variable.name).collect::<Vec<_>>(),
     });
-    let what = if args.with_core { "plant and core" } else { "plant" };
+    let parts = if args.with_core { "plant and core" } else { "plant" };
     args.format.done(
         out,
         &json,
-        &format!("{what}, {count} variables, FMI 3.0 co-simulation for {platform}: {file}\n"),
+        &format!("{parts}, {count} variables, FMI 3.0 co-simulation for {platform}: {file}\n"),
     )
 }

@@ -430,7 +430,7 @@ fn identify_command(
         print(stdout, &found.text())?;
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
-    found.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+    found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
 
 /// Keeps the results of the finished searches of an identification, and prints where.
@@ -445,7 +445,7 @@ fn searched(
     } else {
         out.text("searches.csv", csv)?;
         let left = out.leave().join("searches.csv");
-        format!("thermyo: what {finished} of {starts} searches found is in {}", left.display())
+        format!("thermyo: the results of {finished} of {starts} searches are in {}", left.display())
     };
     let _ = writeln!(stderr, "{message}");
     Ok(Failure::Interrupted)
@@ -518,7 +518,7 @@ fn reproduce_command(
     if !args.output.json {
         print(stdout, &findings.text())?;
     }
-    findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+    findings.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
 
 /// Runs a scenario and streams its trace into `out`; calls `each` with every logged row.
