@@ -166,7 +166,7 @@ pub enum Begins {
     WhenStale,
 }
 
-/// Runs a program that may take minutes. If it has work to do, a message tells when it begins, goes
+/// Runs a program that may take minutes. If it has work to do, messages report when it begins, goes
 /// on and ends. Returns its standard error too.
 pub fn watched(
     command: &mut Command,

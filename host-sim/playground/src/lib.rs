@@ -98,7 +98,7 @@ pub extern "C" fn settings() -> bool {
     })
 }
 
-/// Runs so many steps; every `every`-th row is in [`rows`].
+/// Runs `steps` steps; every `every`-th row is in [`rows`].
 #[unsafe(no_mangle)]
 pub extern "C" fn advance(steps: u32, every: u32) -> bool {
     with(|playground| {

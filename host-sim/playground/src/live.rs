@@ -119,7 +119,7 @@ impl Live {
         Ok(())
     }
 
-    /// Runs so many steps, and adds the cells of every `every`-th row to `rows`.
+    /// Runs `steps` steps, and adds the cells of every `every`-th row to `rows`.
     pub fn advance(&mut self, steps: u32, every: u32, rows: &mut Vec<f64>) -> Result<(), String> {
         let Self { run, board, latest, .. } = self;
         let mut observer = |row: &Row| {
