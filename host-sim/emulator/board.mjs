@@ -1,4 +1,4 @@
-// A Raspberry Pi Pico: the chip, its flash, and what is wired to its pins.
+// A Raspberry Pi Pico: the chip, its flash, and the devices at its pins.
 
 import { GPIOPinState } from 'rp2040js';
 import { Chip } from './chip.mjs';
@@ -20,15 +20,15 @@ const OUTLET_COIL = 17;
 /** GPIO function (datasheet 2.19.2) and enable bit of the PWM slices. */
 const FUNCTION_PWM = 4;
 const PWM_ENABLE = 1;
-/** Override of a pad's output (GPIO control register, datasheet 2.19.6.1): low, whatever drives it. */
+/** Override of a pad's output (GPIO control register, datasheet 2.19.6.1): held low. */
 const OVERRIDE_LOW = 2;
 const RUN_LINE = 14;
 const FAULT_OUTPUT = 15;
 const LED = 25;
 const RAM = 0x20000000;
-/** Why the chip does not go on. */
+/** Reasons for which the chip stops. */
 const [TIME_IS_UP, WATCHDOG_BITES, POWER_FAILS] = [0, 1, 2];
-/** Where a hang happens: the control task, the thread's tasks, any other interrupt. */
+/** Places of an injected hang: the control task, the thread's tasks, other interrupts. */
 const PLACES = [
   (exception) => exception === CONTROL_EXCEPTION,
   (exception) => exception === 0,
@@ -36,7 +36,7 @@ const PLACES = [
 ];
 
 export class Board {
-  /** `flash`: the image's bytes, 16 MiB of them as rp2040js has it. */
+  /** `flash`: bytes of the image, 16 MiB as in rp2040js. */
   constructor(flash) {
     this.store = new FlashChip(flash);
     this.sums = [0, 0, 0, 0, 0];
@@ -47,7 +47,7 @@ export class Board {
     this.hang = null; // what is to happen: { is: one of PLACES, instructions: left until it does }
     this.uartBytes = [];
     this.usbBytes = [];
-    this.identities = []; // what the board has said of itself over USB, each time that it was plugged in
+    this.identities = []; // USB identity, for each time that the board was plugged in
     this.cable = { plugged: false, open: false };
     this.bootLoader = false;
     this.resets = 0;
@@ -60,7 +60,7 @@ export class Board {
     this.start();
   }
 
-  /** Comes out of reset; `sram` is what memory holds. */
+  /** Starts after a reset; `sram` is the content of memory. */
   start(sram) {
     const chip = new Chip(this.store.content);
     this.store.attach(chip, () => {
@@ -88,8 +88,8 @@ export class Board {
 
     chip.adc.onADCRead = (channel) => this.convert(channel);
     this.conversion = chip.clock.createAlarm(() => chip.adc.completeADCRead(this.code, false));
-    // The firmware polls the converter. A poll that would go on until the conversion is done takes
-    // that time at once: the same time passes, in a few instructions instead of fifty.
+    // The firmware polls the converter. A poll that would last until the conversion is done takes
+    // that time at once: the same time passes in a few instructions instead of fifty.
     const readAdc = chip.adc.readUint32.bind(chip.adc);
     chip.adc.readUint32 = (offset) => {
       if (offset === 0 && chip.adc.busy && !this.adcStalled) {
@@ -112,7 +112,7 @@ export class Board {
     chip.gpio[RUN_LINE].setInputValue(this.runLine);
   }
 
-  /** The watchdog restarts everything but itself and its scratch registers; memory keeps its content. */
+  /** The watchdog resets everything but itself and its scratch registers; memory keeps its content. */
   watchdogRestart() {
     const { reason, scratchData } = this.chip.peripherals[0x40058];
     this.startAgain(this.chip.sram);
@@ -122,7 +122,7 @@ export class Board {
     this.resets++;
   }
 
-  /** Power was gone, and with it all but what the flash holds. */
+  /** Power failed: only the content of the flash is left. */
   powerCut() {
     this.startAgain(undefined);
     this.powerCuts++;
@@ -144,7 +144,7 @@ export class Board {
     if (this.adcStalled) {
       return;
     }
-    // Eight conversions add up to the sum that the host gave, whichever of them is first.
+    // Eight conversions add up to the host's sum, whichever of them is first.
     const n = this.conversions[channel]++ % OVERSAMPLING;
     const sum = this.sums[channel];
     this.code = Math.floor((sum * (n + 1)) / OVERSAMPLING) - Math.floor((sum * n) / OVERSAMPLING);
@@ -160,7 +160,7 @@ export class Board {
     coil.since = now;
   }
 
-  /** The converter finishes nothing while it is stalled, and then what it was at. */
+  /** A stalled converter finishes nothing; afterwards it finishes the pending conversion. */
   stallAdc(stalled) {
     const resumed = this.adcStalled && !stalled;
     this.adcStalled = stalled;
@@ -169,22 +169,22 @@ export class Board {
     }
   }
 
-  /** The processor meets something that it cannot carry out. */
+  /** The processor executes an undefined instruction. */
   fault() {
     this.chip.core.waiting = false;
     this.chip.core.exceptionEntry(HARD_FAULT);
   }
 
-  /** An instruction at a place becomes an endless loop: the first one from now, the second, ... */
+  /** Replaces the N-th instruction that is executed at a place from now on by an endless loop. */
   armHang(place, instructions) {
     this.hang = { is: PLACES[place], instructions };
   }
 
-  /** Before an instruction, while a hang is armed. Not in the boot ROM, which is the chip's own program. */
+  /** Called before each instruction while a hang is armed. The boot ROM, which is not firmware, is left out. */
   countToHang() {
     const { core } = this.chip;
     if (this.hang.is(core.IPSR) && --this.hang.instructions <= 0 && core.PC >= ROM_END) {
-      // At a handler's first instruction it still has the vector's lowest bit.
+      // At a handler's first instruction the PC still has the vector's lowest bit.
       this.chip.writeUint16(core.PC & ~1, BRANCH_TO_ITSELF);
       this.hang = null;
     }
@@ -209,14 +209,14 @@ export class Board {
     this.chip.gpio[RUN_LINE].setInputValue(high);
   }
 
-  /** What the digital sensors would measure, from the codes of pressure and gas, and what is wrong with them. */
+  /** Sets the readings of the digital sensors, from the codes of pressure and gas, and their fault. */
   setParts(fault) {
     this.partFault = fault;
     this.mpr.set(this.sums[0] >> 1, fault === 3, fault === 4);
     this.max31865.set(this.sums[1] >> 1, (this.sums[1] & 1) === 1, fault === 1, fault === 2);
   }
 
-  /** The USB cable is in or out; a program has its port open or not. */
+  /** Plugs or unplugs the USB cable; opens or closes its port. */
   setCable(plugged, open) {
     this.cable = { plugged, open };
     this.usb.set(plugged, open);
@@ -226,7 +226,7 @@ export class Board {
     return this.chip.gpio[number].value === GPIOPinState.High;
   }
 
-  /** Share of the PWM period for which a coil is set to be powered: what the timer's registers say. */
+  /** Duty of a coil according to the timer's registers. */
   duty(number) {
     const channel = this.chip.pwm.channels[(number >> 1) & 7];
     if (this.chip.gpio[number].outputOverride === OVERRIDE_LOW) {
@@ -247,7 +247,7 @@ export class Board {
     return (this.pin(FAULT_OUTPUT) ? 1 : 0) | (this.pin(LED) ? 2 : 0);
   }
 
-  /** Runs until this time since power came [ns]. */
+  /** Runs until this time since power-up [ns]. */
   run(until) {
     for (const coil of this.coils) {
       coil.total = 0;
@@ -266,7 +266,7 @@ export class Board {
     this.settleCoils();
   }
 
-  /** Returns why it does not go on. */
+  /** Returns the reason for which the chip stopped. */
   runChip(until) {
     const { cache, clock, core } = this.chip;
     const end = until - this.started;
@@ -300,7 +300,7 @@ export class Board {
     return TIME_IS_UP;
   }
 
-  /** What the firmware has logged: takes the bytes out of the ring buffer of its first RTT channel. */
+  /** Takes the log of the firmware out of the ring buffer of its first RTT channel. */
   takeLog() {
     const { sram, sramView } = this.chip;
     if (this.rtt < 0) {

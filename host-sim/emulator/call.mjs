@@ -1,5 +1,5 @@
-// Calls functions of the firmware's image, one after the other, on an emulated RP2040 that runs
-// nothing else once its start has copied them into RAM. All numbers u32, little end first.
+// Calls functions of the firmware's image, one after the other, on an emulated RP2040 that has run
+// only until its start has copied them into RAM. All numbers u32, little-endian.
 //
 // request:  address of the function; its two arguments; number of instructions after which an
 //           interrupt calls it too, 0 for none; the two arguments of that call
@@ -23,7 +23,7 @@ load(process.argv[2], flash);
 const chip = new Chip(flash);
 chip.boot();
 const { core } = chip;
-// The program's first instruction in RAM comes when all of it is there.
+// The first instruction in RAM is executed after all of it has been copied.
 while (core.PC < RAM || core.PC >= RAM_END) {
   core.executeInstruction();
 }
@@ -55,7 +55,7 @@ for (;;) {
 }
 
 function call(address, values, interrupt) {
-  // What the caller expects to find again: r4 to r11 and the stack pointer.
+  // Registers that a function must preserve: r4 to r11 and the stack pointer.
   for (let i = 4; i < 12; i++) {
     core.registers[i] = 0x9e3779b9 * (i + values[0]);
   }

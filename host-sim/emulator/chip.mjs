@@ -1,4 +1,4 @@
-// An RP2040 whose reads of flash go through its cache, started as the boot ROM starts it (datasheet 2.8.1): the
+// An RP2040 that reads flash through its cache, started like by the boot ROM (datasheet 2.8.1): the
 // second stage boot loader is copied into RAM, sets the serial interface up and enters the program.
 
 import { RP2040 } from 'rp2040js';
@@ -14,7 +14,7 @@ const RAM = 0x20000000;
 const quiet = { debug() {}, info() {}, warn() {}, error() {} };
 
 export class Chip extends RP2040 {
-  /** `flash`: its bytes, 16 MiB of them as rp2040js has it. */
+  /** `flash`: its bytes, 16 MiB as in rp2040js. */
   constructor(flash) {
     super();
     this.logger = quiet;
@@ -31,7 +31,7 @@ export class Chip extends RP2040 {
     }
   }
 
-  /** What happens when the chip comes out of reset; `sram` is what memory holds. */
+  /** Starts the chip after a reset; `sram` is the content of memory. */
   boot(sram) {
     if (sram !== undefined) {
       this.sram.set(sram);

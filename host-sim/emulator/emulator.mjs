@@ -1,22 +1,23 @@
-// Runs the firmware's image on an emulated RP2040, one exchange with the host per request on standard
-// input. All numbers little end first.
+// Runs the firmware's image on an emulated RP2040, one exchange with the host per request on
+// standard input. All numbers little-endian.
 //
-// request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2, or a digital sensor's code; u8 inputs
-//           (1: run line high, 2: converter stalled, 4: a fault of the processor at the beginning, 8: USB cable plugged in,
-//           16: its port open, and times 32: what is wrong with a digital sensor, as in board.mjs); u8 place and u32 number of the instruction there
-//           that is to hang (0: control, 1: thread, 2: other interrupts; number 0: none); u32 number of the flash
-//           operation in which power is to fail (0: none, 0xffffffff: at once) and u16 share of its time that it
-//           has had, in 1/65535; u16 counts of bytes for the UART and for USB; these bytes
+// request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2, or a digital sensor's
+//           code; u8 inputs (1: run line high, 2: converter stalled, 4: a fault of the processor at the
+//           beginning, 8: USB cable plugged in, 16: its port open, and times 32: fault of a digital sensor, as
+//           in board.mjs); u8 place and u32 number of the instruction there that hangs (0: control, 1: thread,
+//           2: other interrupts; number 0: none); u32 number of the flash operation in which power fails
+//           (0: none, 0xffffffff: at once) and u16 fraction of its time that has passed, in 1/65535;
+//           u16 counts of bytes for the UART and for USB; these bytes
 // response: u32 nanoseconds that the inlet's and the outlet's coil were powered; u32 cycles in which the
 //           core did not sleep; u32 restarts by the watchdog so far; u32 reads of flash; u32 of them that
-//           were not in its cache; u32 times that power came back so far; u32 operations of the flash
+//           missed its cache; u32 times that power returned so far; u32 operations of the flash
 //           so far; u32 violations of its rules so far; u16 duties that inlet's and outlet's coil
 //           are set to, in 1/65535; u8 state (1: fault output, 2: LED, 4: a hang is still to
-//           come, 8: in the boot loader); u16 count and bytes each from the UART, from USB, of what the board
-//           has said of itself each time it was plugged in (one line each), and of the log (defmt over RTT)
+//           come, 8: in the boot loader); u16 count and bytes each from the UART, from USB, of the USB
+//           identity for each time it was plugged in (one line each), and of the log (defmt over RTT)
 //
-// The first argument is the image, the second one, if there is one, the file that has what the flash keeps.
-// The first response comes of its own accord, when the image is in place.
+// The first argument is the image, the optional second one the file that keeps the content of the
+// flash. The first response is sent without a request, when the image is loaded.
 
 import { readSync, writeSync } from 'node:fs';
 import { Board } from './board.mjs';
@@ -71,7 +72,7 @@ while (fill(head)) {
   respond();
 }
 
-/** Whether the buffer was filled; no when the host is gone. */
+/** Fills the buffer from standard input; false when the host is gone. */
 function fill(buffer) {
   let filled = 0;
   while (filled < buffer.length) {
@@ -85,8 +86,8 @@ function fill(buffer) {
 }
 
 function respond() {
-  const said = Buffer.from(board.identities.map((identity) => `${identity}\n`).join(''));
-  const parts = [board.uartBytes, board.usbBytes, said, board.takeLog()];
+  const identities = Buffer.from(board.identities.map((identity) => `${identity}\n`).join(''));
+  const parts = [board.uartBytes, board.usbBytes, identities, board.takeLog()];
   board.uartBytes = [];
   board.usbBytes = [];
   board.identities = [];

@@ -1,12 +1,13 @@
-// The RP2040's execution in place: flash behind a cache of 16 KiB, two ways, lines of 8 bytes (datasheet
-// 2.6.3.1, 2.6.3.2: a flush takes 16 KiB / 8 / 2 = 1024 cycles). A line is filled by halves, 4 bytes at a time,
-// each when it is read first; bursts there are none (raspberrypi/pico-feedback, issue 307).
+// The RP2040's execution in place: flash behind a cache of 16 KiB, two ways, lines of 8 bytes
+// (datasheet 2.6.3.1, 2.6.3.2: a flush takes 16 KiB / 8 / 2 = 1024 cycles). A line is filled by
+// halves, 4 bytes at a time, each on its first read; there are no bursts
+// (raspberrypi/pico-feedback, issue 307).
 //
-// A half takes what the serial interface was set to by the second stage boot loader: for that of the W25Q080,
-// BAUDR = 2, 8 clocks for the address and mode bits, 4 of waiting and 8 for 32 bits by four lines, 20 clocks of 2
-// cycles: 40 cycles, the 320 ns at the least that Klipper's PR 6464 states. Around it the chip is selected and
-// the bus waits: 400 ns were measured by a load that is not in the cache (oberon-rtk.org/description/flash-memory),
-// 50 cycles with the 2 of the load itself.
+// The time for a half follows from the serial interface's setting by the second stage boot loader.
+// W25Q080: BAUDR = 2, 8 clocks for the address and mode bits, 4 of waiting and 8 for 32 bits by
+// four lines, 20 clocks of 2 cycles: 40 cycles, at least 320 ns according to Klipper's PR 6464. In
+// addition the chip is selected and the bus waits: 400 ns were measured for a load that misses the
+// cache (oberon-rtk.org/description/flash-memory), 50 cycles with the 2 of the load itself.
 
 const SETS = 1024;
 const WAYS = 2;
@@ -22,7 +23,7 @@ export class FlashCache {
     this.oldest = new Uint8Array(SETS); // way that is replaced next
     this.reads = 0;
     this.misses = 0;
-    this.stalled = 0; // cycles that nobody has taken yet
+    this.stalled = 0; // cycles not yet taken
     this.flush();
   }
 
@@ -41,7 +42,7 @@ export class FlashCache {
     return baudr * (address + wait + bits / lines) + SELECT_CYCLES;
   }
 
-  /** A read of an address, within a word. */
+  /** Reads an address, within a word. */
   read(address) {
     this.reads++;
     if (address >>> 24 === CACHED && this.hits(address & 0xffffff)) {
@@ -51,7 +52,7 @@ export class FlashCache {
     this.stalled += this.missCycles;
   }
 
-  /** Whether the half is there; it is from now on. */
+  /** Whether the half is in the cache; loads it. */
   hits(offset) {
     const set = (offset >> 3) % SETS;
     const tag = Math.floor((offset >> 3) / SETS);

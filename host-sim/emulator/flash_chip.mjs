@@ -1,10 +1,10 @@
-// The flash of a Raspberry Pi Pico (W25Q16JV), and of the boot ROM what writes it (RP2040 datasheet 2.8.3). A ROM
-// function is a breakpoint and a return: rp2040js calls `onBreak` with the breakpoint's number. Erasing and
-// programming take their time: a second breakpoint repeats itself until the flash is done, and interrupts are taken
-// meanwhile, unless the firmware masks them.
+// The flash of a Raspberry Pi Pico (W25Q16JV), and the boot ROM functions that write it (RP2040
+// datasheet 2.8.3). A ROM function is a breakpoint and a return: rp2040js calls `onBreak` with the
+// breakpoint's number. Erasing and programming take time: a second breakpoint repeats itself until
+// the flash is done, and interrupts are taken meanwhile, unless the firmware masks them.
 //
-// Bits fall by programming and rise by erasing only. Power that fails leaves every byte either as it was or as it
-// was to be, at random: harsher than the chip is.
+// Programming only clears bits, erasing only sets them. A power failure leaves every byte of the
+// operation either old or new, at random: harsher than the chip.
 
 const BX_LR = 0x4770;
 const bkpt = (number) => 0xbe00 | number;
@@ -26,13 +26,13 @@ const FUNCTION_TABLE = 0x200;
 const AT_ONCE = 0xffffffff;
 const SECTOR = 4096;
 const PAGE = 256;
-/** W25Q16JV, 9.6: typical; at most 400 ms and 3 ms. */
+/** W25Q16JV, 9.6: typical times; at most 400 ms and 3 ms. */
 const ERASE_NANOS = 45e6;
 const PROGRAM_NANOS = 0.4e6;
 const UNIQUE_ID = [0xe6, 0x60, 0x58, 0x38, 0x83, 0x5b, 0x2a, 0x31];
 const READ_UNIQUE_ID = 0x4b; // W25Q16JV, 8.2.32
 const DUMMY_BYTES = 4;
-/** The serial interface: enabled, it reads flash as memory (RP2040 datasheet 4.10.13). */
+/** The serial interface: while enabled, flash is read as memory (RP2040 datasheet 4.10.13). */
 const SSI = 0x18000;
 const SSI_ENABLE = 0x08;
 const SSI_DATA = 0x60;
@@ -41,7 +41,7 @@ const XIP_CTRL_STAT = 8;
 const FIFO_EMPTY = 2;
 
 export class FlashChip {
-  /** `content`: its bytes, which survive the loss of power. */
+  /** `content`: its bytes, which survive a power failure. */
   constructor(content) {
     this.content = content;
     this.operations = 0;
@@ -51,7 +51,7 @@ export class FlashChip {
     this.random = 1;
   }
 
-  /** Power fails in an operation, when this share of its time is over; or at once. */
+  /** Lets power fail in an operation, after this fraction of its time, or at once. */
   armCut(operation, done) {
     if (operation === AT_ONCE) {
       this.cutAt = this.chip.clock.nanosCounter;
@@ -61,7 +61,7 @@ export class FlashChip {
     this.cutDone = done;
   }
 
-  /** A chip that has just started; `enterBootLoader` is called where the real one would restart into its own. */
+  /** Attaches a chip that has just started; `enterBootLoader` replaces the restart into the boot loader. */
   attach(chip, enterBootLoader) {
     this.chip = chip;
     this.enterBootLoader = enterBootLoader;
@@ -97,7 +97,7 @@ export class FlashChip {
     this.answerOver(chip.peripherals[SSI]);
   }
 
-  /** What the flash answers when it is not just read as memory. */
+  /** Answers commands that are sent to the flash over the serial interface. */
   answerOver(ssi) {
     const read = ssi.readUint32.bind(ssi);
     const write = ssi.writeUint32.bind(ssi);
@@ -159,7 +159,7 @@ export class FlashChip {
     }
   }
 
-  /** Begins to change bytes to what `becomes` says of each. */
+  /** Begins to change bytes; `becomes` returns the new value of each. */
   begin(offset, bytes, nanos, becomes) {
     const now = this.chip.clock.nanosCounter;
     this.must(!this.chip.xip && offset + bytes <= this.content.length);
@@ -175,7 +175,7 @@ export class FlashChip {
     }
   }
 
-  /** The ROM's function goes on when the flash is done; until then the core waits, or is interrupted. */
+  /** Returns from the ROM's function when the flash is done; until then the core waits, or is interrupted. */
   wait() {
     const { clock, core } = this.chip;
     if (clock.nanosCounter >= this.busyUntil) {
@@ -189,7 +189,7 @@ export class FlashChip {
     }
   }
 
-  /** Whether power fails now; then what has not been done of the operation is undone. */
+  /** Whether power fails now; if so, the unfinished rest of the operation is undone. */
   takeCut() {
     if (this.chip.clock.nanosCounter < this.cutAt) {
       return false;
@@ -207,7 +207,7 @@ export class FlashChip {
     return true;
   }
 
-  /** Random numbers from 0 to 1, the same every time: xorshift32 (Marsaglia 2003). */
+  /** Reproducible random numbers from 0 to 1: xorshift32 (Marsaglia 2003). */
   share() {
     this.random ^= this.random << 13;
     this.random ^= this.random >>> 17;

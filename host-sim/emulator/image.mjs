@@ -1,4 +1,4 @@
-// Reads an image, ELF or UF2, into the chip's flash.
+// Loads an image, ELF or UF2, into the chip's flash.
 
 import { readFileSync } from 'node:fs';
 
@@ -6,7 +6,7 @@ const FLASH = 0x10000000;
 const FLASH_BYTES = 2 * 1024 * 1024; // of a Raspberry Pi Pico
 const UF2_RP2040 = 0xe48bff56;
 
-/** Fills `flash` from the file; throws an Error that says what to do when it is no image for the RP2040. */
+/** Fills `flash` from the file; throws an Error with advice if it is not an image for the RP2040. */
 export function load(path, flash) {
   const file = readFileSync(path);
   if (file.length > 52 && file.readUInt32BE(0) === 0x7f454c46) {
@@ -16,7 +16,7 @@ export function load(path, flash) {
   } else {
     throw new Error(`${path} is neither an ELF nor a UF2 file: give the firmware's image`);
   }
-  // What the boot ROM checks (RP2040 datasheet 2.8.1.3.1).
+  // The check of the boot ROM (RP2040 datasheet 2.8.1.3.1).
   if (crc32Mpeg2(flash.subarray(0, 252)) !== new DataView(flash.buffer).getUint32(252, true)) {
     throw new Error(
       `${path} is an image for another chip (no RP2040 boot loader): build the firmware with the feature \`pico\``,

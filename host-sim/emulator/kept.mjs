@@ -1,5 +1,5 @@
-// What the flash keeps without power, in a file: of a Raspberry Pi Pico's flash the part that the firmware writes,
-// its last four sectors (`memory.x`).
+// A file that keeps the content of the flash without power: the part of a Raspberry Pi Pico's flash
+// that the firmware writes, its last four sectors (`memory.x`).
 
 import { existsSync, readFileSync, renameSync, writeFileSync } from 'node:fs';
 
@@ -7,20 +7,20 @@ const START = 2 * 1024 * 1024 - 16 * 1024;
 const END = 2 * 1024 * 1024;
 
 export class Kept {
-  /** `path`: the file; none, and nothing is kept. */
+  /** `path`: the file; without one nothing is kept. */
   constructor(path) {
     this.path = path;
     this.operations = 0;
   }
 
-  /** Fills `flash` with what was kept. */
+  /** Fills `flash` from the file. */
   load(flash) {
     if (this.path !== undefined && existsSync(this.path)) {
       flash.set(readFileSync(this.path).subarray(0, END - START), START);
     }
   }
 
-  /** Keeps what the flash has been written since the last call; in the file at once whole. */
+  /** Saves changes since the last call; the file is replaced by a complete one. */
   save(store) {
     if (this.path === undefined || store.operations === this.operations) {
       return;

@@ -1,5 +1,5 @@
-// Digital sensors at the Pico's pins, by their data sheets: a MAX31865 on SPI1, a Honeywell MPR on I2C0. What they would
-// measure is given to them all the time; when they convert is their own business.
+// Digital sensors at the Pico's pins, by their data sheets: a MAX31865 on SPI1, a Honeywell MPR on
+// I2C0. Their inputs are updated all the time; they convert at their own times.
 
 import { GPIOPinState } from 'rp2040js';
 
@@ -9,14 +9,14 @@ const BYTE_NANOS = 8000; // SPI at 1 MHz
 const I2C_BYTE_NANOS = 22500; // nine bits at 400 kHz
 const I2C_EDGE_NANOS = 2500;
 
-/** Time from one conversion to the next with the filter for 50 Hz: the host says when its mean is complete, and if it
- * does not, then at most this. And of the first one. */
+/** Time between two conversions with the filter for 50 Hz, and before the first: the host sets when its mean is
+ * complete; this is the upper limit. */
 const MAX31865_NANOS = 20.5e6;
 const MAX31865_LEAST_NANOS = 15e6;
 const MAX31865_FIRST_NANOS = 62.5e6;
 const MPR_NANOS = 5e6;
 
-/** Analog's MAX31865 (19-6478): registers 0 to 7, from 0x80 on to be written. */
+/** Analog's MAX31865 (19-6478): registers 0 to 7, written at 0x80 and above. */
 export class Max31865 {
   constructor(chip) {
     this.chip = chip;
@@ -97,7 +97,7 @@ export class Max31865 {
     }
   }
 
-  /** Whether the wires are there; without them its line is pulled up. */
+  /** Whether the wires are connected; otherwise the line is pulled up. */
   set(reading, complete, unplugged, stuck) {
     this.reading = reading;
     this.stuck = stuck;
@@ -111,7 +111,7 @@ export class Max31865 {
   }
 }
 
-/** Honeywell MPR (32332628): 0xaa 0 0 has it measure; status and 24 bits are what is read. */
+/** Honeywell MPR (32332628): 0xaa 0 0 starts a measurement; a read returns status and 24 bits. */
 export class Mpr {
   constructor(chip) {
     this.reading = 0;

@@ -1,4 +1,4 @@
-// A PL011 UART whose bytes take their time (Arm DDI 0183, RP2040 datasheet 4.2). rp2040js has one
+// A PL011 UART whose bytes take time (Arm DDI 0183, RP2040 datasheet 4.2). rp2040js has one
 // whose transmitter is infinitely fast and whose transmit interrupt never ends.
 
 import { BasePeripheral } from 'rp2040js';
@@ -32,7 +32,7 @@ const FIFO_BYTES = 32;
 const LEVELS = [4, 8, 16, 24, 28];
 
 export class PacedUart extends BasePeripheral {
-  /** `sent` is called with every byte when its stop bit has left. */
+  /** `sent` is called with every byte when its stop bit has been sent. */
   constructor(rp2040, name, irq, sent) {
     super(rp2040, name);
     this.irq = irq;
@@ -66,7 +66,7 @@ export class PacedUart extends BasePeripheral {
   /** Bytes from the host, which arrive one after the other at the line's speed. */
   feed(bytes) {
     if (!(this.registers[CR] & 1)) {
-      return; // nobody listens
+      return; // no receiver
     }
     for (const byte of bytes) {
       this.line.push(byte);

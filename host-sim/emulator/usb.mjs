@@ -1,8 +1,9 @@
-// A USB host with one serial port (CDC-ACM) at the chip's device controller. rp2040js has one too, but
-// takes the AVAILABLE bit of a buffer away as soon as the firmware sets it (dist/esm/peripherals/usb.js,
-// DPRAMUpdated). The driver of embassy-rp waits for that bit: an endpoint would have received 64 old
-// bytes at once, again and again. Here the bit stays until the packet is over, which takes its time on a
-// bus at full speed, and a host that has nothing to send lets the device wait.
+// A USB host with one serial port (CDC-ACM) at the chip's device controller. rp2040js has one too,
+// but clears the AVAILABLE bit of a buffer as soon as the firmware sets it
+// (dist/esm/peripherals/usb.js, DPRAMUpdated). The driver of embassy-rp waits for that bit: an
+// endpoint would have received 64 old bytes at once, again and again. Here the bit stays until the
+// packet is over, which takes time on a bus at full speed, and a host without data lets the device
+// wait.
 
 const SIE_STATUS = 0x50;
 const SUSPENDED = 1 << 4;
@@ -18,13 +19,13 @@ const BUFFER_CONTROL_END = 0x100;
 const EP0_BUFFER = 0x100;
 const EP0_PACKET = 64;
 
-/** Of a bulk transaction: sync, PIDs, address, CRCs, turnaround (USB 2.0, table 5-9). */
+/** Overhead of a bulk transaction: sync, PIDs, address, CRCs, turnaround (USB 2.0, table 5-9). */
 const OVERHEAD_BYTES = 13;
 const SETUP_BYTES = 8;
 const NANOS_PER_BYTE = 8e9 / 12e6;
-/** An idle bus is a suspended one (USB 2.0, 7.1.7.6). */
+/** An idle bus is suspended (USB 2.0, 7.1.7.6). */
 const SUSPEND_NANOS = 3e6;
-/** A device that has not answered by then is reset and asked again. */
+/** A device that has not answered after this time is reset and enumerated again. */
 const PATIENCE_NANOS = 50e6;
 const AFTER_RESET_NANOS = 1e6;
 const BETWEEN_REQUESTS_NANOS = 100e3;
@@ -46,7 +47,7 @@ const setLineCoding = { ...request(0x21, 0x20, 0, 0, 7), out: [0x00, 0x10, 0x0e,
 const setControlLineState = (open) => request(0x21, 0x22, open ? 3 : 0, 0, 0);
 
 export class UsbHost {
-  /** `received` is called with every byte that comes, `ready` with what the device says of itself. */
+  /** `received` is called with every byte from the device, `ready` with its identity. */
   constructor(chip, received, ready) {
     this.chip = chip;
     this.usb = chip.usbCtrl;
@@ -68,7 +69,7 @@ export class UsbHost {
     };
     this.usb.onResetReceived = () => this.enumerate();
     this.usb.DPRAMUpdated = (offset, value) => this.bufferWritten(offset, value);
-    // rp2040js does not let the firmware clear this one.
+    // rp2040js does not let the firmware clear this bit.
     const write = this.usb.writeUint32.bind(this.usb);
     this.usb.writeUint32 = (offset, value) => {
       if (offset === SIE_STATUS) {
@@ -78,7 +79,7 @@ export class UsbHost {
     };
   }
 
-  /** The cable is in or out; a program has the port open or not. */
+  /** Plugs or unplugs the cable; opens or closes the port. */
   set(plugged, open) {
     if (plugged !== this.plugged) {
       this.plugged = plugged;
@@ -88,10 +89,10 @@ export class UsbHost {
     if (!open) {
       this.queue = [];
     }
-    this.tellLines();
+    this.sendLineState();
   }
 
-  /** Bytes from the program: lost where no port is. */
+  /** Bytes from the program: lost while the port is closed. */
   feed(bytes) {
     if (this.configured && this.open) {
       for (const byte of bytes) {
@@ -159,7 +160,7 @@ export class UsbHost {
       if (!this.configured) {
         this.configured = true;
         this.ready(this.identity.join(' '));
-        this.tellLines();
+        this.sendLineState();
       }
       this.kick();
       return;
@@ -171,8 +172,8 @@ export class UsbHost {
     this.kick();
   }
 
-  /** Tells the device whether its port is open, once it has one. */
-  tellLines() {
+  /** Reports to the device whether its port is open, once it has one. */
+  sendLineState() {
     if (this.configured && this.announced !== this.open) {
       this.announced = this.open;
       this.controls.push(setControlLineState(this.open));
@@ -192,7 +193,7 @@ export class UsbHost {
     this.next.schedule(BETWEEN_REQUESTS_NANOS);
   }
 
-  /** Takes a descriptor; whether it is one. */
+  /** Parses a descriptor; returns whether it is of this kind. */
   take(kind, data) {
     if (data.length < 2 || data[1] !== kind) {
       return false;
@@ -230,7 +231,7 @@ export class UsbHost {
     }
   }
 
-  /** The firmware has written a word of the controller's memory, where rp2040js has it already. */
+  /** Called when the firmware has written a word of the controller's memory, which rp2040js has already stored. */
   bufferWritten(offset, value) {
     if (offset < BUFFER_CONTROL || offset >= BUFFER_CONTROL_END) {
       return;
@@ -250,7 +251,7 @@ export class UsbHost {
     return this.chip.usbDPRAMView.getUint32(4 * key, true);
   }
 
-  /** The first armed buffer that the host has a use for, in turn; -1 for none. */
+  /** The next armed buffer that the host can use, in turn; -1 for none. */
   wanted() {
     for (const key of this.armed.keys()) {
       const endpoint = key >> 1;
@@ -268,7 +269,7 @@ export class UsbHost {
     return -1;
   }
 
-  /** Puts the next transaction on the bus, when it is free. */
+  /** Starts the next transaction if the bus is free. */
   kick() {
     const key = this.transaction === null && this.plugged ? this.wanted() : -1;
     if (key < 0) {
@@ -280,7 +281,7 @@ export class UsbHost {
     this.bus.schedule((OVERHEAD_BYTES + bytes) * NANOS_PER_BYTE);
   }
 
-  /** A packet is over. */
+  /** Ends a packet. */
   transact() {
     const { key } = this.transaction;
     this.transaction = null;

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the Python package's wheel, installs it into an empty environment, tests it against the command, and prints
-# how fast it is. The first argument is the environment's folder [default: target/python].
+# the speed. The first argument is the environment's folder [default: target/python].
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 environment=${1:-target/python}
@@ -10,7 +10,7 @@ if ! python3 -m venv "$environment" 2>/dev/null; then
 fi
 python=$environment/bin/python
 "$python" -m pip install --quiet --disable-pip-version-check maturin pytest numpy matplotlib mcap
-# Without it its example is left out.
+# Without it the example is skipped.
 "$python" -m pip install --quiet --disable-pip-version-check gymnasium || true
 
 cargo build --locked --release --package host-sim

@@ -1,7 +1,7 @@
 """Thermodynamics of a pneumatic muscle: simulate it, estimate its gas temperature, drive it.
 
-A scenario is a path, a text that ends with ".toml" (a path too), the TOML itself, or a dict of tables. What is
-wrong with it raises `ScenarioError` with the text that the command `thermyo` prints. Everything is SI; names end
+A scenario is a path, a text that ends with ".toml" (a path too), the TOML itself, or a dict of tables. An error
+in it raises `ScenarioError` with the message of the command `thermyo`. Everything is SI; names end
 with their unit.
 """
 
@@ -13,7 +13,7 @@ import numpy
 import numpy.typing
 
 Scenario = Union[str, "PathLike[str]", Mapping[str, Any]]
-"""What is taken as a scenario; exists for type checkers only."""
+"""A scenario as an argument; exists for type checkers only."""
 
 Columns = Mapping[str, numpy.typing.ArrayLike]
 """Columns of a table by their names; exists for type checkers only."""
@@ -21,29 +21,29 @@ Columns = Mapping[str, numpy.typing.ArrayLike]
 __version__: str
 
 class ScenarioError(ValueError):
-    """A scenario or a table of data cannot be used: file, line, key, what is there and what is allowed."""
+    """A scenario or a table of data cannot be used: file, line, key, value and allowed values."""
 
 class ScenarioWarning(UserWarning):
-    """A scenario is valid and makes no sense."""
+    """A scenario is valid but probably unintended."""
 
 class RunError(RuntimeError):
-    """A run that had begun could not go on."""
+    """A run failed after its start."""
 
 class BoardError(RuntimeError):
-    """A board cannot be used, or refuses what it is asked."""
+    """A board cannot be used, or refuses a request."""
 
 def run(scenario: Scenario, seed: Optional[int] = None) -> dict[str, Any]:
     """Runs a scenario with the core in the loop.
 
-    Gives the columns of trace.csv as arrays of float64, one element per logged step (`[run] log_every`), and under
-    "summary" what summary.json says. `seed`, 0 to 2**63 - 1, takes the place of `[run] seed`.
+    Returns the columns of trace.csv as arrays of float64, one element per logged step (`[run] log_every`), and under
+    "summary" the content of summary.json. `seed`, 0 to 2**63 - 1, replaces `[run] seed`.
     """
 
 def check(scenario: Scenario) -> str:
-    """The scenario as TOML with every default filled in and its meaning: what `thermyo check` prints."""
+    """The scenario as TOML with every default filled in and its meaning: the output of `thermyo check`."""
 
 def to_csv(columns: Columns) -> str:
-    """Columns as the text of a CSV file: those of a run give the bytes of its trace.csv. NaN is an empty cell, and
+    """Columns as the text of a CSV file: for a run, the bytes of its trace.csv. NaN is an empty cell, and
     "summary" is left out."""
 
 def identify(
@@ -51,18 +51,18 @@ def identify(
     scenario: Scenario,
     against: Union[str, "PathLike[str]", Columns, None] = None,
 ) -> dict[str, Any]:
-    """Finds the parameters that `[identify]` names from recorded data, or a muscle from a static map.
+    """Identifies the parameters that `[identify]` names from recorded data, or a muscle from a static map.
 
-    Gives what summary.json of `thermyo identify` says, and under "scenario" the scenario with what was found, as
-    TOML. `against` is a static map that the fit has not seen.
+    Returns the content of summary.json of `thermyo identify`, and under "scenario" the identified scenario as
+    TOML. `against` is a static map that is not used for the fit.
     """
 
 class Sweep:
     """The points of `thermyo sweep`, which count from 1, and the rows of its sweep.csv, the same bytes: for engines
-    that spread them over machines.
+    that distribute them over machines.
 
-    `vary` has the texts behind `--vary`; with `lhs` it is a Latin hypercube of so many points. Values that do not fit
-    the rest of the scenario make a row with a failure.
+    `vary` holds values of the option `--vary`; `lhs` is the number of points of a Latin hypercube. Values that do not fit
+    the rest of the scenario give a row with a failure.
     """
 
     def __init__(
@@ -75,10 +75,10 @@ class Sweep:
     def values(self, point: int) -> str:
         """The values of a point: "KEY = VALUE, KEY = VALUE"."""
     def row(self, point: int) -> str:
-        """Runs a point; gives its row, without the line's end. A failure is in the row."""
+        """Runs a point; returns its row, without the line's end. A failure is in the row."""
 
 class Readings:
-    """What the sensors give after a step, and beside it the truth, by the names of trace.csv."""
+    """Readings of the sensors after a step, and the true values, by the names of trace.csv."""
 
     @property
     def time_s(self) -> float: ...
@@ -127,24 +127,24 @@ class Muscle:
 
     def __init__(self, scenario: Scenario, seed: Optional[int] = None) -> None: ...
     def step(self, inlet: float, outlet: float) -> Readings:
-        """Drives the valves for one step of `step_s`, each with the share of time for which it is open, 0 to 1."""
+        """Drives the valves for one step of `step_s`, each open for the given fraction of time, 0 to 1."""
     @property
     def readings(self) -> Readings:
-        """What was read last; before the first step, at rest."""
+        """The latest readings; before the first step, at rest."""
     @property
     def step_s(self) -> float: ...
     @property
     def rest_length_m(self) -> Optional[float]:
-        """None of a vessel."""
+        """None for a vessel."""
     def ledger(self) -> dict[str, float]:
-        """The books of mass and energy since the start, in kg and J."""
+        """Balance of mass and energy since the start, in kg and J."""
 
 class Output:
-    """What a step of the core gives, by the names of trace.csv."""
+    """Outputs of a step of the core, by the names of trace.csv."""
 
     @property
     def duties(self) -> tuple[float, float]:
-        """Shares of time for which inlet and outlet are open: `muscle.step(*output.duties)`."""
+        """Fractions of time for which inlet and outlet are open: `muscle.step(*output.duties)`."""
     @property
     def duty_in(self) -> float: ...
     @property
@@ -160,7 +160,7 @@ class Output:
         """Estimated gas temperature [K]."""
     @property
     def estimate_sd_k(self) -> float:
-        """Its standard deviation [K]."""
+        """Stated deviation of `estimate_k` [K]."""
     @property
     def estimate_valid(self) -> bool: ...
     @property
@@ -181,12 +181,12 @@ class Output:
     def faults(self) -> list[str]: ...
 
 class Core:
-    """Model, estimator, controller and supervisor as on the board, told what the scenario believes. It is armed, and
-    begins with the set point that the scenario's drive begins with."""
+    """Model, estimator, controller and supervisor as on the board, configured with the scenario's believed values. It is
+    armed, and starts with the first set point of the scenario's drive."""
 
     def __init__(self, scenario: Scenario) -> None: ...
     def step(self, readings: Readings) -> Output:
-        """One step. Before the first one it judges its sensors by the readings."""
+        """One step. The startup check runs on the readings of the first call."""
     def set(
         self,
         *,
@@ -196,22 +196,22 @@ class Core:
         period_s: Optional[float] = None,
         duty: Optional[Sequence[float]] = None,
     ) -> None:
-        """Changes what it is to do, from the next PWM period on: one of the keywords, a period only with a flow. A duty
-        is two shares of time, those of inlet and outlet.
+        """Changes the set point, from the next PWM period on: one of the keywords, a period only with a flow. A duty
+        is two fractions of time, for inlet and outlet.
 
         Raises `ValueError` for a value that is out of its range, `BoardError` while it vents or is not armed.
         """
     def arm(self, most_pa: Optional[float] = None) -> None:
-        """Takes set points again, up to this absolute pressure [Pa]."""
+        """Arms up to this absolute pressure [Pa]."""
     def stop(self) -> None:
-        """Vents, and takes no set point until it is armed."""
+        """Vents and disarms."""
     def clear(self) -> None:
-        """Forgets latched faults whose cause is gone; it vents until it is armed and given a set point."""
+        """Clears latched faults whose cause is gone; it vents until it is armed and gets a set point."""
     @property
     def armed_pa(self) -> Optional[float]: ...
 
 class Stream(Iterator[dict[str, Any]]):
-    """Telemetry as it comes."""
+    """Telemetry as it arrives."""
 
     def __iter__(self) -> Stream: ...
     def __next__(self) -> dict[str, Any]: ...
@@ -219,16 +219,16 @@ class Stream(Iterator[dict[str, Any]]):
 class Board:
     """A flashed board at a serial port, or "emulated": the firmware on an emulated Pico with a muscle at its pins.
 
-    A context manager: at its end the board vents. Between two calls nobody tells the board that its host is there: it
+    A context manager: at its end the board vents. Between two calls there are no keep-alive messages: it
     vents after `[link] timeout_s` (0.5 s), unless its telemetry is streamed.
     """
 
     def __init__(self, port: str, scenario: Optional[Scenario] = None) -> None:
-        """`scenario` is the muscle of the emulated board, which is plugged in anew where one is given; without, the
-        one that is there already, or the nominal one."""
+        """`scenario` is the muscle of the emulated board, which is plugged in again if one is given; otherwise the
+        present one is used, or the nominal one."""
     def info(self) -> dict[str, Any]: ...
     def configure(self, scenario: Scenario) -> None:
-        """Tells it its muscle: the core's part of a scenario, as a whole. It vents and is not armed."""
+        """Sends the core's part of a scenario as a whole. The board vents and is not armed."""
     def arm(self, most_pa: Optional[float] = None) -> None: ...
     def set(
         self,
@@ -239,20 +239,20 @@ class Board:
         period_s: Optional[float] = None,
         duty: Optional[Sequence[float]] = None,
     ) -> None:
-        """Another set point: one of the keywords, a period only with a flow. A pressure is absolute, from ambient on."""
+        """Sends a set point: one of the keywords, a period only with a flow. A pressure is absolute, from ambient on."""
     def stop(self) -> None:
-        """Vents; returns when the board says that it does."""
+        """Vents; returns when the telemetry confirms it."""
     def clear(self) -> None:
-        """Forgets latched faults whose cause is gone; raises `BoardError` where one that vents is left."""
+        """Clears latched faults whose cause is gone; raises `BoardError` if one that vents is left."""
     def read(self) -> dict[str, Any]:
-        """The telemetry of now, by the names of trace.csv; of a stream that has begun, what was not yet taken is
-        forgotten."""
+        """The latest telemetry, by the names of trace.csv; unread telemetry of a running stream is
+        dropped."""
     def stream(self, duration_s: Optional[float] = None, every: int = 10) -> Stream:
-        """Telemetry as it comes, one dict per `every` steps (1 to 65535), with time_s since the first; for ever
-        without a duration. A board has one stream: a further one ends it, and the next dict that is asked of it
+        """Telemetry as it arrives, one dict per `every` steps (1 to 65535), with time_s since the first; without end
+        if there is no duration. A board has one stream: a second one ends it, and the next dict requested from it
         raises `BoardError`."""
     def close(self) -> None:
-        """Vents it where it is driven, and lets go of it."""
+        """Vents a driven board and closes the port."""
     def __enter__(self) -> Board: ...
     def __exit__(
         self,

@@ -1,4 +1,4 @@
-//! The `thermyo` command: its arguments, what it prints, and the commands that need a terminal or a drive.
+//! The `thermyo` command: arguments, output, and the commands that need a terminal or a drive.
 
 pub mod cli;
 pub mod commands;

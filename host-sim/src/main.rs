@@ -1,5 +1,3 @@
-//! The `thermyo` command.
-
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -1,10 +1,9 @@
-//! A board at its start: armed, or venting.
-
 use model_core::link::{Answer, Refusal};
 use model_core::{SetPoint, SetPointError};
 use thermyo_simulation::board::BoardError;
 
-/// The set point to start with: while faults vent, nothing else is taken, and the telemetry says why.
+/// Set point of the first step. While a fault vents, only `Vent` is accepted; the telemetry has the
+/// reason.
 pub(super) fn if_armed(
     armed: Result<Answer, BoardError>,
     set_point: SetPoint,

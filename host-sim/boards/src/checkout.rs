@@ -1,6 +1,6 @@
 //! Builds from the checkout that this program was built from: firmware, playground, shared library.
 //!
-//! Each adds the compiler's target that it needs, and shows that it goes on while it takes minutes.
+//! Each build adds the compiler target that it needs, and prints progress while it takes minutes.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -12,47 +12,37 @@ use std::time::{Duration, Instant};
 use std::{env, thread};
 use thermyo_simulation::board::BoardError;
 
-/// Time between two signs of life.
+/// Interval of the progress messages.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
 
-/// Folder of this crate. A program that is given away has none, and so is the same wherever it was built.
+/// Folder of this crate; empty in a release build, whose bytes must not depend on where it was
+/// built.
 const CRATE: &str = if cfg!(feature = "release") { "" } else { env!("CARGO_MANIFEST_DIR") };
 
-/// The folder `host-sim`.
 pub fn host_sim() -> &'static Path {
     let folder = Path::new(CRATE);
     folder.parent().unwrap_or(folder)
 }
 
-/// Folder of the workspace.
 pub fn workspace() -> PathBuf {
     host_sim().parent().unwrap_or(host_sim()).to_path_buf()
 }
 
-/// Cargo's target folder.
 pub fn target_folder() -> PathBuf {
     workspace().join(env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()))
 }
 
-/// Why nothing was built.
 #[derive(Debug, thiserror::Error)]
 pub enum NotBuilt {
-    /// The compiler's target is missing, and cannot be added.
     #[error("the compiler's target {target} is missing, and {reason}")]
     NoTarget {
-        /// Its name.
         target: String,
-        /// Why it cannot be added, and how to help that.
+        /// Includes how to fix it.
         reason: String,
     },
     /// Cargo failed, or cannot be run.
     #[error("{name} did not build:\n{message}")]
-    Failed {
-        /// What was to be built.
-        name: String,
-        /// Cargo's messages.
-        message: String,
-    },
+    Failed { name: String, message: String },
 }
 
 impl From<NotBuilt> for BoardError {
@@ -64,25 +54,19 @@ impl From<NotBuilt> for BoardError {
 /// A call of cargo, which itself decides what is stale.
 #[derive(Debug)]
 pub struct Build<'a> {
-    /// What it builds, in messages.
+    /// Shown in messages.
     pub name: &'a str,
-    /// The folder in which cargo runs: its `.cargo/config.toml` applies.
+    /// Cargo runs here, so that this folder's `.cargo/config.toml` applies.
     pub folder: PathBuf,
-    /// Cargo's target folder.
     pub target_folder: &'a Path,
-    /// The compiler's target; without one, this machine.
+    /// `None` builds for this machine.
     pub target: Option<&'a str>,
-    /// Cargo's subcommand.
     pub command: &'a str,
-    /// Further arguments.
     pub arguments: &'a [&'a str],
 }
 
 impl Build<'_> {
-    /// Builds, after adding the compiler's target where it is missing.
-    ///
-    /// # Errors
-    /// [`NotBuilt`]
+    /// Builds, after adding the compiler target if it is missing.
     pub fn run(&self) -> Result<(), NotBuilt> {
         let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
         cargo.arg(self.command).arg("--target-dir").arg(self.target_folder);
@@ -98,7 +82,7 @@ impl Build<'_> {
                 cargo.env_remove(&name);
             }
         }
-        // They are this machine's, and replace the flags that a target's configuration has.
+        // These are flags of this machine, and would replace those of the target's configuration.
         if self.target.is_some() {
             cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
         }
@@ -108,24 +92,16 @@ impl Build<'_> {
         if status.success() { Ok(()) } else { Err(self.failed(&message)) }
     }
 
-    /// A file that the build left.
-    ///
-    /// # Errors
-    /// [`NotBuilt::Failed`]
     pub fn read(&self, file: &Path) -> Result<Vec<u8>, NotBuilt> {
         fs::read(file).map_err(|error| self.failed(&format!("{}: {error}", file.display())))
     }
 
-    /// The error of this build.
     pub fn failed(&self, message: &str) -> NotBuilt {
         NotBuilt::Failed { name: self.name.to_owned(), message: message.to_owned() }
     }
 }
 
 /// Adds a target to the compiler that builds in a folder, if it is missing there.
-///
-/// # Errors
-/// [`NotBuilt::NoTarget`]
 pub fn add_target(target: &str, folder: &Path) -> Result<(), NotBuilt> {
     if has_target(target, folder) {
         return Ok(());
@@ -140,7 +116,7 @@ pub fn add_target(target: &str, folder: &Path) -> Result<(), NotBuilt> {
     };
     let add = format!("rustup target add {target}");
     let not_added = |why: String| missing(format!("`{add}` failed: {}", why.trim()));
-    // rustup itself does not keep two of its processes apart, and tests call this at once.
+    // rustup does not lock against a second rustup, and tests call this in parallel.
     let lock = File::create(Path::new(home.trim()).join("thermyo.lock"))
         .and_then(|file| file.lock().map(|()| file))
         .map_err(|error| not_added(format!("{}: {error}", home.trim())))?;
@@ -157,7 +133,6 @@ pub fn add_target(target: &str, folder: &Path) -> Result<(), NotBuilt> {
     )))
 }
 
-/// Whether the compiler that builds in a folder has a target's standard library.
 fn has_target(target: &str, folder: &Path) -> bool {
     let rustc = env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let printed = output(rustc, &["--print", "target-libdir", "--target", target], folder);
@@ -170,7 +145,7 @@ fn rustup(arguments: &[&str], folder: &Path) -> Result<String, String> {
     output("rustup".into(), arguments, folder)
 }
 
-/// Standard output of a program; standard error where it fails.
+/// Standard output of a program; on failure its standard error.
 fn output(program: OsString, arguments: &[&str], folder: &Path) -> Result<String, String> {
     let output = Command::new(program)
         .args(arguments)
@@ -182,20 +157,17 @@ fn output(program: OsString, arguments: &[&str], folder: &Path) -> Result<String
     if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
 }
 
-/// When a program's work begins.
+/// When the work of a program begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Begins {
-    /// With the program.
+    /// As soon as it runs.
     AtOnce,
-    /// With cargo's first line about something stale: often nothing is.
+    /// With cargo's first line about stale code; often there is none.
     WhenStale,
 }
 
-/// Runs a program that may take minutes, and says so where it has work to do: when it begins, while it goes on and when
-/// it is done. Gives its standard error too.
-///
-/// # Errors
-/// It cannot be run.
+/// Runs a program that may take minutes. If it has work to do, messages report when it begins, goes
+/// on and ends. Returns its standard error too.
 pub fn watched(
     command: &mut Command,
     doing: &str,
@@ -205,7 +177,7 @@ pub fn watched(
 }
 
 fn say(line: &str) {
-    // Without a reader the work goes on.
+    // A closed standard error does not stop the work.
     let _ = writeln!(io::stderr(), "thermyo: {line}");
 }
 
@@ -223,7 +195,7 @@ fn watched_by(
     let reader =
         thread::spawn(move || stderr.map(|stderr| read_lines(stderr, |line| sender.send(line))));
     let (began, mut sign_due, mut message) = (Instant::now(), interval, String::new());
-    // The latest line about work, once there is any.
+    // The latest line about work, if any.
     let mut working: Option<String> = None;
     let begin = format!("{doing}; this can take minutes");
     if begins == Begins::AtOnce {
@@ -251,7 +223,7 @@ fn watched_by(
         }
     }
     let status = child.wait()?;
-    // It ended with its pipe.
+    // The reader ended with its pipe.
     let _ = reader.join();
     if working.is_some() && status.success() {
         say(&format!("{doing}: done, {} s", began.elapsed().as_secs()));
@@ -259,7 +231,7 @@ fn watched_by(
     Ok((status, message))
 }
 
-/// Whether a line of cargo is about work that it does, or waits for.
+/// Whether cargo prints this line when it works, or waits for a lock.
 fn is_work(line: &str) -> bool {
     let work = ["Blocking", "Compiling", "Downloading", "Updating"];
     work.iter().any(|word| line.trim_start().starts_with(word))
@@ -280,23 +252,23 @@ fn read_lines<E>(from: impl Read, mut take: impl FnMut(String) -> Result<(), E>)
 mod tests {
     use super::*;
 
-    /// Everything said while a shell ran a script, seconds left out.
-    fn said(script: &str, begins: Begins) -> (Vec<String>, String) {
-        let mut said = Vec::new();
-        let mut keep = |line: &str| said.push(line.replace(char::is_numeric, ""));
+    /// All messages while a shell runs a script, without the seconds.
+    fn messages(script: &str, begins: Begins) -> (Vec<String>, String) {
+        let mut messages = Vec::new();
+        let mut keep = |line: &str| messages.push(line.replace(char::is_numeric, ""));
         let mut shell = Command::new("sh");
         let shell = shell.args(["-c", script]);
-        // A short interval, and a script that waits for far more than one of it: several signs of life on any machine.
+        // The script takes many of these intervals: several messages appear on any machine.
         let interval = Duration::from_millis(20);
         let (_, message) = watched_by(shell, "building it", begins, interval, &mut keep).unwrap();
-        said.dedup();
-        (said, message)
+        messages.dedup();
+        (messages, message)
     }
 
     #[test]
     fn a_build_says_that_it_begins_lives_and_is_done_and_is_silent_with_nothing_to_do() {
         let script = "echo '   Compiling one v' >&2; sleep 0.5; echo 'warning: two' >&2";
-        let (lines, message) = said(script, Begins::WhenStale);
+        let (lines, message) = messages(script, Begins::WhenStale);
         let expected = [
             "building it; this can take minutes",
             "building it:  s, Compiling one v",
@@ -304,9 +276,9 @@ mod tests {
         ];
         assert_eq!(lines, expected);
         assert_eq!(message, "   Compiling one v\nwarning: two\n");
-        let (lines, message) = said("sleep 0.2; echo '    Finished' >&2", Begins::WhenStale);
+        let (lines, message) = messages("sleep 0.2; echo '    Finished' >&2", Begins::WhenStale);
         assert_eq!((lines, message.as_str()), (Vec::new(), "    Finished\n"));
-        let (lines, _) = said("exit 1", Begins::AtOnce);
+        let (lines, _) = messages("exit 1", Begins::AtOnce);
         assert_eq!(lines, ["building it; this can take minutes"]);
     }
 }

@@ -1,9 +1,9 @@
 //! The firmware's image on an emulated RP2040: `rp2040js` in a process of Node.js, one exchange per
 //! millisecond of its time.
 //!
-//! Nothing of the firmware is known here but its pins and its wire: samples go to the ADC, the valves
-//! get the duties that the PWM's registers hold, and telemetry is what comes out of the UART, or of USB. At
-//! 921600 baud a frame takes most of a millisecond, so that the telemetry of a step comes with the step after it.
+//! Only the firmware's pins and protocol are known here: samples go to the ADC, the valves get the
+//! duties in the PWM's registers, and telemetry is read from the UART or from USB. At 921600 baud a
+//! frame takes most of a millisecond: the telemetry of a step arrives with the next step.
 
 use super::armed::if_armed;
 use super::image;
@@ -20,84 +20,78 @@ use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 /// One exchange [ns].
 const STEP_NS: u32 = 1_000_000;
-/// The first exchange ends here, when the firmware has copied itself into RAM and listens, and a tenth before a
-/// step: inputs change between two steps.
+/// The first exchange ends here: the firmware has copied itself into RAM and listens. The time is a
+/// tenth of a step before the next one, because inputs change between two steps.
 const START_NS: u32 = 17_900_000;
-/// Exchanges after which a board that has not answered will not.
+/// Exchanges after which an unanswered request fails.
 const PATIENCE: u32 = 200;
-/// Steps between two words of a host that has nothing to ask.
+/// Steps between two keep-alive messages of an idle host.
 const ALIVE_STEPS: u32 = 100;
-/// What the line to the UART carries.
+/// Bytes that the UART's line carries.
 const BYTES_PER_MS: u64 = BAUD as u64 / 10_000;
-/// No more than this is left to the host's end of USB at a time, which sends it as fast as the board takes it.
+/// Most bytes handed to the USB host at once; it sends them as fast as the board accepts them.
 const USB_BYTES: usize = 4096;
 
-/// Healthy inputs, until somebody gives others.
+/// Healthy inputs, used until others are set.
 const IDLE: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
-/// What goes wrong on the board, for tests of what it does about it.
+/// Faults of the board that tests inject.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Injection {
-    /// The converter does not finish, or it does again.
+    /// The converter stops finishing its conversions, or goes on.
     AdcStalled(bool),
     /// An instruction becomes an endless loop, once.
     Hang {
-        /// Where.
         place: Place,
-        /// Which of those that are executed there from now on: 1 is the next.
+        /// Counts the instructions executed there from now on: 1 is the next.
         instruction: u32,
     },
     /// A fault of the processor, now.
     Fault,
-    /// Something is wrong with a digital sensor, or nothing any more.
+    /// Sets or clears a fault of a digital sensor.
     Part(PartFault),
-    /// Power fails during an operation of the flash, once, and comes back at once.
+    /// Power fails once during an operation of the flash, and returns at once.
     PowerCut {
-        /// Which of those that begin from now on, each an erased sector or a programmed page: 1 is the
-        /// next; `u32::MAX`: at once, whatever the flash is at.
+        /// Counts the operations that begin from now on, each an erased sector or a programmed
+        /// page: 1 is the next; `u32::MAX`: at once, whatever the flash does.
         operation: u32,
-        /// Share of the operation's time that it had.
+        /// Fraction of the operation's time that has passed.
         done: f32,
     },
 }
 
-/// What is wrong with a digital sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PartFault {
-    /// Nothing.
     #[default]
     None,
     /// The wires of the MAX31865 are off.
     GasUnplugged,
-    /// It converts nothing more: its DRDY stays high.
+    /// The MAX31865 converts nothing more: its DRDY stays high.
     GasSilent,
     /// The wires of the MPR are off.
     PressureUnplugged,
-    /// It stays busy.
+    /// The MPR stays busy.
     PressureSilent,
 }
 
-/// Where the firmware executes instructions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// The control task and its executor.
     Control,
-    /// The tasks of the thread.
+    /// The tasks of the thread executor.
     Thread,
     /// The other interrupts.
     Interrupts,
 }
 
-/// A line to the board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Port {
-    /// UART0.
     Uart,
     /// The chip's own USB.
     Usb,
 }
 
-/// One line and what is on it.
+/// Bytes on one link.
 #[derive(Debug, Default)]
 struct Wire {
     link: Link,
@@ -112,68 +106,64 @@ impl Wire {
     }
 }
 
-/// What one exchange has shown.
+/// Outputs and counters of one exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Exchange {
-    /// Share of the time in which the inlet's coil was powered.
+    /// Fraction of the time in which the inlet's coil was powered.
     pub inlet_coil: f64,
-    /// Share of the time in which the outlet's coil was powered.
+    /// Fraction of the time in which the outlet's coil was powered.
     pub outlet_coil: f64,
-    /// Share of the PWM period that the inlet's coil is set to.
+    /// Duty set for the inlet's coil.
     pub inlet_duty: f64,
-    /// Share of the PWM period that the outlet's coil is set to.
+    /// Duty set for the outlet's coil.
     pub outlet_duty: f64,
     /// Cycles in which the core did not sleep.
     pub busy_cycles: u32,
     /// Reads of flash, instructions included.
     pub flash_reads: u32,
-    /// Those of them that found nothing in the flash cache, and waited.
+    /// Reads that missed the flash cache and waited.
     pub flash_misses: u32,
     /// Restarts by the watchdog since power first came.
     pub restarts: u32,
-    /// Times that power came back.
+    /// Times that power returned.
     pub power_cuts: u32,
     /// Operations of the flash since power first came: sectors erased and pages programmed.
     pub flash_operations: u32,
-    /// Reads of flash while it was written, which give nothing on silicon, and operations with a wrong
-    /// argument: 0.
+    /// Reads of flash while it was written, which return nothing on silicon, and operations with a
+    /// wrong argument. Must be 0.
     pub flash_violations: u32,
-    /// The fault output is high.
     pub fault_output: bool,
-    /// The LED is on.
     pub led: bool,
-    /// The hang that was injected has not happened yet.
+    /// An injected hang has not happened yet.
     pub hang_to_come: bool,
-    /// The board has left for its boot loader.
+    /// The board has entered its boot loader.
     pub boot_loader: bool,
 }
 
 impl Exchange {
-    /// What the valves did: the inlet opens with power, the outlet closes with it.
+    /// Actual openings: the inlet opens with power, the outlet closes with it.
     pub fn actuation(&self) -> Actuation {
         Actuation { inlet: self.inlet_coil, outlet: 1.0 - self.outlet_coil }
     }
 
-    /// What the valves are set to do: the duties from which the plant makes its own pulses.
+    /// Set openings: the duties from which the plant makes its own pulses.
     pub fn set_duty(&self) -> Actuation {
         Actuation { inlet: self.inlet_duty, outlet: 1.0 - self.outlet_duty }
     }
 }
 
-/// The emulated board.
 pub struct EmulatedBoard {
     process: Child,
     requests: ChildStdin,
     responses: BufReader<ChildStdout>,
     wires: [Wire; 2],
-    /// The one that is used.
     port: Port,
     plugged: bool,
     enumerated: bool,
     open: bool,
     identities: Vec<String>,
     log: Vec<u8>,
-    /// What the board reads now.
+    /// Present inputs of the board.
     inputs: Sample,
     adc_stalled: bool,
     part_fault: PartFault,
@@ -181,39 +171,30 @@ pub struct EmulatedBoard {
     fault: bool,
     power_cut: Option<(u32, f32)>,
     restarts: u32,
-    /// It was made to restart since the last start.
+    /// A restart was requested since the last start.
     restarted: bool,
     shown: Option<Exchange>,
-    /// Whether the core has started and not yet judged its sensors.
+    /// Steps since the start during which the core is in its startup check.
     judging_steps: u16,
     started: Exchange,
-    /// Steps since the board last heard that its host is there.
+    /// Steps since the last keep-alive message.
     quiet_steps: u32,
 }
 
 impl EmulatedBoard {
     /// A board with the firmware of this program or its checkout.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     pub fn new() -> Result<Self, BoardError> {
         let scripts = image::prepare_emulator()?;
         Self::start_up(&scripts, &image::firmware(image::Variant::Standard)?, None)
     }
 
-    /// A board with an image, whose flash is kept in a file between one board and the next, which is made when there is
-    /// none. The emulator's scripts are prepared.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// A board with an image, whose flash content is kept in a file; a missing file is created.
+    /// The emulator's scripts are prepared.
     pub fn with_flash(scripts: &Path, image: &Path, file: &Path) -> Result<Self, BoardError> {
         Self::start_up(scripts, image, Some(file))
     }
 
-    /// A board with an image, ELF or UF2, right after power came.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// A board with an image, ELF or UF2, right after power-up.
     pub fn with_image(path: &Path) -> Result<Self, BoardError> {
         Self::start_up(&image::prepare_emulator()?, path, None)
     }
@@ -267,11 +248,8 @@ impl EmulatedBoard {
         Ok(board)
     }
 
-    /// One millisecond with these inputs. Where the sample says that the host is heard, it says so now
-    /// and then.
-    ///
-    /// # Errors
-    /// [`BoardError::Emulator`]
+    /// Runs one millisecond with these inputs. If the sample says that the host is heard,
+    /// keep-alive messages are sent.
     pub fn exchange(&mut self, sample: &Sample) -> Result<Exchange, BoardError> {
         self.quiet_steps = if sample.heard { self.quiet_steps + 1 } else { 0 };
         if self.quiet_steps >= ALIVE_STEPS {
@@ -281,37 +259,33 @@ impl EmulatedBoard {
         self.run(sample, STEP_NS)
     }
 
-    /// What the start has shown, from power on until the board listened.
+    /// The exchange from power-up until the board listened.
     pub fn started(&self) -> Exchange {
         self.started
     }
 
-    /// What the last step has shown, pins included; nothing before the first one.
+    /// The last exchange; `None` before the first.
     pub fn shown(&self) -> Option<Exchange> {
         self.shown
     }
 
-    /// What is sent and read from now on goes over this line. Both carry on: what has come over the other
-    /// one is kept.
+    /// Selects the link that is used from now on. The other one keeps running: its bytes are kept.
     pub fn use_port(&mut self, port: Port) {
         self.port = port;
     }
 
-    /// The USB cable is in or out, with the next exchange.
+    /// Plugs or unplugs the USB cable, with the next exchange.
     pub fn plug(&mut self, plugged: bool) {
         self.plugged = plugged;
         self.enumerated &= plugged;
     }
 
-    /// A program has the USB port open or not, with the next exchange.
+    /// Opens or closes the USB port, with the next exchange.
     pub fn open(&mut self, open: bool) {
         self.open = open;
     }
 
-    /// Plugs USB in, opens its port and uses it, once the board is there.
-    ///
-    /// # Errors
-    /// [`BoardError::Silent`]
+    /// Plugs USB in, opens its port and uses it, as soon as the board answers.
     pub fn connect_usb(&mut self) -> Result<(), BoardError> {
         self.plug(true);
         self.open(true);
@@ -326,8 +300,8 @@ impl EmulatedBoard {
         Err(BoardError::Silent { asked: "USB" })
     }
 
-    /// What the board has said of itself over USB since the last call, once each time it was plugged in: vendor
-    /// and product, their names, its number.
+    /// USB identities since the last call, one for each time the cable was plugged in: vendor,
+    /// product, their names, serial number.
     pub fn take_identities(&mut self) -> Vec<String> {
         std::mem::take(&mut self.identities)
     }
@@ -336,50 +310,50 @@ impl EmulatedBoard {
         &mut self.wires[self.port as usize]
     }
 
-    /// Bytes for the board, as they are.
+    /// Sends raw bytes to the board.
     pub fn write(&mut self, bytes: &[u8]) {
         self.wire().to_board.extend_from_slice(bytes);
     }
 
-    /// Bytes that wait for their turn on the line to the board.
+    /// Bytes that wait for the line to the board.
     pub fn waiting(&self) -> usize {
         self.wires[self.port as usize].to_board.len()
     }
 
-    /// Takes the bytes back that wait.
+    /// Drops the waiting bytes.
     pub fn discard(&mut self) {
         self.wire().to_board.clear();
     }
 
-    /// A request, whose answer nobody waits for.
+    /// Sends a request; its answer is not waited for.
     pub fn send(&mut self, command: HostCommand) {
         self.request(command);
     }
 
-    /// A request, whose answer is [taken](Self::take_answer) later; its number.
+    /// Sends a request, whose answer is [taken](Self::take_answer) later; returns its number.
     pub fn request(&mut self, command: HostCommand) -> u8 {
         let (sequence, frame) = self.wire().link.request(command);
         self.write(&frame);
         sequence
     }
 
-    /// The answer to the request of that number, if it has come.
+    /// The answer to the request of that number, if it has arrived.
     pub fn take_answer(&mut self, sequence: u8) -> Option<Answer> {
         self.wire().link.take_answer(sequence)
     }
 
-    /// Bytes that the board has sent since the last call, as they are.
+    /// Raw bytes from the board since the last call.
     pub fn read(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.wire().from_board)
     }
 
-    /// Telemetry that has come since the last call, or the last step.
+    /// Telemetry since the last call, or since the last step.
     pub fn take_telemetry(&mut self) -> Vec<Telemetry> {
         let link = &mut self.wire().link;
         std::iter::from_fn(|| link.take_telemetry()).collect()
     }
 
-    /// Lets something go wrong.
+    /// Injects a fault.
     pub fn inject(&mut self, injection: Injection) {
         match injection {
             Injection::AdcStalled(stalled) => self.adc_stalled = stalled,
@@ -390,15 +364,12 @@ impl EmulatedBoard {
         }
     }
 
-    /// What the firmware has logged since the last call: frames of defmt.
+    /// Log of the firmware since the last call: frames of defmt.
     pub fn take_log(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.log)
     }
 
-    /// Asks, and lets time pass until the answer is there; the inputs stay as they are.
-    ///
-    /// # Errors
-    /// [`BoardError::Refused`], [`BoardError::Silent`]
+    /// Sends a request and runs until its answer arrives; the inputs do not change.
     pub fn ask(&mut self, command: HostCommand) -> Result<Answer, BoardError> {
         let sequence = self.request(command);
         let inputs = self.inputs;
@@ -413,10 +384,6 @@ impl EmulatedBoard {
         Err(BoardError::Silent { asked: "a request" })
     }
 
-    /// Who is there.
-    ///
-    /// # Errors
-    /// As [`EmulatedBoard::ask`].
     pub fn version(&mut self) -> Result<Version, BoardError> {
         match self.ask(HostCommand::Version)? {
             Answer::Version(version) => Ok(version),
@@ -424,10 +391,6 @@ impl EmulatedBoard {
         }
     }
 
-    /// How the steps were timed.
-    ///
-    /// # Errors
-    /// As [`EmulatedBoard::ask`].
     pub fn timing(&mut self) -> Result<Timing, BoardError> {
         match self.ask(HostCommand::Timing)? {
             Answer::Timing(timing) => Ok(timing),
@@ -435,10 +398,6 @@ impl EmulatedBoard {
         }
     }
 
-    /// Why it started last.
-    ///
-    /// # Errors
-    /// As [`EmulatedBoard::ask`].
     pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
         match self.ask(HostCommand::LastReset)? {
             Answer::LastReset(last_reset) => Ok(last_reset),
@@ -446,10 +405,7 @@ impl EmulatedBoard {
         }
     }
 
-    /// As [`EmulatedBoard::exchange`], for any time; the host says nothing of its own accord.
-    ///
-    /// # Errors
-    /// [`BoardError::Emulator`]
+    /// As [`EmulatedBoard::exchange`], for any time and without keep-alive messages.
     pub fn run(&mut self, sample: &Sample, nanoseconds: u32) -> Result<Exchange, BoardError> {
         self.inputs = *sample;
         let carried = u64::from(nanoseconds) * BYTES_PER_MS / u64::from(STEP_NS);
@@ -492,7 +448,7 @@ impl EmulatedBoard {
         Ok(exchange)
     }
 
-    /// Reads a response; the coils' shares are still nanoseconds in it.
+    /// Reads a response; the coils' fractions are still nanoseconds in it.
     fn response(&mut self) -> Result<Exchange, BoardError> {
         match self.read_response() {
             Ok(exchange) => Ok(exchange),
@@ -519,9 +475,9 @@ impl EmulatedBoard {
             let bytes = self.read_counted()?;
             self.wires[port as usize].feed(&bytes);
         }
-        let said = self.read_counted()?;
-        self.enumerated |= !said.is_empty();
-        self.identities.extend(String::from_utf8_lossy(&said).lines().map(str::to_owned));
+        let identities = self.read_counted()?;
+        self.enumerated |= !identities.is_empty();
+        self.identities.extend(String::from_utf8_lossy(&identities).lines().map(str::to_owned));
         let log = self.read_counted()?;
         self.log.extend(log);
         let [state] = state;
@@ -552,18 +508,18 @@ impl EmulatedBoard {
         Ok(bytes)
     }
 
-    /// Why the process ended.
+    /// The error for a process that ended.
     fn ended(&mut self) -> BoardError {
         let mut message = String::new();
         if let Some(mut errors) = self.process.stderr.take() {
-            // It has ended: this does not block.
+            // The process has ended: this does not block.
             let _ = errors.read_to_string(&mut message);
         }
         BoardError::Emulator { message: message.trim().to_owned() }
     }
 }
 
-/// Takes what is first in line, so many bytes at most.
+/// Takes up to `most` bytes from the front.
 fn drain(bytes: &mut Vec<u8>, most: usize) -> Vec<u8> {
     bytes.drain(..bytes.len().min(most)).collect()
 }
@@ -583,7 +539,8 @@ impl Board for EmulatedBoard {
         let armed = self.ask(HostCommand::Arm { most_pa: None });
         let set_point = if_armed(armed, set_point)?;
         self.wire().from_board.clear();
-        // It takes a fraction of the coming exchange to arrive: the next one is the first judged.
+        // The request takes a fraction of the exchange to arrive: the next step is the first of the
+        // startup check.
         self.send(HostCommand::Start(set_point));
         let inputs = self.inputs;
         self.exchange(&inputs)?;
@@ -622,7 +579,7 @@ impl Board for EmulatedBoard {
     }
 
     fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
-        // The one that is its own.
+        // The inherent method, not this one.
         Self::timing(self).map(Some)
     }
 }

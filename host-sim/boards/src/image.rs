@@ -1,4 +1,5 @@
-//! The firmware's images and the emulator's files: the ones inside this program, or the checkout's, built when stale.
+//! The firmware's images and the emulator's files: built in, or from the checkout, built when
+//! stale.
 
 use crate::checkout::{self, Begins, Build, watched, workspace};
 use crate::inside;
@@ -8,20 +9,18 @@ use std::process::Command;
 use std::sync::Mutex;
 use thermyo_simulation::board::BoardError;
 
-/// Targets of the RP2040 and the RP2350.
 const RP2040: &str = "thumbv6m-none-eabi";
 const RP2350: &str = "thumbv8m.main-none-eabihf";
 
-/// Oldest Node.js that the emulator runs on.
+/// Oldest Node.js that runs the emulator.
 const NODE_MAJOR: u32 = 18;
 
-/// Builds of the firmware, one at a time.
+/// Allows one build of the firmware at a time.
 static BUILD: Mutex<()> = Mutex::new(());
 
-/// A build of the firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
-    /// What a user flashes.
+    /// The firmware that users flash.
     Standard,
     /// The same for the Pico 2.
     Pico2,
@@ -37,7 +36,6 @@ impl Variant {
         }
     }
 
-    /// Further arguments of cargo.
     fn arguments(self) -> &'static [&'static str] {
         match self {
             Self::Standard => &[],
@@ -46,7 +44,7 @@ impl Variant {
         }
     }
 
-    /// In messages.
+    /// Shown in messages.
     fn name(self) -> &'static str {
         match self {
             Self::Standard => "the firmware",
@@ -55,7 +53,6 @@ impl Variant {
         }
     }
 
-    /// Name of the image.
     fn file(self) -> &'static str {
         match self {
             Self::Standard => "firmware.elf",
@@ -65,16 +62,13 @@ impl Variant {
     }
 }
 
-/// The image of the firmware: this program's, or this checkout's, up to date.
-///
-/// # Errors
-/// [`BoardError::NotUnpacked`], [`BoardError::Build`]
+/// Image of the firmware: built in, or the checkout's, up to date.
 pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     if let Some(folder) = inside::emulator()? {
         return Ok(folder.join(variant.file()));
     }
     let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    // A folder of its own: the cargo of a test holds the lock of the usual one.
+    // A separate folder: the cargo of a test holds the lock of the usual one.
     let target_folder = checkout::target_folder().join("firmware");
     let mut arguments = vec!["--release"];
     arguments.extend(variant.arguments());
@@ -87,8 +81,8 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
         arguments: &arguments,
     };
     build.run()?;
-    // The variants share the folder, and with it what they are built of; each image gets a place of its own, at once
-    // whole.
+    // The variants share a target folder, and so their dependencies. Each image is copied to a name
+    // of its own, and appears there complete.
     let image = target_folder.join(variant.file());
     let copy = image.with_extension(format!("{}.part", std::process::id()));
     fs::copy(target_folder.join(variant.target()).join("release").join("firmware"), &copy)
@@ -97,10 +91,7 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     Ok(image)
 }
 
-/// Sees to it that the emulator can start; the folder of its scripts.
-///
-/// # Errors
-/// [`BoardError::NotUnpacked`], or as [`prepare_node`].
+/// Prepares the emulator; returns the folder of its scripts.
 pub fn prepare_emulator() -> Result<PathBuf, BoardError> {
     if let Some(folder) = inside::emulator()? {
         check_node()?;
@@ -111,7 +102,7 @@ pub fn prepare_emulator() -> Result<PathBuf, BoardError> {
     Ok(folder)
 }
 
-/// Whether Node.js is there, and new enough.
+/// Checks that Node.js is installed and new enough.
 fn check_node() -> Result<(), BoardError> {
     let output = Command::new("node").arg("--version").output().map_err(|_| BoardError::NoNode)?;
     let version = String::from_utf8_lossy(&output.stdout).trim().to_owned();
@@ -123,16 +114,13 @@ fn check_node() -> Result<(), BoardError> {
     Ok(())
 }
 
-/// Sees to it that a folder's scripts can start: Node.js is there, and the packages of its lock file.
-///
-/// # Errors
-/// [`BoardError::NoNode`], [`BoardError::OldNode`], [`BoardError::Npm`]
+/// Prepares a folder's scripts: checks Node.js and installs the packages of the lock file.
 pub fn prepare_node(folder: &Path) -> Result<(), BoardError> {
     let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     check_node()?;
     let npm_error = |message: String| BoardError::Npm { message };
     let lock = fs::read(folder.join("package-lock.json")).map_err(|e| npm_error(e.to_string()))?;
-    // npm leaves no copy of the lock file that it worked by; this is one.
+    // npm keeps no copy of the lock file that it installed from; this is one.
     let installed = folder.join("node_modules").join(".installed-lock.json");
     if fs::read(&installed).is_ok_and(|content| content == lock) {
         return Ok(());

@@ -1,8 +1,8 @@
-//! What a program that is given away has inside of what a checkout builds or fetches: the emulator's scripts and the
+//! Files inside a release build that a checkout builds or fetches: the emulator's scripts and the
 //! firmware's images (`emulator/`), the browser's module, the shared library of a unit.
 //!
-//! Feature `release` takes the archive that the environment's `THERMYO_INSIDE` names at compile time;
-//! `.ci/dist.py` makes it. Without the feature there is none, and the checkout is asked.
+//! Feature `release` embeds the archive that `THERMYO_INSIDE` names at compile time; `.ci/dist.py`
+//! makes it. Without the feature there is no archive, and the checkout is used.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Cursor, Read};
@@ -17,13 +17,10 @@ const ARCHIVE: Option<&[u8]> = Some(include_bytes!(env!("THERMYO_INSIDE")));
 #[cfg(not(feature = "release"))]
 const ARCHIVE: Option<&[u8]> = None;
 
-/// What Node.js reads, which wants files.
+/// Node.js needs these as files.
 const UNPACKED: &str = "emulator/";
 
-/// A file of this program; `None` where a checkout has to be asked.
-///
-/// # Panics
-/// When the program was built around an archive without it.
+/// A built-in file; `None` in a checkout.
 pub fn file(name: &str) -> Option<Vec<u8>> {
     let mut archive = ZipArchive::new(Cursor::new(ARCHIVE?)).expect("an archive is inside");
     let mut file = archive.by_name(name).expect("the archive is complete");
@@ -32,11 +29,8 @@ pub fn file(name: &str) -> Option<Vec<u8>> {
     Some(content)
 }
 
-/// The folder with the emulator's scripts and the firmware's images of this program, unpacked into the user's cache
-/// where they are not there or are others; `None` where a checkout has to be asked.
-///
-/// # Errors
-/// [`BoardError::NotUnpacked`]
+/// Folder with the built-in emulator scripts and firmware images, unpacked into the user's cache if
+/// they are missing there or differ; `None` in a checkout.
 pub fn emulator() -> Result<Option<PathBuf>, BoardError> {
     let Some(archive) = ARCHIVE else { return Ok(None) };
     let not_unpacked = |folder: &Path, reason: String| BoardError::NotUnpacked {
@@ -46,7 +40,7 @@ pub fn emulator() -> Result<Option<PathBuf>, BoardError> {
     let cache = cache().ok_or_else(|| {
         not_unpacked(Path::new("the user's cache"), "there is no home folder".to_owned())
     })?;
-    // Programs of several versions do not take turns.
+    // Each version has a folder of its own.
     let mut hasher = DefaultHasher::new();
     archive.hash(&mut hasher);
     let folder = cache.join(format!("{}-{:016x}", env!("CARGO_PKG_VERSION"), hasher.finish()));
@@ -54,7 +48,7 @@ pub fn emulator() -> Result<Option<PathBuf>, BoardError> {
     Ok(Some(folder.join(UNPACKED)))
 }
 
-/// The user's own folder for what can be made anew. Not that for temporary files, where others could put scripts first.
+/// The user's cache folder. Others could put scripts into the folder for temporary files.
 fn cache() -> Option<PathBuf> {
     let given = env::var_os("XDG_CACHE_HOME").map(PathBuf::from).filter(|path| path.is_absolute());
     let system = if cfg!(windows) {
@@ -66,7 +60,7 @@ fn cache() -> Option<PathBuf> {
     Some(given.or(system)?.join("thermyo"))
 }
 
-/// Puts what is below [`UNPACKED`] into a folder. Each file is whole at once: other processes may be reading it.
+/// Unpacks everything below [`UNPACKED`]. Each file appears complete: other processes may read it.
 fn unpack(archive: &[u8], folder: &Path) -> io::Result<()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());

@@ -1,4 +1,4 @@
-//! Questions and answers over a port.
+//! Requests and answers over a port.
 
 use super::link::Link;
 use super::port::{self, Port};
@@ -8,13 +8,13 @@ use model_core::link::{Answer, HostCommand, PROTOCOL, Status, Version};
 use std::time::{Duration, Instant};
 use thermyo_simulation::board::BoardError;
 
-/// A board that has not answered after this time will not; an emulated one may be slow.
+/// A request without an answer fails after this time; an emulated board may be slow.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// The emulated board is asked again for so long who it is.
+/// The version is requested from the emulated board for this long.
 const PATIENCE_WITH_EMULATED: Duration = Duration::from_secs(5);
 
-/// A port and what is said over it.
+/// A port and the protocol over it.
 pub struct Line {
     name: String,
     port: Box<dyn Port>,
@@ -22,10 +22,10 @@ pub struct Line {
 }
 
 impl Line {
-    /// Opens a port and asks who is there.
+    /// Opens a port and requests the version.
     ///
     /// # Errors
-    /// [`BoardError`], where nobody answers or what answers speaks another protocol.
+    /// [`BoardError`], if there is no answer or another protocol.
     pub fn open(name: &str) -> Result<(Self, Version), BoardError> {
         let (line, version) = Self::meet(name)?;
         if version.protocol == PROTOCOL {
@@ -35,10 +35,11 @@ impl Line {
         }
     }
 
-    /// The same with a board of any protocol, of which nothing is to be asked but what all of them know.
+    /// As [`Line::open`], but accepts any protocol version; use only the requests that all versions
+    /// have.
     ///
     /// # Errors
-    /// [`BoardError`], where nobody answers.
+    /// [`BoardError`], if there is no answer.
     pub fn meet(name: &str) -> Result<(Self, Version), BoardError> {
         let began = Instant::now();
         loop {
@@ -46,8 +47,8 @@ impl Line {
             match line.ask(HostCommand::Version, "version") {
                 Ok(Answer::Version(version)) => return Ok((line, version)),
                 Ok(_) => return Err(BoardError::Silent { asked: "version" }),
-                // The emulated board lets one client in, and shows the next one the door: on a busy machine before
-                // it has seen that the one before has left, and it may take long to start.
+                // The emulated board accepts one client and closes the next connection: on a busy
+                // machine even when the earlier client has left. It may also take long to start.
                 Err(BoardError::Line(_) | BoardError::EmulatedSilent { .. })
                     if name == port::EMULATED && began.elapsed() < PATIENCE_WITH_EMULATED => {}
                 Err(BoardError::Line(_)) if name == port::EMULATED => {
@@ -58,20 +59,15 @@ impl Line {
         }
     }
 
-    /// Over an open port of this name.
     pub(super) fn over(port: Box<dyn Port>, name: &str) -> Self {
         Self { name: name.to_owned(), port, link: Link::default() }
     }
 
-    /// Name of the port.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Sends a request; its number.
-    ///
-    /// # Errors
-    /// [`BoardError::Line`]
+    /// Sends a request; returns its number.
     pub fn send(&mut self, command: HostCommand) -> Result<u8, BoardError> {
         let (sequence, frame) = self.link.request(command);
         self.port.write_all(&frame)?;
@@ -79,9 +75,6 @@ impl Line {
     }
 
     /// Sends a request and waits for its answer.
-    ///
-    /// # Errors
-    /// [`BoardError::Line`], [`BoardError::Silent`], [`BoardError::Refused`]
     pub fn ask(&mut self, command: HostCommand, asked: &'static str) -> Result<Answer, BoardError> {
         let sequence = self.send(command)?;
         match self.wait(|link| link.take_answer(sequence), asked)? {
@@ -90,10 +83,7 @@ impl Line {
         }
     }
 
-    /// Waits for something to come.
-    ///
-    /// # Errors
-    /// [`BoardError::Line`], [`BoardError::Silent`]
+    /// Waits until `arrived` returns something.
     pub fn wait<T>(
         &mut self,
         mut arrived: impl FnMut(&mut Link) -> Option<T>,
@@ -115,10 +105,7 @@ impl Line {
         }
     }
 
-    /// Takes what has come, waiting some milliseconds for it.
-    ///
-    /// # Errors
-    /// [`BoardError::Line`]
+    /// Reads bytes that have arrived, waiting some milliseconds for them.
     pub fn poll(&mut self) -> Result<(), BoardError> {
         let mut buffer = [0; 4096];
         let count = serial_port::read(&mut self.port, &mut buffer)?;
@@ -126,22 +113,22 @@ impl Line {
         Ok(())
     }
 
-    /// Whether telemetry has come that nobody has taken.
+    /// Whether unread telemetry has arrived.
     pub fn is_behind(&self) -> bool {
         self.link.is_behind()
     }
 
-    /// The next telemetry that has come.
+    /// The next telemetry that has arrived.
     pub fn take_telemetry(&mut self) -> Option<Telemetry> {
         self.link.take_telemetry()
     }
 
-    /// Whether the answer to a request has come, and it.
+    /// The answer to a request, if it has arrived.
     pub fn take_answer(&mut self, sequence: u8) -> Option<Answer> {
         self.link.take_answer(sequence)
     }
 
-    /// What the board has said last of what changes rarely.
+    /// Latest status that the board sent.
     pub fn status(&self) -> Option<Status> {
         self.link.status()
     }

@@ -1,10 +1,10 @@
-//! The host's end of the wire, over any transport: bytes in, bytes out.
+//! The host's end of the protocol, over any transport: bytes in, bytes out.
 
 use model_core::Telemetry;
 use model_core::link::{Answer, Decoder, HostCommand, Message, Reply, Request, Status, encode};
 use std::collections::VecDeque;
 
-/// What has come and what has been asked.
+/// Received frames and the state of requests.
 #[derive(Debug, Default)]
 pub struct Link {
     decoder: Decoder,
@@ -12,7 +12,7 @@ pub struct Link {
     replies: VecDeque<Reply>,
     telemetry: VecDeque<Telemetry>,
     status: Option<Status>,
-    /// Request after whose answer the steps count anew.
+    /// The step count starts again after the answer to this request.
     start: Option<u8>,
 }
 
@@ -20,7 +20,8 @@ impl Link {
     /// The bytes of a request and its sequence number.
     pub fn request(&mut self, command: HostCommand) -> (u8, Vec<u8>) {
         self.sequence = self.sequence.wrapping_add(1);
-        // A reply of 256 requests ago that nobody took is not this one's.
+        // Sequence numbers repeat after 256 requests: an old answer must not be taken for the new
+        // one.
         let sequence = self.sequence;
         self.replies.retain(|reply| reply.sequence != sequence);
         if matches!(command, HostCommand::Start(_) | HostCommand::Configure(_)) {
@@ -31,15 +32,15 @@ impl Link {
         (self.sequence, frame)
     }
 
-    /// Takes bytes from the board.
+    /// Decodes bytes from the board.
     pub fn feed(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             match self.decoder.push(byte) {
                 Some(Message::Telemetry(telemetry)) => self.telemetry.push_back(telemetry),
                 Some(Message::Reply(reply)) => {
-                    // Once: its number comes again after 256 requests.
+                    // Taken once: the number repeats after 256 requests.
                     if self.start.take_if(|start| *start == reply.sequence).is_some() {
-                        // What came before is the old core's.
+                        // Earlier telemetry is from the old core.
                         self.telemetry.clear();
                     }
                     self.replies.push_back(reply);
@@ -50,28 +51,26 @@ impl Link {
         }
     }
 
-    /// What the board has said last of what changes rarely.
+    /// Latest status that the board sent.
     pub fn status(&self) -> Option<Status> {
         self.status
     }
 
-    /// Whether telemetry has come that nobody has taken.
+    /// Whether unread telemetry has arrived.
     pub fn is_behind(&self) -> bool {
         !self.telemetry.is_empty()
     }
 
-    /// The next telemetry.
     pub fn take_telemetry(&mut self) -> Option<Telemetry> {
         self.telemetry.pop_front()
     }
 
-    /// The answer to a request, if it has come. Older answers are dropped.
+    /// The answer to a request, if it has arrived. Older answers are dropped.
     pub fn take_answer(&mut self, sequence: u8) -> Option<Answer> {
         let position = self.replies.iter().position(|reply| reply.sequence == sequence)?;
         self.replies.drain(..=position).next_back().map(|reply| reply.answer)
     }
 
-    /// Frames that were damaged.
     pub fn malformed(&self) -> u32 {
         self.decoder.malformed()
     }
@@ -82,7 +81,7 @@ mod tests {
     use super::*;
     use model_core::{AdcCode, Config, Core, Sample, SetPoint};
 
-    /// Sequence numbers wrap: the answer to another request of the same number is no start.
+    /// Sequence numbers wrap: a later answer with the same number is not the start's.
     #[test]
     fn only_the_answer_to_a_start_forgets_what_came_before() {
         let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));

@@ -1,4 +1,4 @@
-//! A flashed board that samples its own muscle, in its own time.
+//! A flashed board that samples a real muscle in real time.
 
 use super::line::Line;
 use model_core::control::Mode;
@@ -9,28 +9,28 @@ use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
 use std::time::{Duration, Instant};
 use thermyo_simulation::board::BoardError;
 
-/// Time between two words of a host that has nothing to ask: a fraction of `link.timeout_s`.
+/// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
 const ALIVE: Duration = Duration::from_millis(100);
-/// Steps per telemetry frame where nobody records.
+/// Steps per telemetry frame when nothing is recorded.
 pub const VIEW_DIVIDER: u16 = 10;
 
-/// The board. Dropped while it drives, it vents.
+/// The board. It is vented when dropped while it drives.
 pub struct LiveBoard {
     line: Line,
     version: Version,
-    /// As it was asked for last.
+    /// Result of the last request for it.
     config: Option<Config>,
-    /// Steps per telemetry frame, as asked for last.
+    /// Steps per telemetry frame, as last requested.
     every: u16,
-    said: Instant,
+    last_sent: Instant,
     driving: bool,
 }
 
 impl LiveBoard {
-    /// The board at a port.
+    /// Opens the board at a port.
     ///
     /// # Errors
-    /// [`BoardError`], where nobody answers, another protocol is spoken, or samples are waited for.
+    /// [`BoardError`], if there is no answer, another protocol, or firmware that waits for samples.
     pub fn open(port: &str) -> Result<Self, BoardError> {
         let (line, version) = Line::open(port)?;
         if version.hil {
@@ -42,45 +42,33 @@ impl LiveBoard {
     }
 
     fn of(line: Line, version: Version) -> Self {
-        let (every, said) = (VIEW_DIVIDER, Instant::now());
-        Self { line, version, config: None, every, said, driving: false }
+        let (every, last_sent) = (VIEW_DIVIDER, Instant::now());
+        Self { line, version, config: None, every, last_sent, driving: false }
     }
 
-    /// Who it is.
     pub fn version(&self) -> Version {
         self.version
     }
 
-    /// Name of its port.
     pub fn port(&self) -> &str {
         self.line.name()
     }
 
-    /// One frame per this many steps.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Sets the number of steps per telemetry frame.
     pub fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
         self.line.ask(HostCommand::TelemetryDivider(steps), "telemetry")?;
         self.every = steps;
         Ok(())
     }
 
-    /// The same, and what was sent before is forgotten: what comes next is of now.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// As [`Self::telemetry_every`], and drops earlier telemetry.
     pub fn telemetry_anew(&mut self, steps: u16) -> Result<(), BoardError> {
         self.telemetry_every(steps)?;
-        // The board sends in order: what it sent before its answer is of before the question.
+        // The board sends in order: everything before its answer is older than the request.
         while self.line.take_telemetry().is_some() {}
         Ok(())
     }
 
-    /// What changes rarely.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     pub fn status(&mut self) -> Result<Status, BoardError> {
         match self.line.ask(HostCommand::Status, "status")? {
             Answer::Status(status) => Ok(status),
@@ -88,15 +76,12 @@ impl LiveBoard {
         }
     }
 
-    /// What changes rarely, as the board has said it last of its own accord.
+    /// Latest status that the board sent without a request.
     pub fn last_status(&self) -> Option<Status> {
         self.line.status()
     }
 
     /// The configuration in use.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     pub fn config(&mut self) -> Result<Config, BoardError> {
         match self.line.ask(HostCommand::ReadConfig, "configuration")? {
             Answer::Config(config) => {
@@ -107,12 +92,11 @@ impl LiveBoard {
         }
     }
 
-    /// Another configuration, taken as a whole or refused as a whole, and what it is called.
+    /// Sends a configuration and its name; the board accepts or refuses it as a whole.
     ///
     /// # Errors
     /// [`BoardError::Config`] with the value that is out of its range; [`BoardError::OtherChip`];
-    /// [`BoardError::Damaged`] where the board
-    /// has another one afterwards.
+    /// [`BoardError::Damaged`] if the board's configuration differs afterwards.
     pub fn configure(&mut self, config: &Config, name: &str) -> Result<Status, BoardError> {
         config.check().map_err(BoardError::Config)?;
         let chip = self.version.chip;
@@ -130,26 +114,16 @@ impl LiveBoard {
         }
     }
 
-    /// Keeps the configuration in use over the loss of power.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Saves the configuration in use in flash.
     pub fn save(&mut self) -> Result<(), BoardError> {
         self.line.ask(HostCommand::Save, "save").map(drop)
     }
 
-    /// Forgets what was saved.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Deletes the saved configuration.
     pub fn forget(&mut self) -> Result<(), BoardError> {
         self.line.ask(HostCommand::Forget, "forget").map(drop)
     }
 
-    /// How the steps were timed.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     pub fn timing(&mut self) -> Result<Timing, BoardError> {
         match self.line.ask(HostCommand::Timing, "timing")? {
             Answer::Timing(timing) => Ok(timing),
@@ -157,10 +131,6 @@ impl LiveBoard {
         }
     }
 
-    /// Why it started last.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
         match self.line.ask(HostCommand::LastReset, "reason of the last restart")? {
             Answer::LastReset(last_reset) => Ok(last_reset),
@@ -168,10 +138,7 @@ impl LiveBoard {
         }
     }
 
-    /// What happened, the last event first.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Restarts and venting faults, the latest first.
     pub fn history(&mut self) -> Result<Vec<Event>, BoardError> {
         let mut events = Vec::new();
         for number in 0..=u8::MAX {
@@ -184,18 +151,16 @@ impl LiveBoard {
         Ok(events)
     }
 
-    /// Set points are taken from now on, up to this absolute pressure \[Pa\].
-    ///
-    /// # Errors
-    /// [`BoardError::Refused`]
+    /// Arms the board up to this absolute pressure \[Pa\].
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
         self.line.ask(HostCommand::Arm { most_pa }, "arm").map(drop)
     }
 
-    /// Another set point; the step from which on it holds.
+    /// Sends a set point; returns the step from which on it holds.
     ///
     /// # Errors
-    /// [`BoardError::Refused`]; [`BoardError::Pressure`], below ambient too, where the board vents.
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`], also below ambient, where the board would
+    /// vent.
     pub fn set(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
         if let SetPoint::Pressure { pressure_pa } = set_point {
             let config = self.known_config()?;
@@ -222,45 +187,37 @@ impl LiveBoard {
         }
     }
 
-    /// The configuration in use, asked for where it may have become another one.
+    /// The configuration in use, requested again if it may have changed.
     fn known_config(&mut self) -> Result<Config, BoardError> {
-        let said = self.last_status();
-        let in_use =
-            |config: &Config| said.is_none_or(|said| said.config_checksum == checksum(config));
+        let status = self.last_status();
+        let in_use = |config: &Config| {
+            status.is_none_or(|status| status.config_checksum == checksum(config))
+        };
         match self.config.filter(in_use) {
             Some(config) => Ok(config),
             None => self.config(),
         }
     }
 
-    /// The core starts anew, with this set point in its step 0.
-    ///
-    /// # Errors
-    /// [`BoardError::Refused`]
+    /// Restarts the core, with this set point in its step 0.
     pub fn start(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
         self.driving = true;
         self.line.ask(HostCommand::Start(set_point), "start").map(drop)
     }
 
-    /// Another set point, without a wait for the answer.
-    ///
-    /// # Errors
-    /// [`BoardError::Line`]
+    /// Sends a set point without waiting for the answer.
     pub fn send(&mut self, set_point: SetPoint) -> Result<u8, BoardError> {
         self.driving |= set_point != SetPoint::Vent;
-        self.said = Instant::now();
+        self.last_sent = Instant::now();
         self.line.send(HostCommand::Set(set_point))
     }
 
-    /// Whether telemetry has come that nobody has taken: what it says of now is later than what was taken.
+    /// Whether unread telemetry has arrived: what was read is not the latest.
     pub fn is_behind(&self) -> bool {
         self.line.is_behind()
     }
 
-    /// Whether the answer to a request that was only sent is a refusal.
-    ///
-    /// # Errors
-    /// [`BoardError::Refused`]
+    /// Returns the refusal of a request that was only sent, if there is one.
     pub fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
         match self.line.take_answer(sequence) {
             Some(Answer::Refused(refusal)) => Err(BoardError::Refused(refusal)),
@@ -268,54 +225,40 @@ impl LiveBoard {
         }
     }
 
-    /// Vents; returns when the board says that it does.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Vents; returns when the telemetry confirms it.
     pub fn stop(&mut self) -> Result<(), BoardError> {
         self.vent()?;
         let vents = |telemetry: &Telemetry| matches!(telemetry.mode, Mode::Vent | Mode::Judging);
         self.fresh(vents).map(drop)
     }
 
-    /// Vents, for those who take every telemetry themselves.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// As [`Self::stop`], but reads no telemetry, for callers that read all of it themselves.
     pub fn vent(&mut self) -> Result<(), BoardError> {
         self.line.ask(HostCommand::Stop, "stop")?;
         self.driving = false;
         Ok(())
     }
 
-    /// Forgets the latched faults whose cause is gone; those that are left.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Clears the latched faults whose cause is gone; returns the remaining ones.
     pub fn clear(&mut self) -> Result<Faults, BoardError> {
         self.forget_faults()?;
         Ok(self.fresh_telemetry()?.faults)
     }
 
-    /// The same, for those who take every telemetry themselves.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// As [`Self::clear`], but reads no telemetry, for callers that read all of it themselves.
     pub fn forget_faults(&mut self) -> Result<(), BoardError> {
         self.line.ask(HostCommand::ClearFaults, "clear")?;
         self.driving = false;
         Ok(())
     }
 
-    /// The telemetry of now, however much of before nobody has read.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// The present telemetry, however much older telemetry is unread.
     pub fn fresh_telemetry(&mut self) -> Result<Telemetry, BoardError> {
         self.fresh(|_| true)
     }
 
-    /// The first telemetry from now on that is wanted. Nobody waits for it as long as for rare frames.
+    /// The first telemetry from now on that `wanted` accepts. The wait is shorter than for rare
+    /// frames.
     fn fresh(&mut self, wanted: impl Fn(&Telemetry) -> bool) -> Result<Telemetry, BoardError> {
         let every = self.every;
         self.telemetry_anew(every.min(VIEW_DIVIDER))?;
@@ -326,16 +269,13 @@ impl LiveBoard {
         fresh
     }
 
-    /// The next telemetry that has come; tells the board that its host is there, and waits some milliseconds.
-    ///
-    /// # Errors
-    /// [`BoardError::Line`]
+    /// The next telemetry that has arrived; sends keep-alive messages, and waits some milliseconds.
     pub fn poll(&mut self) -> Result<Option<Telemetry>, BoardError> {
         if let Some(telemetry) = self.line.take_telemetry() {
             return Ok(Some(telemetry));
         }
-        if self.said.elapsed() > ALIVE {
-            self.said = Instant::now();
+        if self.last_sent.elapsed() > ALIVE {
+            self.last_sent = Instant::now();
             self.line.send(HostCommand::Alive)?;
         }
         self.line.poll()?;
@@ -346,7 +286,7 @@ impl LiveBoard {
 impl Drop for LiveBoard {
     fn drop(&mut self) {
         if self.driving {
-            // Without a line the board finds out for itself.
+            // If the line is gone, the board vents by its own timeout.
             let _ = self.line.ask(HostCommand::Stop, "stop");
         }
     }
@@ -360,10 +300,10 @@ mod tests {
     use std::collections::VecDeque;
     use std::io::{self, Read, Write};
 
-    /// Step that the board is at when somebody looks again.
+    /// Step of the board when it is read again.
     const NOW: u32 = 3_000;
 
-    /// A board whose telemetry nobody has read for a while.
+    /// A board whose telemetry has not been read for a while.
     struct Unread {
         telemetry: Telemetry,
         divider: u32,
@@ -383,7 +323,7 @@ mod tests {
             board
         }
 
-        /// It holds a pressure, and vents from the last step on.
+        /// Holds a pressure, and vents from the last step on.
         fn step(&mut self) {
             self.telemetry.step += 1;
             if self.telemetry.step == NOW {
@@ -453,7 +393,7 @@ mod tests {
         board.telemetry_every(u16::MAX).unwrap();
         assert!(board.fresh_telemetry().unwrap().step <= NOW + 100);
         board.stop().unwrap();
-        // The stream goes on as it was.
+        // The stream continues as before.
         let next = board.line.wait(|link| link.take_telemetry(), "telemetry").unwrap();
         assert!(next.step.is_multiple_of(u32::from(u16::MAX)), "{}", next.step);
     }

@@ -20,10 +20,7 @@ pub struct PtyBoard {
 }
 
 impl PtyBoard {
-    /// Connects the UART of `board`, whose ADC sees `sample`, with a new pseudo-terminal.
-    ///
-    /// # Errors
-    /// [`BoardError::NoPort`]
+    /// Connects the UART of `board`, whose ADC gets `sample`, with a new pseudo-terminal.
     pub fn new(mut board: EmulatedBoard, sample: Sample) -> Result<Self, BoardError> {
         let no_port = |error: serialport::Error| BoardError::NoPort {
             port: "pseudo-terminal".to_owned(),
@@ -37,7 +34,7 @@ impl PtyBoard {
         let in_boot_loader = Arc::new(AtomicBool::new(false));
         let left = Arc::clone(&in_boot_loader);
         let thread = thread::spawn(move || {
-            // Open for as long as the board lives: without it the master's reads fail.
+            // Open as long as the board lives: without it the master's reads fail.
             let _slave = slave;
             let mut buffer = [0; 512];
             while !stopped.load(Ordering::Relaxed) {
@@ -53,7 +50,6 @@ impl PtyBoard {
         Ok(Self { port, stop, in_boot_loader, thread: Some(thread) })
     }
 
-    /// Whether the board has left for its boot loader.
     pub fn in_boot_loader(&self) -> bool {
         self.in_boot_loader.load(Ordering::Relaxed)
     }

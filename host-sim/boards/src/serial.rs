@@ -1,4 +1,4 @@
-//! A flashed board behind a serial port, on samples from here (`hil` firmware): one request and one
+//! A flashed board behind a serial port, fed with samples (`hil` firmware): one request and one
 //! telemetry per step.
 
 use super::armed::if_armed;
@@ -9,16 +9,12 @@ use model_core::link::HostCommand;
 use model_core::{Config, Sample, SetPoint, Telemetry};
 use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
-/// The board.
 pub struct SerialBoard {
     line: Line,
 }
 
 impl SerialBoard {
-    /// The board at a port, which must have the `hil` firmware of this protocol version.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Opens the board at a port, which must have the `hil` firmware of this protocol version.
     pub fn open(port: &str) -> Result<Self, BoardError> {
         let (line, version) = Line::open(port)?;
         if version.hil { Ok(Self { line }) } else { Err(BoardError::NotHil { chip: version.chip }) }

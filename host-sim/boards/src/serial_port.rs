@@ -1,5 +1,3 @@
-//! Serial ports: how one is opened and read.
-
 use model_core::link::BAUD;
 use serialport::{ErrorKind, SerialPort};
 use std::io::{self, Read, Write};
@@ -10,9 +8,6 @@ use thermyo_simulation::board::BoardError;
 pub const READ: Duration = Duration::from_millis(20);
 
 /// Opens a port at the board's speed.
-///
-/// # Errors
-/// [`BoardError::NoPort`], [`BoardError::NoPermission`], [`BoardError::Taken`]
 pub fn open(port: &str) -> Result<Box<dyn SerialPort>, BoardError> {
     let opened = serialport::new(port, BAUD).timeout(READ).open();
     let mut opened = opened.map_err(|error| {
@@ -20,27 +15,25 @@ pub fn open(port: &str) -> Result<Box<dyn SerialPort>, BoardError> {
         match error.kind() {
             ErrorKind::Io(io::ErrorKind::PermissionDenied) => BoardError::NoPermission { port },
             ErrorKind::Io(io::ErrorKind::ResourceBusy) => BoardError::Taken { port },
-            // What the crate knows no kind for.
+            // The crate has no kind for this.
             _ if reason.contains("busy") => BoardError::Taken { port },
             _ if reason.contains("ermission denied") => BoardError::NoPermission { port },
-            // The system's word of 1979 for what no speed can be set of.
+            // The system's message for a device that has no speed.
             _ if reason == "Not a typewriter" || reason.starts_with("Inappropriate ioctl") => {
                 BoardError::NoPort { port, reason: "is no serial port".to_owned() }
             }
             _ => BoardError::NoPort { port, reason },
         }
     })?;
-    // Over USB the board takes it that nobody listens without it; a pseudo-terminal has none.
+    // Without it a board at USB assumes that there is no reader; a pseudo-terminal has no such
+    // line.
     let _ = opened.write_data_terminal_ready(true);
-    // Ends what a program that was here before may have left half sent.
+    // Ends a frame that an earlier program may have left half sent.
     opened.write_all(&[0])?;
     Ok(opened)
 }
 
-/// Reads what is there; nothing after the port's timeout.
-///
-/// # Errors
-/// Those of the port, once it is gone.
+/// Reads the bytes that are there; none after the port's timeout.
 pub fn read<R: Read + ?Sized>(port: &mut R, buffer: &mut [u8]) -> io::Result<usize> {
     use io::ErrorKind::{Interrupted, TimedOut, UnexpectedEof, WouldBlock};
     match port.read(buffer) {

@@ -1,10 +1,11 @@
-//! The emulated board as a thing of its own: a process that runs the firmware with a simulated muscle behind its
-//! pins, in real time where the machine can, for every program that opens the port "emulated".
+//! The emulated board as a separate process: it runs the firmware with a simulated muscle at its
+//! pins, in real time if the machine is fast enough, for every program that opens the port
+//! "emulated".
 //!
-//! A file in the folder for temporary files says at which local port it listens. It is plugged in by the first
-//! who asks for it, and unplugged by removing that file. While nobody is connected its time stands still, after
-//! as much of it as a board needs to notice that its host is gone; unused for long, it ends. Beside that file lies what
-//! its flash keeps: as any board's, over the loss of power.
+//! A file in the folder for temporary files holds its local port. The first program that opens it
+//! plugs it in; removing that file unplugs it. Without a client its time stops, after the time that
+//! a board needs to notice that its host is gone; unused for long, it ends. A second file beside
+//! the first holds the content of its flash, which survives the loss of power.
 
 use super::emulated::EmulatedBoard;
 use super::image::{self, Variant};
@@ -20,44 +21,40 @@ use thermyo_setup::Loaded;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::rig::Rig;
 
-/// The command's hidden task that serves.
+/// The hidden command that serves.
 pub const TASK: &str = "emulated-board";
 
-/// One step [ns].
 const STEP_NS: u32 = 1_000_000;
 const STEP: Duration = Duration::from_nanos(STEP_NS as u64);
-/// Steps that are run after the last client has gone.
+/// Steps that are run after the last client has left.
 const STEPS_ALONE: u32 = 2_000;
-/// It ends when nobody has come for so long.
+/// The process ends if there is no client for this long.
 const LONGEST_IDLE: Duration = Duration::from_secs(600);
-/// Who comes while another one is there is shown the door after this time: that one may just be leaving.
+/// A second client is refused after this time: the first one may be leaving.
 const LONGEST_WAIT: Duration = Duration::from_millis(300);
-/// Time between two looks for a client while there is none.
+/// Interval at which clients are looked for.
 const LOOK: Duration = Duration::from_millis(20);
-/// Steps between two looks whether it is still plugged in.
+/// Steps between two checks that the board is still plugged in.
 const PLUGGED_STEPS: u32 = 500;
-/// A board that is further behind than that does not catch up.
+/// A board that is further behind than this does not catch up.
 const FURTHEST_BEHIND: Duration = Duration::from_millis(50);
-/// It has to be there after this time, however slow the machine is.
+/// The start fails after this time; it is long because machines may be slow.
 const LONGEST_START: Duration = Duration::from_secs(900);
 
-/// Where it says how to reach it.
+/// The file that holds the port.
 fn file() -> PathBuf {
     let user = env::var("USER").or_else(|_| env::var("USERNAME")).unwrap_or_default();
     env::temp_dir().join(format!("thermyo-emulated-{user}"))
 }
 
-/// What another build of this program does not take for its own.
+/// Identifies this build: another one does not use its board.
 fn build() -> String {
     let built = env::current_exe().and_then(fs::metadata).and_then(|exe| exe.modified());
     let built = built.ok().and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok());
     format!("{PROTOCOL} {}", built.unwrap_or_default().as_nanos())
 }
 
-/// Connects with the board, plugged in if it is not.
-///
-/// # Errors
-/// [`BoardError`], where it cannot be made.
+/// Connects with the board, plugging it in if necessary.
 pub fn connect() -> Result<TcpStream, BoardError> {
     match plugged_in() {
         Some(stream) => Ok(stream),
@@ -65,14 +62,13 @@ pub fn connect() -> Result<TcpStream, BoardError> {
     }
 }
 
-/// Local port at which the board that is plugged in listens.
+/// Local port of the board that is plugged in.
 fn address() -> Option<u16> {
     let text = fs::read_to_string(file()).ok()?;
     let (port, by) = text.trim().split_once(' ')?;
     if by == build() { port.parse().ok() } else { None }
 }
 
-/// The board that is plugged in.
 fn plugged_in() -> Option<TcpStream> {
     let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, address()?)).ok()?;
     stream.set_read_timeout(Some(READ)).ok()?;
@@ -80,18 +76,15 @@ fn plugged_in() -> Option<TcpStream> {
     Some(stream)
 }
 
-/// Plugs a board in, with the muscle of a scenario file, in place of one that is.
-///
-/// # Errors
-/// [`BoardError`], where it cannot be made.
+/// Plugs in a board with the muscle of a scenario file, replacing an earlier one.
 pub fn plug(scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
-    // Here, where whoever waits for it hears of it.
+    // Prepared here, so that the caller gets the errors.
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
     let mut command = Command::new(env::current_exe()?);
     command.arg(TASK).args([&scripts, &image, &file()]).args(scenario);
     command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
-    // What the user types is not for it.
+    // The board does not read what the user types.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     #[cfg(windows)]
@@ -111,16 +104,12 @@ pub fn plug(scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
     Err(BoardError::Silent { asked: "a connection" })
 }
 
-/// Whether a board is plugged in.
 pub fn is_plugged_in() -> bool {
     plugged_in().is_some()
 }
 
-/// Plugs a board in that lives in a thread of this process and ends with it, with the muscle of a scenario, in
-/// place of one that is: for a program that cannot be started anew as the board's process.
-///
-/// # Errors
-/// [`BoardError`], where it cannot be made.
+/// Plugs in a board that runs in a thread of this process, with the muscle of a scenario, replacing
+/// an earlier one: for programs that cannot be started again as the board's process.
 pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
@@ -138,29 +127,26 @@ pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
 fn last_words(process: &mut Child) -> String {
     let mut message = String::new();
     if let Some(mut errors) = process.stderr.take() {
-        // It has ended: this does not block.
+        // The process has ended: this does not block.
         let _ = errors.read_to_string(&mut message);
     }
     message.trim().trim_start_matches("thermyo: ").to_owned()
 }
 
-/// Unplugs the board; whether there was one.
+/// Unplugs the board; returns whether there was one.
 pub fn unplug() -> bool {
     fs::remove_file(file()).is_ok()
 }
 
-/// Is the board, with the emulator's scripts and an image of the firmware, until it is unplugged or has been idle for
-/// long.
-///
-/// # Errors
-/// [`BoardError`]
+/// Runs the board, with the emulator's scripts and an image of the firmware, until it is unplugged
+/// or has been idle for long.
 pub fn serve(scripts: &Path, image: &Path, file: &Path, loaded: &Loaded) -> Result<(), BoardError> {
     let flash = file.with_extension("flash");
     let mut board = Emulated::new(loaded, EmulatedBoard::with_flash(scripts, image, &flash)?)?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     listener.set_nonblocking(true)?;
     let card = format!("{} {}", listener.local_addr()?.port(), build());
-    // At once whole.
+    // Renamed when complete.
     let part = file.with_extension(std::process::id().to_string());
     fs::write(&part, &card)?;
     fs::rename(&part, file)?;
@@ -215,7 +201,7 @@ pub fn serve(scripts: &Path, image: &Path, file: &Path, loaded: &Loaded) -> Resu
 struct Emulated {
     board: EmulatedBoard,
     rig: Rig,
-    /// Bytes for a client that has not taken them yet.
+    /// Bytes that the client has not accepted yet.
     to_client: Vec<u8>,
 }
 
@@ -226,7 +212,7 @@ impl Emulated {
         Ok(Self { board, rig, to_client: Vec::new() })
     }
 
-    /// One millisecond; whether the client is still there.
+    /// Runs one millisecond; returns whether the client is still connected.
     fn step(&mut self, client: Option<&mut TcpStream>) -> Result<bool, BoardError> {
         let mut connected = client.is_some();
         if let Some(client) = client {
@@ -255,7 +241,7 @@ impl Emulated {
     }
 }
 
-/// Whether there is only nothing to be done now.
+/// Whether the operation would only have to wait.
 fn waits(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }

@@ -1,14 +1,14 @@
-// The page: core and plant go on, knobs turn the plant, plots show what becomes of it.
+// The page: core and plant run, knobs change the plant, plots show the result.
 import { Plot } from "./plot.js";
 import { Muscle, scaleAround } from "./muscle.js";
 import { Simulation } from "./simulation.js";
 import scenarios from "./scenarios.js";
 
 const $ = (id) => document.getElementById(id);
-/** Seconds that are kept; steps between two points; time that a frame may compute [ms]. */
+/** Seconds of data kept; steps between two points; computing time per frame [ms]. */
 const KEPT_S = 620, EVERY = 20, MOST_MS = 14;
 
-/** What is shown, and the column of the trace that it is. */
+/** Displayed quantities, and their columns in the trace. */
 const SHOWN = {
   time: "time_s", pressure: "pressure_pa", length: "length_m", gas: "gas_temperature_k", wall: "wall_temperature_k",
   sensor: "sensor_gas_k", estimate: "estimate_k", sd: "estimate_sd_k", inlet: "duty_in", outlet: "duty_out", wanted: "set_point",
@@ -36,8 +36,8 @@ const KNOBS = [
 ];
 
 let simulation = null, text = "", settings = null, muscleFacts = null;
-/** What has been turned: keys and values; and whether that was while it ran. */
-let turned = new Map(), untold = false;
+/** Changed keys and values; and whether one changed only the plant, not the core. */
+let turned = new Map(), unconfigured = false;
 const number = (key) => key.split(".").reduce((place, name) => place?.[name], settings);
 
 function makeKnobs() {
@@ -65,19 +65,19 @@ function turn(key, value, show) {
     simulation.turn(key, rounded);
     settings = simulation.settings();
     turned.set(key, rounded);
-    untold = true;
+    unconfigured = true;
   });
   show();
-  tell();
+  showExport();
 }
 
-function tell() {
-  $("exported").textContent = untold
-    ? "What is set now, for thermyo run scenario.toml: a run that starts so, its core configured as it is here. The trace is that of such a run, to the bit."
-    : "What runs here, for thermyo run scenario.toml. The trace is that of such a run, to the bit.";
+function showExport() {
+  $("exported").textContent = unconfigured
+    ? "The present values, for thermyo run scenario.toml: the run starts with them, and its core is configured as here. The trace is bit-identical to that of such a run."
+    : "The scenario of this page, for thermyo run scenario.toml. The trace is bit-identical to that of such a run.";
 }
 
-/** What may be refused is said, in the one line that says why. */
+/** Shows the reason in the message line if an action is refused. */
 function attempt(what) {
   try {
     what();
@@ -116,7 +116,7 @@ function again() {
 
 function fresh() {
   settings = simulation.settings();
-  untold = false;
+  unconfigured = false;
   stopped = false;
   due_s = 0;
   for (const values of Object.values(columns)) values.length = 0;
@@ -128,13 +128,13 @@ function fresh() {
   $("muscle").hidden = $("r-length-row").hidden = kind === "vessel";
   plots[1].traces[0].name = kind;
   const warnings = simulation.warnings();
-  $("told").textContent = warnings;
-  $("told").hidden = !warnings;
+  $("warnings").textContent = warnings;
+  $("warnings").hidden = !warnings;
   makeKnobs();
-  tell();
+  showExport();
 }
 
-// Time goes on
+// Simulation loop
 
 let rate = 1, before = 0, due_s = 0, stopped = false, measured = { from: 0, simulated_s: 0 };
 
@@ -153,7 +153,7 @@ function frame(now) {
       due_s -= steps * step_s;
       done += steps * step_s;
     }
-    // What a slow machine cannot do is not owed to it.
+    // A slow machine does not catch up.
     due_s = Math.min(due_s, passed_s * rate);
     measure(now, done);
   }
@@ -194,12 +194,12 @@ function take(cells) {
     columns.contractionSet.push(kind === "contraction" ? columns.wanted.at(-1) : null);
   }
   const surplus = columns.time.findIndex((time) => time > columns.time.at(-1) - KEPT_S);
-  // In large pieces: to take from the front moves everything.
+  // In large pieces: removing from the front moves everything.
   if (surplus > 5000) for (const values of Object.values(columns)) values.splice(0, surplus);
   shared.end = columns.time.at(-1) ?? 0;
 }
 
-// What is seen
+// Display
 
 const trace = (name, column, colour, factor, more = {}) => ({ name, column, colour, factor, ...more });
 const plots = [
@@ -253,7 +253,7 @@ function draw() {
   put("r-length", (now.length * 1e3).toFixed(1), contracted ? `mm, ${(now.contraction * 100).toFixed(1)} %` : "mm");
 }
 
-// What the user wants
+// User input
 
 function save(name, content, type) {
   const link = document.createElement("a");
@@ -282,7 +282,7 @@ $("pause").addEventListener("click", () => {
   shared.paused = !shared.paused;
   $("pause").setAttribute("aria-pressed", String(shared.paused));
   $("pause").textContent = shared.paused ? "Go on" : "Pause";
-  // What it was until then says nothing about a page that stands still.
+  // The old speed does not apply to a page that stands still.
   $("speed").textContent = "";
   measured = { from: performance.now(), simulated_s: 0 };
 });

@@ -1,7 +1,7 @@
-// Core and plant: the module that `host-sim/playground` is compiled to, its texts and rows as JavaScript has them.
+// Core and plant: the module of `host-sim/playground`, with texts and rows as JavaScript values.
 
 export class Simulation {
-  /** From the bytes of `thermyo.wasm`. */
+  /** Instantiates the bytes of `thermyo.wasm`. */
   static async load(bytes) {
     const { instance } = await WebAssembly.instantiate(bytes, {});
     return new Simulation(instance.exports);
@@ -13,7 +13,7 @@ export class Simulation {
     this.columns = this.text().split(",");
   }
 
-  /** The text that came back. */
+  /** The result of the last call. */
   text() {
     return new TextDecoder().decode(this.bytes());
   }
@@ -25,7 +25,7 @@ export class Simulation {
 
   give(text) {
     const bytes = new TextEncoder().encode(text);
-    // The memory may grow, and its buffer be another one, before it is written to.
+    // The call may grow the memory and so replace its buffer: it comes before the write.
     const place = this.module.text(bytes.length);
     new Uint8Array(this.module.memory.buffer, place, bytes.length).set(bytes);
   }
@@ -39,13 +39,13 @@ export class Simulation {
     this.good(this.module.start());
   }
 
-  /** Sets a number of the plant; `configured` starts again, with a core that knows it too. */
+  /** Sets a number of the plant; `configured` starts again, with a core that is configured with it too. */
   turn(key, value, configured = false) {
     this.give(key);
     this.good(this.module.turn(value, configured));
   }
 
-  /** Goes on; gives the cells of every so many steps, row after row. */
+  /** Runs `steps`; returns the cells of every `every`-th row, row after row. */
   advance(steps, every) {
     this.good(this.module.advance(steps, every));
     return new Float64Array(this.module.memory.buffer, this.module.rows(), this.module.rows_length());
@@ -61,7 +61,7 @@ export class Simulation {
     return this.text().split("\n");
   }
 
-  /** What `thermyo run` would warn of, a line each. */
+  /** Warnings of `thermyo run`, a line each. */
   warnings() {
     this.good(this.module.warnings());
     return this.text();
@@ -72,7 +72,7 @@ export class Simulation {
     return this.text();
   }
 
-  /** Bytes of the trace that `thermyo run` writes of a scenario. */
+  /** Bytes of the trace that `thermyo run` writes for a scenario. */
   trace(scenario) {
     this.give(scenario);
     this.good(this.module.trace());

@@ -1,15 +1,15 @@
-//! Core and plant for a web page: what `thermyo run` runs, a stretch at a time, with knobs.
+//! Core and plant for a web page: runs `thermyo run` in stretches, with adjustable parameters.
 //!
-//! The functions have the C interface of WebAssembly. A text goes in and comes out through one buffer: [`text`] makes
-//! room for it and says where, [`text_length`] says how long the one is that came back. Where a function says
-//! `false`, that text is what is wrong, in one line.
+//! The functions have the C interface of WebAssembly. Texts pass through one buffer: [`text`] makes
+//! room for one and returns its address, [`text_length`] returns the length of the result. If a
+//! function returns `false`, the result is the error, in one line.
 
 mod live;
 
 use live::Live;
 use std::cell::RefCell;
 
-/// What the page has.
+/// State of the module.
 #[derive(Default)]
 struct Playground {
     text: Vec<u8>,
@@ -26,7 +26,7 @@ fn with<T>(what: impl FnOnce(&mut Playground) -> T) -> T {
 }
 
 impl Playground {
-    /// The text that came in, used up.
+    /// Takes the text that the page has written.
     fn taken(&mut self) -> Result<String, String> {
         String::from_utf8(std::mem::take(&mut self.text))
             .map_err(|_| "the text is not UTF-8".into())
@@ -36,7 +36,7 @@ impl Playground {
         self.live.as_mut().ok_or_else(|| "nothing has been started".into())
     }
 
-    /// The text of a success or of a failure goes out.
+    /// Stores the result or the error for the page.
     fn say(&mut self, outcome: Result<Vec<u8>, String>) -> bool {
         let good = outcome.is_ok();
         self.text = outcome.unwrap_or_else(String::into_bytes);
@@ -44,7 +44,7 @@ impl Playground {
     }
 }
 
-/// Room for a text of that many bytes.
+/// Makes room for a text of that many bytes.
 #[unsafe(no_mangle)]
 pub extern "C" fn text(length: usize) -> *mut u8 {
     with(|playground| {
@@ -53,19 +53,19 @@ pub extern "C" fn text(length: usize) -> *mut u8 {
     })
 }
 
-/// Where the text is that came back.
+/// Address of the result.
 #[unsafe(no_mangle)]
 pub extern "C" fn text_place() -> *const u8 {
     with(|playground| playground.text.as_ptr())
 }
 
-/// How long it is.
+/// Length of the result.
 #[unsafe(no_mangle)]
 pub extern "C" fn text_length() -> usize {
     with(|playground| playground.text.len())
 }
 
-/// Starts the scenario of the text, which has no end.
+/// Starts the scenario of the text, without an end.
 #[unsafe(no_mangle)]
 pub extern "C" fn start() -> bool {
     with(|playground| {
@@ -78,8 +78,8 @@ pub extern "C" fn start() -> bool {
     })
 }
 
-/// Sets the number of the text's key, such as `supply.pressure_pa`: of the plant, while it runs; or, `configured`, of the
-/// plant and of what the core is configured with, and everything starts again.
+/// Sets the number of the text's key, such as `supply.pressure_pa`: of the plant while it runs; or,
+/// if `configured`, of plant and core configuration, and starts again.
 #[unsafe(no_mangle)]
 pub extern "C" fn turn(value: f64, configured: bool) -> bool {
     with(|playground| {
@@ -89,7 +89,7 @@ pub extern "C" fn turn(value: f64, configured: bool) -> bool {
     })
 }
 
-/// What the plant is now, as JSON.
+/// Present parameters of the plant, as JSON.
 #[unsafe(no_mangle)]
 pub extern "C" fn settings() -> bool {
     with(|playground| {
@@ -98,7 +98,7 @@ pub extern "C" fn settings() -> bool {
     })
 }
 
-/// Goes on by so many steps; the rows of every so many are in [`rows`].
+/// Runs `steps` steps; every `every`-th row is in [`rows`].
 #[unsafe(no_mangle)]
 pub extern "C" fn advance(steps: u32, every: u32) -> bool {
     with(|playground| {
@@ -110,25 +110,25 @@ pub extern "C" fn advance(steps: u32, every: u32) -> bool {
     })
 }
 
-/// Where the rows are, a number for each of [`columns`].
+/// Address of the rows, with a number for each of [`columns`].
 #[unsafe(no_mangle)]
 pub extern "C" fn rows() -> *const f64 {
     with(|playground| playground.rows.as_ptr())
 }
 
-/// How many numbers they are together.
+/// Count of all numbers in the rows.
 #[unsafe(no_mangle)]
 pub extern "C" fn rows_length() -> usize {
     with(|playground| playground.rows.len())
 }
 
-/// The names of the columns of `trace.csv`, as its first line.
+/// Names of the columns of `trace.csv`, as its first line.
 #[unsafe(no_mangle)]
 pub extern "C" fn columns() {
     with(|playground| playground.text = live::header().into_bytes());
 }
 
-/// What the core says of itself: a line of its mode, a line of its faults.
+/// State of the core: a line with its mode, a line with its faults.
 #[unsafe(no_mangle)]
 pub extern "C" fn state() -> bool {
     with(|playground| {
@@ -137,7 +137,7 @@ pub extern "C" fn state() -> bool {
     })
 }
 
-/// What `thermyo run` would warn of in the scenario that was started, a line each.
+/// Warnings of `thermyo run` about the scenario that was started, a line each.
 #[unsafe(no_mangle)]
 pub extern "C" fn warnings() -> bool {
     with(|playground| {
@@ -146,7 +146,7 @@ pub extern "C" fn warnings() -> bool {
     })
 }
 
-/// The scenario as it is now, for `thermyo run`.
+/// The scenario with its present values, for `thermyo run`.
 #[unsafe(no_mangle)]
 pub extern "C" fn scenario() -> bool {
     with(|playground| {
@@ -155,7 +155,7 @@ pub extern "C" fn scenario() -> bool {
     })
 }
 
-/// The `trace.csv` that `thermyo run` writes of the text's scenario.
+/// The `trace.csv` that `thermyo run` writes for the text's scenario.
 #[unsafe(no_mangle)]
 pub extern "C" fn trace() -> bool {
     with(|playground| {

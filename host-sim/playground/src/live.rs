@@ -1,4 +1,4 @@
-//! A scenario that runs on and on, and is turned while it does.
+//! A scenario that runs without an end, with parameters that change meanwhile.
 
 use model_core::Faults;
 use model_core::Telemetry;
@@ -9,21 +9,21 @@ use thermyo_setup::Loaded;
 use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run::{Run, run};
 
-/// What messages call the scenario.
+/// File name in messages.
 const ORIGIN: &str = "scenario.toml";
-/// Steps of it that last longer than anybody looks \[s\].
+/// Longer than any use of the page \[s\].
 const ENDLESS_S: f64 = 1.0e9;
 
-/// A run on its way.
+/// A run in progress.
 pub struct Live {
-    /// As it is now, with the duration that was given.
+    /// Present values, with the duration of the text.
     loaded: Loaded,
     run: Run,
     board: CoreBoard,
-    /// What its text says that makes no sense, a line each.
+    /// Warnings about its text, a line each.
     warnings: String,
-    /// What the core said last: its mode, its faults.
-    said: Option<(Mode, Faults)>,
+    /// Latest mode and faults of the core.
+    latest: Option<(Mode, Faults)>,
 }
 
 /// First line of a trace.
@@ -35,7 +35,7 @@ fn parsed(text: &str) -> Result<Loaded, String> {
     Ok(parsed_with_warnings(text)?.0)
 }
 
-/// Along with what `thermyo run` warns of, a line each.
+/// The scenario, and the warnings of `thermyo run`, a line each.
 fn parsed_with_warnings(text: &str) -> Result<(Loaded, String), String> {
     let document = Document::parse(text, ORIGIN.as_ref()).map_err(|error| error.to_string())?;
     let named = document.plant.iter().chain(document.believed.iter());
@@ -53,7 +53,7 @@ fn parsed_with_warnings(text: &str) -> Result<(Loaded, String), String> {
     Ok((loaded, lines.join("\n")))
 }
 
-/// The same without an end, every step shown.
+/// The same scenario without an end, every step logged.
 fn endless(loaded: &Loaded) -> Loaded {
     let mut endless = loaded.clone();
     endless.plant.run.duration_s = ENDLESS_S;
@@ -61,7 +61,7 @@ fn endless(loaded: &Loaded) -> Loaded {
     endless
 }
 
-/// The trace of a scenario, to its end.
+/// Runs a scenario to its end and returns its trace.
 pub fn trace(text: &str) -> Result<Vec<u8>, String> {
     let loaded = parsed(text)?;
     let mut trace = header().into_bytes();
@@ -77,7 +77,7 @@ pub fn trace(text: &str) -> Result<Vec<u8>, String> {
 }
 
 impl Live {
-    /// At rest at time zero.
+    /// Starts at rest at time zero.
     pub fn start(text: &str) -> Result<Self, String> {
         let (loaded, warnings) = parsed_with_warnings(text)?;
         Self::of(loaded, warnings)
@@ -87,10 +87,10 @@ impl Live {
         let mut board = CoreBoard::default();
         let run =
             Run::start(&endless(&loaded), &mut board, None).map_err(|error| error.to_string())?;
-        Ok(Self { loaded, run, board, warnings, said: None })
+        Ok(Self { loaded, run, board, warnings, latest: None })
     }
 
-    /// What the plant is now, as JSON.
+    /// Present parameters of the plant, as JSON.
     pub fn settings(&self) -> Vec<u8> {
         serde_json::to_vec(&self.loaded.plant).expect("a scenario is plain data")
     }
@@ -104,9 +104,9 @@ impl Live {
         if configured && known {
             turned.believed = thermyo_scenario::with_numbers(&turned.believed, [(key, value)]);
         }
-        // There is nothing that the core could be configured with of these apart from the plant's.
+        // The core's drive is always that of the plant.
         turned.believed.drive = turned.plant.drive.clone();
-        // By every rule of a file, and with its messages.
+        // Checked like a file, with the same messages.
         let turned = parsed(&thermyo_setup::render(&turned))?;
         if configured {
             *self = Self::of(turned, self.warnings.clone())?;
@@ -119,12 +119,12 @@ impl Live {
         Ok(())
     }
 
-    /// Goes on by so many steps, and adds the cells of every so many to `rows`.
+    /// Runs `steps` steps, and adds the cells of every `every`-th row to `rows`.
     pub fn advance(&mut self, steps: u32, every: u32, rows: &mut Vec<f64>) -> Result<(), String> {
-        let Self { run, board, said, .. } = self;
+        let Self { run, board, latest, .. } = self;
         let mut observer = |row: &Row| {
             let Telemetry { step, mode, faults, .. } = row.telemetry;
-            *said = Some((mode, faults));
+            *latest = Some((mode, faults));
             if step.is_multiple_of(every.max(1)) {
                 rows.extend_from_slice(&row.cells());
             }
@@ -136,9 +136,8 @@ impl Live {
         Ok(())
     }
 
-    /// What the core says of itself.
     pub fn state(&self) -> String {
-        match self.said {
+        match self.latest {
             None => String::new(),
             Some((now, faults)) => {
                 let named = Mode::NAMES.iter().find(|(mode, _)| *mode == now);
@@ -147,12 +146,12 @@ impl Live {
         }
     }
 
-    /// What `thermyo run` would warn of, a line each.
+    /// Warnings of `thermyo run`, a line each.
     pub fn warnings(&self) -> String {
         self.warnings.clone()
     }
 
-    /// The scenario as it is now.
+    /// The scenario with its present values.
     pub fn scenario(&self) -> String {
         thermyo_setup::render(&self.loaded)
     }

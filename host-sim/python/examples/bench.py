@@ -1,4 +1,4 @@
-"""How fast it is: `run` against the command, and plant and core step by step. Prints, and judges nothing."""
+"""Speed of `run` against the command, and plant and core step by step. It prints times and has no limits."""
 
 import json
 import subprocess
@@ -24,14 +24,14 @@ def stepped(scenario):
 
 
 def command_s(scenario):
-    """The command's own clock: without its start and its report."""
+    """Time by the command's own clock, without its start and its report."""
     arguments = [sys.argv[1], "run", scenario, "--quiet", "--json", "--out", sys.argv[2]]
-    said = json.loads(subprocess.run(arguments, capture_output=True, check=True).stdout)
-    return said["duration_s"] / said["real_time_factor"]
+    summary = json.loads(subprocess.run(arguments, capture_output=True, check=True).stdout)
+    return summary["duration_s"] / summary["real_time_factor"]
 
 
 for scenario in sys.argv[3:]:
-    # In turns, and the shortest of each: what else the machine does only makes them longer.
+    # Alternating, and the shortest of each: other load on the machine only lengthens them.
     turns = [(command_s(scenario), taken_s(lambda: thermyo.run(scenario))) for _ in range(7)]
     command, run = (min(times) for times in zip(*turns))
     rate = STEPS / min(taken_s(lambda: stepped(scenario)) for _ in range(3))

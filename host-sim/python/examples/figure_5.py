@@ -1,4 +1,4 @@
-"""The paper's Fig. 5: what the sensor in the gas shows over 20 strokes, simulated and by the model."""
+"""The paper's Fig. 5: reading of the sensor in the gas over 20 strokes, simulated and by the model."""
 
 import matplotlib.pyplot as plt
 import thermyo

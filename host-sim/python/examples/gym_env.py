@@ -1,4 +1,4 @@
-"""An environment for gymnasium: the muscle follows a pressure, and its valves are driven by the agent.
+"""An environment for gymnasium: the muscle follows a pressure, and the agent drives its valves.
 
 `python gym_env.py` drives it by a proportional controller, and prints how well that does.
 """
@@ -12,8 +12,8 @@ LOWEST_PA, HIGHEST_PA = 1.3e5, 3.0e5
 
 
 class MuscleEnv(gymnasium.Env):
-    """Observed: measured and wanted pressure, length and the sensor in the gas, each about 1. Acted: -1, only the
-    outlet open, to 1, only the inlet. Rewarded: the less error, the more, 0 at best."""
+    """Observation: measured pressure, its set point, length and the sensor in the gas, each about 1. Action: -1, only the
+    outlet open, to 1, only the inlet. Reward: minus the error, at most 0."""
 
     steps_per_action = 10
     actions_per_episode = 500

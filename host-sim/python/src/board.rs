@@ -20,14 +20,14 @@ use thermyo_boards::service;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::parse;
 
-/// A board that says nothing for this time after it should have has gone.
+/// A board that sends nothing for this long is reported as gone.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// A board, until it is closed; then it vents.
+/// A board. It vents when it is closed.
 #[pyclass(frozen, module = "thermyo")]
 pub struct Board {
     live: Mutex<Option<LiveBoard>>,
-    /// Streams that have begun; the last of them has the telemetry.
+    /// Number of streams so far; only the latest gets telemetry.
     streams: AtomicU32,
 }
 
@@ -36,7 +36,7 @@ impl Board {
         self.live.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Asks the board; the interpreter goes on meanwhile.
+    /// Sends a request without holding the interpreter's lock.
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
@@ -74,7 +74,7 @@ impl Board {
         Ok(Self { live: Mutex::new(Some(live)), streams: AtomicU32::new(0) })
     }
 
-    /// Who it is and what it knows of its muscle.
+    /// Identity and configuration of the board.
     fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (version, status) = self.ask(py, |board| Ok((board.version(), board.status()?)))?;
         let info = plain(py, &status)?;
@@ -83,7 +83,7 @@ impl Board {
         Ok(info)
     }
 
-    /// Tells it its muscle: the core's part of a scenario, as a whole. It vents and is not armed.
+    /// Sends the core's part of a scenario as a whole. The board vents and is not armed.
     #[pyo3(signature = (scenario))]
     fn configure(&self, py: Python<'_>, scenario: &Bound<'_, PyAny>) -> PyResult<()> {
         let config = core_config(&scenario::load(scenario, None)?.believed);
@@ -92,13 +92,13 @@ impl Board {
         self.ask(py, |board| board.configure(&config, &name).map(drop))
     }
 
-    /// It takes set points from now on, up to this absolute pressure.
+    /// Arms the board up to this absolute pressure.
     #[pyo3(signature = (most_pa = None))]
     fn arm(&self, py: Python<'_>, most_pa: Option<f32>) -> PyResult<()> {
         self.ask(py, |board| board.arm(most_pa))
     }
 
-    /// Another set point: one of the keywords, flow and period together.
+    /// Sends a set point: one of the keywords, flow and period together.
     #[pyo3(signature = (*, pressure_pa = None, contraction = None, flow_kg_s = None, period_s = None, duty = None))]
     fn set(
         &self,
@@ -113,12 +113,12 @@ impl Board {
         self.ask(py, |board| board.set(set_point).map(drop))
     }
 
-    /// Vents; returns when the board says that it does.
+    /// Vents; returns when the telemetry confirms it.
     fn stop(&self, py: Python<'_>) -> PyResult<()> {
         self.ask(py, LiveBoard::stop)
     }
 
-    /// Forgets latched faults whose cause is gone; raises where one that vents is left.
+    /// Clears latched faults whose cause is gone; raises if one that vents is left.
     fn clear(&self, py: Python<'_>) -> PyResult<()> {
         let left = self.ask(py, LiveBoard::clear)?;
         if left.intersects(VENTING) {
@@ -127,13 +127,13 @@ impl Board {
         Ok(())
     }
 
-    /// The telemetry of now.
+    /// The latest telemetry.
     fn read<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let telemetry = self.ask(py, LiveBoard::fresh_telemetry)?;
         telemetry_dict(py, &telemetry)
     }
 
-    /// Telemetry as it comes, one dict per this many steps. It tells the board that its host is there.
+    /// Telemetry as it arrives, one dict per this many steps. Streaming keeps the link alive.
     #[pyo3(signature = (duration_s = None, every = i64::from(VIEW_DIVIDER)))]
     fn stream(this: Bound<'_, Self>, duration_s: Option<f64>, every: i64) -> PyResult<Stream> {
         if let Some(duration_s) =
@@ -156,7 +156,7 @@ impl Board {
         Ok(Stream { board: this.unbind(), number, step_s, patience, duration_s, first })
     }
 
-    /// Vents it where it is driven, and lets go of it.
+    /// Vents a driven board and closes the port.
     fn close(&self, py: Python<'_>) {
         py.detach(|| drop(self.lock().take()));
     }
@@ -171,7 +171,7 @@ impl Board {
     }
 }
 
-/// Telemetry as it comes.
+/// Telemetry as it arrives.
 #[pyclass(frozen, module = "thermyo")]
 pub struct Stream {
     board: Py<Board>,
@@ -179,7 +179,7 @@ pub struct Stream {
     step_s: f64,
     patience: Duration,
     duration_s: Option<f64>,
-    /// Step that its time begins with.
+    /// Step at which its time starts.
     first: Mutex<Option<u32>>,
 }
 

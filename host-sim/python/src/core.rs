@@ -13,7 +13,7 @@ use thermyo_setup::core_config::core_config;
 use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run::SetPoints;
 
-/// Model, estimator, controller and supervisor, configured with what the scenario believes.
+/// Model, estimator, controller and supervisor, configured with the scenario's believed values.
 #[pyclass(module = "thermyo")]
 pub struct Core {
     board: CoreBoard,
@@ -32,14 +32,15 @@ impl Core {
         Ok(Self { board })
     }
 
-    /// One step: what it makes of these readings, and how it drives the valves. Before the first one it judges
-    /// its sensors by them.
+    /// One step: estimates from these readings, and the duties of the valves. The startup check
+    /// runs on the readings of the first call.
     fn step(&mut self, readings: &Readings) -> PyResult<Output> {
         let step = self.board.step(&readings.sample).map_err(error::board)?;
         Ok(Output { telemetry: step.telemetry.ok_or_else(|| error::silent("step"))? })
     }
 
-    /// Changes what it is to do, from the next PWM period on: one of the keywords, flow and period together.
+    /// Changes the set point from the next PWM period on: one of the keywords, flow and period
+    /// together.
     #[pyo3(signature = (*, pressure_pa = None, contraction = None, flow_kg_s = None, period_s = None, duty = None))]
     fn set(
         &mut self,
@@ -53,25 +54,25 @@ impl Core {
         self.core()?.set(set_point).map_err(error::set_point)
     }
 
-    /// Takes set points again, up to this absolute pressure; after a fault has vented it, it has to be.
+    /// Arms up to this absolute pressure; required again after a venting fault.
     #[pyo3(signature = (most_pa = None))]
     fn arm(&mut self, most_pa: Option<f32>) -> PyResult<()> {
         self.core()?.arm(most_pa).map_err(error::set_point)
     }
 
-    /// Vents, and takes no set point until it is armed.
+    /// Vents and disarms.
     fn stop(&mut self) -> PyResult<()> {
         self.core()?.disarm();
         Ok(())
     }
 
-    /// Forgets latched faults whose cause is gone.
+    /// Clears latched faults whose cause is gone.
     fn clear(&mut self) -> PyResult<()> {
         self.core()?.clear_faults();
         Ok(())
     }
 
-    /// Highest absolute pressure that set points may ask for [Pa]; None: it is not armed.
+    /// Highest absolute pressure of set points [Pa]; None if not armed.
     #[getter]
     fn armed_pa(&mut self) -> PyResult<Option<f32>> {
         Ok(self.core()?.armed_pa())
@@ -84,7 +85,7 @@ impl Core {
     }
 }
 
-/// What a step of the core gives, by the names of trace.csv.
+/// Outputs of a step of the core, by the names of trace.csv.
 #[pyclass(frozen, module = "thermyo")]
 pub struct Output {
     telemetry: Telemetry,
@@ -92,7 +93,7 @@ pub struct Output {
 
 #[pymethods]
 impl Output {
-    /// Shares of time for which inlet and outlet are open: `muscle.step(*output.duties)`.
+    /// Fractions of time for which inlet and outlet are open: `muscle.step(*output.duties)`.
     #[getter]
     fn duties(&self) -> (f64, f64) {
         (self.duty_in(), self.duty_out())

@@ -1,4 +1,4 @@
-//! Exceptions, with the command's own texts.
+//! Exceptions, with the messages of the command.
 
 use model_core::link::Refusal;
 use model_core::{Faults, SetPointError};
@@ -27,7 +27,7 @@ create_exception!(
     thermyo,
     BoardError,
     PyRuntimeError,
-    "A board cannot be used, or refuses what it is asked."
+    "A board cannot be used, or refuses a request."
 );
 
 pub fn input(error: InputError) -> PyErr {
@@ -36,7 +36,7 @@ pub fn input(error: InputError) -> PyErr {
 
 pub fn run(error: run::RunError) -> PyErr {
     match error {
-        // Said before the first step: it is the scenario's.
+        // Detected before the first step: an error of the scenario.
         run::RunError::Build(_) | run::RunError::Config(_) => {
             ScenarioError::new_err(error.to_string())
         }
@@ -51,13 +51,13 @@ pub fn identify(error: IdentifyError) -> PyErr {
     }
 }
 
-/// What is wrong with a sweep's `vary`; the command's options are keywords here.
+/// Error in a sweep's `vary`; the command's options are keywords here.
 pub fn sweep(error: impl Display) -> PyErr {
     let text = error.to_string().replace("--vary", "vary").replace("--lhs", "lhs");
     ScenarioError::new_err(text)
 }
 
-/// Where the command's text names a command, with the method in its place.
+/// The command's message, with the method instead of the command that it names.
 pub fn board(error: board::BoardError) -> PyErr {
     use SetPointError::{Faults as Latched, NotArmed};
     BoardError::new_err(match error {
@@ -71,7 +71,6 @@ pub fn board(error: board::BoardError) -> PyErr {
     })
 }
 
-/// The board has not answered.
 pub fn silent(asked: &'static str) -> PyErr {
     board(board::BoardError::Silent { asked })
 }

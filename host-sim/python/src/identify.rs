@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use thermyo_files::table::{Table, read_record};
 use thermyo_identify::identify_table;
 
-/// Finds the parameters that make the plant follow recorded data, or the muscle behind a static map: what
-/// `summary.json` says, and under "scenario" the scenario with them, as TOML.
+/// Identifies the plant's parameters from recorded data, or a muscle from a static map. Returns the
+/// content of `summary.json`, and under "scenario" the identified scenario as TOML.
 #[pyfunction]
 #[pyo3(signature = (data, scenario, against = None))]
 pub fn identify<'py>(
@@ -34,7 +34,7 @@ pub fn identify<'py>(
     Ok(findings)
 }
 
-/// A table, and what messages call it.
+/// Reads a table, and its name for messages.
 fn table(given: &Bound<'_, PyAny>, name: &str) -> PyResult<(Table, PathBuf)> {
     if let Ok(columns) = given.cast::<PyMapping>() {
         let name = Path::new(name);

@@ -1,7 +1,6 @@
 //! The Python package `thermyo`: runs, the plant and the core step by step, identification, boards.
 //!
-//! What Python sees is said in `thermyo.pyi`; here is how it gets there. Whatever takes long lets go of the
-//! interpreter's lock.
+//! `thermyo.pyi` documents the interface. Long calls release the interpreter's lock.
 
 mod board;
 mod core;

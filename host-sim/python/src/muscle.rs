@@ -12,7 +12,7 @@ use thermyo_setup::core_config::core_config;
 use thermyo_simulation::rig::{MeanFlows, Reader, Rig};
 use thermyo_simulation::run;
 
-/// A muscle, or vessel, whose valves somebody else drives.
+/// A muscle or vessel whose valves are driven by the caller.
 #[pyclass(frozen, module = "thermyo")]
 pub struct Muscle {
     moving: Mutex<Moving>,
@@ -28,7 +28,7 @@ struct Moving {
 }
 
 impl Moving {
-    /// What there is to be read now. It draws the sensors' noise: once per step.
+    /// Reads the sensors. This draws their noise: once per step.
     fn read(&mut self) -> Readings {
         let sample = self.rig.sample();
         let mut truth = self.rig.truth();
@@ -72,7 +72,7 @@ impl Muscle {
         Ok(Self { moving: Mutex::new(moving), step_s, rest_length_m })
     }
 
-    /// Drives the valves for one step, each with the share of time for which it is open.
+    /// Drives the valves for one step, each open for the given fraction of time.
     fn step(&self, inlet: f64, outlet: f64) -> PyResult<Readings> {
         for (name, share) in [("inlet", inlet), ("outlet", outlet)] {
             if !(0.0..=1.0).contains(&share) {
@@ -88,7 +88,7 @@ impl Muscle {
         Ok(moving.read())
     }
 
-    /// What was read last.
+    /// The latest readings.
     #[getter]
     fn readings(&self) -> Readings {
         self.moving().readings
@@ -100,19 +100,19 @@ impl Muscle {
         self.step_s
     }
 
-    /// Length at rest [m]; None of a vessel.
+    /// Length at rest [m]; None for a vessel.
     #[getter]
     fn rest_length_m(&self) -> Option<f64> {
         self.rest_length_m
     }
 
-    /// The books of mass and energy since the start.
+    /// Balance of mass and energy since the start.
     fn ledger<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plain(py, &self.moving().rig.ledger())
     }
 }
 
-/// What the sensors give, and beside it the truth, by the names of trace.csv.
+/// Readings of the sensors and true values, by the names of trace.csv.
 #[pyclass(frozen, from_py_object, module = "thermyo")]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Readings {

@@ -15,10 +15,10 @@ use thermyo_simulation::run as simulation;
 
 /// Key of the summary beside the columns.
 pub const SUMMARY: &str = "summary";
-/// Time between two looks whether Ctrl-C was pressed.
+/// Interval at which Ctrl-C is checked.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Ctrl-C, looked for now and then while the interpreter goes on.
+/// Checks for Ctrl-C while the interpreter's lock is released.
 pub struct Signals {
     looked: Instant,
     raised: Option<PyErr>,
@@ -29,7 +29,7 @@ impl Signals {
         Self { looked: Instant::now(), raised: None }
     }
 
-    /// Whether work may go on.
+    /// Returns an error if the work must stop.
     pub fn go_on(&mut self) -> io::Result<()> {
         if self.looked.elapsed() > LOOK {
             self.looked = Instant::now();
@@ -38,7 +38,7 @@ impl Signals {
         if self.raised.is_some() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
     }
 
-    /// What ended it, raised.
+    /// Raises the exception that stopped the work.
     pub fn raise(self) -> PyResult<()> {
         self.raised.map_or(Ok(()), Err)
     }
@@ -75,7 +75,7 @@ pub fn run<'py>(
     Ok(table)
 }
 
-/// Columns as the text of a CSV file: of a run, the bytes of its trace.csv. A summary is left out.
+/// Columns as the text of a CSV file: for a run, the bytes of its trace.csv. A summary is left out.
 #[pyfunction]
 #[pyo3(signature = (columns))]
 pub fn to_csv(columns: &Bound<'_, PyMapping>) -> PyResult<String> {
@@ -107,7 +107,7 @@ pub fn to_csv(columns: &Bound<'_, PyMapping>) -> PyResult<String> {
     Ok(text)
 }
 
-/// Figures as Python's own dicts, lists and numbers.
+/// Figures as Python dicts, lists and numbers.
 pub fn plain<'py>(py: Python<'py>, figures: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
     let text = serde_json::to_string(figures).expect("figures are plain data");
     py.import("json")?.call_method1("loads", (text,))

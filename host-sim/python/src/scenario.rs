@@ -1,4 +1,4 @@
-//! A scenario as Python has it: a file, its text, or a dict.
+//! Scenarios from Python: a file, its text, or a dict.
 
 use crate::error::{self, ScenarioError, ScenarioWarning};
 use pyo3::prelude::*;
@@ -10,23 +10,24 @@ use thermyo_scenario::Document;
 use thermyo_setup::Loaded;
 use toml::{Table, Value};
 
-/// What messages call a scenario that is no file.
+/// Name in messages of a scenario that is not a file.
 const NAME: &str = "scenario";
-/// The key that the keyword `seed` takes the place of.
+/// The key that the keyword `seed` replaces.
 const SEED: &str = "run.seed";
-/// A text that ends like this names a file.
+/// A text with this ending names a file.
 const SUFFIX: &str = ".toml";
-/// Tables within tables; no scenario has as many. What contains itself has no end.
+/// Deeper than the tables of any scenario; stops a dict that contains itself.
 const DEEPEST: usize = 32;
 
-/// The scenario with every default filled in and its meaning, as TOML: what `thermyo check` prints.
+/// The scenario with every default filled in and its meaning, as TOML: the output of `thermyo
+/// check`.
 #[pyfunction]
 #[pyo3(signature = (scenario))]
 pub fn check(scenario: &Bound<'_, PyAny>) -> PyResult<String> {
     Ok(thermyo_setup::render(&load(scenario, None)?))
 }
 
-/// Loads and checks it, and warns of what makes no sense.
+/// Loads and checks a scenario, and issues its warnings.
 pub fn load(given: &Bound<'_, PyAny>, seed: Option<&Bound<'_, PyAny>>) -> PyResult<Loaded> {
     let py = given.py();
     let (mut document, from_dict) = document(given)?;
@@ -45,7 +46,7 @@ pub fn load(given: &Bound<'_, PyAny>, seed: Option<&Bound<'_, PyAny>>) -> PyResu
     Ok(loaded)
 }
 
-/// Reads it; says whether it is a dict.
+/// Reads a scenario; also returns whether it is a dict.
 pub fn document(given: &Bound<'_, PyAny>) -> PyResult<(Document, bool)> {
     match given.cast::<PyMapping>() {
         Ok(dict) => {
@@ -56,7 +57,7 @@ pub fn document(given: &Bound<'_, PyAny>) -> PyResult<(Document, bool)> {
     }
 }
 
-/// The path that a scenario was read from, or what messages call it.
+/// The scenario's path, or its name in messages.
 pub fn name(given: &Bound<'_, PyAny>) -> PathBuf {
     file(given).unwrap_or_else(|| PathBuf::from(NAME))
 }
@@ -85,7 +86,7 @@ fn parse(text: &str, origin: &Path, from_dict: bool) -> PyResult<Document> {
     Document::parse(text, origin).map_err(|e| error::input(placed(e, origin, from_dict)))
 }
 
-/// Lines of a text that was made from a dict tell nobody anything.
+/// Drops line numbers of a text that was made from a dict.
 fn placed(mut error: InputError, origin: &Path, from_dict: bool) -> InputError {
     if from_dict && error.file == origin {
         error.line = None;
@@ -105,7 +106,6 @@ fn table(path: &str, dict: &Bound<'_, PyMapping>, depth: usize) -> PyResult<Tabl
         .collect()
 }
 
-/// What a mapping holds.
 pub fn entries<'py>(
     mapping: &Bound<'py, PyMapping>,
 ) -> PyResult<Vec<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {

@@ -4,7 +4,7 @@ use model_core::SetPoint;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-/// The set point that is asked for: one of them alone, but for a flow's period.
+/// The only set point among the keywords; a period belongs to a flow.
 pub fn set_point(
     pressure_pa: Option<f32>,
     contraction: Option<f32>,

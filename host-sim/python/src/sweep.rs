@@ -1,4 +1,4 @@
-//! Sweeps, a point at a time: for engines that spread them over machines.
+//! Sweeps, a point at a time: for engines that distribute them over machines.
 
 use crate::error;
 use crate::run::Signals;
@@ -62,7 +62,7 @@ impl Sweep {
 }
 
 impl Sweep {
-    /// Index of a point, which counts from 1 as in the table.
+    /// Index of a point; points count from 1 as in the table.
     fn known(&self, point: usize) -> PyResult<usize> {
         let all = self.points.study.points();
         match point.checked_sub(1) {

@@ -16,7 +16,7 @@ def scenarios():
 
 @pytest.fixture(scope="session")
 def command():
-    """Runs `thermyo` with arguments; gives its exit code and what it said."""
+    """Runs `thermyo` with arguments; returns its exit code and output."""
     binary = os.environ.get("THERMYO", ROOT / "target" / "release" / "thermyo")
 
     def run(*arguments, cwd=ROOT):

@@ -14,7 +14,7 @@ emulated = pytest.mark.skipif("THERMYO_SKIP_EMULATOR" in os.environ, reason="THE
 
 @pytest.fixture(scope="module", autouse=True)
 def place():
-    """An emulated board of these tests alone, of whose flash nothing is known."""
+    """An emulated board of these tests alone, with an empty flash."""
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setenv("TMPDIR", folder)
         yield
@@ -67,7 +67,7 @@ def test_what_is_read_is_of_now_however_long_nobody_read(board):
     assert now["mode"] == "vent" and now["faults"] == ["link lost"]
     board.clear()
     assert board.read()["faults"] == []
-    # The first of a stream too.
+    # This includes the first dict of a stream.
     time.sleep(1.0)
     now = board.read()
     time.sleep(1.0)
@@ -92,7 +92,7 @@ def test_a_stream_has_a_duration(board, duration_s):
 def test_a_slow_stream_is_waited_for(board):
     steps = [telemetry["step"] for telemetry in board.stream(duration_s=5.0, every=4000)]
     assert len(steps) == 2 and steps[1] == steps[0] + 4000
-    # It ended with a further frame; what is asked in between does not wait for the next.
+    # It ended with a further frame; a request in between does not wait for the next.
     assert board.read()["step"] < steps[1] + 6000
     board.stop()
 

@@ -1,4 +1,4 @@
-"""The examples run as they are; each needs a package that not everybody has."""
+"""The examples run as they are; each needs an optional package."""
 
 import json
 import os
@@ -23,7 +23,7 @@ def run(*arguments, cwd):
 
 @pytest.fixture
 def folder(tmp_path):
-    """One from which the scenarios are found as from the checkout."""
+    """A folder from which the scenarios are found as from the checkout."""
     (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
     return tmp_path
 
@@ -38,8 +38,8 @@ def test_figure_5(folder):
 
 def test_the_environment(folder):
     pytest.importorskip("gymnasium")
-    said = run(EXAMPLES / "gym_env.py", cwd=folder)
-    assert 0.1 < float(said.split()[2]) < 20.0, said
+    result = run(EXAMPLES / "gym_env.py", cwd=folder)
+    assert 0.1 < float(result.split()[2]) < 20.0, result
     sys.path.insert(0, str(EXAMPLES))
     from gym_env import MuscleEnv
 

@@ -1,4 +1,4 @@
-"""Identification: what the command finds, from a file or from columns."""
+"""Identification: the results of the command, from a file or from columns."""
 
 import json
 
@@ -20,13 +20,13 @@ def test_it_finds_what_the_command_finds(measured, command, tmp_path):
     (tmp_path / "data.csv").write_text(thermyo.to_csv(measured))
     (tmp_path / "guess.toml").write_text(thermyo.check(GUESS))
     arguments = (tmp_path / "data.csv", "--config", tmp_path / "guess.toml", "--json", "--quiet")
-    said = json.loads(command("identify", *arguments, "--out", tmp_path / "out").stdout)
+    result = json.loads(command("identify", *arguments, "--out", tmp_path / "out").stdout)
     found = thermyo.identify(measured, GUESS)
     scenario = found.pop("scenario")
-    assert found == said
+    assert found == result
     assert scenario == (tmp_path / "out" / "identified.toml").read_text()
     found = thermyo.identify(tmp_path / "data.csv", tmp_path / "guess.toml")
-    assert found["parameters"] == said["parameters"]
+    assert found["parameters"] == result["parameters"]
     thermyo.Core(scenario)
 
 

@@ -19,8 +19,8 @@ def record(command, tmp_path_factory):
     folder = tmp_path_factory.mktemp("log")
     (folder / "scenario.toml").write_text(SCENARIO)
     out = folder / "out"
-    said = command("run", folder / "scenario.toml", "--quiet", "--out", out, "--log", "mcap")
-    assert said.returncode == 0, said.stderr
+    result = command("run", folder / "scenario.toml", "--quiet", "--out", out, "--log", "mcap")
+    assert result.returncode == 0, result.stderr
     return out
 
 
@@ -53,16 +53,16 @@ def test_every_number_is_the_tables(record):
 
 def test_a_file_that_is_cut_reads_up_to_the_cut(record):
     whole = (record / "trace.mcap").read_bytes()
-    told = set()
+    raised = set()
 
     def read(data):
         messages = []
         try:
             for message in mcap.NonSeekingReader(io.BytesIO(data)).iter_messages(log_time_order=False):
                 messages.append(message)
-        except (EndOfFile, struct.error) as error:  # as docs/how-to/logs.md says
+        except (EndOfFile, struct.error) as error:  # see docs/how-to/logs.md
             assert data is not whole, error
-            told.add(type(error))
+            raised.add(type(error))
         return messages
 
     all_of_it = read(whole)
@@ -74,4 +74,4 @@ def test_a_file_that_is_cut_reads_up_to_the_cut(record):
         assert [m[2].data for m in messages] == [m[2].data for m in all_of_it[: len(messages)]]
         before = len(messages)
     assert before > 0.8 * len(all_of_it)
-    assert told == {EndOfFile, struct.error}
+    assert raised == {EndOfFile, struct.error}

@@ -45,8 +45,8 @@ def test_it_replays_from_what_python_writes(command, tmp_path):
     (tmp_path / "scenario.toml").write_text(thermyo.check(scenario))
     replay = command("replay", tmp_path / "trace.csv", "--quiet", "--json", "--out", tmp_path / "replay")
     assert replay.returncode == 0, replay.stderr
-    said = json.loads(replay.stdout)
-    assert (said["steps"], said["mismatches"]) == (2001, 0)
+    result = json.loads(replay.stdout)
+    assert (result["steps"], result["mismatches"]) == (2001, 0)
 
 
 def test_the_lock_is_let_go_of():

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario is said in the command's own words."""
+"""Errors of a scenario have the messages of the command."""
 
 import pathlib
 import types
@@ -39,12 +39,12 @@ def toml(table, path=""):
 @pytest.mark.parametrize("scenario", WRONG, ids=str)
 def test_a_wrong_dict_raises_what_the_command_says(scenario, command, tmp_path):
     (tmp_path / "scenario").write_text(toml(scenario) + "\n")
-    said = command("check", "scenario", cwd=tmp_path)
-    assert said.returncode == 2, said
+    result = command("check", "scenario", cwd=tmp_path)
+    assert result.returncode == 2, result
     with pytest.raises(thermyo.ScenarioError) as raised:
         thermyo.check(scenario)
-    # The command says the line too, and a dict has none.
-    place, message = said.stderr.strip().removeprefix("thermyo: ").split(": ", 1)
+    # The command adds the line; a dict has none.
+    place, message = result.stderr.strip().removeprefix("thermyo: ").split(": ", 1)
     assert place.split(":")[0] == "scenario"
     assert str(raised.value) == f"scenario: {message}"
     assert isinstance(raised.value, ValueError)
@@ -142,10 +142,10 @@ def test_a_seed_keeps_every_digit(seed):
 def test_what_makes_no_sense_warns_and_runs(command, tmp_path):
     scenario = {"run": {"duration_s": 0.01}, "supply": {"pressure_pa": 90e3}}
     (tmp_path / "scenario").write_text(toml(scenario) + "\n")
-    said = command("check", "--quiet", "scenario", cwd=tmp_path).stderr.strip()
+    result = command("check", "--quiet", "scenario", cwd=tmp_path).stderr.strip()
     with pytest.warns(thermyo.ScenarioWarning) as warned:
         thermyo.run(scenario)
-    assert str(warned[0].message).split(": ", 1)[1] in said
+    assert str(warned[0].message).split(": ", 1)[1] in result
 
 
 def test_columns_beside_a_file_and_paths_in_a_dict(tmp_path):

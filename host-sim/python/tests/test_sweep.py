@@ -15,8 +15,8 @@ VARY = ["sensor.gas.time_constant_s=0.1:10:log", "plant.model=lumped,full"]
 def test_rows_are_the_commands(command, tmp_path):
     (tmp_path / "scenario.toml").write_text(SCENARIO)
     vary = [word for text in VARY for word in ("--vary", text)]
-    said = command("sweep", tmp_path / "scenario.toml", "--lhs", "6", "--seed", "4", *vary, "--out", tmp_path / "out")
-    assert said.returncode == 0, said.stderr
+    result = command("sweep", tmp_path / "scenario.toml", "--lhs", "6", "--seed", "4", *vary, "--out", tmp_path / "out")
+    assert result.returncode == 0, result.stderr
     sweep = thermyo.Sweep(SCENARIO, VARY, lhs=6, seed=4)
     lines = [sweep.header] + [sweep.row(point) for point in range(1, len(sweep) + 1)]
     assert "\n".join(lines) + "\n" == (tmp_path / "out" / "sweep.csv").read_text()

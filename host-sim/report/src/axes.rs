@@ -17,12 +17,11 @@ pub(super) fn ticks(scale: &Scale, count: f64) -> Vec<Tick> {
     scale.ticks(count).into_iter().map(|(value, label)| (scale.position(value), label)).collect()
 }
 
-/// Title of an axis: the label with its unit, where it has one.
+/// Title of an axis: the label with its unit, if any.
 pub(super) fn axis_title(label: &str, unit: &str) -> String {
     if unit.is_empty() { label.to_owned() } else { format!("{label} [{unit}]") }
 }
 
-/// A plotting area \[px\].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Area {
     pub(super) left: f64,

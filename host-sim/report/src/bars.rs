@@ -10,16 +10,15 @@ use super::path::Path;
 use super::scale::{Scale, Spacing, data_range};
 use thermyo_files::number::{px, significant};
 
-/// Width of a character of a bar's label, on average, rather more than less \[px\].
+/// Mean width of a character of a bar's label, rounded up \[px\].
 const CHARACTER: f64 = 7.6;
 const ROW: f64 = 30.0;
-/// The same where labels stand above their bars.
+/// Height of a row if labels stand above their bars \[px\].
 const TALL_ROW: f64 = 46.0;
 const TOP: f64 = 8.0;
 /// Space for a bar's value beside its end \[px\].
 const VALUE: f64 = 70.0;
 
-/// One bar.
 #[derive(Debug, Clone)]
 struct Bar {
     label: String,
@@ -28,7 +27,6 @@ struct Bar {
     target: Option<f64>,
 }
 
-/// A chart of horizontal bars.
 #[derive(Debug, Clone)]
 pub struct Bars {
     label: String,
@@ -38,7 +36,7 @@ pub struct Bars {
 }
 
 impl Bars {
-    /// Bars from zero, to the left when negative: a budget. `label` and `unit` are the axis'.
+    /// Bars from zero, to the left if negative: a budget. `label` and `unit` are the axis'.
     pub fn linear(label: &str, unit: &str) -> Self {
         Self {
             label: label.to_owned(),
@@ -49,7 +47,7 @@ impl Bars {
     }
 
     /// Dots on a logarithmic axis, where a bar's length would mean nothing. Values that are not
-    /// positive are named, but not drawn.
+    /// positive are listed but not drawn.
     pub fn log(label: &str, unit: &str) -> Self {
         Self { spacing: Spacing::Log, ..Self::linear(label, unit) }
     }
@@ -66,7 +64,6 @@ impl Bars {
         self
     }
 
-    /// Draws it.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
         let targets = self.bars.iter().any(|bar| bar.target.is_some());
         let legend = html! {

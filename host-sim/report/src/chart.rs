@@ -1,7 +1,7 @@
 //! Line charts: one or more panels over a shared x axis, and curves in the plane.
 //!
 //! Written as SVG directly: the `plotters` crate rounds to whole pixels, sets its colours where a
-//! style sheet cannot reach them (dark mode, print), and lays its legend over the data.
+//! style sheet cannot reach them (dark mode, print), and draws its legend over the data.
 //!
 //! The y label stands level above its panel, the legend above the chart, the labels of reference
 //! lines to the right and those of markers on top: nothing covers the data.
@@ -26,22 +26,21 @@ pub(super) const NARROW_WIDTH: f64 = 358.0;
 /// Width of a chart beside another one \[px\].
 pub const HALF_WIDTH: f64 = 420.0;
 
-/// Width of a character of a label, on average, rather more than less \[px\].
+/// Mean width of a character of a label, rounded up \[px\].
 pub(super) const CHARACTER: f64 = 6.7;
 const LINE_HEIGHT: f64 = 15.0;
-/// Around a chart that stands alone, and between entries of its legend \[px\].
+/// Margin around a stand-alone chart, and space between the entries of its legend \[px\].
 const BORDER: f64 = 16.0;
-/// Width that a sample line takes in that legend \[px\].
+/// Width of a sample line in that legend \[px\].
 const SAMPLE: f64 = 32.0;
 /// Height of a panel's head, which holds the y label \[px\].
 const HEAD: f64 = 28.0;
-/// Distances of ticks to aim for \[px\].
+/// Preferred distances of ticks \[px\].
 const X_TICK_DISTANCE: f64 = 90.0;
 const Y_TICK_DISTANCE: f64 = 45.0;
-/// How far a line's own width may reach out of its panel \[px\].
+/// Distance by which a line's own width may extend beyond its panel \[px\].
 const CLIP_MARGIN: f64 = 3.0;
 
-/// An axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     label: String,
@@ -63,7 +62,7 @@ impl Axis {
         }
     }
 
-    /// Shows from `low` to `high` (`low < high`) instead, whatever the data.
+    /// Sets the range to `low..high` (`low < high`), independent of the data.
     pub fn range(mut self, low: f64, high: f64) -> Self {
         self.range = Some((low, high));
         self
@@ -75,7 +74,7 @@ impl Axis {
         self
     }
 
-    /// These words at 0, 1, 2 and so on instead of numbers, for an x axis; none change nothing.
+    /// Labels 0, 1, 2 and so on of an x axis by these words; an empty list keeps the numbers.
     pub fn words(mut self, words: &[String]) -> Self {
         self.words = words.to_vec();
         self
@@ -103,7 +102,6 @@ pub struct Panel {
 }
 
 impl Panel {
-    /// An empty panel.
     pub fn new(y: Axis) -> Self {
         Self { y, height: 210.0, layers: Vec::new(), references: Vec::new() }
     }
@@ -114,13 +112,13 @@ impl Panel {
         self
     }
 
-    /// A solid line over rising `x`. Values that are not finite are gaps; an empty name stays out
-    /// of the legend.
+    /// A solid line over rising `x`. Values that are not finite are gaps; a series with an empty
+    /// name is not in the legend.
     pub fn line(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
         self.layer(Layer::new(name, colour, Mark::Line, x, &[y]))
     }
 
-    /// A wide pale line over rising `x`, below the others: what they are compared with.
+    /// A wide pale line over rising `x`, below the others: the reference of a comparison.
     pub fn wide(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
         self.layer(Layer::new(name, colour, Mark::Wide, x, &[y]))
     }
@@ -135,7 +133,7 @@ impl Panel {
         self.layer(Layer::new(name, colour, Mark::Plane, x, &[y]))
     }
 
-    /// Single points over rising `x`, such as measured ones.
+    /// Single points over rising `x`, such as measurements.
     pub fn dots(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
         self.layer(Layer::new(name, colour, Mark::Dots, x, &[y]))
     }
@@ -156,7 +154,7 @@ impl Panel {
         self
     }
 
-    /// The range of y that shows everything whose x is within `window`.
+    /// The range of y of all points whose x is within `window`.
     fn y_range(&self, window: (f64, f64)) -> (f64, f64) {
         self.y.range.unwrap_or_else(|| {
             let references = self.references.iter().map(|(value, _)| *value);
@@ -165,13 +163,11 @@ impl Panel {
         })
     }
 
-    /// The y axis of a plotting area.
     fn scale(&self, window: (f64, f64), area: Area) -> Scale {
         Scale::new(self.y_range(window), (area.bottom, area.top), self.y.spacing)
     }
 }
 
-/// A chart.
 #[derive(Debug, Clone)]
 pub struct Chart {
     x: Axis,
@@ -181,7 +177,7 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// A chart without panels yet, across the page.
+    /// A chart across the page, still without panels.
     pub fn new(x: Axis) -> Self {
         Self { x, width: FULL_WIDTH, panels: Vec::new(), markers: Vec::new() }
     }
@@ -217,8 +213,8 @@ impl Chart {
         shown
     }
 
-    /// The drawing with title and legend as an SVG file of its own, for documents that are no page of
-    /// ours.
+    /// The drawing with title and legend as a stand-alone SVG file, for documents that are not
+    /// pages of this crate.
     pub fn document(&self, title: &str) -> String {
         let (chart, height) = self.svg(title);
         let mut right = BORDER;
@@ -257,7 +253,7 @@ impl Chart {
         }
     }
 
-    /// What the page's script needs to draw it.
+    /// The data from which the page's script draws the chart.
     pub(super) fn plot(&self, store: &mut Store) -> Value {
         let (from, to) = self.window();
         let panels: Vec<Value> = self.panels.iter().map(|panel| panel.plot(store)).collect();
@@ -269,7 +265,7 @@ impl Chart {
         })
     }
 
-    /// The range of x in sight.
+    /// The visible range of x.
     fn window(&self) -> (f64, f64) {
         self.x.range.unwrap_or_else(|| {
             if !self.x.words.is_empty() {
@@ -331,7 +327,7 @@ impl Chart {
         (drawing, height)
     }
 
-    /// Left and right end of the panels: beside them stand y ticks and labels of reference lines.
+    /// Left and right end of the panels: y ticks and labels of reference lines stand beside them.
     fn sides(&self, window: (f64, f64)) -> (f64, f64) {
         let longest_tick = self
             .panels
@@ -347,7 +343,7 @@ impl Chart {
         ((longest_tick + 12.0).max(48.0), self.width - (longest_reference + 10.0).max(18.0))
     }
 
-    /// Position of line and label, row (0 is the lowest) and text of the markers in sight, and the
+    /// Position of line and label, row (0 is the lowest) and text of the visible markers, and the
     /// number of rows.
     fn marker_labels(
         &self,
@@ -422,7 +418,7 @@ impl Panel {
         }
     }
 
-    /// Where the labels of the reference lines in sight go: beside their line, clear of each other.
+    /// Positions of the labels of the visible reference lines: beside their line, without overlap.
     fn reference_labels(&self, y: &Scale, window: (f64, f64)) -> Vec<(f64, &str)> {
         let range = self.y_range(window);
         let in_sight =
@@ -439,7 +435,7 @@ impl Panel {
     }
 }
 
-/// About the width of a label, rather more than less \[px\].
+/// Approximate width of a label, rounded up \[px\].
 fn text_width(text: &str) -> f64 {
     text.chars().count() as f64 * CHARACTER
 }

@@ -4,26 +4,24 @@
 /// A colour of the palette. The style sheet holds its value for light and for dark mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Colour {
-    /// Black on white, or white on black: the truth that others are compared with.
+    /// Black on white, or white on black: true values, the reference of a comparison.
     Ink,
-    /// Blue.
     Blue,
-    /// Vermillion, a red-orange.
+    /// A red-orange.
     Vermillion,
     /// Bluish green.
     Green,
     /// Reddish purple.
     Purple,
-    /// Orange.
     Orange,
     /// Sky blue.
     Sky,
-    /// Grey, for what stands back.
+    /// For the background of a comparison.
     Grey,
 }
 
 impl Colour {
-    /// The class that the style sheet knows it by.
+    /// Class in the style sheet.
     pub(super) fn class(self) -> &'static str {
         match self {
             Self::Ink => "c-ink",
@@ -38,7 +36,7 @@ impl Colour {
     }
 }
 
-/// Where `value` lies in `low..=high`, as a fraction that is clamped to 0..=1.
+/// Position of `value` in `low..=high`, as a fraction clamped to 0..=1.
 pub(super) fn fraction(value: f64, (low, high): (f64, f64)) -> f64 {
     ((value - low) / (high - low)).clamp(0.0, 1.0)
 }
@@ -48,7 +46,7 @@ pub(super) fn hex(map: colorous::Gradient, fraction: f64) -> String {
     format!("#{:x}", map.eval_continuous(fraction))
 }
 
-/// Black or white: which of the two reads better on `fraction` of a colour map.
+/// Black or white, whichever is easier to read on `fraction` of a colour map.
 ///
 /// Relative luminance with the coefficients of ITU-R BT.709, on gamma-encoded values.
 pub(super) fn text_on(map: colorous::Gradient, fraction: f64) -> &'static str {

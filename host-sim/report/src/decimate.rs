@@ -1,24 +1,24 @@
-//! Fewer points, the same picture: the extremes of every stretch stay.
+//! Fewer points, the same picture: the extremes of every stretch are kept.
 
 use std::ops::Range;
 
-/// Points of one curve at the most: about two per pixel of a full-width chart.
+/// Most points of one curve: about two per pixel of a full-width chart.
 pub const POINTS: usize = 1500;
-/// Points of all curves of one drawing together: enough for five, and thinner curves where there are more.
+/// Most points of all curves of one drawing: enough for five; more curves get fewer points each.
 pub const DRAWING: usize = 5 * POINTS;
 
-/// Which extremes have to stay.
+/// Extremes to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
-    /// Those of y: a series over a rising x.
+    /// Extremes of y: a series over a rising x.
     Y,
-    /// Those of x and y: a curve in the plane.
+    /// Extremes of x and y: a curve in the plane.
     Both,
 }
 
-/// The index ranges of `0..len` without gap, where `present` says which points are there.
+/// The index ranges of `0..len` without gap, where `present` returns whether a point exists.
 ///
-/// More than `most` ranges cannot be distinguished in the drawing: then the points that are there are
+/// More than `most` ranges cannot be distinguished in the drawing: then the existing points are
 /// taken as one curve, and `None` is returned.
 pub fn runs(len: usize, most: usize, present: impl Fn(usize) -> bool) -> Option<Vec<Range<usize>>> {
     let mut out: Vec<Range<usize>> = Vec::new();
@@ -31,7 +31,7 @@ pub fn runs(len: usize, most: usize, present: impl Fn(usize) -> bool) -> Option<
     (out.len() <= most).then_some(out)
 }
 
-/// A curve as unbroken stretches of finite points, `budget` points or a few more in all.
+/// A curve as unbroken stretches of finite points, with about `budget` points in all.
 pub fn curve(x: &[f64], y: &[f64], keep: Keep, budget: usize) -> Vec<Vec<(f64, f64)>> {
     let points: Vec<(f64, f64)> = x.iter().copied().zip(y.iter().copied()).collect();
     let finite = |p: &(f64, f64)| p.0.is_finite() && p.1.is_finite();

@@ -1,21 +1,21 @@
-//! A drawing, and its place on a page.
+//! A drawing, and its title and caption on a page.
 
 use super::chart::Chart;
 use maud::{Markup, html};
 
-/// What a drawing module returns.
+/// Result of a drawing module.
 #[derive(Debug, Clone)]
 pub struct Drawing {
     /// Stands above the drawing; may be empty.
     pub legend: Markup,
     /// One `svg` element.
     pub svg: Markup,
-    /// What the page's script draws in its place, where there is a closer look.
+    /// Data for the interactive chart that replaces the drawing, if any.
     pub chart: Option<Chart>,
 }
 
 impl Drawing {
-    /// A drawing that stays as it is.
+    /// A drawing without an interactive chart.
     pub fn still(legend: Markup, svg: Markup) -> Self {
         Self { legend, svg, chart: None }
     }
@@ -30,12 +30,12 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// A figure; the caption may be empty.
+    /// `caption` may be empty.
     pub fn new(title: &str, caption: &str, drawing: Drawing) -> Self {
         Self { title: title.to_owned(), caption: caption.to_owned(), drawing }
     }
 
-    /// The drawing itself, an `svg` element.
+    /// The `svg` element.
     pub fn svg(&self) -> &str {
         &self.drawing.svg.0
     }
@@ -53,7 +53,6 @@ impl Figure {
 }
 
 impl Chart {
-    /// Draws it.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
         let chart = Some(self.clone());
         let drawing = Drawing { legend: self.legend(), svg: self.svg(title).0, chart };

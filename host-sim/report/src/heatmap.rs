@@ -1,4 +1,4 @@
-//! A quantity over two others, as coloured cells.
+//! A quantity as a function of two others, as coloured cells.
 
 use maud::html;
 
@@ -11,55 +11,51 @@ use super::path::Path;
 use super::scale::{Scale, Spacing, data_range};
 use thermyo_files::number::{MISSING, px, significant};
 
-/// Perceptually uniform and made for colour-blind readers.
+/// Perceptually uniform, and suitable for colour-blind readers.
 const MAP: colorous::Gradient = colorous::CIVIDIS;
-/// Colour of the outline; the map has nothing like it.
+/// Colour of the outline, which is far from all colours of the map.
 const LIMIT: Colour = Colour::Vermillion;
 const CELL_HEIGHT: f64 = 34.0;
 const TOP: f64 = 24.0;
-/// Colour bar, its tick labels and the gap before it included, and that gap \[px\].
+/// Width of the colour bar with its tick labels and the gap before it, and width of that gap
+/// \[px\].
 const BAR: (f64, f64) = (90.0, 24.0);
-/// The same beside another map.
+/// As [`BAR`], for a map of half width.
 const HALF_BAR: (f64, f64) = (66.0, 12.0);
-/// Digits of a cell's value, the more the better.
+/// Preferred and least number of significant digits in a cell.
 const DIGITS: [usize; 2] = [3, 2];
-/// Between the values of two cells \[px\].
+/// Least distance of the values of two cells \[px\].
 const BETWEEN: f64 = 6.0;
 
-/// A map of cells. Axis texts hold their unit.
+/// A map of cells. Axis labels contain their unit.
 #[derive(Debug, Clone)]
 pub struct Heatmap {
-    /// Text of the x axis.
     pub x_label: String,
-    /// Text of the y axis.
     pub y_label: String,
-    /// Text of the colour scale.
     pub value_label: String,
-    /// What stands at the columns, left to right.
+    /// Labels of the columns, left to right.
     pub x: Vec<String>,
-    /// What stands at the rows, bottom to top.
+    /// Labels of the rows, bottom to top.
     pub y: Vec<String>,
     /// `cells[row][column]`, rows as in `y`. Missing and non-finite cells stay empty.
     pub cells: Vec<Vec<f64>>,
-    /// How it is coloured, and how wide it is.
     pub style: Style,
 }
 
-/// How a map is coloured, and how wide it is.
+/// Colouring and width of a map.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Style {
-    /// Values of the colour scale's ends, so that maps can share it; those of the cells otherwise.
+    /// Ends of the colour scale, so that maps can share it; `None` fits the cells.
     pub range: Option<(f64, f64)>,
-    /// How values are spread over the colour scale.
+    /// Linear or logarithmic colour scale.
     pub spacing: Spacing,
-    /// The cells up to this value are outlined.
+    /// Cells up to this value are outlined; the text is the label.
     pub limit: Option<(f64, String)>,
     /// Half as wide, to stand beside another one.
     pub half: bool,
 }
 
 impl Heatmap {
-    /// Draws it.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
         let spacing = self.style.spacing;
         let range = self
@@ -100,7 +96,7 @@ impl Heatmap {
                             ("none".to_owned(), "currentColor")
                         };
                         rect.cell x=(px(x)) y=(px(top)) width=(px(cell_width)) height=(px(CELL_HEIGHT)) fill=(fill) {
-                            // Without room for a figure it is told to who points at the cell.
+                            // A cell without room for a number shows it as a tooltip.
                             @if digits.is_none() { title { (significant(value, DIGITS[0])) } }
                         }
                         @if let Some(digits) = digits {
@@ -141,7 +137,8 @@ impl Heatmap {
         self.cells.get(row).and_then(|cells| cells.get(column)).copied().unwrap_or(f64::NAN)
     }
 
-    /// The edges around the cells up to `limit`; `corner` is the lower left one of a cell \[px\].
+    /// The edges around the cells up to `limit`; `corner` is the lower left corner of a cell
+    /// \[px\].
     fn outline(&self, limit: f64, corner: impl Fn(usize, usize) -> (f64, f64)) -> String {
         let inside = |row: usize, column: usize| self.cell(row, column) <= limit;
         let (rows, columns) = (self.y.len(), self.x.len());
@@ -182,7 +179,7 @@ pub(super) fn colour_bar(
     let y = Scale::new(range, (bottom, top), spacing);
     html! {
         @for i in 0..STEPS {
-            // Each step reaches below the next, so that no seam shows between them.
+            // Each step extends below the next, so that no seam is visible between them.
             rect x=(px(x)) y=(px(top + step * i as f64)) width="14"
                 height=(px(bottom - top - step * i as f64))
                 fill=(hex(map, 1.0 - (i as f64 + 0.5) / STEPS as f64)) {}

@@ -1,4 +1,4 @@
-//! One series of a chart: how it is thinned, drawn and named in the legend.
+//! One series of a chart: thinning, drawing and legend entry.
 
 use std::ops::Range;
 
@@ -12,7 +12,7 @@ use super::scale::Scale;
 use super::series::{CAPACITY, Recorder};
 use serde_json::{Value, json};
 
-/// How a series is drawn.
+/// Style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mark {
     /// A thin line over rising x.
@@ -30,7 +30,7 @@ pub(super) enum Mark {
 }
 
 impl Mark {
-    /// From the lowest to the uppermost: a line through dense dots stays visible.
+    /// Drawing order, lowest first: a line through dense dots stays visible.
     pub(super) const STACK: [Self; 6] =
         [Self::Wide, Self::Band, Self::Dots, Self::Dashed, Self::Plane, Self::Line];
 
@@ -45,14 +45,13 @@ impl Mark {
     }
 }
 
-/// A series.
 #[derive(Debug, Clone)]
 pub(super) struct Layer {
     pub(super) name: String,
     pub(super) colour: Colour,
     pub(super) mark: Mark,
     x: Vec<f64>,
-    /// One, or the two edges of a band. Not a number where any of them is not finite.
+    /// One edge, or the two of a band. NaN if any of them is not finite.
     edges: Vec<Vec<f64>>,
 }
 
@@ -68,7 +67,7 @@ impl Layer {
         Self { name: name.to_owned(), colour, mark, x: x[..len].to_vec(), edges }
     }
 
-    /// x of the points that are there.
+    /// x of the points without gaps.
     pub(super) fn x(&self) -> impl Iterator<Item = f64> {
         let there = |i: &usize| self.edges.iter().all(|edge| edge[*i].is_finite());
         (0..self.x.len()).filter(there).map(|i| self.x[i])
@@ -80,7 +79,7 @@ impl Layer {
         (0..self.x.len()).filter(within).flat_map(|i| self.edges.iter().map(move |edge| edge[i]))
     }
 
-    /// The points in `window` and the next on either side, so that lines go on to its border.
+    /// The points in `window` and the next on either side, so that lines continue to its border.
     fn rows(&self, window: (f64, f64)) -> Range<usize> {
         if self.mark == Mark::Plane {
             return 0..self.x.len();
@@ -90,7 +89,7 @@ impl Layer {
         first.saturating_sub(1)..(last + 2).min(self.x.len())
     }
 
-    /// What is drawn: unbroken stretches; of a band, their outlines.
+    /// Unbroken stretches; for a band, their outlines.
     fn runs(&self, window: (f64, f64), points: usize) -> Vec<Vec<(f64, f64)>> {
         let rows = self.rows(window);
         if rows.is_empty() {
@@ -128,7 +127,7 @@ impl Layer {
         html! { path class={ (self.colour.class()) " " (self.mark.class()) } d=(path.data()) {} }
     }
 
-    /// What the page's script needs to draw it.
+    /// The data from which the page's script draws the layer.
     pub(super) fn plot(&self, store: &mut Store, log: bool) -> Value {
         let fine = if log { Bits::ThirtyTwo } else { Bits::Sixteen };
         let (x, edges) = self.kept();
@@ -143,7 +142,7 @@ impl Layer {
         })
     }
 
-    /// The points, few enough for a page.
+    /// The points, thinned for a page.
     fn kept(&self) -> (Vec<f64>, Vec<Vec<f64>>) {
         if self.x.len() <= CAPACITY {
             return (self.x.clone(), self.edges.clone());
@@ -164,12 +163,12 @@ impl Layer {
         (column("x"), names[1..=self.edges.len()].iter().map(|name| column(name)).collect())
     }
 
-    /// Whether both look alike in the legend.
+    /// Whether both look the same in the legend.
     pub(super) fn looks_like(&self, other: &Self) -> bool {
         (&self.name, self.colour, self.mark) == (&other.name, other.colour, other.mark)
     }
 
-    /// What it looks like, for a legend: 26 by 10 px.
+    /// Sample for a legend: 26 by 10 px.
     pub(super) fn sample(&self) -> Markup {
         let class = self.mark.class();
         html! {

@@ -1,13 +1,13 @@
 //! `report.html`: one self-contained page per run, and the drawings on it.
 //!
-//! From below to above: [`number`] and [`scale`] turn values into text and positions, [`decimate`]
-//! keeps the drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a
-//! [`figure::Figure`] each, [`page`] puts text and figures on a page, and [`run_report`] is the page
-//! of a generic run. [`series`] records what is drawn, in bounded memory, while the run streams by.
+//! Bottom up: [`number`] and [`scale`] turn values into text and positions, [`decimate`] keeps the
+//! drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a [`figure::Figure`] each,
+//! [`page`] puts text and figures on a page, and [`run_report`] is the page of a generic run.
+//! [`series`] records what is drawn, in bounded memory, while the run streams by.
 //!
 //! A drawing names its colours by class and leaves their values to the page's style sheet, so one
 //! drawing serves light mode, dark mode and print. `plot` packs the points of the charts for
-//! `plot.js`, which draws them anew when the reader looks closer; without it the page stays as it is.
+//! `plot.js`, which makes them interactive; without it the page shows the static drawings.
 
 mod axes;
 pub mod bars;

@@ -1,4 +1,4 @@
-//! The muscle as a thermal camera sees it: the paper's Fig. 2, drawn from the plant's zones.
+//! The muscle as a thermal camera shows it: the paper's Fig. 2, drawn from the plant's zones.
 
 use std::f64::consts::PI;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -18,7 +18,7 @@ use thermyo_files::number::{fixed, px};
 const MAP: colorous::Gradient = colorous::INFERNO;
 const ZERO_CELSIUS_K: f64 = 273.15;
 
-/// So many colours of the map, cold to hot, for a page that draws a muscle by itself.
+/// `count` colours of the map, cold to hot, for a page that draws a muscle by itself.
 pub fn palette(count: usize) -> Vec<String> {
     let last = count.saturating_sub(1).max(1) as f64;
     (0..count).map(|i| hex(MAP, i as f64 / last)).collect()
@@ -38,10 +38,10 @@ const TAPER: f64 = 66.0;
 struct Layout {
     width: f64,
     picture_height: f64,
-    /// The picture's factor, and where its axis begins at the port.
+    /// Scale of the picture, and position of its axis at the port.
     scale: f64,
     port: (f64, f64),
-    /// Heights of the texts of the coldest and of the hottest zone.
+    /// Heights of the labels of the coldest and of the hottest zone.
     extremes: [f64; 2],
     /// Left, top and bottom of the colour bar.
     bar: (f64, f64, f64),
@@ -59,7 +59,7 @@ const WIDE: Layout = Layout {
     profile: Area { left: LEFT, right: RIGHT, top: 264.0, bottom: 374.0 },
 };
 
-/// On a phone, where text is as large as ever and the muscle is not.
+/// On a phone the text keeps its size and the muscle is smaller.
 const NARROW: Layout = Layout {
     width: NARROW_WIDTH,
     picture_height: 136.0,
@@ -71,13 +71,13 @@ const NARROW: Layout = Layout {
 };
 
 impl Layout {
-    /// Where a place along the muscle is.
+    /// Position along the muscle in the drawing.
     fn along(&self, at: f64) -> f64 {
         self.port.0 + (at - LEFT) * self.scale
     }
 }
 
-/// A thread's half turn along the axis, and the distance from one thread to the next.
+/// Length of a thread's half turn along the axis, and distance of adjacent threads.
 const HALF_TURN: f64 = 190.0;
 const THREAD_PITCH: f64 = 9.5;
 /// Stops of the body's gradient: the colour map is not linear between zones.
@@ -98,11 +98,11 @@ impl Muscle {
         Self { zones_k: zones_k.to_vec(), scale_degc: (20.0, 40.0) }
     }
 
-    /// Draws it. Zones that are not finite are left out; without zones the body stays cold.
+    /// Zones that are not finite are left out; without zones the body is drawn cold.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
         let drawings = html! {
             (self.svg(title, &self.id(), &WIDE))
-            // What is not shown lends nobody its gradients.
+            // Gradients of a hidden drawing cannot be used: each drawing has its own.
             (self.svg(title, &format!("{}-narrow", self.id()), &NARROW))
         };
         Figure::new(title, caption, Drawing::still(html! {}, drawings))
@@ -141,7 +141,7 @@ impl Muscle {
         zones.filter(|(_, t)| t.is_finite()).collect()
     }
 
-    /// Ids are shared by the whole page: this one is the same only for the same drawing.
+    /// Ids are shared by the whole page: equal ids belong to equal drawings.
     fn id(&self) -> String {
         let mut hasher = DefaultHasher::new();
         let values = self.zones_k.iter().chain([&self.scale_degc.0, &self.scale_degc.1]);
@@ -164,7 +164,7 @@ impl Muscle {
                         stop offset=(format!("{offset:.3}")) stop-color=(colour) {}
                     }
                 }
-                // Roundness: the flanks turn away from the viewer, light falls from above.
+                // Shading: the flanks turn away from the viewer, light falls from above.
                 linearGradient id={ (id) "-round" } x1="0" x2="0" y1="0" y2="1" {
                     stop offset="0" stop-color="#000" stop-opacity=".62" {}
                     stop offset=".2" stop-color="#000" stop-opacity=".16" {}
@@ -249,7 +249,7 @@ fn one_way(direction: f64) -> Path {
     path
 }
 
-/// All threads, to be used by another drawing too.
+/// All threads, for reuse in another drawing.
 fn threads(id: &str) -> Markup {
     html! {
         g id={ (id) "-threads" } fill="none" stroke-linecap="butt" {
@@ -301,7 +301,7 @@ fn connections() -> Markup {
     }
 }
 
-/// Cross hairs at the coldest and the hottest zone, as a thermal camera shows them.
+/// Cross hairs at the coldest and the hottest zone, as in a thermal camera.
 fn extremes(zones: &[(f64, f64)], layout: &Layout) -> Markup {
     let coldest = zones.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let hottest =

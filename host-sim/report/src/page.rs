@@ -11,10 +11,10 @@ use serde_json::{Map, Value, json};
 use thermyo_files::number::{MISSING, quantity};
 
 const STYLE: &str = include_str!("style.css");
-/// Draws the charts anew, to be looked into; without it the page stays what it is.
+/// Makes the charts interactive; without it the page shows the static drawings.
 const SCRIPT: &str = include_str!("plot.js");
 
-/// A figure that matters, at the head of the page.
+/// A key figure at the head of the page.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tile {
     label: String,
@@ -24,13 +24,13 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A value in SI with its SI unit's symbol, shown in a handy unit: see [`quantity`].
+    /// A value in SI with its SI unit's symbol, shown in a convenient unit: see [`quantity`].
     pub fn new(label: &str, value: f64, si_unit: &str) -> Self {
         let (value, unit) = quantity(value, si_unit);
         Self { label: label.to_owned(), value, unit, target: None }
     }
 
-    /// States a target, such as `≤ 0.4 K`, and whether it is met; what is not a number never meets one.
+    /// States a target, such as `≤ 0.4 K`, and whether it is met; NaN never meets a target.
     pub fn target(mut self, text: &str, met: bool) -> Self {
         self.target = Some((text.to_owned(), met && self.value != MISSING));
         self
@@ -56,13 +56,12 @@ impl Tile {
 pub struct Table {
     /// Above the table; may be empty.
     pub caption: String,
-    /// Column heads. All columns but the first are aligned right, as numbers.
+    /// Column heads. All columns but the first are aligned right, like numbers.
     pub columns: Vec<String>,
-    /// Cells.
     pub rows: Vec<Vec<String>>,
 }
 
-/// Letters in the heads of a table that a phone shows as a table.
+/// Most letters in the heads of a table that stays a table on a phone.
 const NARROW_HEADS: usize = 34;
 
 impl Table {
@@ -79,9 +78,10 @@ impl Table {
                     thead { tr { @for column in &self.columns { th scope="col" { (column) } } } }
                     tbody {
                         @for row in &self.rows {
-                            // On a phone a wide table shows its rows as lists: each cell says what it is.
+                            // On a phone a wide table shows each row as a list: each cell carries
+                            // its column's head.
                             tr { @for (i, (cell, column)) in row.iter().zip(&self.columns).enumerate() {
-                                // A number alone would not say what the list is about.
+                                // A number alone would not be a heading of the list.
                                 @if i == 0 && cell.parse::<f64>().is_ok() {
                                     td.number data-column=(column) { (cell) }
                                 } @else {
@@ -104,7 +104,6 @@ enum Block {
     Table(Table),
 }
 
-/// A part of the page under a heading.
 #[derive(Debug, Clone)]
 pub struct Section {
     heading: String,
@@ -112,7 +111,6 @@ pub struct Section {
 }
 
 impl Section {
-    /// A section without content yet.
     pub fn new(heading: &str) -> Self {
         Self { heading: heading.to_owned(), blocks: Vec::new() }
     }
@@ -161,7 +159,6 @@ impl Section {
     }
 }
 
-/// The page.
 #[derive(Debug, Clone)]
 pub struct Page {
     title: String,
@@ -173,8 +170,8 @@ pub struct Page {
 }
 
 impl Page {
-    /// A page with a title, a first paragraph that says what the reader sees, and the scenario that
-    /// it can be repeated with (may be empty).
+    /// A page with a title, a first paragraph about its content, and the scenario that reproduces
+    /// it (may be empty).
     pub fn new(title: &str, lead: &str, scenario_toml: &str) -> Self {
         Self {
             title: title.to_owned(),
@@ -186,7 +183,7 @@ impl Page {
         }
     }
 
-    /// Says what the reader has to know before believing the rest.
+    /// Adds a caveat that readers need before they use the results.
     pub fn warning(mut self, text: &str) -> Self {
         self.warnings.push(text.to_owned());
         self
@@ -204,7 +201,6 @@ impl Page {
         self
     }
 
-    /// The complete HTML document.
     pub fn render(&self) -> String {
         let mut figures = 0;
         let page = html! {
@@ -258,7 +254,7 @@ impl Page {
         page.into_string()
     }
 
-    /// The points of all charts, and what draws them.
+    /// The points of all charts, and the script that draws them.
     fn closer_look(&self) -> Markup {
         let figures = self
             .sections

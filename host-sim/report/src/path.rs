@@ -7,7 +7,7 @@ use std::fmt::Write;
 pub(super) struct Path {
     data: String,
     at: (i64, i64),
-    /// Moves are following each other: their command letter need not be repeated.
+    /// A move follows a move: the command letter need not be repeated.
     in_line: bool,
 }
 
@@ -19,7 +19,7 @@ impl Path {
         path
     }
 
-    /// Adds a line through `points`; a single point becomes a dot where line caps are round.
+    /// Adds a line through `points`; a single point becomes a dot if line caps are round.
     pub(super) fn polyline(&mut self, points: impl IntoIterator<Item = (f64, f64)>) {
         let mut points = points.into_iter();
         let Some(first) = points.next() else { return };

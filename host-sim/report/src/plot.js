@@ -1,5 +1,5 @@
-// Draws the page's charts anew so that they can be looked into: a crosshair with the values of all
-// traces, zoom and pan, traces on and off. Charts over the same quantity share their window.
+// Makes the page's charts interactive: a crosshair with the values of all traces, zoom and pan,
+// traces on and off. Charts over the same quantity share their window.
 (() => {
   "use strict";
   const source = document.getElementById("plots");
@@ -9,7 +9,7 @@
   const NARROW = 520;
 
   const decoded = new Map();
-  /** An array's values; gaps are NaN. */
+  /** Decodes an array; gaps are NaN. */
   function values(index) {
     if (!decoded.has(index)) {
       const { bits, low, span, data } = arrays[index];
@@ -27,7 +27,7 @@
     return decoded.get(index);
   }
 
-  /** The first index whose value is at least `value`, in rising values. */
+  /** First index of a sorted list whose value is at least `value`. */
   function lowerBound(list, value) {
     let low = 0, high = list.length;
     while (low < high) {
@@ -46,12 +46,12 @@
     const grouped = whole.replace("-", "").length > 4 ? whole.replace(/\B(?=(\d{3})+$)/g, "\u202f") : whole;
     return minus(grouped + (rest ? "." + rest : ""));
   }
-  /** A value as the reader wants it, told from its neighbours: `step` is the size of a pixel. */
+  /** A value with enough digits to tell it from its neighbours; `step` is the size of a pixel. */
   function shown(value, step) {
     if (!Number.isFinite(value)) return "–";
     const size = Math.abs(value);
     if (size !== 0 && (size < 1e-3 || size >= 1e6)) return minus(value.toExponential(3));
-    // Six digits at the most: the points are no finer.
+    // At most six digits: the stored points are no finer.
     const digits = size === 0 ? 6 : 5 - Math.floor(Math.log10(size));
     const decimals = Math.max(0, Math.min(6, digits, Math.ceil(-Math.log10(Math.max(step, 1e-9)))));
     return fixed(value, decimals);
@@ -157,7 +157,7 @@
       Chart.all.push(this);
     }
 
-    /** Entries of the legend become switches. */
+    /** Makes the entries of the legend switches. */
     legend(figure) {
       const named = [...new Map(this.layers.filter((l) => l.name)
         .sort((a, b) => a.panel - b.panel).map((l) => [l.id, l])).values()];
@@ -238,7 +238,7 @@
       if (!layer.rising) return [0, x.length];
       return [Math.max(0, lowerBound(x, this.window[0]) - 1), Math.min(x.length, lowerBound(x, this.window[1]) + 2)];
     }
-    /** The range of a panel that shows everything in sight. */
+    /** The range of a panel that shows all visible points. */
     range(panel, index) {
       const log = panel.y.log;
       if (panel.y.range) return panel.y.range;
@@ -370,7 +370,7 @@
       svg.append(clip);
     }
 
-    /** Path data of a layer: of more points than pixels, the extremes of each pixel. */
+    /** Path data of a layer; if it has more points than pixels, only the extremes of each pixel. */
     path(layer, y) {
       const x = values(layer.x), [from, to] = this.rows(layer);
       const edges = layer.y.map(values);
@@ -495,7 +495,7 @@
       this.readout.hidden = true;
     }
 
-    /** The row of a layer at `value`, or none. */
+    /** The row of a layer nearest to `value`, or none. */
     nearest(layer, value, place) {
       const x = values(layer.x), edge = values(layer.y[0]);
       let best = -1;
@@ -505,7 +505,7 @@
           if (i >= 0 && i < x.length && Number.isFinite(edge[i]) &&
             (best < 0 || Math.abs(x[i] - value) < Math.abs(x[best] - value))) best = i;
         }
-        // Beyond a trace's ends, and between single points, there is nothing to be read.
+        // Beyond a trace's ends, and between single points, there is no value.
         const beside = value < x[0] || value > x[x.length - 1] || layer.mark === "dots";
         const reach = 8 * (this.window[1] - this.window[0]) / (this.x.to - this.x.from);
         if (best >= 0 && beside && Math.abs(x[best] - value) > reach) return -1;
@@ -542,7 +542,7 @@
         if (this.off.has(layer.id)) continue;
         const i = this.nearest(layer, at, place);
         if (i < 0) continue;
-        // Of several panels each says what its traces are of.
+        // With several panels, each heads its own traces.
         if (this.plot.panels.length > 1 && layer.panel !== before && this.plot.panels[layer.panel].layers.length > 1) {
           list.append(html("dt", "of", this.plot.panels[layer.panel].y.label));
         }

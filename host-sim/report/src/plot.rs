@@ -1,18 +1,17 @@
-//! The points of a page's charts, packed for the script that draws them anew when the reader looks
-//! closer.
+//! The points of a page's charts, packed for the script that makes the charts interactive.
 //!
-//! Every array is kept once, however many charts show it. A value is a whole number of 16 or 32 bits
-//! between the array's ends, written in base64: a third of what digits take.
+//! Every array is stored once, however many charts show it. A value is an integer of 16 or 32 bits
+//! between the array's ends, written in base64: a third of the size of digits.
 
 use serde_json::{Value, json};
 use std::collections::HashMap;
 
-/// How finely an array is kept.
+/// Resolution of a stored array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Bits {
     /// 65 535 steps: finer than a screen.
     Sixteen,
-    /// For what is looked into over many decades: time, and logarithmic axes.
+    /// For zooming in over many decades: time, and logarithmic axes.
     ThirtyTwo,
 }
 
@@ -24,7 +23,7 @@ impl Bits {
         }
     }
 
-    /// Stands for a gap; numbers lie below.
+    /// Code of a gap; numbers lie below.
     fn gap(self) -> u32 {
         match self {
             Self::Sixteen => u32::from(u16::MAX),
@@ -41,7 +40,7 @@ pub(super) struct Store {
 }
 
 impl Store {
-    /// The number of an array with these values; what is not finite is a gap.
+    /// The number of an array with these values; values that are not finite are gaps.
     pub(super) fn add(&mut self, values: &[f64], bits: Bits) -> usize {
         let array = packed(values, bits);
         let next = self.arrays.len();

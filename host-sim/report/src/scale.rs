@@ -2,7 +2,7 @@
 
 use thermyo_files::number::{fixed, power_of_ten, significant};
 
-/// How values are spread over an axis.
+/// Spacing of values on an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Spacing {
     /// Equal differences take equal lengths.
@@ -26,7 +26,7 @@ impl Scale {
         Self { range, pixels, spacing }
     }
 
-    /// The position of `value`, kept within reach of the drawing.
+    /// The position of `value`, limited to the surroundings of the drawing.
     pub fn position(&self, value: f64) -> f64 {
         let along = match self.spacing {
             Spacing::Linear => (value - self.range.0) / (self.range.1 - self.range.0),
@@ -50,9 +50,9 @@ impl Scale {
     }
 }
 
-/// The range of an axis that shows the finite ones of `values`.
+/// The range of an axis that shows all finite `values`.
 ///
-/// A flat line gets room on both sides; without any value it is 0 to 1 (log: 0.1 to 1).
+/// A flat line gets room on both sides; without any value the range is 0 to 1 (log: 0.1 to 1).
 pub fn data_range(values: impl Iterator<Item = f64>, spacing: Spacing) -> (f64, f64) {
     let shown = values.filter(|v| v.is_finite() && (spacing == Spacing::Linear || *v > 0.0));
     let (low, high) =
@@ -69,7 +69,7 @@ pub fn data_range(values: impl Iterator<Item = f64>, spacing: Spacing) -> (f64, 
     }
 }
 
-/// `range` with room beside the extremes; one that begins near zero begins at zero.
+/// `range` with room beyond the extremes; one that begins near zero begins at zero.
 pub fn with_room((low, high): (f64, f64), spacing: Spacing) -> (f64, f64) {
     match spacing {
         Spacing::Log => {
@@ -94,7 +94,7 @@ fn round_step(step: f64) -> f64 {
     decade * multiple
 }
 
-/// `range` with ends that all but reach a round value moved onto it: 0 to 99.999 becomes 0 to 100.
+/// `range` with ends that almost reach a round value moved onto it: 0 to 99.999 becomes 0 to 100.
 pub fn to_round_ends((low, high): (f64, f64)) -> (f64, f64) {
     let span = high - low;
     let step = round_step(span / 10.0);

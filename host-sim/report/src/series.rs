@@ -1,9 +1,9 @@
 //! Recording a streamed run in bounded memory, for drawing.
 
-/// Rows kept at the most: 100 s of a run, logged as usual, whole, on a page below 1 MB.
+/// Most rows: 100 s of a run at the default logging are kept entirely, on a page below 1 MB.
 pub const CAPACITY: usize = 10_240;
 
-/// Keeps named columns of a run that may be arbitrarily long, in at most [`CAPACITY`] rows, or in fewer.
+/// Keeps named columns of an arbitrarily long run in at most [`CAPACITY`] rows, or in fewer.
 ///
 /// Samples are gathered in stretches of equal length, two rows each: the smallest and the largest
 /// value of the stretch, column by column, in the order in which they came. When the rows are used
@@ -16,7 +16,7 @@ pub const CAPACITY: usize = 10_240;
 pub struct Recorder {
     names: Vec<String>,
     columns: Vec<Vec<f64>>,
-    /// Rows at the most.
+    /// Most rows.
     capacity: usize,
     /// Samples per stretch.
     stretch: usize,
@@ -44,7 +44,7 @@ impl Recorder {
     /// Adds one sample. A value that is not finite is a gap.
     ///
     /// # Panics
-    /// When `sample` does not have one value per column.
+    /// If `sample` does not have one value per column.
     pub fn push(&mut self, sample: &[f64]) {
         assert_eq!(sample.len(), self.columns.len(), "one value per column: {:?}", self.names);
         if self.open == self.stretch {
@@ -65,7 +65,7 @@ impl Recorder {
         self.open += 1;
     }
 
-    /// The rows of a column, or `None` when it has no such column.
+    /// The rows of a column; `None` if there is no such column.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
         let index = self.names.iter().position(|n| n == name)?;
         Some(&self.columns[index])

@@ -6,12 +6,12 @@ use model_core::{Config, SetPoint, Telemetry};
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
-/// Steps from one row to the next: 100 rows a second.
+/// Steps from one row to the next: 100 rows per second.
 const EVERY: u32 = 10;
-/// Time from one parcel to the next.
+/// Interval of the parcels.
 const PARCEL: Duration = Duration::from_millis(33);
 
-/// A parcel: what is measured over time, and what the core is doing in the end.
+/// A parcel: measurements over time, and the core's state at the end.
 #[derive(Debug, Serialize)]
 struct Parcel<'a> {
     kind: &'static str,
@@ -22,16 +22,15 @@ struct Parcel<'a> {
     rows: &'a [Row],
 }
 
-/// One step. On the page it is an array, in this order: `page.js` has the names.
+/// One step. The page gets an array in this order: `page.js` has the names.
 #[derive(Debug, Serialize)]
 struct Row(f64, f32, f32, f32, f32, f32, f32, f32, f32, Option<f32>, Option<f32>);
 
-/// Gathers them.
 #[derive(Debug)]
 pub struct Frames {
     sent: Instant,
     rows: Vec<Row>,
-    /// Time of the last step \[s\], and its number.
+    /// Time \[s\] and number of the last step.
     last: Option<(f64, u32)>,
     /// When the link was lost.
     interrupted: Option<Instant>,
@@ -41,7 +40,7 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Nothing yet; time counts from the first step.
+    /// Time counts from the first step.
     pub fn new() -> Self {
         Self {
             sent: Instant::now(),
@@ -53,12 +52,12 @@ impl Frames {
         }
     }
 
-    /// The link was lost: until it is back time goes by the clock of this machine.
+    /// The link was lost: until it is back, time follows the clock of this machine.
     pub fn interrupted(&mut self) {
         self.interrupted.get_or_insert_with(Instant::now);
     }
 
-    /// One step more; gives the parcel that is due.
+    /// Adds a step; returns the parcel if one is due.
     pub fn add(&mut self, config: &Config, telemetry: &Telemetry) -> Option<String> {
         let step_s = f64::from(config.step_s);
         let away_s = self.interrupted.take().map(|since| since.elapsed().as_secs_f64());
@@ -66,7 +65,7 @@ impl Frames {
             (Some((last_s, last)), None) if telemetry.step > last => {
                 last_s + f64::from(telemetry.step - last) * step_s
             }
-            // Nobody knows how long a board took that has started anew.
+            // A restarted board does not report how long it was away.
             (Some((last_s, _)), away_s) => {
                 self.shown = None;
                 last_s + away_s.unwrap_or(0.0).max(step_s)
@@ -80,7 +79,7 @@ impl Frames {
             self.shown = Some(telemetry.step);
             self.rows.push(row(time_s, config, telemetry));
         }
-        // What the core does now is told at once: somebody may wait for it.
+        // A change of mode is sent at once: the user may be waiting for it.
         if !turned && self.sent.elapsed() < PARCEL || self.rows.is_empty() {
             return None;
         }
@@ -128,7 +127,7 @@ mod tests {
     use super::*;
     use model_core::{AdcCode, Core, Sample};
 
-    /// Times of the rows of these steps; before 0 the link is lost for 30 ms.
+    /// Times of the rows of these steps; a negative step stands for a link that is lost for 30 ms.
     fn times_s(steps: &[i64]) -> Vec<f64> {
         let config = Config::default();
         let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
@@ -142,7 +141,7 @@ mod tests {
                 continue;
             };
             telemetry.step = step;
-            // What a slow machine has sent already counts too.
+            // A slow machine may have sent a parcel already.
             if let Some(parcel) = frames.add(&config, &telemetry) {
                 let parcel: serde_json::Value = serde_json::from_str(&parcel).unwrap();
                 let rows = parcel["rows"].as_array().unwrap();

@@ -1,16 +1,18 @@
-//! `thermyo serve`: a board on a local page, live: seen, steered, recorded, calibrated, tuned.
+//! `thermyo serve`: a board on a local page: live plots, set points, recording, calibration,
+//! tuning.
 //!
 //! ```text
 //! board --link--> operator (a thread) --every step--> recording (a thread) --> trace, summary, report
 //!                   |    ^
-//!    frames, state  |    | orders, one of each kind; a vent passes them
+//!    frames, state  |    | orders, one of each kind; a vent overtakes them
 //!                   v    |
 //!                 sockets (one async thread) <--> pages: the first steers, the others watch
 //! ```
 //!
-//! One thread owns the link, because all that talks to a board waits for its answers: driving, tuning, calibrating.
-//! What it hears it fans out: whole to the recording, thinned to the pages. A page says how much it has seen; one
-//! that falls behind is not sent more, and so loses frames, while nobody waits for it.
+//! One thread owns the link, because all that talks to a board waits for its answers: driving,
+//! tuning, calibrating. It sends every step to the recording, and a thinned stream to the pages. A
+//! page confirms what it has received; one that falls behind gets no more for a while and loses
+//! frames, so that it delays no other.
 
 mod frames;
 mod guide;
@@ -37,11 +39,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::{io, thread};
 
-/// Serves a board until `wanted` says to end, and then vents it. Gives the
-/// folders of what was recorded.
-///
-/// # Errors
-/// Those of the sockets.
+/// Serves a board until `wanted` returns true, and then vents it. Returns the folders of the
+/// recordings.
 pub fn serve(
     operator: Operator,
     listener: std::net::TcpListener,
@@ -51,7 +50,7 @@ pub fn serve(
     let shared = operator.shared();
     let operating = thread::spawn(move || operator.run(&wanted));
     let served = web::run(listener, address, Arc::clone(&shared));
-    // Where the sockets have failed, the board is not left alone.
+    // The board is vented even if the sockets have failed.
     shared.end();
     let _ = operating.join();
     served.map(|()| shared.results().into_iter().map(|result| result.folder).collect())

@@ -1,4 +1,4 @@
-//! The thread that owns the link: hears every step, carries out orders, vents before anything else.
+//! The thread that owns the link: reads every step, carries out orders, vents before anything else.
 
 use super::frames::Frames;
 use super::guide::{Calibration, Guided, Step};
@@ -29,16 +29,15 @@ use thermyo_studies::drive::LiveBench;
 use thermyo_studies::tune;
 use thermyo_studies::tune::{OutOfReach, TuneError};
 
-/// A board that says nothing for so long is silent.
+/// A board without telemetry for this long counts as silent.
 const SILENCE: Duration = Duration::from_millis(500);
-/// Time between two attempts to open a port that is gone.
+/// Interval of attempts to open a lost port.
 const RETRY: Duration = Duration::from_millis(300);
-/// Time between two states where nothing urges.
+/// Interval of state messages when nothing is urgent.
 const STATE: Duration = Duration::from_millis(250);
-/// Steps between two samples that a calibration averages: 100 a second.
+/// Steps between two samples that a calibration averages: 100 per second.
 const CALIBRATION_STEPS: u32 = 10;
 
-/// The operator.
 pub struct Operator {
     target: Target,
     out: PathBuf,
@@ -46,12 +45,12 @@ pub struct Operator {
     shared: Arc<Shared>,
     board: Option<LiveBoard>,
     known: Known,
-    /// What of it the page needs.
+    /// The part of it that the page needs.
     configuration: Configuration,
     link: Link,
     frames: Frames,
     recording: Option<Recording>,
-    /// Reports that are being written.
+    /// Threads that write reports.
     writers: Vec<JoinHandle<()>>,
     guided: Option<Guided>,
     tuning: Option<Guide>,
@@ -64,7 +63,7 @@ pub struct Operator {
     shown: Option<Instant>,
 }
 
-/// What the board has said of itself.
+/// Answers of the board.
 #[derive(Debug, Clone, Copy)]
 struct Known {
     config: Config,
@@ -79,7 +78,6 @@ impl Known {
     }
 }
 
-/// Why an order was not carried out.
 #[derive(Debug, thiserror::Error)]
 enum NotDone {
     #[error("{}", plainly(.0))]
@@ -92,7 +90,7 @@ enum NotDone {
     NotNow(&'static str),
 }
 
-/// Without a word of commands: the page has buttons.
+/// Without the command-line advice: the page has buttons.
 fn plainly(error: &BoardError) -> String {
     match error {
         BoardError::Refused(refusal) => refusal.to_string(),
@@ -105,10 +103,7 @@ const RECORDS: NotDone =
     NotDone::NotNow("a recording runs, and a record has one configuration: end it first");
 
 impl Operator {
-    /// For a board that has been opened; recordings go to folders in `out`, and where `logs` says.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// For a board that has been opened; recordings go to folders in `out`, and to `logs`.
     pub fn new(
         target: Target,
         mut board: LiveBoard,
@@ -146,16 +141,16 @@ impl Operator {
         Ok(operator)
     }
 
-    /// What it shares with the sockets.
+    /// The state that it shares with the sockets.
     pub fn shared(&self) -> Arc<Shared> {
         Arc::clone(&self.shared)
     }
 
-    /// Operates until `wanted` says to end; then it vents, and ends what is recorded.
+    /// Operates until `wanted` returns true; then vents, and ends a recording.
     pub fn run(mut self, wanted: &dyn Fn() -> bool) {
         while !wanted() && !self.shared.ended() {
-            // Telemetry that came while an order waited for its answer is taken before the next order, or the pages
-            // and the record would fall further behind with each.
+            // Telemetry that arrived while an order waited for its answer is read before the next
+            // order; otherwise the pages and the record would lag further with each.
             let behind = self.board.as_ref().is_some_and(LiveBoard::is_behind);
             match self.shared.orders.next(!behind) {
                 Some(Next::Vent) => self.vent(),
@@ -189,7 +184,7 @@ impl Operator {
         self.shown = None;
     }
 
-    /// Takes what the board says, or waits for it to come back.
+    /// Reads telemetry, or waits for a lost board.
     fn listen(&mut self) {
         match self.board.as_mut().map(LiveBoard::poll) {
             Some(Ok(Some(telemetry))) => self.see(&telemetry),
@@ -242,7 +237,7 @@ impl Operator {
         }
     }
 
-    /// Whether the board has become another one: restarted, or told something by somebody else.
+    /// Whether the board has restarted or was configured by another program.
     fn stale(&self) -> bool {
         let identity =
             |status: &Status| (status.restarts, status.config_checksum, status.config_name);
@@ -264,13 +259,12 @@ impl Operator {
         }
         if now.config_checksum != before.config_checksum {
             self.shared.log(Weight::Plain, format!("configuration: {}", called(&now)));
-            // Its rows are of the other one.
+            // Its rows belong to the former configuration.
             self.finish_recording();
         }
         self.shown = None;
     }
 
-    /// One step.
     fn see(&mut self, telemetry: &Telemetry) {
         self.heard = Instant::now();
         if self.link == Link::Silent {
@@ -280,7 +274,7 @@ impl Operator {
         self.see_faults(telemetry.faults);
         self.see_status();
         self.set_point = telemetry.set_point;
-        // While it judges its sensors after a start, the core counts no step.
+        // The core does not count the steps of its startup check.
         if telemetry.mode == Mode::Judging {
             self.next_step = None;
             return;
@@ -292,7 +286,7 @@ impl Operator {
             recording.step(self.board.as_ref().and_then(LiveBoard::last_status), telemetry);
         }
         if let Some(parcel) = self.frames.add(&self.known.config, telemetry) {
-            // Without a page nobody wants it.
+            // Without a page there is no receiver.
             let _ = self.shared.frames.send(parcel.into());
         }
         if telemetry.step.is_multiple_of(CALIBRATION_STEPS) {
@@ -503,7 +497,7 @@ impl Operator {
         self.writers.push(recording.end(self.known.status, self.known.timing));
     }
 
-    /// Shows the state, when it is due.
+    /// Sends the state when it is due.
     fn show(&mut self) {
         if self.shown.is_some_and(|shown| shown.elapsed() < STATE) {
             return;
@@ -543,13 +537,13 @@ impl Operator {
     }
 }
 
-/// Asks what the page shows, and for the telemetry of every step.
+/// Requests what the page shows, and the telemetry of every step.
 fn learn(board: &mut LiveBoard) -> Result<Known, BoardError> {
     board.telemetry_every(1)?;
     Ok(Known { config: board.config()?, status: board.status()?, timing: board.timing()? })
 }
 
-/// What the board is to be configured with.
+/// Configuration to send, and its name.
 fn configuration(target: &Target, text: Option<ScenarioText>) -> Result<(Config, String), NotDone> {
     let (loaded, name) = match text {
         Some(ScenarioText { name, text }) => {

@@ -1,11 +1,13 @@
-//! What pages ask for and the board has not heard yet: a vent ahead of everything, and one order of each kind.
+//! Orders of pages that wait for the operator: a vent ahead of everything, and one order of each
+//! kind.
 
 use super::word::Order;
 use std::collections::VecDeque;
 use std::mem::discriminant;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// The queue. A page that sends faster than the board answers replaces its own orders, and delays no vent.
+/// The queue. A page that sends faster than the board answers replaces its own orders and delays no
+/// vent.
 #[derive(Debug, Default)]
 pub struct Orders(Mutex<Waiting>);
 
@@ -15,39 +17,37 @@ struct Waiting {
     orders: VecDeque<Order>,
 }
 
-/// What is to be done next.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Next {
-    /// Vent.
     Vent,
-    /// This order.
     Order(Order),
 }
 
 impl Orders {
-    /// A thread that panicked left the queue whole: every change is one call.
+    /// A lock poisoned by a panic is still usable: every change is one call.
     fn waiting(&self) -> MutexGuard<'_, Waiting> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds an order. An earlier one of its kind is dropped: the last one counts, at the place where it came.
+    /// Adds an order. It replaces an earlier one of its kind, in the earlier one's place.
     pub fn put(&self, order: Order) {
         let mut waiting = self.waiting();
         waiting.orders.retain(|earlier| discriminant(earlier) != discriminant(&order));
         waiting.orders.push_back(order);
     }
 
-    /// The muscle is to vent before any order is carried out.
+    /// Requests a vent before any other order.
     pub fn vent(&self, why: &'static str) {
         self.waiting().vent = Some(why);
     }
 
-    /// Why the muscle is to vent, where it is.
+    /// The reason for a requested vent.
     pub fn vent_wanted(&self) -> Option<&'static str> {
         self.waiting().vent
     }
 
-    /// Takes what comes next; an order only where `ready`. With a vent, the orders that would move the muscle go.
+    /// Takes the next entry; an order only if `ready`. A vent drops the orders that would move the
+    /// muscle.
     pub fn next(&self, ready: bool) -> Option<Next> {
         let mut waiting = self.waiting();
         if waiting.vent.take().is_some() {
@@ -57,7 +57,7 @@ impl Orders {
         if ready { waiting.orders.pop_front().map(Next::Order) } else { None }
     }
 
-    /// Drops all orders; whether there were any.
+    /// Drops all orders; returns whether there were any.
     pub fn refuse(&self) -> bool {
         let orders = std::mem::take(&mut self.waiting().orders);
         !orders.is_empty()

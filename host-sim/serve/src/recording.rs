@@ -1,4 +1,4 @@
-//! A recording: every step that the link gives, written by a thread of its own.
+//! A recording: every step of the link, written by a separate thread.
 
 use super::results::{Outcome, next_folder};
 use super::shared::Shared;
@@ -22,10 +22,9 @@ use thermyo_setup::{Loaded, from_config};
 use thermyo_studies::drive;
 use thermyo_studies::drive::{Drawn, Gathered};
 
-/// Rows that are written wait no longer for the file while no others come.
+/// Rows are flushed to the file at least at this interval.
 const HAND_OVER: Duration = Duration::from_millis(500);
 
-/// One that runs.
 pub struct Recording {
     parts: Sender<Part>,
     rows: Arc<AtomicU64>,
@@ -33,17 +32,18 @@ pub struct Recording {
     thread: JoinHandle<()>,
 }
 
-/// What goes to the thread. Nobody waits for it: a disk that stands still for a while takes memory, not rows.
+/// Messages to the thread. The channel is unbounded: a disk that stalls for a while costs memory,
+/// not rows.
 enum Part {
     Step(Option<Status>, Telemetry),
     End(Status, Timing),
 }
 
 impl Recording {
-    /// Begins, in a folder of `out` and where `logs` says, with what a board has been configured with.
+    /// Starts a recording in a folder of `out` and at `logs`, with the board's configuration.
     ///
     /// # Errors
-    /// Where no file can be made, or no scenario says the configuration.
+    /// If no file can be created, or no scenario expresses the configuration.
     pub fn begin(
         out: &Path,
         logs: &Logs,
@@ -52,7 +52,7 @@ impl Recording {
         shared: Arc<Shared>,
     ) -> Result<Self, InputError> {
         let mut configured = from_config::say(&config)?.scenario;
-        // The user drives it.
+        // The user drives the muscle.
         (configured.plant.drive.kind, configured.believed.drive.kind) =
             (DriveKind::Closed, DriveKind::Closed);
         let (folder, name) = next_folder(out, "record");
@@ -78,31 +78,30 @@ impl Recording {
         Ok(Self { parts, rows, began: Instant::now(), thread })
     }
 
-    /// One step more.
     pub fn step(&self, status: Option<Status>, telemetry: &Telemetry) {
-        // One that could not be written has said so.
+        // A write error has been reported already.
         let _ = self.parts.send(Part::Step(status, *telemetry));
     }
 
-    /// How far it is.
+    /// Rows and time so far.
     pub fn recorded(&self) -> Recorded {
         let time_s = (self.began.elapsed().as_secs_f64() * 10.0).round() / 10.0;
         Recorded { rows: self.rows.load(Ordering::Relaxed), time_s }
     }
 
-    /// Whether it runs no more, though nobody has ended it.
+    /// Whether the thread has ended by itself.
     pub fn has_failed(&self) -> bool {
         self.thread.is_finished()
     }
 
-    /// Ends it. The report is written by its own thread, which is given back.
+    /// Ends the recording. Its thread writes the report, and is returned.
     pub fn end(self, status: Status, timing: Timing) -> JoinHandle<()> {
         let _ = self.parts.send(Part::End(status, timing));
         self.thread
     }
 }
 
-/// What the thread has.
+/// State of the thread.
 struct Writer {
     name: String,
     port: String,
@@ -122,13 +121,14 @@ impl Writer {
                 Ok(Part::Step(status, telemetry)) => self.write(status.as_ref(), &telemetry),
                 Ok(Part::End(status, timing)) => return self.finish(&status, &timing, shared),
                 Err(RecvTimeoutError::Timeout) => self.recorder.hand_over(),
-                // The operator is gone: what there is stays where it is.
+                // The operator is gone: the files stay in their working folder.
                 Err(RecvTimeoutError::Disconnected) => return drop(self.files.leave()),
             };
             if let Err(error) = written {
                 let error = self.files.unwritable("trace.csv", &error);
                 let left = self.files.leave();
-                let text = format!("recording: {error}; what there is lies in {}", left.display());
+                let text =
+                    format!("recording: {error}; the record so far is in {}", left.display());
                 return shared.log(Weight::Fault, text);
             }
         }

@@ -1,8 +1,8 @@
-//! What has been recorded or tuned, and may be opened from the page.
+//! Results of recordings and tunings, which the page can open.
 
 use std::path::{Path, PathBuf};
 
-/// Files of a result that a page may ask for, and what they are.
+/// Files of a result that a page may request, with their types.
 const FILES: [(&str, &str); 5] = [
     ("report.html", "text/html; charset=utf-8"),
     ("trace.csv", "text/csv; charset=utf-8"),
@@ -11,19 +11,16 @@ const FILES: [(&str, &str); 5] = [
     ("tuned.toml", "text/plain; charset=utf-8"),
 ];
 
-/// One of them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Outcome {
-    /// Name of its folder.
     pub name: String,
-    /// Where that is.
     pub folder: PathBuf,
-    /// What it is.
+    /// Description on the page.
     pub text: String,
 }
 
 impl Outcome {
-    /// A file of it and its type, if a page may have that.
+    /// Path and type of a file, if a page may request it.
     pub fn file(&self, name: &str) -> Option<(PathBuf, &'static str)> {
         let (known, kind) = FILES.iter().find(|(known, _)| *known == name)?;
         Some((self.folder.join(known), kind))

@@ -1,8 +1,8 @@
-//! Who steers: the page that has been open longest. The others watch.
+//! Decides which page steers: the one that has been open longest. The others watch.
 
 use tokio::sync::watch;
 
-/// The pages that are open, the one that steers first.
+/// The open pages, the steering one first.
 #[derive(Debug)]
 pub struct Seats {
     taken: watch::Sender<Vec<u64>>,
@@ -15,7 +15,7 @@ impl Default for Seats {
 }
 
 impl Seats {
-    /// A seat for one page more.
+    /// Adds a page; returns its number.
     pub fn take(&self) -> u64 {
         let mut number = 0;
         self.taken.send_modify(|taken| {
@@ -25,7 +25,7 @@ impl Seats {
         number
     }
 
-    /// Gives a seat back; whether it was the one that steers.
+    /// Removes a page; returns whether it was the steering one.
     pub fn leave(&self, number: u64) -> bool {
         let mut steered = false;
         self.taken.send_modify(|taken| {
@@ -35,12 +35,10 @@ impl Seats {
         steered
     }
 
-    /// Whether a seat is the one that steers.
     pub fn steers(&self, number: u64) -> bool {
         self.taken.borrow().first() == Some(&number)
     }
 
-    /// Sees every change.
     pub fn changes(&self) -> watch::Receiver<Vec<u64>> {
         self.taken.subscribe()
     }

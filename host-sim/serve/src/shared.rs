@@ -1,4 +1,4 @@
-//! What the operator and the sockets share.
+//! State shared by the operator and the sockets.
 
 use super::orders::Orders;
 use super::results::Outcome;
@@ -10,21 +10,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio::sync::{broadcast, watch};
 
-/// Frames that wait for a page: a second. What is older is lost to it.
+/// Frames that are kept for a page: a second. It loses older ones.
 const MOST_FRAMES: usize = 32;
-/// Events that are remembered.
+/// Events that are kept.
 const MOST_EVENTS: usize = 100;
 
-/// See the module.
 #[derive(Debug)]
 pub struct Shared {
-    /// What the pages ask for.
     pub orders: Orders,
-    /// Who steers.
     pub seats: Seats,
     /// Measured values, thinned.
     pub frames: broadcast::Sender<Utf8Bytes>,
-    /// The state of everything else, as it is sent.
+    /// The serialised [`State`](crate::state::State).
     pub state: watch::Sender<Utf8Bytes>,
     ended: AtomicBool,
     events: Mutex<VecDeque<Event>>,
@@ -45,46 +42,44 @@ impl Default for Shared {
     }
 }
 
-/// What a thread that has panicked left is whole: every change is one call.
+/// A lock poisoned by a panic is still usable: every change is one call.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Shared {
-    /// The muscle is to vent, before anything else.
+    /// Requests a vent before anything else.
     pub fn vent(&self, why: &'static str) {
         self.log(Weight::Plain, format!("{why}: it vents"));
         self.orders.vent(why);
     }
 
-    /// The server ends.
+    /// Ends the server.
     pub fn end(&self) {
         self.ended.store(true, Ordering::Release);
     }
 
-    /// Whether it does.
     pub fn ended(&self) -> bool {
         self.ended.load(Ordering::Acquire)
     }
 
-    /// Something happened.
+    /// Adds an event.
     pub fn log(&self, weight: Weight, text: impl Into<String>) {
         let mut events = locked(&self.events);
         events.push_front(Event::now(weight, text.into()));
         events.truncate(MOST_EVENTS);
     }
 
-    /// What happened, the last event first.
+    /// The events, the latest first.
     pub fn events(&self) -> Vec<Event> {
         locked(&self.events).iter().cloned().collect()
     }
 
-    /// Something lies in its folder.
     pub fn add_result(&self, outcome: Outcome) {
         locked(&self.results).push(outcome);
     }
 
-    /// All of that, the oldest first.
+    /// The results, the oldest first.
     pub fn results(&self) -> Vec<Outcome> {
         locked(&self.results).clone()
     }

@@ -1,4 +1,4 @@
-//! One page: what it is sent, and what it says.
+//! The connection of one page.
 
 use super::shared::Shared;
 use super::state::Weight;
@@ -10,35 +10,36 @@ use std::time::{Duration, Instant};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{self, MissedTickBehavior};
 
-/// Messages that a page may be behind. It then loses frames, and what it is shown is never older than a second.
+/// Messages that a page may lag behind. Beyond, it loses frames; its view is never older than a
+/// second.
 const WINDOW: u64 = 32;
-/// A page that steers and has seen nothing for so long is gone.
+/// A steering page that has confirmed nothing for this long counts as gone.
 const LONGEST_BEHIND: Duration = Duration::from_secs(2);
-/// Time between two looks at the clock.
+/// Interval at which the clock is checked.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// What concerns this page alone.
+/// State of this page alone.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 struct Own {
     kind: &'static str,
-    /// It steers; others only watch.
+    /// This page steers; others only watch.
     steers: bool,
-    /// Pages that are open.
+    /// Number of open pages.
     pages: usize,
-    /// Frames that it was too slow for.
+    /// Frames dropped because the page was too slow.
     lost_frames: u64,
 }
 
-/// What is sent and seen of it.
+/// Messages sent and confirmed.
 #[derive(Debug)]
 struct Sent {
     messages: u64,
     seen: u64,
-    /// When it last was not behind.
+    /// When the page last was up to date.
     up_to_date: Instant,
 }
 
-/// What a page has been told: once, for the events of all pages have one log.
+/// Latest messages to a page: events are sent once, although all pages share one log.
 #[derive(Debug, Default)]
 struct Told {
     not_understood: bool,
@@ -59,7 +60,7 @@ impl Sent {
     }
 }
 
-/// Serves a page until it goes. One that steered leaves a muscle that vents.
+/// Serves a page until it closes. The muscle is vented when the steering page closes.
 pub async fn run(mut socket: WebSocket, shared: Arc<Shared>) {
     let seat = shared.seats.take();
     let why = attend(&mut socket, &shared, seat).await;
@@ -90,7 +91,7 @@ async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static 
             word = socket.recv() => {
                 match word {
                     Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
-                        // What was never sent cannot have been seen.
+                        // A page cannot confirm more than was sent.
                         Ok(Word::Seen(seen)) => sent.seen = seen.min(sent.messages).max(sent.seen),
                         Ok(word) => hear(word, shared, seat, &mut told),
                         Err(error) => {
@@ -123,7 +124,7 @@ async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static 
                 Err(RecvError::Closed) => return CLOSED,
             },
         };
-        // It never waits: what a page may be behind fits the system's buffers.
+        // This does not wait: the window fits the system's buffers.
         if socket.send(Message::Text(message)).await.is_err() {
             return CLOSED;
         }

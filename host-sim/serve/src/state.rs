@@ -1,4 +1,4 @@
-//! What a page shows besides the measured values: one message, whole every time.
+//! State of the page besides the measured values: one message, complete every time.
 
 use model_core::Config;
 use model_core::control::contractions;
@@ -9,59 +9,49 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use thermyo_plant::chamber;
 use thermyo_setup::from_config;
 
-/// State of the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Link {
-    /// Telemetry comes.
+    /// Telemetry arrives.
     Connected,
-    /// The port is open, and no telemetry comes.
+    /// The port is open, and no telemetry arrives.
     Silent,
-    /// The port is gone; it is tried again and again.
+    /// The port is lost; opening it is tried again and again.
     Lost,
     /// The server has ended.
     Ended,
 }
 
-/// Everything.
 #[derive(Debug, Clone, Serialize)]
 pub struct State {
-    /// "state", which tells it from other messages.
+    /// Always "state": distinguishes it from other messages.
     pub kind: &'static str,
-    /// State of the link.
     pub link: Link,
-    /// What is served.
+    /// Name of the served target.
     pub target: String,
-    /// Who the board is.
     pub board: Option<Board>,
-    /// What it has been configured with.
     pub configuration: Configuration,
-    /// Highest absolute pressure of set points \[Pa\]; none where it is not armed.
+    /// Highest absolute pressure of set points \[Pa\]; none if the board is not armed.
     pub armed_pa: Option<f32>,
-    /// What is wrong.
+    /// Names of the present faults.
     pub faults: Vec<&'static str>,
-    /// Whether that vents the muscle.
+    /// Whether a fault vents the muscle.
     pub vents: bool,
-    /// How steps were timed.
     pub timing: Option<Timing>,
     /// Steps whose telemetry did not arrive.
     pub lost_steps: u64,
-    /// The recording that runs.
     pub recording: Option<Recorded>,
-    /// What lies in the folder by now, the last one first.
+    /// Results so far, the latest first.
     pub results: Vec<ResultLink>,
-    /// What is guided.
+    /// The guided task.
     pub guide: Option<Guide>,
-    /// What happened, the last event first.
+    /// The events, the latest first.
     pub events: Vec<Event>,
 }
 
-/// Who the board is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Board {
-    /// The chip.
     pub chip: Chip,
-    /// Version of the firmware.
     pub firmware: [u16; 3],
 }
 
@@ -71,47 +61,42 @@ impl From<Version> for Board {
     }
 }
 
-/// What a board has been configured with, as far as the page needs it.
+/// The part of a board's configuration that the page needs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Configuration {
-    /// Its name.
     pub name: String,
-    /// Its checksum.
     pub checksum: u32,
-    /// Where it comes from.
     pub source: ConfigSource,
-    /// Whether anybody has configured it.
+    /// False while the core runs on its defaults.
     pub configured: bool,
-    /// What the muscle behind an emulated board is called.
+    /// Name of the muscle behind an emulated board.
     pub own: Option<String>,
-    /// Absolute pressure of the surroundings \[Pa\].
+    /// Absolute ambient pressure \[Pa\].
     pub ambient_pa: f32,
-    /// Absolute pressure of the supply \[Pa\].
+    /// Absolute supply pressure \[Pa\].
     pub supply_pa: f32,
-    /// Highest pressure that a set point is followed to \[Pa\].
+    /// Highest absolute pressure of a set point \[Pa\].
     pub working_limit_pa: f32,
-    /// Least and most contraction that may be asked for \[-\].
+    /// Range of contraction set points \[-\].
     pub contractions: [f32; 2],
-    /// Length that contraction counts from \[m\].
+    /// Rest length \[m\].
     pub rest_length_m: Option<f64>,
-    /// The braid.
     pub braid: Option<Braid>,
 }
 
-/// What a muscle's diameter follows from.
+/// Geometry from which the page computes the diameter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Braid {
     /// Length of a thread \[m\].
     pub thread_length_m: f32,
-    /// Its turns \[-\].
+    /// Turns of a thread \[-\].
     pub turns: f32,
 }
 
 impl Configuration {
-    /// What a board has; `own`: see there.
     pub fn new(config: &Config, status: &Status, own: Option<String>) -> Self {
-        let said = from_config::say(config).ok();
-        let chamber = said.and_then(|said| chamber::of(&said.scenario.believed));
+        let scenario = from_config::say(config).ok();
+        let chamber = scenario.and_then(|scenario| chamber::of(&scenario.scenario.believed));
         let braid = match &config.chamber {
             ChamberConfig::Muscle(muscle) => Some(Braid {
                 thread_length_m: muscle.braid.thread_length_m,
@@ -135,66 +120,58 @@ impl Configuration {
     }
 }
 
-/// A recording that runs.
+/// A running recording.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Recorded {
     /// Steps so far.
     pub rows: u64,
-    /// Since its beginning \[s\].
+    /// Time since its start \[s\].
     pub time_s: f64,
 }
 
-/// What can be opened.
+/// A result that the page can open.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ResultLink {
     /// Name of its folder, and of its address.
     pub name: String,
-    /// What it is.
     pub text: String,
 }
 
-/// Where a guided task is.
+/// Progress of a guided task.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Guide {
-    /// Its name.
     pub title: String,
-    /// What is to be done, or what came out.
+    /// Instruction or outcome.
     pub text: String,
-    /// A number of this unit is asked for.
+    /// Unit of the number that the user must enter.
     pub asks: Option<&'static str>,
-    /// Share that is done \[-\].
+    /// Finished fraction \[-\].
     pub progress: Option<f64>,
-    /// Name of the result that came out.
+    /// Name of the result.
     pub result: Option<String>,
-    /// It has ended.
+    /// The task has ended.
     pub over: bool,
 }
 
-/// Something that happened.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Event {
     /// Milliseconds since 1970.
     pub at_ms: u64,
-    /// How serious it is.
     pub weight: Weight,
-    /// What.
     pub text: String,
 }
 
-/// How serious an event is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Weight {
-    /// As wanted.
     Plain,
-    /// Something was not done.
+    /// A request was refused.
     Refused,
-    /// Something is wrong.
     Fault,
 }
 
 impl Event {
-    /// One that happens now.
+    /// An event at the present time.
     pub fn now(weight: Weight, text: String) -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self { at_ms: since.as_millis() as u64, weight, text }

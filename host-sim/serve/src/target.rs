@@ -1,4 +1,4 @@
-//! What is served: a board at a port, the emulated one, or that with the muscle of a scenario.
+//! The served board: at a port, emulated, or emulated with the muscle of a scenario.
 
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
@@ -8,30 +8,26 @@ use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::board::BoardError;
 
-/// What is served.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
     /// A serial port.
     Port(String),
-    /// The emulated board, with the muscle that it has, or the nominal one.
+    /// The emulated board, with its present muscle or the nominal one.
     Emulated,
     /// The emulated board, with the muscle of this scenario.
     Scenario(PathBuf),
 }
 
-/// Why it cannot be served.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// The scenario.
     #[error(transparent)]
     Scenario(#[from] InputError),
-    /// The board.
     #[error(transparent)]
     Board(#[from] BoardError),
 }
 
 impl Target {
-    /// By what the user says.
+    /// Parses the argument of the command.
     pub fn new(text: &str) -> Self {
         let path = Path::new(text);
         let is_toml =
@@ -43,10 +39,7 @@ impl Target {
         }
     }
 
-    /// Opens it; a scenario's board is configured with its muscle.
-    ///
-    /// # Errors
-    /// [`OpenError`]
+    /// Opens the board; a scenario's board is configured with its muscle.
     pub fn open(&self) -> Result<LiveBoard, OpenError> {
         let Self::Scenario(path) = self else { return Ok(LiveBoard::open(self.port())?) };
         let muscle = thermyo_setup::load(path)?;
@@ -56,10 +49,7 @@ impl Target {
         Ok(board)
     }
 
-    /// Opens it again, once it is back.
-    ///
-    /// # Errors
-    /// [`BoardError`], as long as it is not.
+    /// Opens the board again after it was lost.
     pub fn reopen(&self) -> Result<LiveBoard, BoardError> {
         let there = matches!(self, Self::Port(_)) || service::is_plugged_in();
         if there {
@@ -77,7 +67,7 @@ impl Target {
         }
     }
 
-    /// What goes on the page.
+    /// Name on the page.
     pub fn name(&self) -> String {
         match self {
             Self::Port(port) => port.clone(),
@@ -86,7 +76,7 @@ impl Target {
         }
     }
 
-    /// What the muscle behind an emulated board is called.
+    /// Name of the muscle behind an emulated board.
     pub fn muscle_name(&self) -> String {
         match self {
             Self::Scenario(path) => {
@@ -96,10 +86,7 @@ impl Target {
         }
     }
 
-    /// The muscle behind an emulated board; nobody knows that of a port.
-    ///
-    /// # Errors
-    /// Of a scenario file that can no longer be read.
+    /// The muscle behind an emulated board; `None` for a port, whose muscle is unknown.
     pub fn muscle(&self) -> Result<Option<Loaded>, InputError> {
         match self {
             Self::Port(_) => Ok(None),

@@ -1,4 +1,4 @@
-//! A tuning that is watched: the bench of `thermyo tune`, its telemetry shown.
+//! A tuning with progress: the bench of `thermyo tune`, which shows its telemetry.
 
 use model_core::{Config, Telemetry};
 use std::path::Path;
@@ -11,14 +11,14 @@ use thermyo_studies::drive::LiveBench;
 use thermyo_studies::tune;
 use thermyo_studies::tune::{Bench, TuneError, Tuned};
 
-/// A run of the tuning, as it goes on.
+/// Progress of one run of the tuning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
-    /// Its number, from 1 on.
+    /// Number of the run, from 1 on.
     pub number: u32,
-    /// How long it is \[s\].
+    /// Duration of the run \[s\].
     pub duration_s: f64,
-    /// Since its beginning \[s\].
+    /// Time since its start \[s\].
     pub time_s: f64,
 }
 
@@ -46,10 +46,7 @@ impl Bench for Watched<'_, '_> {
     }
 }
 
-/// Tunes what a board has been configured with; every telemetry is shown to `show`.
-///
-/// # Errors
-/// [`TuneError`]
+/// Tunes a board's configuration; `show` gets every telemetry.
 pub fn tune(
     configured: &Loaded,
     highest_pa: f64,
@@ -60,10 +57,7 @@ pub fn tune(
     tune::tune_on(configured, Path::new("the board's configuration"), highest_pa, &mut watched)
 }
 
-/// Writes what came out into a folder.
-///
-/// # Errors
-/// Those of the files.
+/// Writes the results into a folder.
 pub fn write(tuned: &Tuned, folder: &Path, name: &str) -> Result<(), InputError> {
     let mut files = OutputDir::create(folder)?;
     let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";

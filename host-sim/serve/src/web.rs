@@ -1,8 +1,8 @@
-//! The local web server: who may come in, and what is where.
+//! The local web server: access and addresses.
 //!
-//! Three locks: it listens on the loopback only; every address begins with a secret that is printed once; and a
-//! request must name this very server (`Host`), and come from its own page (`Origin`), so that no other page that the
-//! browser shows can reach the muscle.
+//! Three locks: it listens on the loopback only; every address begins with a secret that is printed
+//! once; and a request must name this server (`Host`) and come from its own page (`Origin`), so
+//! that no other page in the browser can reach the muscle.
 
 use super::page;
 use super::results::Outcome;
@@ -35,23 +35,22 @@ use tokio::task::AbortHandle;
 
 /// A message of a page is short, a scenario's text included.
 const LONGEST_MESSAGE: usize = 1 << 18;
-/// Connections that have not shown the secret yet: a browser opens six.
+/// Connections that have not sent the secret yet: a browser opens six.
 const MOST_STRANGERS: usize = 64;
-/// Time that the headers of a request may take, and a connection may stand idle.
+/// Time limit for the headers of a request, and for an idle connection.
 const HEADERS: Duration = Duration::from_secs(10);
-/// Time between two looks whether the server ends.
+/// Interval at which the server's end is checked.
 const LOOK: Duration = Duration::from_millis(50);
-/// Time that the pages are given to hear of it.
+/// Time for the last messages to the pages.
 const FAREWELL: Duration = Duration::from_millis(200);
 
-/// The page fetches from this server only, and runs nothing but its own script.
+/// The page loads from this server only, and runs only its own script.
 const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
                            img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-/// A report has its script and style within, and reaches nothing, this server included.
+/// A report contains its script and style, and loads nothing, not even from this server.
 const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
                              img-src data:; sandbox allow-scripts; frame-ancestors 'none'";
 
-/// Text files of the page.
 const FILES: [(&str, &str, &str); 5] = [
     ("drawing.css", "text/css; charset=utf-8", DRAWING_STYLE),
     ("page.css", "text/css; charset=utf-8", page::STYLE),
@@ -60,7 +59,7 @@ const FILES: [(&str, &str, &str); 5] = [
     ("muscle.js", "text/javascript; charset=utf-8", page::MUSCLE),
 ];
 
-/// Where the page is.
+/// Address of the page.
 #[derive(Debug, Clone)]
 pub struct Address {
     port: u16,
@@ -73,10 +72,7 @@ impl fmt::Display for Address {
     }
 }
 
-/// Listens on the loopback, at a port or at one that is free, behind a new secret.
-///
-/// # Errors
-/// Where the port is in use.
+/// Listens on the loopback, at the given port or a free one, with a new secret.
 pub fn listen(port: Option<u16>) -> io::Result<(TcpListener, Address)> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port.unwrap_or(0)))?;
     listener.set_nonblocking(true)?;
@@ -87,17 +83,13 @@ pub fn listen(port: Option<u16>) -> io::Result<(TcpListener, Address)> {
     Ok((listener, Address { port, token }))
 }
 
-/// What every request needs.
+/// State of every request.
 #[derive(Clone)]
 struct Site {
     address: Arc<Address>,
     shared: Arc<Shared>,
 }
 
-/// Serves until the server ends.
-///
-/// # Errors
-/// Those of the sockets.
 pub(super) fn run(listener: TcpListener, address: Address, shared: Arc<Shared>) -> io::Result<()> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
@@ -112,17 +104,17 @@ pub(super) fn run(listener: TcpListener, address: Address, shared: Arc<Shared>) 
     })
 }
 
-/// A connection that has shown the secret in a request.
+/// Whether a request of the connection has sent the secret.
 #[derive(Debug, Clone, Default)]
 struct Known(Arc<AtomicBool>);
 
-/// Serves every connection. Where too many have not shown the secret, the oldest of them makes room, so that neither
-/// the page nor a recording's files ever want for descriptors.
+/// Serves every connection. If too many have not sent the secret, the oldest of them is closed, so
+/// that the page and a recording's files never run out of descriptors.
 async fn accept(listener: tokio::net::TcpListener, app: Router) {
     let mut strangers: VecDeque<(Known, AbortHandle)> = VecDeque::new();
     loop {
         let Ok((stream, _)) = listener.accept().await else {
-            // Descriptors are short for a while.
+            // Descriptors are exhausted for a while.
             tokio::time::sleep(LOOK).await;
             continue;
         };
@@ -163,7 +155,7 @@ fn router(site: Site) -> Router {
         .with_state(site)
 }
 
-/// Lets in who may, and says what the browser has to keep to.
+/// Checks access, and adds the security headers.
 async fn door(
     State(site): State<Site>,
     Extension(known): Extension<Known>,
@@ -208,7 +200,7 @@ fn may_enter(address: &Address, path: &str, headers: &HeaderMap) -> Result<(), &
     Ok(())
 }
 
-/// In a time that does not tell how much of it is right.
+/// In constant time, which does not reveal how many bytes are right.
 fn same(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |differ, (a, b)| differ | (a ^ b)) == 0
 }
@@ -238,7 +230,7 @@ async fn result(
     let Some((path, kind)) = found.and_then(|outcome| Outcome::file(outcome, &file)) else {
         return StatusCode::NOT_FOUND.into_response();
     };
-    // A trace of an hour is large: read beside the sockets.
+    // A trace of an hour is large: it is read on a blocking thread.
     let text = tokio::task::spawn_blocking(move || std::fs::read(path)).await;
     match text {
         Ok(Ok(text)) => {
@@ -322,7 +314,7 @@ mod tests {
         let mut text = String::new();
         page.read_to_string(&mut text).unwrap();
         assert!(text.starts_with("HTTP/1.1 200"), "{text}");
-        // The page was the last to come: by now the server has closed all but the latest of those before.
+        // The page connected last: by now the server has closed all but the latest strangers.
         for stranger in &mut strangers[..=STRANGERS - MOST_STRANGERS] {
             stranger.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
             assert!(matches!(stranger.read(&mut [0]), Ok(0)), "it was kept");

@@ -1,57 +1,54 @@
-//! What a page says.
+//! Messages from a page.
 
 use model_core::SetPoint;
 use serde::Deserialize;
 use thermyo_studies::calibrate::Sensor;
 
-/// One message of a page.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Word {
-    /// Vent, now. Taken from every page.
+    /// Vent now. Accepted from every page.
     Vent,
-    /// So many messages have been seen by now.
+    /// Number of messages that the page has processed.
     Seen(u64),
-    /// Taken from the page that steers.
+    /// Accepted from the steering page.
     Order(Order),
 }
 
-/// What the board is to do, or what is to be done with it.
+/// Orders for the board or the operator.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// Takes set points up to this absolute pressure \[Pa\]; none: what the configuration allows.
+    /// Arms up to this absolute pressure \[Pa\]; `None`: the configuration's limit.
     Arm {
-        /// \[Pa\]
         most_pa: Option<f32>,
     },
-    /// Another set point.
     Set(SetPoint),
-    /// Forget faults whose cause is gone.
+    /// Clears latched faults whose cause is gone.
     Clear,
-    /// The configuration of a scenario's text; without one, that of the emulated board's own muscle.
+    /// Sends the configuration of a scenario's text; without one, that of the emulated board's own
+    /// muscle.
     Configure(Option<ScenarioText>),
-    /// Keep the configuration over the loss of power.
+    /// Saves the configuration in flash.
     Save,
-    /// Begin a recording.
+    /// Starts a recording.
     Record,
-    /// End it.
+    /// Ends the recording.
     Finish,
-    /// Begin to calibrate a sensor.
+    /// Starts the calibration of a sensor.
     Calibrate(SensorName),
-    /// What the reference reads.
+    /// The typed reading of the reference.
     Reference(String),
-    /// Begin to tune, up to this absolute pressure \[Pa\].
+    /// Starts a tuning, up to this absolute pressure \[Pa\].
     Tune {
-        /// \[Pa\]
         most_pa: f64,
     },
-    /// Leave what is guided, or put its result away.
+    /// Leaves the guided task, or closes its result.
     Leave,
 }
 
 impl Order {
-    /// Whether the muscle may move by it.
+    /// Whether the order may move the muscle.
     pub fn moves(&self) -> bool {
         matches!(self, Self::Arm { .. } | Self::Set(_) | Self::Tune { .. })
     }
@@ -60,21 +57,15 @@ impl Order {
 /// A scenario as the page has read it.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct ScenarioText {
-    /// Name of its file.
     pub name: String,
-    /// What is in it.
     pub text: String,
 }
 
-/// See [`Sensor`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SensorName {
-    /// Absolute pressure.
     Pressure,
-    /// Length.
     Length,
-    /// Gas temperature.
     Gas,
 }
 

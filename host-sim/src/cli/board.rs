@@ -1,5 +1,3 @@
-//! `--board` and `--image`.
-
 use super::Failure;
 use clap::Args;
 use std::path::PathBuf;
@@ -10,8 +8,9 @@ use thermyo_simulation::board::{Board, BoardError, CoreBoard};
 #[derive(Debug, Args)]
 pub(super) struct BoardArgs {
     /// Where the core runs: "core" (in this process), "emulated" (the firmware on an emulated
-    /// RP2040), "serial:PORT" (a flashed board, firmware built with its feature `hil`), or for `tune` a PORT
-    /// such as /dev/ttyACM0 (a flashed board with a muscle of its own; "port:emulated" tries that)
+    /// RP2040), "serial:PORT" (a flashed board, firmware built with its feature `hil`), or for
+    /// `tune` a PORT such as /dev/ttyACM0 (a flashed board with a real muscle; "port:emulated"
+    /// tries that)
     #[arg(long, value_name = "BOARD", default_value = "core", value_parser = board_kind)]
     board: BoardKind,
     /// Image for the emulated board, ELF or UF2 [default: the firmware of this program, or of its checkout]
@@ -45,7 +44,7 @@ fn board_kind(text: &str) -> Result<BoardKind, String> {
 }
 
 impl BoardArgs {
-    /// The port of a board that samples a muscle of its own.
+    /// Port of a board that samples a real muscle.
     pub(super) fn port(&self) -> Option<&str> {
         match &self.board {
             BoardKind::Port(port) => Some(port),

@@ -1,10 +1,10 @@
-//! `thermyo board PORT calibrate`: leads through the two points, and tells the board.
+//! `thermyo board PORT calibrate`: leads through two points and configures the board.
 
-use super::{Failure, SaidArgs, interrupt, number, print};
+use super::{Failure, FormatArgs, interrupt, number, print};
 use clap::{Args, ValueEnum};
 use model_core::link::ConfigSource;
 use model_core::safety::supervisor::VENTING;
-use model_core::{Faults, Sample, SetPoint};
+use model_core::{Config, Faults, Sample, SetPoint};
 use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::thread;
@@ -12,15 +12,15 @@ use thermyo_boards::live::LiveBoard;
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::calibrate::{Guide, Point, Sensor};
 
-/// Steps that the muscle is given to come to rest at a pressure that is held for a point.
+/// Steps that the muscle gets to settle at a held pressure.
 const SETTLING_STEPS: u32 = 3000;
 
 #[derive(Debug, Args)]
 pub(super) struct CalibrateArgs {
-    /// Which sensor
+    /// Sensor to calibrate
     #[arg(value_enum)]
     sensor: Which,
-    /// The board holds this absolute pressure for the second point, in Pa; it has to be armed for it
+    /// Absolute pressure that the board holds for the second point, in Pa; the board must be armed
     #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = number)]
     hold: Option<f32>,
 }
@@ -48,12 +48,12 @@ impl From<Which> for Sensor {
 pub(super) fn run(
     board: &mut LiveBoard,
     args: &CalibrateArgs,
-    said: SaidArgs,
+    format: FormatArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    // The dialogue is no part of the result.
-    let asks: &mut dyn Write = if said.json { err } else { &mut *out };
+    // The dialogue is not part of the result.
+    let asks: &mut dyn Write = if format.json { err } else { &mut *out };
     let sensor = Sensor::from(args.sensor);
     let before = board.status()?;
     if before.config_source == ConfigSource::Defaults {
@@ -61,12 +61,43 @@ pub(super) fn run(
     }
     let config = board.config()?;
     interrupt::watch();
+    let (calibrated, shifts) = two_points(board, sensor, config, args.hold, asks)?;
+    board.stop()?;
+    let status = board.configure(&calibrated, before.config_name.as_str())?;
+    format.done(
+        out,
+        &serde_json::json!({
+            "shifts": shifts,
+            "unit": sensor.unit(),
+            "config_name": status.config_name.as_str(),
+            "config_checksum": status.config_checksum,
+        }),
+        &format!(
+            "put right by {:+.4} and {:+.4} {}; configuration {} {:08x}, not saved; it vents and is not armed\n",
+            shifts[0],
+            shifts[1],
+            sensor.unit(),
+            status.config_name.as_str(),
+            status.config_checksum,
+        ),
+    )
+}
+
+/// Asks for the readings of the reference until both points are known; returns the calibrated
+/// configuration and the sensor's errors at the points.
+fn two_points(
+    board: &mut LiveBoard,
+    sensor: Sensor,
+    config: Config,
+    hold: Option<f32>,
+    asks: &mut dyn Write,
+) -> Result<(Config, [f64; 2]), Failure> {
     let lines = typed();
     let mut held = false;
     let mut guide = Guide::new(sensor, config);
-    let (calibrated, shifts) = loop {
+    loop {
         if let Some(calibrated) = guide.calibrated().map_err(implausible)? {
-            break calibrated;
+            return Ok(calibrated);
         }
         print(asks, &format!("{} ", guide.question()))?;
         let mut typed = None;
@@ -88,38 +119,19 @@ pub(super) fn run(
         if let Some(Point { reading, .. }) = seen.map_err(implausible)? {
             print(asks, &format!("the sensor reads {reading:.4} {}\n", sensor.unit()))?;
         }
-        if let Some(pressure_pa) = args.hold.filter(|_| !std::mem::replace(&mut held, true)) {
+        if let Some(pressure_pa) = hold.filter(|_| !std::mem::replace(&mut held, true)) {
             let first = board.set(SetPoint::Pressure { pressure_pa })?;
             print(asks, &format!("it holds {:.1} kPa\n", pressure_pa / 1e3))?;
             wait(board, |step, _| step.saturating_sub(first) >= SETTLING_STEPS)?;
         }
-    };
-    board.stop()?;
-    let status = board.configure(&calibrated, before.config_name.as_str())?;
-    said.done(
-        out,
-        &serde_json::json!({
-            "shifts": shifts,
-            "unit": sensor.unit(),
-            "config_name": status.config_name.as_str(),
-            "config_checksum": status.config_checksum,
-        }),
-        &format!(
-            "put right by {:+.4} and {:+.4} {}; configuration {} {:08x}, not saved; it vents and is not armed\n",
-            shifts[0],
-            shifts[1],
-            sensor.unit(),
-            status.config_name.as_str(),
-            status.config_checksum,
-        ),
-    )
+    }
 }
 
 fn implausible(why: thermyo_studies::calibrate::Implausible) -> Failure {
     Failure::Usage(format!("not calibrated: {why}"))
 }
 
-/// Lines that the user types, while the board is looked after.
+/// Lines that the user types, read while the board is kept alive.
 fn typed() -> Receiver<String> {
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
@@ -132,7 +144,7 @@ fn typed() -> Receiver<String> {
     receiver
 }
 
-/// Looks after the board until `done`, which sees the telemetry's step and sample.
+/// Keeps the board alive until `done`, which gets the telemetry's step and sample.
 fn wait(board: &mut LiveBoard, mut done: impl FnMut(u32, &Sample) -> bool) -> Result<(), Failure> {
     loop {
         if interrupt::wanted() {

@@ -1,5 +1,3 @@
-//! `thermyo compare`: its arguments, and what it prints and writes.
-
 use super::{Failure, OutputArgs, print, publish, read_record, trace_in};
 use clap::Args;
 use std::io::Write;
@@ -8,7 +6,6 @@ use thermyo_files::output::OutputDir;
 use thermyo_runs::compare;
 use thermyo_runs::compare::{Compared, Run};
 
-/// Arguments of `thermyo compare`.
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
     /// Recorded runs: folders of results, or traces; the others are compared with the first
@@ -49,7 +46,7 @@ pub(super) fn run(
     print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
 }
 
-/// What a run is called: by the user, less what every trace is called.
+/// Name of a run: its path without the file name that every trace has.
 fn name(path: &Path) -> String {
     let folder = path.parent().filter(|_| path.ends_with("trace.csv"));
     let named = folder.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(path);

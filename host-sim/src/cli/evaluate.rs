@@ -1,5 +1,3 @@
-//! `thermyo evaluate`: its arguments, and what it prints and writes.
-
 use super::{Bar, Failure, interrupt, load, print, progress_bar, publish, read_record, whole};
 use clap::{Args, ValueEnum};
 use std::io::Write;
@@ -8,18 +6,18 @@ use thermyo_evaluate::{CaseFigures, control_page, faults, recording};
 use thermyo_files::output::OutputDir;
 use thermyo_setup::Loaded;
 
-/// Arguments of `thermyo evaluate`.
 #[derive(Debug, Args)]
 pub(super) struct EvaluateArgs {
-    /// What to evaluate
+    /// Subject of the evaluation
     #[arg(value_enum)]
-    what: Subject,
-    /// Folder of measured data; of `truth`
+    subject: Subject,
+    /// Folder of measured data; for `truth`
     data: Option<PathBuf>,
     /// Nominal scenario [default: scenarios/nominal.toml as built in]
     #[arg(long, value_name = "FILE.toml")]
     scenario: Option<PathBuf>,
-    /// Folder for report.html, and the plots of docs/background/control-trials.md; of `control` and `faults`
+    /// Folder for report.html, and the plots of docs/background/control-trials.md; for `control`
+    /// and `faults`
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the table as JSON on standard output
@@ -28,17 +26,18 @@ pub(super) struct EvaluateArgs {
     /// No progress bar
     #[arg(long)]
     quiet: bool,
-    /// Simulated hours of healthy muscles; of `faults` [default: 1]
+    /// Simulated hours of healthy muscles; for `faults` [default: 1]
     #[arg(long, value_name = "HOURS", value_parser = hours)]
     hours: Option<f64>,
-    /// So many random muscles on the plant full instead of the table, of `estimator`; so many random plants, of `plants`
-    /// [default: 200]
+    /// `estimator`: evaluate N random muscles (full model) instead of the table; `plants`: number
+    /// of random plants [default: 200]
     #[arg(long, value_name = "N", value_parser = |text: &str| whole(text, 1..=10_000_u64))]
     random: Option<u64>,
-    /// Other random muscles or plants; with --random [default: 1]
+    /// Seed of the random muscles or plants; with --random [default: 1]
     #[arg(long, value_name = "S", requires = "random", value_parser = |text: &str| whole(text, 0..=u64::MAX))]
     seed: Option<u64>,
-    /// Judges a board's recording in this folder, with a reference sensor's column; of `estimator`
+    /// Evaluate a board's recording in this folder, with a reference sensor's column; for
+    /// `estimator`
     #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]
     recording: Option<PathBuf>,
     /// Lag of that reference sensor in seconds [default: 0]
@@ -58,30 +57,30 @@ fn hours(text: &str) -> Result<f64, String> {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Subject {
-    /// The estimate of the gas temperature
+    /// Accuracy of the estimated gas temperature
     Estimator,
-    /// The muscle at rest, in motion, and against the usual practice
+    /// Control at rest, in motion, and against a PID baseline
     Control,
-    /// What `thermyo tune` finds of a muscle configured wrong, and what that is worth
+    /// Results of `thermyo tune` on a wrongly configured muscle, and the control that follows
     Tune,
-    /// What breaks, whether it is found in time, and what follows; and that nothing else is
+    /// Fault injection: detection time, reaction, false alarms
     Faults,
-    /// Random plants of every size: none diverges, and none swings without a warning
+    /// Random plants of every size: none diverges, and none oscillates without a warning
     Plants,
-    /// What others have measured, from the data in a folder
+    /// Published measurements, from the data in a folder
     Truth,
 }
 
-/// What goes with what.
+/// Checks which arguments go together.
 fn check(args: &EvaluateArgs) -> Result<(), Failure> {
-    let EvaluateArgs { what, data, scenario, out, hours, random, recording, .. } = args;
+    let EvaluateArgs { subject, data, scenario, out, hours, random, recording, .. } = args;
     let wrong = [
         (
-            recording.is_some() && !matches!(what, Subject::Estimator),
+            recording.is_some() && !matches!(subject, Subject::Estimator),
             "--recording goes with `evaluate estimator` only",
         ),
         (
-            random.is_some() && !matches!(what, Subject::Estimator | Subject::Plants),
+            random.is_some() && !matches!(subject, Subject::Estimator | Subject::Plants),
             "--random goes with `evaluate estimator` and `evaluate plants` only",
         ),
         (
@@ -89,15 +88,15 @@ fn check(args: &EvaluateArgs) -> Result<(), Failure> {
             "--random draws its own scenarios: leave out --scenario",
         ),
         (
-            out.is_some() && !matches!(what, Subject::Control | Subject::Faults),
+            out.is_some() && !matches!(subject, Subject::Control | Subject::Faults),
             "--out goes with `evaluate control` and `evaluate faults` only",
         ),
         (
-            hours.is_some() && !matches!(what, Subject::Faults),
+            hours.is_some() && !matches!(subject, Subject::Faults),
             "--hours goes with `evaluate faults` only",
         ),
         (
-            data.is_some() && !matches!(what, Subject::Truth),
+            data.is_some() && !matches!(subject, Subject::Truth),
             "a folder of data goes with `evaluate truth` only",
         ),
     ];
@@ -132,7 +131,7 @@ pub(super) fn run(
         return Err(Failure::Interrupted);
     }
     if let Some(files) = drawn {
-        report(args.what, &nominal, &lines, files, err)?;
+        report(args.subject, &nominal, &lines, files, err)?;
     }
     match thermyo_evaluate::missed(&lines) {
         (0, _) => Ok(()),
@@ -140,14 +139,13 @@ pub(super) fn run(
     }
 }
 
-/// The figures that were asked for.
 fn evaluated(
     args: &EvaluateArgs,
     nominal: &Loaded,
     err: &mut dyn Write,
 ) -> Result<Vec<CaseFigures>, Failure> {
     let bar = Bar::new(args.quiet);
-    Ok(match args.what {
+    Ok(match args.subject {
         Subject::Estimator => match (&args.recording, args.random) {
             (Some(folder), _) => {
                 let recorded = read_record(&folder.join(recording::FILE), err)?;
@@ -184,15 +182,15 @@ fn evaluated(
     })
 }
 
-/// The page, and of `control` its plots.
+/// Writes the page, and for `control` its plots.
 fn report(
-    what: Subject,
+    subject: Subject,
     nominal: &Loaded,
     lines: &[CaseFigures],
     mut files: OutputDir,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let page = if let Subject::Faults = what {
+    let page = if let Subject::Faults = subject {
         faults::page::page(nominal, lines)
     } else {
         let plots = control_page::plots(nominal)?;
@@ -205,14 +203,14 @@ fn report(
     publish(files, err)
 }
 
-/// What of a table is left that was stopped.
+/// Message about the finished cases of a stopped table.
 fn finished(count: usize) -> String {
-    let what = match count {
+    let finished = match count {
         0 => return "no case was finished, nothing is kept".to_owned(),
         1 => "line above is of the case that was".to_owned(),
         count => format!("{count} lines above are of the cases that were"),
     };
-    format!("the {what} finished; no report is written")
+    format!("the {finished} finished; no report is written")
 }
 
 #[cfg(test)]

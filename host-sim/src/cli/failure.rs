@@ -1,4 +1,4 @@
-//! Why a command does not end with 0.
+//! Errors of the commands and their exit codes.
 
 use crate::commands::flash::FlashError;
 use crate::commands::monitor::MonitorError;
@@ -12,10 +12,9 @@ use thermyo_simulation::run::RunError;
 use thermyo_studies::sweep::{MergeError, SweepError};
 use thermyo_studies::tune::{Refusal, TuneError};
 
-/// What shells report of a command that Ctrl-C ended.
+/// Exit code that shells report for a command that Ctrl-C ended.
 pub(super) const STOPPED: u8 = 130;
 
-/// Why the command does not end with 0.
 #[derive(Debug)]
 pub(super) enum Failure {
     /// Exit 2.
@@ -52,12 +51,12 @@ impl fmt::Display for Failure {
             Self::Sweep(error) => error.fmt(f),
             Self::Merge(error) => error.fmt(f),
             Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
-            Self::Usage(what) => f.write_str(what),
+            Self::Usage(message) => f.write_str(message),
             Self::Board(error) => error.fmt(f),
             Self::Flash(error) => error.fmt(f),
             Self::Monitor(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
-            Self::Check(what) => f.write_str(what),
+            Self::Check(message) => f.write_str(message),
             Self::Interrupted => f.write_str("stopped"),
         }
     }

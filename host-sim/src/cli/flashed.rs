@@ -1,8 +1,8 @@
-//! `thermyo board`: a flashed board, or the emulated one, asked and commanded.
+//! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
 use super::log::LogArgs;
 use super::{
-    Failure, SaidArgs, calibrate, interrupt, load, number, print, progress_bar, publish,
+    Failure, FormatArgs, calibrate, interrupt, load, number, print, progress_bar, publish,
     read_to_compare, tune,
 };
 use clap::{Args, Subcommand};
@@ -18,13 +18,13 @@ use thermyo_boards::{port, service};
 use thermyo_files::input::write_new;
 use thermyo_files::output::OutputDir;
 use thermyo_record::board_trace::Recorder;
+use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::drive;
 use thermyo_studies::drive::{Drawn, DriveError, Driven, Ended, Gathered};
 
-/// Arguments of `thermyo board`.
 #[derive(Debug, Args)]
 pub(super) struct BoardCommand {
     /// Serial port, such as /dev/ttyACM0, or "emulated": the firmware on an emulated Pico, with a simulated
@@ -33,7 +33,7 @@ pub(super) struct BoardCommand {
     /// Print the result as JSON on standard output
     #[arg(long, global = true)]
     json: bool,
-    /// Print nothing but what was asked for, and what is wrong
+    /// Print only requested results, warnings and errors
     #[arg(long, global = true)]
     quiet: bool,
     #[command(subcommand)]
@@ -42,37 +42,37 @@ pub(super) struct BoardCommand {
 
 #[derive(Debug, Subcommand)]
 enum BoardTask {
-    /// Who it is, what it knows of its muscle, what is wrong with it
+    /// Print identity, configuration, faults and state of the board
     Info,
-    /// Lets it take set points, until something vents it
+    /// Arm the board: set points are accepted until something vents it
     Arm(ArmArgs),
-    /// Gives it a set point, shows the muscle, and vents it in the end
+    /// Send a set point, show the muscle, and vent in the end
     Set(SetArgs),
-    /// Vents
+    /// Vent
     Stop,
-    /// Forgets latched faults whose cause is gone
+    /// Clear latched faults whose cause is gone
     Clear,
-    /// The configuration in use
+    /// Read, write, save or delete the configuration
     #[command(subcommand)]
     Config(ConfigTask),
-    /// What happened to it, the last event first
+    /// Print restarts and venting faults, the latest first
     History,
-    /// Puts a sensor right by two points at which a reference is read
+    /// Calibrate a sensor at two points with a reference instrument
     Calibrate(calibrate::CalibrateArgs),
-    /// Drives a profile, recorded as a simulated run is: trace.csv, summary.json, report.html
+    /// Drive a profile and record it like a simulated run: trace.csv, summary.json, report.html
     Drive(DriveArgs),
-    /// Plugs the emulated board in anew, with the muscle of a scenario
+    /// Plug in the emulated board again, with the muscle of a scenario
     Plug {
         /// Scenario file (TOML) [default: the nominal muscle]
         scenario: Option<PathBuf>,
     },
-    /// Unplugs the emulated board
+    /// Unplug the emulated board
     Unplug,
 }
 
 #[derive(Debug, Args)]
 struct ArmArgs {
-    /// Highest absolute pressure that set points may ask for, in Pa [default: what the configuration allows]
+    /// Highest absolute pressure of a set point, in Pa [default: the limit in the configuration]
     #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = tune::pressure)]
     max_pressure: Option<f64>,
 }
@@ -80,27 +80,27 @@ struct ArmArgs {
 #[derive(Debug, Args)]
 struct SetArgs {
     #[command(subcommand)]
-    what: Wanted,
-    /// Vents after this time, in s [default: at Ctrl-C]
+    set_point: SetPointArgs,
+    /// Vent after this time, in s [default: at Ctrl-C]
     #[arg(long, value_name = "S", global = true, allow_negative_numbers = true, value_parser = seconds)]
     hold: Option<f64>,
-    /// Arms it first
+    /// Arm the board first
     #[arg(long, global = true)]
     arm: bool,
 }
 
 #[derive(Debug, Args)]
 struct DriveArgs {
-    /// Scenario (TOML), of which its drive and its duration count, or CSV: time_s and one of pressure_pa,
+    /// Scenario (TOML), whose drive and duration are used, or CSV: time_s and one of pressure_pa,
     /// contraction, flow_kg_s, duty
     profile: PathBuf,
-    /// Arms it first
+    /// Arm the board first
     #[arg(long)]
     arm: bool,
     /// Measurements to compare with: time_s and any columns of trace.csv
     #[arg(long, value_name = "FILE.csv")]
     measured: Option<PathBuf>,
-    /// Folder for the results, report.html among them [default: out/drive]
+    /// Folder for the results, including report.html [default: out/drive]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -113,29 +113,29 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 #[derive(Debug, Clone, Copy, Subcommand)]
-enum Wanted {
-    /// An absolute pressure
+enum SetPointArgs {
+    /// Absolute pressure
     Pressure {
-        /// In Pa
+        /// Pressure in Pa
         #[arg(allow_negative_numbers = true, value_parser = number)]
         pressure_pa: f32,
     },
-    /// A contraction
+    /// Contraction
     Contraction {
         /// Fraction of the rest length
         #[arg(allow_negative_numbers = true, value_parser = number)]
         contraction: f32,
     },
-    /// A mass flow, or a working cycle of it in and out
+    /// Mass flow, or a working cycle that alternates inflow and outflow
     Flow {
-        /// In kg/s, negative out of the muscle
+        /// Mass flow in kg/s, negative out of the muscle
         #[arg(allow_negative_numbers = true, value_parser = number)]
         flow_kg_s: f32,
         /// Period of the cycle, in s
         #[arg(allow_negative_numbers = true, value_parser = number)]
         period_s: Option<f32>,
     },
-    /// Fixed openings
+    /// Fixed duties of the valves
     Duty {
         /// Inlet, 0 to 1
         #[arg(allow_negative_numbers = true, value_parser = number)]
@@ -148,36 +148,36 @@ enum Wanted {
     Vent,
 }
 
-impl From<Wanted> for SetPoint {
-    fn from(wanted: Wanted) -> Self {
-        match wanted {
-            Wanted::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
-            Wanted::Contraction { contraction } => Self::Contraction { contraction },
-            Wanted::Flow { flow_kg_s, period_s: None } => Self::MassFlow { flow_kg_s },
-            Wanted::Flow { flow_kg_s, period_s: Some(period_s) } => {
+impl From<SetPointArgs> for SetPoint {
+    fn from(args: SetPointArgs) -> Self {
+        match args {
+            SetPointArgs::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
+            SetPointArgs::Contraction { contraction } => Self::Contraction { contraction },
+            SetPointArgs::Flow { flow_kg_s, period_s: None } => Self::MassFlow { flow_kg_s },
+            SetPointArgs::Flow { flow_kg_s, period_s: Some(period_s) } => {
                 Self::MassFlowCycle { flow_kg_s, period_s }
             }
-            Wanted::Duty { inlet, outlet } => Self::Duty { inlet, outlet },
-            Wanted::Vent => Self::Vent,
+            SetPointArgs::Duty { inlet, outlet } => Self::Duty { inlet, outlet },
+            SetPointArgs::Vent => Self::Vent,
         }
     }
 }
 
 #[derive(Debug, Subcommand)]
 enum ConfigTask {
-    /// Writes it into a file, as a scenario
+    /// Write the configuration to a scenario file
     Read {
         /// Scenario file that does not exist yet
         file: PathBuf,
     },
-    /// Takes the core's part of a scenario, as a whole; the board vents and is not armed
+    /// Send the core's part of a scenario; the board vents and is not armed
     Write {
         /// Scenario file (TOML)
         file: PathBuf,
     },
-    /// Keeps it over the loss of power
+    /// Save the configuration in flash
     Save,
-    /// Forgets what was saved
+    /// Delete the saved configuration
     Forget,
 }
 
@@ -187,18 +187,18 @@ pub(super) fn run(
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let BoardCommand { port, json, quiet, task } = command;
-    let said = SaidArgs { json, quiet };
+    let format = FormatArgs { json, quiet };
     if let BoardTask::Plug { .. } | BoardTask::Unplug = task {
-        return plug(&port, task, said, out);
+        return plug(&port, task, format, out);
     }
     let mut board = LiveBoard::open(&port)?;
     match task {
-        BoardTask::Info => info(&mut board, said, out),
-        BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, said, out),
-        BoardTask::Set(args) => set(&mut board, &args, said, out, err),
+        BoardTask::Info => info(&mut board, format, out),
+        BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, format, out),
+        BoardTask::Set(args) => set(&mut board, &args, format, out, err),
         BoardTask::Stop => {
             board.stop()?;
-            said.done(out, &vents(), "it vents\n")
+            format.done(out, &vents(), "it vents\n")
         }
         BoardTask::Clear => {
             let left = board.clear()?;
@@ -210,22 +210,26 @@ pub(super) fn run(
                 left if !left.intersects(VENTING) => format!("shown: {left}\n"),
                 left => return Err(Failure::Check(format!("still there: {left}"))),
             };
-            said.done(out, &json!({ "faults": left.to_string() }), &words)
+            format.done(out, &json!({ "faults": left.to_string() }), &words)
         }
-        BoardTask::Config(task) => configure(&mut board, task, said, out, err),
-        BoardTask::History => history(&mut board, said, out),
-        BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, said, out, err),
-        BoardTask::Drive(args) => drive_profile(&mut board, &args, said, out, err),
+        BoardTask::Config(task) => configure(&mut board, task, format, out, err),
+        BoardTask::History => history(&mut board, format, out),
+        BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, format, out, err),
+        BoardTask::Drive(args) => drive_profile(&mut board, &args, format, out, err),
         BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
     }
 }
 
-/// As JSON.
 fn vents() -> Value {
     json!({ "mode": "vent" })
 }
 
-fn plug(port: &str, task: BoardTask, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
+fn plug(
+    port: &str,
+    task: BoardTask,
+    format: FormatArgs,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
     if port != port::EMULATED {
         let usage =
             "only the emulated board is plugged in by a command: thermyo board emulated plug";
@@ -237,16 +241,16 @@ fn plug(port: &str, task: BoardTask, said: SaidArgs, out: &mut dyn Write) -> Res
                 thermyo_setup::load(scenario)?;
             }
             service::plug(scenario.as_deref())?;
-            said.done(out, &json!({ "plugged": true }), "plugged in\n")
+            format.done(out, &json!({ "plugged": true }), "plugged in\n")
         }
         _ => {
             let words = if service::unplug() { "unplugged\n" } else { "it was not plugged in\n" };
-            said.done(out, &json!({ "plugged": false }), words)
+            format.done(out, &json!({ "plugged": false }), words)
         }
     }
 }
 
-/// The hidden task behind the port "emulated".
+/// Arguments of the hidden command behind the port "emulated".
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
     scripts: PathBuf,
@@ -263,7 +267,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     Ok(service::serve(&args.scripts, &args.image, &args.file, &loaded)?)
 }
 
-fn info(board: &mut LiveBoard, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
+fn info(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Result<(), Failure> {
     let version = board.version();
     let (status, timing, last_reset) = (board.status()?, board.timing()?, board.last_reset()?);
     let telemetry = board.fresh_telemetry()?;
@@ -302,7 +306,7 @@ fn info(board: &mut LiveBoard, said: SaidArgs, out: &mut dyn Write) -> Result<()
         muscle(&telemetry),
         timed(&timing),
     );
-    said.answer(out, &json, &text)
+    format.answer(out, &json, &text)
 }
 
 fn started_by(last_reset: LastReset) -> String {
@@ -327,7 +331,7 @@ fn configuration(status: &Status) -> String {
     };
     let from = match status.config_source {
         ConfigSource::Defaults => "the core's defaults",
-        ConfigSource::Host => "told by the host, not saved",
+        ConfigSource::Host => "sent by the host, not saved",
         ConfigSource::Flash => "from flash",
     };
     format!("{name}, {:08x}, {from}", status.config_checksum)
@@ -362,28 +366,28 @@ fn muscle(telemetry: &Telemetry) -> String {
 fn arm(
     board: &mut LiveBoard,
     most_pa: Option<f64>,
-    said: SaidArgs,
+    format: FormatArgs,
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
     board.arm(most_pa.map(|pa| pa as f32))?;
     let armed_pa = board.status()?.armed_pa.unwrap_or_default();
     let words = format!("armed up to {:.1} kPa, absolute\n", armed_pa / 1e3);
-    said.done(out, &json!({ "armed_pa": armed_pa }), &words)
+    format.done(out, &json!({ "armed_pa": armed_pa }), &words)
 }
 
-/// Time between two lines about the muscle \[s\].
+/// Interval of the printed lines \[s\].
 const LINE_S: f64 = 0.5;
-/// Time before the end over which is averaged what was held \[s\].
+/// The held pressure is averaged over this time before the end \[s\].
 const HELD_S: f64 = 1.0;
 
 fn set(
     board: &mut LiveBoard,
     args: &SetArgs,
-    said: SaidArgs,
+    format: FormatArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let set_point = SetPoint::from(args.what);
+    let set_point = SetPoint::from(args.set_point);
     let step_s = f64::from(board.config()?.step_s);
     interrupt::watch();
     if args.arm {
@@ -391,7 +395,7 @@ fn set(
     }
     let first = board.set(set_point)?;
     if set_point == SetPoint::Vent {
-        return said.done(out, &vents(), "it vents\n");
+        return format.done(out, &vents(), "it vents\n");
     }
     let (mut next_line_s, mut held) = (0.0, Vec::new());
     let stopped = loop {
@@ -403,11 +407,11 @@ fn set(
         if faults != Faults::NONE {
             return Err(BoardError::Vented(faults).into());
         }
-        // Telemetry that was on its way is of before.
+        // Telemetry from before the set point is skipped.
         let Some(steps) = telemetry.step.checked_sub(first) else { continue };
         let time_s = f64::from(steps) * step_s;
         held.push((time_s, f64::from(telemetry.pressure_pa)));
-        if time_s >= next_line_s && !said.quiet && !said.json {
+        if time_s >= next_line_s && !format.quiet && !format.json {
             next_line_s += LINE_S;
             print(out, &format!("{time_s:7.2} s  {}\n", muscle(&telemetry)))?;
         }
@@ -425,7 +429,7 @@ fn set(
     };
     let error = error_pa
         .map_or_else(String::new, |pa| format!(", {:+.2} kPa from the set point", pa / 1e3));
-    said.answer(
+    format.answer(
         out,
         &json!({ "mean_pressure_pa": mean_pa, "error_pa": error_pa, "held_s": end_s, "mode": "vent" }),
         &format!("{:.2} kPa in the mean of the last second{error}; it vents\n", mean_pa / 1e3),
@@ -441,7 +445,7 @@ fn set(
 fn configure(
     board: &mut LiveBoard,
     task: ConfigTask,
-    said: SaidArgs,
+    format: FormatArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
@@ -450,7 +454,7 @@ fn configure(
             let config = core_config(&load(&file, err)?.believed);
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let status = board.configure(&config, &name)?;
-            said.done(out, &configuration_json(&status), &format!("{}\n", configuration(&status)))
+            format.done(out, &configuration_json(&status), &format!("{}\n", configuration(&status)))
         }
         ConfigTask::Read { file } => {
             let config = board.config()?;
@@ -461,34 +465,34 @@ fn configure(
             if !scenario.exact {
                 let _ = writeln!(
                     err,
-                    "thermyo: a scenario cannot say all of this configuration: written back it has another \
+                    "thermyo: a scenario cannot hold all of this configuration: written back it has another \
                      checksum"
                 );
             }
             let words = format!("{} in {}\n", configuration(&status), file.display());
             let mut json = configuration_json(&status);
             json["file"] = json!(file.display().to_string());
-            said.done(out, &json, &words)
+            format.done(out, &json, &words)
         }
         ConfigTask::Save => {
             board.save()?;
             let status = board.status()?;
             let words = format!("saved: {}\n", configuration(&status));
-            said.done(out, &configuration_json(&status), &words)
+            format.done(out, &configuration_json(&status), &words)
         }
         ConfigTask::Forget => {
             board.forget()?;
-            said.done(out, &json!({ "saved": false }), "what was saved is forgotten\n")
+            format.done(out, &json!({ "saved": false }), "the saved configuration is deleted\n")
         }
     }
 }
 
-fn history(board: &mut LiveBoard, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
+fn history(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Result<(), Failure> {
     let events = board.history()?;
     let json = serde_json::to_value(&events).expect("plain data");
     if events.is_empty() {
-        let words = "nothing: it has never vented by itself, nor restarted unasked\n";
-        return said.answer(out, &json, words);
+        let words = "no events: it has neither vented by itself nor restarted\n";
+        return format.answer(out, &json, words);
     }
     let mut words = String::new();
     for event in events {
@@ -502,29 +506,29 @@ fn history(board: &mut LiveBoard, said: SaidArgs, out: &mut dyn Write) -> Result
             ),
         };
     }
-    said.answer(out, &json, &words)
+    format.answer(out, &json, &words)
 }
 
 fn drive_profile(
     board: &mut LiveBoard,
     args: &DriveArgs,
-    said: SaidArgs,
+    format: FormatArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let mut record = None;
-    let driven = drive_and_record(board, args, said, &mut record, out, err);
+    let driven = drive_and_record(board, args, format, &mut record, out, err);
     if let (Err(_), Some(record)) = (&driven, record.filter(|record| record.exists())) {
         let _ = writeln!(err, "thermyo: the record so far is in {}", record.display());
     }
     driven
 }
 
-/// `record` is where what was driven lies until it is published: nobody can make that again.
+/// `record` names the folder of the recording until it is published: a drive cannot be repeated.
 fn drive_and_record(
     board: &mut LiveBoard,
     args: &DriveArgs,
-    said: SaidArgs,
+    format: FormatArgs,
     record: &mut Option<PathBuf>,
     out: &mut dyn Write,
     err: &mut dyn Write,
@@ -536,12 +540,7 @@ fn drive_and_record(
     let measured =
         args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
-    let mut files = OutputDir::create(&folder)?;
-    files.text("scenario.toml", &thermyo_setup::render(&driven))?;
-    if let Some(profile) = &driven.drive_profile {
-        let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
-        files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;
-    }
+    let mut files = drive_files(&folder, &driven)?;
     let mut recorder = Recorder::new(files.file("trace.csv")?)
         .map_err(|error| files.unwritable("trace.csv", &error))?
         .beside(args.log.wanted().open(&mut files)?);
@@ -550,7 +549,7 @@ fn drive_and_record(
     if args.arm {
         board.arm(None)?;
     }
-    let bar = progress_bar((driven.plant.run.duration_s * 1e3) as u64, said.quiet);
+    let bar = progress_bar((driven.plant.run.duration_s * 1e3) as u64, format.quiet);
     let outcome = drive::drive(board, &driven, &interrupt::wanted, &mut |telemetry, status| {
         let row = recorder.write(&config, status, telemetry)?;
         gathered.add(&row);
@@ -581,21 +580,32 @@ fn drive_and_record(
         ..gathered.finish(board.port(), &status, &timing)
     };
     let json = serde_json::to_string_pretty(&summary).expect("plain data") + "\n";
-    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     files.text("summary.json", &json)?;
+    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
     files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
     publish(files, err)?;
-    if said.json {
+    if format.json {
         print(out, &json)?
     } else {
         print(out, &brief(&summary, &folder))?
     }
     if ended == Ended::Stopped {
         let (driven, folder) = (summary.driven(), folder.display());
-        let _ = writeln!(err, "thermyo: stopped at {driven}; what was driven is in {folder}");
+        let _ = writeln!(err, "thermyo: stopped at {driven}; the record is in {folder}");
         return Err(Failure::Interrupted);
     }
     Ok(())
+}
+
+/// Creates the folder of a drive, with its scenario and its profile.
+fn drive_files(folder: &Path, driven: &Loaded) -> Result<OutputDir, Failure> {
+    let mut files = OutputDir::create(folder)?;
+    files.text("scenario.toml", &thermyo_setup::render(driven))?;
+    if let Some(profile) = &driven.drive_profile {
+        let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
+        files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;
+    }
+    Ok(files)
 }
 
 fn brief(summary: &Driven, folder: &Path) -> String {

@@ -1,6 +1,4 @@
-//! `thermyo fmu`: its arguments, and what it says.
-
-use super::{Failure, SaidArgs, load, title_of};
+use super::{Failure, FormatArgs, load, title_of};
 use crate::fmu::archive::archive;
 use crate::fmu::library;
 use clap::Args;
@@ -10,24 +8,24 @@ use thermyo_cosimulation::Kind;
 use thermyo_cosimulation::variables::variables;
 use thermyo_files::input::{is_new, write_new};
 
-/// Arguments of `thermyo fmu`.
 #[derive(Debug, Args)]
 pub(super) struct FmuArgs {
     /// Scenario file (TOML)
     scenario: PathBuf,
-    /// File that does not exist yet
+    /// New file: an existing one is not replaced
     #[arg(short, long, value_name = "FILE.fmu")]
     out: PathBuf,
-    /// With the core in the loop: what `thermyo run` runs. Without, the importer drives the valves
+    /// Include the core in the loop, as `thermyo run` does. Without it the importer drives the
+    /// valves
     #[arg(long)]
     with_core: bool,
     #[command(flatten)]
-    said: SaidArgs,
+    format: FormatArgs,
 }
 
 pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> Result<(), Failure> {
     let loaded = load(&args.scenario, err)?;
-    // In a checkout the library is built first.
+    // Checked first: in a checkout the library takes long to build.
     is_new(&args.out)?;
     let kind = if args.with_core { Kind::WithCore } else { Kind::Plant };
     let library = library::library().map_err(|error| Failure::Usage(error.to_string()))?;
@@ -44,10 +42,10 @@ pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> R
             "step_s": loaded.plant.run.step_s,
             "variables": variables(kind).iter().map(|variable| variable.name).collect::<Vec<_>>(),
     });
-    let what = if args.with_core { "plant and core" } else { "plant" };
-    args.said.done(
+    let parts = if args.with_core { "plant and core" } else { "plant" };
+    args.format.done(
         out,
         &json,
-        &format!("{what}, {count} variables, FMI 3.0 co-simulation for {platform}: {file}\n"),
+        &format!("{parts}, {count} variables, FMI 3.0 co-simulation for {platform}: {file}\n"),
     )
 }

@@ -2,20 +2,19 @@
 
 use std::io::{self, Write};
 
-/// How far what is left of a line stands to the right.
+/// Indentation of the rest of a folded line.
 const INDENT: &str = "    ";
 
-/// Passes lines on, folded between columns or words; a word stays whole.
+/// Writer that folds lines between columns or words; words are not broken.
 #[derive(Debug)]
 pub(super) struct Folded<W> {
     inner: W,
     width: usize,
-    /// The line that has not ended yet.
+    /// Bytes after the last line end.
     line: Vec<u8>,
 }
 
 impl<W: Write> Folded<W> {
-    /// For so many columns.
     pub(super) fn new(inner: W, width: usize) -> Self {
         Self { inner, width, line: Vec::new() }
     }
@@ -40,13 +39,13 @@ impl<W: Write> Write for Folded<W> {
     }
 }
 
-/// Where lines are folded in a terminal of so many columns. A serial console that does not know how wide it is says 0.
+/// Width at which lines are folded. A serial console that does not know its width reports 0.
 pub(super) fn columns(terminal: u16) -> Option<usize> {
     const NARROWEST: u16 = 20;
     (terminal >= NARROWEST).then_some(usize::from(terminal))
 }
 
-/// A line in lines of at most `width` characters, where its words let it.
+/// Folds a line into lines of at most `width` characters, as far as its words allow.
 fn fold(line: &str, width: usize) -> String {
     let (mut folded, mut rest, mut indent) = (String::new(), line, "");
     while let Some(at) = place(rest, width.saturating_sub(indent.len())) {
@@ -59,7 +58,7 @@ fn fold(line: &str, width: usize) -> String {
     folded + indent + rest
 }
 
-/// Where to fold: at the last gap between two columns that fits, else between two words; none where all of it fits.
+/// Position of the fold: the last gap between two columns that fits, else between two words.
 fn place(text: &str, width: usize) -> Option<usize> {
     let text = text.trim_end();
     let beyond = text.char_indices().nth(width)?.0;
@@ -68,7 +67,7 @@ fn place(text: &str, width: usize) -> Option<usize> {
     }
     let begin = text.len() - text.trim_start().len();
     let fitting = text.get(begin..beyond).unwrap_or_default();
-    // A mark before a sentence is no column.
+    // A mark before a sentence is not a column.
     let columns = fitting.rfind("  ").filter(|at| 3 * (begin + at) > width);
     let gap = columns.or_else(|| fitting.rfind(' '));
     gap.map(|at| begin + at).or_else(|| text[beyond..].find(' ').map(|at| beyond + at))

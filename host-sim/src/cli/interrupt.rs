@@ -1,5 +1,5 @@
-//! Ctrl-C, SIGTERM and SIGHUP: not the end of the program, but a wish that it stops, keeps what it has and vents what it drives.
-//! Ctrl-C or SIGTERM a second time ends the program: the board then vents by its link's timeout.
+//! Ctrl-C, SIGTERM and SIGHUP request a stop: results are kept and driven muscles are vented. A
+//! second Ctrl-C or SIGTERM ends the program: the board then vents by its link's timeout.
 
 use super::failure::STOPPED;
 #[cfg(unix)]
@@ -14,10 +14,10 @@ use thermyo_compute::stop::{forget, want};
 
 static INSTALLED: Once = Once::new();
 
-/// From now on Ctrl-C does not end the program; what was wanted before is forgotten.
+/// From now on Ctrl-C only requests a stop; clears an earlier request.
 pub(super) fn watch() {
     INSTALLED.call_once(|| {
-        // Without it Ctrl-C ends the program at once, and the rows handed over so far stay.
+        // Without a handler Ctrl-C ends the program at once, and the rows written so far stay.
         let _ = ctrlc::set_handler(pressed);
         #[cfg(unix)]
         if let Ok(mut signals) = Signals::new([SIGTERM]) {
@@ -26,7 +26,7 @@ pub(super) fn watch() {
             }
             std::thread::spawn(move || {
                 signals.forever().for_each(|signal| match signal {
-                    // A terminal that is closed sends it more than once: shell and kernel each do.
+                    // A closed terminal sends it more than once: shell and kernel each do.
                     SIGHUP => drop(want()),
                     _ => pressed(),
                 });
@@ -36,7 +36,8 @@ pub(super) fn watch() {
     forget();
 }
 
-/// Whether SIGHUP is ignored, as `nohup` sets it, and so to be left alone. Linux tells it; elsewhere it is left alone.
+/// Whether SIGHUP is ignored, as `nohup` sets it. Only Linux reports that; elsewhere it is left
+/// alone.
 #[cfg(unix)]
 fn ignores_hangup() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -51,7 +52,7 @@ fn pressed() {
     }
 }
 
-/// [`wanted`] for those who write rows: an error of the kind `Interrupted`.
+/// [`wanted`] as an error of the kind `Interrupted`, for row writers.
 pub(super) fn check() -> io::Result<()> {
     if wanted() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
 }

@@ -1,20 +1,18 @@
-//! Where else recorded rows go: `--log mcap`, `--stream udp:HOST:PORT`.
+//! Further outputs of recorded rows: `--log mcap`, `--stream udp:HOST:PORT`.
 
 use clap::{Args, ValueEnum};
 use thermyo_logs::Logs;
 use thermyo_logs::stream::StreamTo;
 
-/// Formats of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Format {
     /// trace.mcap, for PlotJuggler, Foxglove and Rerun
     Mcap,
 }
 
-/// Where else the rows of trace.csv go.
 #[derive(Debug, Args)]
 pub(super) struct LogArgs {
-    /// Record in this format too, beside trace.csv
+    /// Record in this format in addition to trace.csv
     #[arg(long, value_name = "FORMAT")]
     log: Option<Format>,
     /// Send every recorded row as a JSON datagram, for live plots in PlotJuggler

@@ -1,6 +1,6 @@
 //! Command line: arguments, progress, messages and exit codes.
 //!
-//! 0: done; 1: it ran and a stated check did not hold; 2: bad input or usage; 130: stopped by Ctrl-C.
+//! Exit codes: 0: done; 1: a stated check failed; 2: bad input or usage; 130: stopped by Ctrl-C.
 
 mod board;
 mod calibrate;
@@ -60,10 +60,10 @@ use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Time between two looks of a bar whose parts are long.
+/// Redraw interval of a progress bar whose parts take long.
 const TICK: Duration = Duration::from_millis(200);
 
-/// What asks for text that a program or a file takes: it is not folded.
+/// Arguments that print text for a program or a file: it is not folded.
 const AS_IT_IS: [Option<&str>; 4] =
     [Some("--json"), Some("--plan"), Some("check"), Some("completions")];
 
@@ -79,26 +79,26 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// The paper's isotonic working cycle: sensors compared, Fig. 2 and 5 (the default)
+    /// Simulate the paper's isotonic working cycle: sensors compared, Fig. 2 and 5 (the default)
     Reproduce(ReproduceArgs),
-    /// Runs a scenario
+    /// Run a scenario
     Run(RunArgs),
-    /// Finds the parameters that make the plant follow recorded data
+    /// Fit the plant's parameters to recorded data
     Identify(IdentifyArgs),
-    /// The same run over a grid of values: which sensor is fast enough
+    /// Run a scenario over a grid of values: which sensor is fast enough
     Sweep(sweep::SweepArgs),
-    /// Finds friction, valves and gains by a short experiment on a board
+    /// Identify friction, valves and gains by a short experiment on a board
     Tune(tune::TuneArgs),
-    /// Recorded samples through the core again, compared to the bit
+    /// Run recorded samples through the core again and compare every bit
     Replay(replay::ReplayArgs),
-    /// A scenario as a unit for other simulators: FMI 3.0 co-simulation
+    /// Export a scenario for other simulators: FMI 3.0 co-simulation
     Fmu(fmu::FmuArgs),
-    /// Runs over each other: what differs, in pictures and figures
+    /// Compare recorded runs: plots and differences
     Compare(compare::CompareArgs),
-    /// Records a board, with a line of figures, and arms and drives it by keys
+    /// Record a board and show its figures; keys arm and drive it
     ///
-    /// Where standard output is no terminal it has no keys, prints its figures once a second, and ends by
-    /// Ctrl-C or with the line to the board. With --quiet or --json it only records.
+    /// If standard output is no terminal, there are no keys: figures are printed once a second,
+    /// until Ctrl-C or until the port is closed. With --quiet or --json it only records.
     Monitor {
         /// Serial port, such as /dev/ttyUSB0 or COM3, or "emulated"
         port: String,
@@ -106,62 +106,62 @@ enum Task {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         #[command(flatten)]
-        said: SaidArgs,
+        format: FormatArgs,
         #[command(flatten)]
         log: LogArgs,
     },
-    /// A board on a local page: live, steered, recorded, calibrated, tuned
+    /// Serve a local page for a board: live plots, set points, recording, calibration, tuning
     Serve(serve::ServeArgs),
-    /// The browser playground: core and plant in a page, a folder for any web host
+    /// Write the browser playground (core and plant in a page): a folder for any web host
     Playground(playground::PlaygroundArgs),
-    /// A flashed board: asked, armed, driven, configured
+    /// Query, arm, drive and configure a flashed board
     Board(flashed::BoardCommand),
     /// The process behind the port "emulated"
     #[command(name = thermyo_boards::service::TASK, hide = true)]
     EmulatedBoard(flashed::ServeArgs),
-    /// The boards that are plugged in
+    /// List the boards that are plugged in
     Ports(flash::PortsArgs),
-    /// Makes the UF2 of the firmware and puts it on a board
+    /// Build the UF2 of the firmware and flash a board
     Flash(flash::FlashArgs),
-    /// Measures the project's own targets and prints a table of target and figure
+    /// Measure the project's own targets and print a table of target and figure
     Evaluate(evaluate::EvaluateArgs),
-    /// Validates a scenario and prints it with every default filled in
+    /// Validate a scenario and print it with every default filled in
     Check {
         /// Scenario file (TOML)
         scenario: PathBuf,
         #[command(flatten)]
-        said: SaidArgs,
+        format: FormatArgs,
     },
-    /// Prints a shell's completion script
+    /// Print a shell's completion script
     Completions {
         /// Shell
         shell: Shell,
         #[command(flatten)]
-        said: SaidArgs,
+        format: FormatArgs,
     },
-    /// Writes the man pages
+    /// Write the man pages
     Man {
-        /// Folder for them
+        /// Folder for the man pages
         #[arg(long, value_name = "DIR", default_value = "out/man")]
         out: PathBuf,
         #[command(flatten)]
-        said: SaidArgs,
+        format: FormatArgs,
     },
 }
 
-/// What every command takes. With both the JSON is printed, and nothing else.
+/// Options of every command. With both, only the JSON is printed.
 #[derive(Debug, Clone, Copy, Args)]
-struct SaidArgs {
+struct FormatArgs {
     /// Print the result as JSON on standard output
     #[arg(long)]
     json: bool,
-    /// Print nothing but what was asked for, and what is wrong
+    /// Print only requested results, warnings and errors
     #[arg(long)]
     quiet: bool,
 }
 
-impl SaidArgs {
-    /// What has been done: in words, as JSON, or not at all.
+impl FormatArgs {
+    /// Prints a confirmation: as text, as JSON, or not at all.
     fn done(
         self,
         out: &mut dyn Write,
@@ -175,7 +175,7 @@ impl SaidArgs {
         }
     }
 
-    /// What was asked for: in words, or as JSON.
+    /// Prints a requested result: as text or as JSON.
     fn answer(
         self,
         out: &mut dyn Write,
@@ -188,7 +188,7 @@ impl SaidArgs {
 
 #[derive(Debug, Args)]
 struct OutputArgs {
-    /// Folder for the results, report.html among them [default: out/<command>]
+    /// Folder for the results, including report.html [default: out/<command>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the summary as JSON on standard output
@@ -228,22 +228,20 @@ struct IdentifyArgs {
     /// Scenario file (TOML) whose [identify] names the parameters
     #[arg(long, value_name = "FILE.toml")]
     config: PathBuf,
-    /// Static map that the fit has not seen, to be compared with it
+    /// Validation data: a second static map that is not used for the fit
     #[arg(long, value_name = "OTHER.csv")]
     against: Option<PathBuf>,
-    /// Print the readings to take of the scenario's muscle for a static map, as CSV
+    /// Print the points to measure for a static map of the scenario's muscle, as CSV
     #[arg(long, conflicts_with = "data")]
     plan: bool,
     #[command(flatten)]
     output: OutputArgs,
 }
 
-/// A number that was typed.
 fn number(text: &str) -> Result<f32, String> {
     text.parse().map_err(|_| "must be a number, with a point: 1.3e5".to_owned())
 }
 
-/// A whole number that was typed.
 fn whole<T: FromStr + PartialOrd + Display>(
     text: &str,
     allowed: RangeInclusive<T>,
@@ -271,7 +269,7 @@ pub fn main() -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Runs one command, program name first; gives its exit code.
+/// Runs one command, program name first; returns its exit code.
 pub fn run<A: Into<OsString> + Clone>(
     arguments: impl IntoIterator<Item = A>,
     out: &mut dyn Write,
@@ -281,8 +279,8 @@ pub fn run<A: Into<OsString> + Clone>(
         Ok(cli) => cli,
         Err(usage) => {
             let text = usage.render();
-            // `--help` and `--version` arrive here too. Where the reader is gone there is nobody
-            // left to tell.
+            // `--help` and `--version` arrive here too. A failed write has no reader left to report
+            // to.
             let _ = if usage.use_stderr() { write!(err, "{text}") } else { write!(out, "{text}") };
             return usage.exit_code() as u8;
         }
@@ -296,9 +294,9 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Replay(args) => replay::run(&args, out, err),
         Task::Fmu(args) => fmu::run(&args, out, err),
         Task::Compare(args) => compare::run(&args, out, err),
-        Task::Monitor { port, out: folder, said, log } => {
+        Task::Monitor { port, out: folder, format, log } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
-            monitor_command(&port, &folder, said, &log.wanted(), out, err)
+            monitor_command(&port, &folder, format, &log.wanted(), out, err)
         }
         Task::Serve(args) => serve::run(&args, out),
         Task::Playground(args) => playground::run(&args, out),
@@ -307,9 +305,9 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Ports(args) => flash::list(&args, out),
         Task::Flash(args) => flash::run(args, out),
         Task::Evaluate(args) => evaluate::run(&args, out, err),
-        Task::Check { scenario, said } => check_command(&scenario, said, out, err),
-        Task::Completions { shell, said } => shell::completions(shell, said, out),
-        Task::Man { out: folder, said } => shell::man(&folder, said, out),
+        Task::Check { scenario, format } => check_command(&scenario, format, out, err),
+        Task::Completions { shell, format } => shell::completions(shell, format, out),
+        Task::Man { out: folder, format } => shell::man(&folder, format, out),
     };
     match result {
         Ok(()) => 0,
@@ -322,19 +320,19 @@ pub fn run<A: Into<OsString> + Clone>(
 
 fn check_command(
     path: &Path,
-    said: SaidArgs,
+    format: FormatArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let loaded = load(path, err)?;
-    // Whether its steps would be too short is known once it is built.
+    // Steps that would be too short are found only when the plant is built.
     thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
         .map_err(|error| Failure::Run(RunError::Build(error)))?;
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
-    said.done(out, &both, &thermyo_setup::render(&loaded))
+    format.done(out, &both, &thermyo_setup::render(&loaded))
 }
 
-/// Loads a scenario; says what of it makes no sense, and where it is the program's own.
+/// Loads a scenario; prints its warnings, and a note if the built-in file is used.
 fn load(path: &Path, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
     let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
     if shipped::instead_of(path).is_some() {
@@ -379,7 +377,7 @@ fn run_command(
     );
     let summary = match summary {
         Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
-        // A line that broke, a board that restarted: what it said so far is not said again.
+        // The line broke or the board restarted: the rows so far stay where they are.
         Err(failure @ Failure::Run(RunError::Board(_))) if rows > 0 => {
             let left = out.leave();
             let _ = writeln!(stderr, "thermyo: the record so far is in {}", left.display());
@@ -405,7 +403,7 @@ fn identify_command(
     say_damage(&table, stderr);
     let against = args.against.as_deref().map(table::read_table).transpose()?;
     interrupt::watch();
-    // Made before the search: where it cannot be, nobody wants to wait for that.
+    // Created before the search, which takes minutes: an unwritable folder fails at once.
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
     let mut out = OutputDir::create(&folder)?;
     let bar = Bar::new(args.output.quiet);
@@ -432,24 +430,24 @@ fn identify_command(
         print(stdout, &found.text())?;
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
-    found.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+    found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
 
-/// Keeps what the finished searches of an identification found, and says so.
+/// Keeps the results of the finished searches of an identification, and prints where.
 fn searched(
     mut out: OutputDir,
     (finished, starts): (usize, u64),
     csv: &str,
     stderr: &mut dyn Write,
 ) -> Result<Failure, Failure> {
-    let said = if finished == 0 {
+    let message = if finished == 0 {
         format!("thermyo: none of {starts} searches was finished, nothing is kept")
     } else {
         out.text("searches.csv", csv)?;
         let left = out.leave().join("searches.csv");
-        format!("thermyo: what {finished} of {starts} searches found is in {}", left.display())
+        format!("thermyo: the results of {finished} of {starts} searches are in {}", left.display())
     };
-    let _ = writeln!(stderr, "{said}");
+    let _ = writeln!(stderr, "{message}");
     Ok(Failure::Interrupted)
 }
 
@@ -460,33 +458,33 @@ fn title_of(file: &Path) -> String {
 fn monitor_command(
     port: &str,
     folder: &Path,
-    said: SaidArgs,
+    format: FormatArgs,
     logs: &Logs,
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    // At a terminal Ctrl-C comes as a key; else as a signal.
+    // At a terminal Ctrl-C comes as a key, otherwise as a signal.
     interrupt::watch();
     let mut out = OutputDir::create(folder)?;
     let recorder = Recorder::new(out.file("trace.csv")?)
         .map_err(|error| out.unwritable("trace.csv", &error))?
         .beside(logs.open(&mut out)?);
     let mut session = Session::open(port, recorder).map_err(Failure::Board)?;
-    let shown = match (said.quiet || said.json, io::stdout().is_terminal()) {
+    let shown = match (format.quiet || format.json, io::stdout().is_terminal()) {
         (true, _) => Shown::Not,
         (false, true) => Shown::Terminal,
         (false, false) => Shown::Lines,
     };
-    // Not through `stdout`, which folds lines.
+    // `stdout` folds lines: the figures need the raw stream.
     let outcome = monitor::run(&mut session, &mut out, shown, &mut io::stdout());
     let rows = session.rows();
-    // The file is closed before it moves.
+    // Closes the file before it moves.
     drop(session);
     if rows > 0 {
         publish(out, stderr)?;
         let trace = folder.join("trace.csv").display().to_string();
         let json = serde_json::json!({ "rows": rows, "trace": trace });
-        said.done(stdout, &json, &format!("{rows} rows recorded: {trace}\n"))?;
+        format.done(stdout, &json, &format!("{rows} rows recorded: {trace}\n"))?;
     }
     match outcome? {
         monitor::Ended::Left => Ok(()),
@@ -520,10 +518,10 @@ fn reproduce_command(
     if !args.output.json {
         print(stdout, &findings.text())?;
     }
-    findings.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+    findings.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
 
-/// Runs a scenario, written into `out` with its trace, which is streamed; every logged row is shown to `each` too.
+/// Runs a scenario and streams its trace into `out`; calls `each` with every logged row.
 fn record(
     loaded: &Loaded,
     board: &mut dyn Board,
@@ -532,7 +530,7 @@ fn record(
     out: &mut OutputDir,
     mut each: impl FnMut(&Row),
 ) -> Result<Summary, Failure> {
-    // First of all: a trace whose program was killed is replayed with it.
+    // Written first: the trace of a killed program is replayed with it.
     out.text("scenario.toml", &thermyo_setup::render(loaded))?;
     let file = out.file("trace.csv")?;
     let beside = logs.open(out)?;
@@ -550,7 +548,7 @@ fn record(
     bar.finish_and_clear();
     let written = writer.finish().map_err(unwritable);
     let summary = result.map_err(|error| match error {
-        // The emulated board gets the signal too, and may be gone first.
+        // The emulated board gets the signal too, and may exit first.
         _ if interrupt::wanted() => Failure::Interrupted,
         RunError::Output(error) => Failure::Input(unwritable(error)),
         other => Failure::Run(other),
@@ -559,14 +557,14 @@ fn record(
     Ok(summary)
 }
 
-/// Keeps what there is when Ctrl-C was pressed, and says where.
+/// Keeps the rows so far after Ctrl-C, and prints where.
 fn stopped(out: OutputDir, stderr: &mut dyn Write) -> Failure {
     let left = out.leave();
     let _ = writeln!(stderr, "thermyo: the rows so far are in {}", left.display());
     Failure::Interrupted
 }
 
-/// Writes summary and report, and puts all files where they belong.
+/// Writes summary and report, and publishes all files.
 fn finish(
     mut out: OutputDir,
     stdout: &mut dyn Write,
@@ -583,23 +581,22 @@ fn finish(
     if args.json { print(stdout, &json) } else { print(stdout, &brief(summary, &folder)) }
 }
 
-/// Puts the results where they belong, and says where an earlier one went.
+/// Publishes the results, and prints where an earlier result was moved to.
 fn publish(out: OutputDir, stderr: &mut dyn Write) -> Result<(), Failure> {
     let folder = out.path().to_path_buf();
     if let Some(earlier) = out.publish()? {
         let (folder, earlier) = (folder.display(), earlier.display());
-        // Where nobody reads it any more, nobody misses it.
         let _ = writeln!(stderr, "thermyo: the earlier result in {folder} is now in {earlier}");
     }
     Ok(())
 }
 
-/// The trace of a run: the file, or the one in its folder of results.
+/// Trace of a run, given as a file or as its folder of results.
 fn trace_in(run: &Path) -> PathBuf {
     if run.is_dir() { run.join("trace.csv") } else { run.to_path_buf() }
 }
 
-/// A recorded table, read up to where it is damaged; says so.
+/// Reads a recorded table up to where it is damaged, and prints the damage.
 fn read_record(path: &Path, stderr: &mut dyn Write) -> Result<Table, Failure> {
     let table = table::read_record(path)?;
     say_damage(&table, stderr);
@@ -612,7 +609,7 @@ fn say_damage(table: &Table, stderr: &mut dyn Write) {
     }
 }
 
-/// Measurements to compare a run of that length with; says how many of them lie after its end.
+/// Reads measurements to compare with a run of that length; warns about rows after its end.
 fn read_to_compare(
     path: &Path,
     duration_s: f64,
@@ -632,7 +629,6 @@ fn read_to_compare(
     Ok(measured)
 }
 
-/// The figures that a person looks for first.
 fn brief(summary: &Summary, folder: &Path) -> String {
     let mut text = format!(
         "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
@@ -674,11 +670,11 @@ fn progress_bar(length: u64, quiet: bool) -> ProgressBar {
     }
     let style = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {msg}eta {eta}")
         .expect("the template is a constant");
-    // Drawn on standard error, and only where that is a terminal.
+    // Drawn on standard error, and only if that is a terminal.
     ProgressBar::new(length).with_style(style)
 }
 
-/// Work whose parts are counted as they come up.
+/// Progress of work whose parts are counted as they come up.
 struct Bar(ProgressBar);
 
 impl Bar {
@@ -690,7 +686,7 @@ impl Bar {
 impl Watch for Bar {
     fn parts(&self, count: usize) {
         self.0.inc_length(count as u64);
-        // Drawn from now on, and not when the first part is done, which may take minutes.
+        // Drawn from now on: the first part may take minutes.
         self.0.enable_steady_tick(TICK);
     }
 
@@ -707,7 +703,7 @@ impl Drop for Bar {
 
 fn print(out: &mut dyn Write, text: &str) -> Result<(), Failure> {
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // A reader that has seen enough, such as `head`, is no error.
+        // A reader that closes early, such as `head`, is no error.
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(InputError::output(Path::new("standard output"), &error).into())
         }
@@ -721,7 +717,7 @@ mod tests {
     use clap::{Command, CommandFactory};
 
     fn assert_takes_both(command: &Command, path: &str) {
-        // The process behind the port "emulated" is nobody's to start.
+        // Users do not start the process behind the port "emulated".
         if command.is_hide_set() || command.get_name() == "help" {
             return;
         }
@@ -743,7 +739,7 @@ mod tests {
         command.build();
         for task in command.get_subcommands() {
             let help = task.clone().term_width(50).render_help().to_string();
-            // A usage is one line, and a word stays whole.
+            // A usage is one line, and words are not broken.
             let lines = help.lines().filter(|line| !line.starts_with("Usage:"));
             for line in lines.filter(|line| line.trim().contains(' ')) {
                 assert!(line.chars().count() <= 50, "{}: {line}", task.get_name());

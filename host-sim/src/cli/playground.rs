@@ -1,6 +1,4 @@
-//! `thermyo playground`: its arguments, and what it says.
-
-use super::{Failure, SaidArgs};
+use super::{Failure, FormatArgs};
 use crate::commands::playground;
 use crate::commands::playground::PlaygroundError;
 use clap::Args;
@@ -10,18 +8,18 @@ use thermyo_files::output::OutputDir;
 
 #[derive(Debug, Args)]
 pub(super) struct PlaygroundArgs {
-    /// Folder for the page, to be served by any web host
+    /// Folder for the page, which any web host can serve
     #[arg(long, value_name = "DIR", default_value = "out/playground")]
     out: PathBuf,
     #[command(flatten)]
-    said: SaidArgs,
+    format: FormatArgs,
 }
 
 pub(super) fn run(args: &PlaygroundArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
     let folder = args.out.display();
     let bytes = playground::write(OutputDir::create(&args.out)?)?;
     let page = args.out.join("index.html");
-    args.said.done(
+    args.format.done(
         stdout,
         &serde_json::json!({ "page": page.display().to_string(), "bytes": bytes }),
         &format!(

@@ -1,5 +1,3 @@
-//! `thermyo replay`: its arguments, and what it prints and writes.
-
 use super::{
     BoardArgs, Failure, OutputArgs, interrupt, print, progress_bar, publish, read_record, trace_in,
 };
@@ -16,7 +14,6 @@ use thermyo_report::page::{Page, Section, Tile};
 use thermyo_runs::replay;
 use thermyo_runs::replay::Replay;
 
-/// Arguments of `thermyo replay`.
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
     /// A run with log_every = 1: its folder of results, or its trace.csv with scenario.toml beside it
@@ -27,7 +24,7 @@ pub(super) struct ReplayArgs {
     board: BoardArgs,
 }
 
-/// What is drawn, beside `time_s`: as recorded, and what the core says now less that.
+/// Columns of the page, beside `time_s`: as recorded, and the difference on replay.
 const COLUMNS: [&str; 6] =
     ["time_s", "estimate_k", "estimate_difference_k", "duty_in", "duty_out", "differs"];
 

@@ -1,5 +1,3 @@
-//! `thermyo serve`: its arguments, and what it prints.
-
 use super::log::LogArgs;
 use super::{Failure, OutputArgs, interrupt, print, whole};
 use clap::Args;
@@ -8,14 +6,13 @@ use std::path::PathBuf;
 use thermyo_files::output::OutputDir;
 use thermyo_serve::{Operator, Target, listen, serve};
 
-/// Arguments of `thermyo serve`.
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
     /// Serial port, such as /dev/ttyACM0; "emulated": the firmware on an emulated Pico, with a simulated muscle at
     /// its pins; or a scenario file (.toml): the same, with its muscle
     #[arg(default_value = "emulated")]
     board: String,
-    /// Port of the page on this machine [default: one that is free]
+    /// TCP port of the page on this machine [default: a free one]
     #[arg(long, value_name = "NUMBER", value_parser = |text: &str| whole(text, 1..=u16::MAX))]
     port: Option<u16>,
     #[command(flatten)]
@@ -39,7 +36,7 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
         })
     })?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/serve"));
-    // A folder that cannot be written is said now, and not when somebody wants to record.
+    // Reports an unwritable folder at once, not when a recording is started.
     drop(OutputDir::create(&folder)?);
     let target = Target::new(&args.board);
     let board = target.open()?;
@@ -66,6 +63,6 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
             print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
         }
     }
-    // Nothing else ends it.
+    // Only Ctrl-C ends the server.
     Err(Failure::Interrupted)
 }

@@ -1,6 +1,4 @@
-//! `thermyo completions` and `thermyo man`: what a shell and a reader want to know of the command line.
-
-use super::{Cli, Failure, SaidArgs};
+use super::{Cli, Failure, FormatArgs};
 use clap::{Command, CommandFactory};
 use clap_complete::Shell;
 use std::io::Write;
@@ -9,17 +7,17 @@ use thermyo_files::input::InputError;
 
 pub(super) fn completions(
     shell: Shell,
-    said: SaidArgs,
+    format: FormatArgs,
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut offered(), "thermyo", &mut script);
     let script = String::from_utf8_lossy(&script);
     let json = serde_json::json!({ "shell": shell.to_string(), "script": script });
-    said.answer(out, &json, &script)
+    format.answer(out, &json, &script)
 }
 
-/// The command line without what nobody is to type: the scripts offer hidden commands too.
+/// The command line without hidden commands, which the scripts would offer.
 fn offered() -> Command {
     let whole = Cli::command();
     let tasks = whole.get_subcommands().filter(|task| !task.is_hide_set());
@@ -29,10 +27,10 @@ fn offered() -> Command {
         .subcommands(tasks)
 }
 
-pub(super) fn man(folder: &Path, said: SaidArgs, out: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn man(folder: &Path, format: FormatArgs, out: &mut dyn Write) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|error| InputError::folder(folder, &error))?;
     clap_mangen::generate_to(Cli::command().disable_help_subcommand(true), folder)
         .map_err(|error| InputError::output(folder, &error))?;
     let first = folder.join("thermyo.1").display().to_string();
-    said.done(out, &serde_json::json!({ "page": first }), &format!("man pages: {first}\n"))
+    format.done(out, &serde_json::json!({ "page": first }), &format!("man pages: {first}\n"))
 }

@@ -1,5 +1,3 @@
-//! `thermyo sweep`: its arguments, and what it prints and writes.
-
 use super::{Failure, OutputArgs, interrupt, load, print, progress_bar, publish, whole};
 use clap::Args;
 use std::collections::BTreeSet;
@@ -10,15 +8,14 @@ use thermyo_files::output::OutputDir;
 use thermyo_studies::sweep::page::page;
 use thermyo_studies::sweep::{Journal, Latin, MOST_POINTS, Outcome, Range, Shard, Sweep, merge};
 
-/// Arguments of `thermyo sweep`.
 #[derive(Debug, Args)]
 pub(super) struct SweepArgs {
     /// Scenario file (TOML)
     #[arg(required_unless_present = "merge")]
     scenario: Option<PathBuf>,
-    /// A key of the scenario, and its values: COUNT of them from FROM to TO, a fixed difference
-    /// apart; with ":log" behind, a fixed ratio; or those of a list, which may be words. The product of all --vary
-    /// is run. With --lhs: FROM:TO without COUNT, or a list
+    /// Key of the scenario and its values: COUNT values from FROM to TO with a fixed difference,
+    /// with ":log" a fixed ratio, or a list, which may hold words. Several --vary are combined to a
+    /// grid. With --lhs: FROM:TO without COUNT, or a list
     #[arg(long, value_name = "KEY=FROM:TO:COUNT[:log]", required_unless_present = "merge")]
     vary: Vec<Range>,
     /// Run N points of a Latin hypercube instead of a grid
@@ -33,10 +30,10 @@ pub(super) struct SweepArgs {
         value_parser = |text: &str| whole(text, 0..=u64::MAX)
     )]
     seed: u64,
-    /// Run only each N-th point, beginning with the I-th, 1 to N
+    /// Run only every N-th point, starting with the I-th (1 to N)
     #[arg(long, value_name = "I/N", default_value_t = Shard::WHOLE)]
     shard: Shard,
-    /// Put the results of a sweep's shards together, from their folders
+    /// Merge the results of a sweep's shards, from their folders
     #[arg(
         long,
         value_name = "DIR",
@@ -44,7 +41,7 @@ pub(super) struct SweepArgs {
         conflicts_with_all = ["scenario", "vary", "lhs", "shard"]
     )]
     merge: Vec<PathBuf>,
-    /// The root-mean-square error that is good enough, in kelvin
+    /// Tolerated root-mean-square error, in kelvin
     #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = tolerance)]
     within: f64,
     #[command(flatten)]

@@ -1,5 +1,3 @@
-//! `thermyo tune`: its arguments, and what it prints and writes.
-
 use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, progress_bar, publish};
 use clap::Args;
 use indicatif::ProgressBar;
@@ -16,10 +14,9 @@ use thermyo_studies::drive::LiveBench;
 use thermyo_studies::tune;
 use thermyo_studies::tune::{Bench, Simulated};
 
-/// Arguments of `thermyo tune`.
 #[derive(Debug, Args)]
 pub(super) struct TuneArgs {
-    /// Scenario file (TOML): muscle, load, and what the core is configured with so far
+    /// Scenario file (TOML): muscle, load, and the core's present configuration
     scenario: PathBuf,
     /// Highest absolute pressure of the experiment, in Pa [default: 400000]
     #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = pressure)]
@@ -30,10 +27,9 @@ pub(super) struct TuneArgs {
     board: BoardArgs,
 }
 
-/// Nobody means less than that: it is no pressure of a muscle, but one in another unit \[Pa\].
+/// Lower values are in another unit, such as bar \[Pa\].
 const LEAST_PA: f64 = 1.0e5;
 
-/// An absolute pressure that was typed \[Pa\].
 pub(super) fn pressure(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value >= LEAST_PA => Ok(value),
@@ -44,11 +40,11 @@ pub(super) fn pressure(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A bench, with the time that is driven on a bar.
+/// A bench that shows the driven time on a progress bar.
 struct Watched<'a> {
     bench: &'a mut dyn Bench,
     bar: &'a ProgressBar,
-    /// Driven before this one.
+    /// Time driven before this experiment.
     before_ms: u64,
 }
 
@@ -58,7 +54,7 @@ impl Bench for Watched<'_> {
         let run = &driven.plant.run;
         let whole_ms = (run.duration_s * 1e3) as u64;
         if *before_ms == 0 {
-            // The first one is the experiment.
+            // The first drive is the experiment.
             bar.set_length(whole_ms + (tune::checks_s() * 1e3) as u64);
         }
         bench.drive(driven, &mut |telemetry| {
@@ -102,7 +98,7 @@ pub(super) fn run(
     interrupt::watch();
     let mut out = OutputDir::create(&folder)?;
     let tuned = match tuned(args) {
-        // The emulated board gets the signal too, and may be gone first.
+        // The emulated board gets the signal too, and may exit first.
         Err(_) if interrupt::wanted() && args.board.port().is_none() => {
             let _ = writeln!(stderr, "thermyo: the experiment was not finished, nothing is kept");
             return Err(Failure::Interrupted);

@@ -1,4 +1,4 @@
-//! Commands that talk to what is plugged in, or write a folder; `cli` has their arguments.
+//! Commands that use plugged-in devices or write a folder; `cli` has their arguments.
 
 pub mod flash;
 pub mod monitor;

@@ -12,13 +12,12 @@ use thermyo_report::muscle::palette;
 use thermyo_report::style::DRAWING_STYLE;
 use thermyo_serve::page;
 
-/// What the module is compiled for, and how: small and fast, `Cargo.toml`.
+/// Compiled small and fast: see `Cargo.toml`.
 const TARGET: &str = "wasm32-unknown-unknown";
 const PROFILE: &str = "playground";
-/// Its file in the folder.
 const MODULE: &str = "thermyo.wasm";
 
-/// What the page can run without a file.
+/// Scenarios that the page offers.
 fn scenarios() -> [(&'static str, &'static str); 4] {
     let pressure =
         "[plant]\nmodel = \"lumped\"\n\n[drive]\nkind = \"pressure\"\npressure_pa = 250_000.0\n";
@@ -33,20 +32,19 @@ fn scenarios() -> [(&'static str, &'static str); 4] {
     ]
 }
 
-/// Why there is no playground.
 #[derive(Debug, thiserror::Error)]
 pub enum PlaygroundError {
-    /// The folder of the sources is gone.
+    /// The folder of the sources is missing.
     #[error(
         "{}: the playground is built from the checkout that this program was built from, and that is not there \
          any more: run `cargo run --release -- playground` in a checkout",
         .0.display()
     )]
     NoCheckout(PathBuf),
-    /// It did not build.
+    /// The module did not build.
     #[error(transparent)]
     Build(#[from] NotBuilt),
-    /// The folder has a page of somebody else.
+    /// The folder holds a page that is not a playground.
     #[error("{}: not of a playground, and would be replaced: name another folder", .0.display())]
     Foreign(PathBuf),
     /// A file cannot be written.
@@ -54,11 +52,8 @@ pub enum PlaygroundError {
     Output(#[from] InputError),
 }
 
-/// Writes the page into a folder, with a module that is up to date, in place of an earlier one: the folder is served as
-/// it is. Gives the bytes of all files together.
-///
-/// # Errors
-/// [`PlaygroundError`], with the folder as it was.
+/// Writes the page and an up-to-date module into a folder, replacing an earlier playground: any web
+/// server can serve the folder. Returns the bytes of all files together.
 pub fn write(mut out: OutputDir) -> Result<u64, PlaygroundError> {
     let module = module()?;
     let colours = json!(palette(page::PALETTE));

@@ -1,4 +1,4 @@
-//! `thermyo ports`: what is plugged in that is a board, or may be one.
+//! `thermyo ports`: devices that are boards, or may be.
 
 use crate::commands::flash::{Drive, find, version_text};
 use crate::commands::usb::usb;
@@ -10,16 +10,15 @@ use std::path::PathBuf;
 use std::thread;
 use thermyo_boards::line::Line;
 
-/// What is at a port.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {
     /// Name of the port, or of the drive.
     pub port: String,
-    /// What the system says that it is.
+    /// The system's description.
     pub device: String,
     /// Whether it answers as Thermyo.
     pub thermyo: bool,
-    /// What it says, or why it says nothing.
+    /// Its answer, or the reason why there is none.
     pub state: String,
 }
 
@@ -29,7 +28,8 @@ impl fmt::Display for Found {
     }
 }
 
-/// Everything at the serial ports of USB, each asked who it is, and the drives of boards in their boot loader.
+/// Everything at the serial ports of USB, with its version, and the drives of boards in their boot
+/// loader.
 pub fn list(mounts: &[PathBuf]) -> Vec<Found> {
     let asked: Vec<_> =
         usb().into_iter().map(|(port, info)| thread::spawn(move || ask(port, &info))).collect();

@@ -3,7 +3,7 @@
 use model_core::link::USB_ID;
 use serialport::{SerialPortType, UsbPortInfo};
 
-/// Names of the ports that are the boards' own USB, whatever firmware they run.
+/// Names of the ports that are a board's own USB, whatever firmware it runs.
 pub fn boards() -> Vec<String> {
     usb()
         .into_iter()

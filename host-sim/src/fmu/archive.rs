@@ -11,10 +11,7 @@ use thermyo_setup::{Loaded, render};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// The archive of a scenario, around the shared library of this platform.
-///
-/// # Errors
-/// [`ModelError`]
+/// The archive of a scenario, with the shared library of this platform.
 pub fn archive(
     loaded: &Loaded,
     kind: Kind,
@@ -28,7 +25,7 @@ pub fn archive(
     files.push((binary, library.to_vec()));
 
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    // The time of the last change would make every archive another one.
+    // A time stamp would make every archive different.
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .last_modified_time(zip::DateTime::default())
@@ -40,7 +37,7 @@ pub fn archive(
     Ok(zip.finish().expect("an archive in memory is finished").into_inner())
 }
 
-/// The scenario and the tables that it names, beside it.
+/// The scenario, and the tables that it names.
 fn resources(loaded: &Loaded, kind: Kind) -> Result<Vec<(String, Vec<u8>)>, InputError> {
     let mut loaded = loaded.clone();
     let mut files = Vec::new();

@@ -1,6 +1,6 @@
-//! The shared library that goes into a unit: the C interface of `host-sim/fmu`.
+//! The shared library of a unit: the C interface of `host-sim/fmu`.
 //!
-//! A program that is given away has it inside; one of a checkout has it built when it is stale, as the firmware is.
+//! A release build has it inside; a checkout builds it when it is stale, like the firmware.
 
 use std::env;
 use thermyo_boards::checkout::{self, Build, NotBuilt, workspace};
@@ -16,15 +16,12 @@ pub fn platform() -> String {
     format!("{}-{os}", env::consts::ARCH)
 }
 
-/// How the name of a shared library ends, as FMI has it.
+/// File name extension of a shared library in FMI.
 pub fn suffix() -> &'static str {
     env::consts::DLL_SUFFIX
 }
 
-/// The library of this platform: this program's, or this checkout's, up to date.
-///
-/// # Errors
-/// [`NotBuilt`]
+/// The library of this platform: built in, or the checkout's, up to date.
 pub fn library() -> Result<Vec<u8>, NotBuilt> {
     let name = format!("{}{LIBRARY}{}", env::consts::DLL_PREFIX, suffix());
     if let Some(library) = inside::file(&name) {
@@ -37,7 +34,7 @@ pub fn library() -> Result<Vec<u8>, NotBuilt> {
         target_folder: &target_folder,
         target: None,
         command: "rustc",
-        // Without symbols: a fifth of the size, and no other build of what it is made of.
+        // Without symbols: a fifth of the size, and the dependencies are not built again.
         arguments: &["--release", "--package", "thermyo-fmu", "--lib", "--", "-C", "strip=symbols"],
     };
     build.run()?;

@@ -1,10 +1,10 @@
-//! What the pages of `thermyo serve` and `thermyo playground` share.
+//! Files that the pages of `thermyo serve` and `thermyo playground` share.
 
-/// Their style, beside that of drawings.
+/// Style sheet, used in addition to that of drawings.
 pub const STYLE: &str = include_str!("page.css");
 /// Plots over the last seconds.
 pub const PLOT: &str = include_str!("plot.js");
-/// The muscle's picture; its colours are those of `palette.js`.
+/// Picture of the muscle; its colours are in `palette.js`.
 pub const MUSCLE: &str = include_str!("muscle.js");
-/// So many of them.
+/// Number of colours.
 pub const PALETTE: usize = 64;

@@ -1,5 +1,5 @@
-// The muscle from the side, in the colours of its temperatures: the braid's wall around the gas, and the sensor in it.
-// Its length and diameter are the measured ones.
+// Side view of the muscle, coloured by temperature: the wall around the gas, and the sensor in it.
+// Length and diameter follow from the measured length.
 import palette from "./palette.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -14,7 +14,7 @@ function make(name, attributes, parent, text) {
   return node;
 }
 
-/** Ends of the colour scale [K] around what was shown, in steps of 5 K. */
+/** Ends of the colour scale [K] around the displayed range, in steps of 5 K. */
 export function scaleAround(low, high) {
   const middle = (low + high) / 2, half = Math.max(10, (high - low) / 2);
   return [Math.floor((middle - half) / 5) * 5, Math.ceil((middle + half) / 5) * 5];
@@ -44,7 +44,7 @@ export class Muscle {
     this.fittings = [0, 1].map(() => make("rect", { y: AXIS - FITTING - 3, width: 34, height: 2 * FITTING + 6, rx: 4, fill: "url(#metal)" }, svg));
     this.closed = make("path", { fill: "none", stroke: "#8d8c9c", "stroke-width": 5, "stroke-linecap": "round" }, svg);
     make("path", { d: `M36 ${AXIS}H${LEFT - 30}`, stroke: "#5d5c6c", "stroke-width": 12, "stroke-linecap": "round" }, svg);
-    // Air comes in above the port, and leaves below it.
+    // Air enters above the port, and leaves below it.
     this.inlet = make("path", { d: `M36 ${AXIS - 30}h62m-11-9l11 9l-11 9` }, svg);
     this.outlet = make("path", { d: `M98 ${AXIS + 30}h-62m11-9l-11 9l11 9` }, svg);
     for (const [text, y] of [["in", AXIS - 46], ["out", AXIS + 56]]) make("text", { x: 67, y, "text-anchor": "middle", class: "fine" }, svg, text);
@@ -61,7 +61,7 @@ export class Muscle {
     make("text", { x: 786, y: 178, class: "fine" }, svg, "K");
   }
 
-  /** Now: lengths in m, temperatures in K, duties as shares; `scale` is that of the colours. */
+  /** Draws the present state: lengths in m, temperatures in K, duties as fractions; `scale` is that of the colours. */
   draw(now, configuration, scale) {
     const { rest_length_m: rest, braid } = configuration || {};
     const longest = braid ? Math.min(braid.thread_length_m * .98, rest * 1.06) : rest || now.length || 1;

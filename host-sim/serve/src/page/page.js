@@ -1,10 +1,10 @@
-// The page: what the server says is shown, what the user wants is sent.
+// The page: shows the server's messages and sends the user's orders.
 import { Plot } from "./plot.js";
 import { Muscle, scaleAround } from "./muscle.js";
 
 const $ = (id) => document.getElementById(id);
 const COLUMNS = ["time", "pressure", "length", "sensor", "gas", "sd", "wall", "inlet", "outlet", "pressureSet", "contractionSet"];
-/** Seconds that are kept, and that a link may be quiet [ms]. */
+/** Seconds of data kept; time after which a quiet link is reported [ms]. */
 const KEPT_S = 125, QUIET_MS = 700;
 
 const columns = Object.fromEntries(COLUMNS.map((name) => [name, []]));
@@ -49,7 +49,7 @@ function take(frame) {
     columns.contraction.push(rest ? 1 - row[2] / rest : null);
   }
   const surplus = columns.time.findIndex((time) => time > columns.time.at(-1) - KEPT_S);
-  // In large pieces: to take from the front moves everything.
+  // In large pieces: removing from the front moves everything.
   if (surplus > 500) for (const values of Object.values(columns)) values.splice(0, surplus);
   if (!shared.paused) shared.end = columns.time.at(-1);
   showMode(frame);
@@ -121,7 +121,7 @@ function put(id, value, unit) {
   $(id).replaceChildren(value, small);
 }
 
-// What the server says
+// Messages of the server
 
 function showMode({ mode, limited, valid }) {
   $("mode").textContent = limited ? `${mode}, limited` : mode;
@@ -134,7 +134,7 @@ function showLink() {
   const [text, why] = !open ? ["no server", "The server does not answer. A muscle that was driven vents."]
     : state?.link === "ended" ? ["ended", "The server has ended, and the muscle vents."]
     : state?.link === "lost" ? ["link lost", "The link to the board is lost. A muscle that was driven vents by itself. It is tried again and again."]
-    : state?.link === "silent" || (state && quiet) ? ["link lost", "The board says nothing. A muscle that was driven vents by itself when it hears nothing either."]
+    : state?.link === "silent" || (state && quiet) ? ["link lost", "The board does not answer. A driven muscle vents by itself when the board gets no messages either."]
     : [state ? "connected" : "connecting", ""];
   const link = $("link");
   link.textContent = text;
@@ -155,7 +155,7 @@ function showState() {
   const configured = configuration.configured, steers = own.steers, busy = Boolean(guide && !guide.over);
   $("target").textContent = state.target;
   document.title = `${state.link === "connected" ? "" : "⚠ "}Thermyo: ${state.target}`;
-  // Of a board that is not heard nobody knows.
+  // The state of a board that does not answer is unknown.
   const armed = armed_pa !== null && state.link === "connected";
   $("armed").textContent = armed ? `armed up to ${(armed_pa / 1e3).toFixed(0)} kPa` : armed_pa === null ? "not armed" : "was armed";
   $("armed").className = armed ? "chip good" : "chip";
@@ -172,7 +172,7 @@ function showState() {
   for (const id of ["arm", "steer", "tune"]) for (const field of $(id).elements) field.disabled = !able;
   for (const button of document.querySelectorAll("[data-calibrate]")) button.disabled = !able || recording;
   $("tune").elements[0].disabled ||= Boolean(recording);
-  // A calibration's second point is at another pressure: it may be steered to.
+  // A calibration's second point needs another pressure: arming and steering stay enabled.
   if (busy && guide.asks) for (const id of ["arm", "steer"]) for (const field of $(id).elements) field.disabled = !steers;
   for (const field of $("steer").elements) field.disabled ||= armed_pa === null && field.type !== "radio";
   $("clear").disabled = !steers;
@@ -188,7 +188,7 @@ function showState() {
   if (recording) {
     $("recording").textContent = `${recording.time_s.toFixed(0)} s`;
     $("record-text").textContent = `${recording.time_s.toFixed(1)} s, ${recording.rows} steps`;
-  } else $("record-text").textContent = "Every step, whatever this page can show.";
+  } else $("record-text").textContent = "Records every step, even if this page shows fewer.";
   showResults();
   showGuide(guide);
   showEvents();
@@ -196,7 +196,7 @@ function showState() {
   const timing = state.timing;
   const facts = [
     ["Chip", board ? `${board.chip}, firmware ${board.firmware.join(".")}` : "–"],
-    ["Configuration", `${configuration.name || "without a name"}, ${configuration.checksum.toString(16).padStart(8, "0")}, ${{ Defaults: "the core's defaults", Host: "told, not saved", Flash: "saved" }[configuration.source]}`],
+    ["Configuration", `${configuration.name || "without a name"}, ${configuration.checksum.toString(16).padStart(8, "0")}, ${{ Defaults: "the core's defaults", Host: "not saved", Flash: "saved" }[configuration.source]}`],
     ["Limit", `${(configuration.working_limit_pa / 1e3).toFixed(0)} kPa; supply ${(configuration.supply_pa / 1e3).toFixed(0)} kPa`],
     ["Core step", timing ? `${(timing.step_mean_ns / 1e3).toFixed(0)} µs mean, ${timing.step_worst_us} µs worst, ${timing.missed_steps} missed` : "–"],
     ["Link", `telemetry of ${state.lost_steps} steps lost`],
@@ -258,9 +258,9 @@ function showEvents() {
   }));
 }
 
-// What the user wants
+// Orders of the user
 
-/** Of each mode: its values, their units and factors to SI, and what is sent. */
+/** For each mode: its values, their units and factors to SI, and the order. */
 const MODES = {
   pressure: { first: ["Pressure", "kPa", 1e3], set: ([pressure_pa]) => ({ Pressure: { pressure_pa } }), digits: 1 },
   contraction: { first: ["Contraction", "%", .01], set: ([contraction]) => ({ Contraction: { contraction } }), digits: 2 },
@@ -270,13 +270,13 @@ const MODES = {
 const kept = { pressure: ["130", ""], contraction: ["5", ""], flow: ["0.36", "5"], duty: ["0", "100"] };
 let mode = "pressure";
 
-/** Least and most pressure of a tuning [kPa]. */
+/** Range of the pressure of a tuning [kPa]. */
 function reached() {
   const { ambient_pa, supply_pa, working_limit_pa } = state.configuration;
   return [ambient_pa / 1e3, Math.min(supply_pa, working_limit_pa) / 1e3];
 }
 
-/** Least and most of the first value, in what is shown. */
+/** Range of the first value, in displayed units. */
 function limits() {
   const { ambient_pa, working_limit_pa, contractions } = state.configuration;
   if (mode === "pressure") return [ambient_pa / 1e3, Math.min(state.armed_pa ?? working_limit_pa, working_limit_pa) / 1e3];
@@ -287,7 +287,7 @@ function limits() {
 function showRange() {
   const [low, high] = limits(), { first, second } = MODES[mode];
   const slide = $("slide");
-  // To set what is set already would move it under the pointer.
+  // Assigning an unchanged range would move the slide under the pointer.
   if (+slide.min !== low || +slide.max !== high) { slide.min = low; slide.max = high; slide.value = read($("first")) ?? low; }
   $("first-name").textContent = first[0];
   $("first-unit").textContent = first[1];
@@ -299,7 +299,7 @@ function showRange() {
     : mode === "flow" ? "The working cycle: half of the period in, half out." : mode === "duty" ? "Fixed openings." : `From ${range}${mode === "pressure" ? ", absolute" : ""}.`;
 }
 
-/** The number that was typed; a comma is a point. */
+/** The typed number; a comma is accepted as a decimal point. */
 function read(input) {
   const text = input.value.trim().replace(",", ".");
   const value = text === "" ? NaN : Number(text);
@@ -308,9 +308,9 @@ function read(input) {
   return good ? value : null;
 }
 
-/** The number of a field within its range; where it is none, the field says what is allowed. */
+/** The number of a field within its range; otherwise the field shows what is allowed. */
 function asked(id, unit, [low, high] = [-Infinity, Infinity]) {
-  // As exact as the range is shown.
+  // Compared at the displayed precision.
   const value = read($(id)), off = .05;
   const why = value === null ? `Type a number, in ${unit}.`
     : value < low - off || value > high + off ? `${value} ${unit}: must be from ${low.toFixed(1)} to ${high.toFixed(1)} ${unit}.` : "";
@@ -330,7 +330,7 @@ function chooseMode(next) {
 
 function set() {
   const { first, second, set: setPoint } = MODES[mode];
-  // What a flow may be the board says.
+  // The board checks flows itself.
   const range = mode === "flow" ? undefined : limits();
   const fields = [[first, "first"], [second, "second"]].filter(([quantity]) => quantity);
   const values = fields.map(([[, unit, factor], id]) => [asked(id, unit, range), factor]);
@@ -349,7 +349,7 @@ function on(id, event, action) {
 }
 
 on("vent", "click", vent);
-// Before anything that has the focus: no button is pressed by space here, but by Enter.
+// Before the focused element gets the key: space vents, and buttons are pressed by Enter.
 addEventListener("keydown", (event) => {
   if (event.key !== "Escape" && event.key !== " ") return;
   event.preventDefault();

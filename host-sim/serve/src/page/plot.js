@@ -8,7 +8,7 @@ function step(span, count) {
   return [1, 2, 5, 10].find((m) => m * power >= rough) * power;
 }
 
-/** Index of the first value that is not below. */
+/** Index of the first element that is not below `value`. */
 function place(sorted, value) {
   let low = 0, high = sorted.length;
   while (low < high) {
@@ -187,7 +187,7 @@ export class Plot {
     });
   }
 
-  /** From and to of what is without a gap. */
+  /** Index ranges without a gap. */
   stretches(values, from, to) {
     const { time } = this.shared;
     const found = [];
@@ -201,7 +201,7 @@ export class Plot {
     return found;
   }
 
-  /** Least and largest value of every pixel, where there is more than one. */
+  /** Least and largest value of every pixel that has more than one. */
   line(g, x, y, values, factor, from, to) {
     const { time } = this.shared;
     let column = null, low = 0, high = 0;

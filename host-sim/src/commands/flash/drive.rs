@@ -1,4 +1,4 @@
-//! The drive that a board in its boot loader is.
+//! The drive of a board in its boot loader.
 
 use super::{FlashError, Model};
 use std::fs::{self, File};
@@ -6,25 +6,19 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_files::input::InputError;
 
-/// What every such drive holds, and nothing else does.
+/// The file by which such a drive is recognised.
 const INFO: &str = "INFO_UF2.TXT";
-/// What is written there; the name is anybody's choice.
+/// The boot loader accepts any name.
 const FILE: &str = "thermyo.uf2";
 
-/// A drive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Drive {
-    /// Where it is mounted.
     pub path: PathBuf,
-    /// What it takes.
     pub model: Model,
 }
 
 impl Drive {
-    /// The drive that is mounted at a folder.
-    ///
-    /// # Errors
-    /// [`FlashError::NoDrive`], [`FlashError::UnknownBoard`]
+    /// The boot loader's drive that is mounted at a folder.
     pub fn at(path: &Path) -> Result<Self, FlashError> {
         let text = fs::read_to_string(path.join(INFO))
             .map_err(|_| FlashError::NoDrive { path: path.to_path_buf() })?;
@@ -37,10 +31,7 @@ impl Drive {
         Ok(Self { path: path.to_path_buf(), model })
     }
 
-    /// Writes a UF2 file. The board restarts with its last byte, and the drive is gone.
-    ///
-    /// # Errors
-    /// [`FlashError::Input`]
+    /// Writes a UF2 file. The board restarts after the last byte, and the drive disappears.
     pub fn write(&self, content: &[u8]) -> Result<(), FlashError> {
         let path = self.path.join(FILE);
         let written = File::create(&path)
@@ -50,12 +41,12 @@ impl Drive {
             Err(error) if self.path.join(INFO).exists() => {
                 Err(InputError::output(&path, &error).into())
             }
-            // It may be gone before the system has finished.
+            // The drive may disappear before the system has finished.
             _ => Ok(()),
         }
     }
 
-    /// Whether it is one, and not a folder with the files of one.
+    /// Whether a drive is mounted, and not only a folder with the files of one.
     pub fn is_mounted(&self) -> bool {
         #[cfg(unix)]
         {
@@ -75,7 +66,7 @@ pub fn find(folders: &[PathBuf]) -> Vec<Drive> {
     folders.iter().filter_map(|folder| Drive::at(folder).ok()).collect()
 }
 
-/// Where drives are mounted.
+/// Folders at which drives are mounted.
 pub fn mounts() -> Vec<PathBuf> {
     if cfg!(target_os = "linux") {
         let mounts = fs::read_to_string("/proc/self/mounts").unwrap_or_default();
@@ -88,13 +79,13 @@ pub fn mounts() -> Vec<PathBuf> {
     volumes.filter_map(|entry| Some(entry.ok()?.path())).collect()
 }
 
-/// Where a line of Linux's list of mounts has mounted a FAT: nothing else is worth a look, and what hangs is
-/// none.
+/// Mount point of a FAT in a line of Linux's list of mounts. Other file systems are not looked
+/// into: they cannot be such a drive, and may hang.
 fn fat_mount(line: &str) -> Option<PathBuf> {
     let mut fields = line.split(' ').skip(1);
     let folder = fields.next()?;
     let fat = fields.next().is_some_and(|kind| ["vfat", "msdos"].contains(&kind));
-    // proc(5): what would end a field is written in octal.
+    // proc(5): characters that would end a field are written in octal.
     fat.then(|| folder.replace("\\040", " ").replace("\\011", "\t").into())
 }
 

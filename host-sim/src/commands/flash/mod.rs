@@ -1,5 +1,5 @@
-//! `thermyo flash`: puts the firmware of this program or its checkout on a board, through the boot loader that its chip is
-//! born with.
+//! `thermyo flash`: flashes the firmware of this program or its checkout through the chip's
+//! built-in boot loader.
 
 mod drive;
 mod uf2;
@@ -19,17 +19,16 @@ use thermyo_boards::line::Line;
 use thermyo_files::input::InputError;
 use thermyo_simulation::board::BoardError;
 
-/// A board that has not come as a drive, or back from it, after this time will not.
+/// A drive or a board that has not appeared after this time is reported as missing.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Time between two looks.
+/// Polling interval.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// A board with a boot loader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Model {
-    /// Raspberry Pi Pico.
+    /// Raspberry Pi Pico
     Pico,
-    /// Raspberry Pi Pico 2.
+    /// Raspberry Pi Pico 2
     Pico2,
 }
 
@@ -44,7 +43,7 @@ impl Model {
         }
     }
 
-    /// What its boot loader calls it.
+    /// Name of the board in its boot loader.
     fn board_id(self) -> &'static str {
         match self {
             Self::Pico => "RPI-RP2",
@@ -59,7 +58,8 @@ impl Model {
         }
     }
 
-    /// Of UF2 files; the RP2350's is that of its Arm cores in secure state, in which the firmware runs.
+    /// Family of UF2 files; for the RP2350 the one of Arm cores in secure state, where the firmware
+    /// runs.
     fn family(self) -> u32 {
         match self {
             Self::Pico => 0xe48b_ff56,
@@ -77,90 +77,61 @@ impl fmt::Display for Model {
     }
 }
 
-/// What was done.
 #[derive(Debug, Serialize)]
 pub struct Flashed {
     /// The port or the drive that was named or found.
     target: String,
-    /// What it is.
     chip: String,
     /// Size of the UF2.
     bytes: usize,
-    /// Not in a dry run.
+    /// False in a dry run.
     written: bool,
-    /// Where the board runs it; none where no board has restarted.
+    /// Port of the restarted board; none if no board has restarted.
     port: Option<String>,
 }
 
-/// Why nothing was flashed, or not what should be.
 #[derive(Debug, thiserror::Error)]
 pub enum FlashError {
-    /// No board, and none was named.
+    /// There is no board, and none was named.
     #[error(
         "no board was found: plug one in, holding its BOOTSEL button where it does not run this \
          firmware yet, or name its port or its drive"
     )]
     NothingFound,
-    /// More than one, and none was named.
+    /// There is more than one, and none was named.
     #[error("several boards were found: name one of {}", .0.join(", "))]
     Several(Vec<String>),
-    /// A folder that is none of a boot loader.
+    /// The folder is not the drive of a boot loader.
     #[error(
         "{}: has no INFO_UF2.TXT: it is not the drive of a board in its boot loader; plug the board in with \
          BOOTSEL held, and name the drive that appears",
         path.display()
     )]
-    NoDrive {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// A boot loader of a chip that there is no firmware for.
+    NoDrive { path: PathBuf },
+    /// There is no firmware for this chip.
     #[error(
-        "{}: its INFO_UF2.TXT says Board-ID {id:?}: must be RPI-RP2 (Pico) or RP2350 (Pico 2)",
+        "{}: its INFO_UF2.TXT has Board-ID {id:?}: must be RPI-RP2 (Pico) or RP2350 (Pico 2)",
         path.display()
     )]
-    UnknownBoard {
-        /// Its drive.
-        path: PathBuf,
-        /// What it says.
-        id: String,
-    },
-    /// `--chip` says otherwise.
+    UnknownBoard { path: PathBuf, id: String },
+    /// The board differs from `--chip`.
     #[error("{target} is a {found}: leave --chip {wanted} out, or name another board")]
-    OtherChip {
-        /// The board.
-        target: String,
-        /// What it is.
-        found: Model,
-        /// What it was taken for.
-        wanted: Model,
-    },
-    /// Something else at a port.
+    OtherChip { target: String, found: Model, wanted: Model },
+    /// The device at the port is not a Thermyo board.
     #[error(
         "{port}: nothing answers as Thermyo: plug the board in with BOOTSEL held, and name the drive that \
          appears"
     )]
-    NotThermyo {
-        /// The port.
-        port: String,
-    },
-    /// A board without a boot loader.
+    NotThermyo { port: String },
+    /// The board has no boot loader.
     #[error("{port}: this board is flashed through its probe: docs/reference/nucleo.md")]
-    Probe {
-        /// The port.
-        port: String,
-    },
-    /// The board does not do as it is told, or the firmware does not build.
+    Probe { port: String },
+    /// The board does not answer or refuses, or the firmware does not build.
     #[error(transparent)]
     Board(#[from] BoardError),
-    /// The image is none.
+    /// The image cannot be converted.
     #[error("{}: {problem}", path.display())]
-    Image {
-        /// The image.
-        path: PathBuf,
-        /// What is wrong with it.
-        problem: String,
-    },
+    Image { path: PathBuf, problem: String },
     /// The board is in its boot loader, and this machine does not show its drive.
     #[error(
         "{port} is in its boot loader, and no {} drive has appeared in {} s: connect its USB, mount the drive, and \
@@ -168,43 +139,31 @@ pub enum FlashError {
         model.board_id(),
         PATIENCE.as_secs()
     )]
-    NoDriveCame {
-        /// Where the board was.
-        port: String,
-        /// What it is.
-        model: Model,
-    },
+    NoDriveCame { port: String, model: Model },
     /// The drive cannot be written.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// It was flashed, and does not answer.
+    /// The board was flashed and does not answer.
     #[error(
-        "the firmware is written, and no board has answered in {} s: its LED tells why (docs/reference/board.md)",
+        "the firmware is written, and no board has answered in {} s: its LED shows why (docs/reference/board.md)",
         PATIENCE.as_secs()
     )]
     NotBack,
-    /// It was flashed, and runs another firmware.
+    /// The board was flashed and runs another firmware.
     #[error("the firmware is written, and {port} runs {}: it was not taken", version_text(.found))]
-    OtherFirmware {
-        /// Where it answers.
-        port: String,
-        /// What it says.
-        found: Version,
-    },
+    OtherFirmware { port: String, found: Version },
 }
 
-/// What is asked for.
 #[derive(Debug, Default)]
 pub struct Request {
-    /// A port or a drive; nothing: the only board that is found.
+    /// A port or a drive; `None` takes the only board that is found.
     pub target: Option<String>,
-    /// What it must be.
+    /// Required model.
     pub model: Option<Model>,
-    /// Nothing is written, and no board restarted.
+    /// Writes nothing and restarts no board.
     pub dry_run: bool,
 }
 
-/// Where the board is.
 #[allow(clippy::large_enum_variant)] // One at a time.
 enum Target {
     Drive(Drive),
@@ -227,10 +186,8 @@ impl Target {
     }
 }
 
-/// Flashes a board. `mounts` are the folders where its drive may appear; `say` is told what happens.
-///
-/// # Errors
-/// [`FlashError`]
+/// Flashes a board. `mounts` returns the folders where its drive may appear; `say` gets progress
+/// messages.
 pub fn run(
     request: &Request,
     mounts: &dyn Fn() -> Vec<PathBuf>,
@@ -296,7 +253,7 @@ const fn number(text: &str) -> u16 {
     }
 }
 
-/// What a board says that it is.
+/// Chip and firmware version as text.
 pub fn version_text(version: &Version) -> String {
     let Version { firmware: [major, minor, patch], chip, protocol, hil } = version;
     let hil = if *hil { ", samples from the host" } else { "" };
@@ -316,7 +273,8 @@ fn named(name: &str) -> Result<Target, FlashError> {
     Ok(Target::Port { name: name.to_owned(), line, model })
 }
 
-/// The only board that is found: what waits for an image comes before what runs one.
+/// The only board that is found: one that waits for an image takes precedence over one that runs
+/// one.
 fn only(mounts: &dyn Fn() -> Vec<PathBuf>) -> Result<Target, FlashError> {
     let drives: Vec<String> =
         find(&mounts()).iter().map(|drive| drive.path.display().to_string()).collect();
@@ -331,7 +289,7 @@ fn only(mounts: &dyn Fn() -> Vec<PathBuf>) -> Result<Target, FlashError> {
     }
 }
 
-/// Puts a running board into its boot loader; its drive.
+/// Puts a running board into its boot loader; returns its drive.
 fn through_boot_loader(
     port: &str,
     mut line: Line,
@@ -350,7 +308,7 @@ fn through_boot_loader(
     wait_for(came).ok_or_else(|| FlashError::NoDriveCame { port: port.to_owned(), model })
 }
 
-/// The board that answers where it was, or where none was.
+/// The board that answers at its former port, or at a new one.
 fn back(port: Option<&str>, before: &[String]) -> Option<(String, Version)> {
     let new = usb::boards().into_iter().filter(|name| !before.contains(name));
     let mut names = port.map(str::to_owned).into_iter().chain(new);

@@ -1,5 +1,5 @@
-//! UF2, the format that a boot loader's drive takes (github.com/microsoft/uf2): blocks of 512 bytes, each of
-//! which says where in flash its 256 bytes belong.
+//! UF2, the format that a boot loader's drive takes (github.com/microsoft/uf2): blocks of 512
+//! bytes, each of which holds the address in flash of its 256 bytes.
 
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{LittleEndian, elf};
@@ -7,19 +7,16 @@ use std::collections::BTreeMap;
 
 const BLOCK: usize = 512;
 const PAGE: usize = 256;
-/// What the boot ROM erases at a time. It leaves pages of a sector that no block brings in whatever state they
-/// are (RP2040 datasheet, erratum E14): every sector is filled.
+/// The boot ROM erases this much at a time. Pages of a sector that no block writes are left
+/// undefined (RP2040 datasheet, erratum E14): every sector is filled.
 const SECTOR: u32 = 4096;
 const MAGIC_START: [u32; 2] = [0x0a32_4655, 0x9e5d_5157];
 const MAGIC_END: u32 = 0x0ab1_6f30;
 const FAMILY_IS_GIVEN: u32 = 0x2000;
-/// Flash, as the processor sees it.
+/// Address range of the flash.
 const FLASH: std::ops::Range<u32> = 0x1000_0000..0x1100_0000;
 
-/// The UF2 file of an image in ELF, for the boot loader of a family of chips.
-///
-/// # Errors
-/// What is wrong with the image.
+/// Converts an image in ELF to a UF2 file, for the boot loader of a family of chips.
 pub fn of_elf(image: &[u8], family: u32) -> Result<Vec<u8>, String> {
     let pages = pages(image)?;
     let count = pages.len() as u32;
@@ -45,7 +42,7 @@ pub fn of_elf(image: &[u8], family: u32) -> Result<Vec<u8>, String> {
     Ok(pages.into_iter().enumerate().flat_map(block).collect())
 }
 
-/// What the image puts into flash, by address.
+/// Content of the flash by address.
 fn pages(image: &[u8]) -> Result<BTreeMap<u32, [u8; PAGE]>, String> {
     let damaged = |error: object::Error| error.to_string();
     let file = ElfFile32::<LittleEndian>::parse(image).map_err(damaged)?;
@@ -57,7 +54,7 @@ fn pages(image: &[u8]) -> Result<BTreeMap<u32, [u8; PAGE]>, String> {
         if segment.p_type(LittleEndian) != elf::PT_LOAD || data.is_empty() {
             continue;
         }
-        // Where it is stored, not where it runs.
+        // The address at which it is stored, not at which it runs.
         let start = segment.p_paddr(LittleEndian);
         let end = start.checked_add(data.len() as u32).filter(|end| *end <= FLASH.end);
         let Some(end) = end.filter(|_| start >= FLASH.start) else {
@@ -114,7 +111,7 @@ mod tests {
     fn blocks_are_as_the_format_says_and_fill_every_sector() {
         let image = elf_with(&[(0x1000_0000, &[1; 300]), (0x1000_20f0, &[2; 32])]);
         let file = of_elf(&image, 0xe48b_ff56).unwrap();
-        // A sector each, the one between them untouched.
+        // A sector each; the one between them is left alone.
         assert_eq!(file.len(), 32 * 512);
         let addresses = (0x1000_0000..0x1000_1000).chain(0x1000_2000..0x1000_3000).step_by(256);
         for ((number, block), address) in file.chunks(512).enumerate().zip(addresses) {

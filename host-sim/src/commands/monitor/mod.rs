@@ -1,7 +1,7 @@
 //! `thermyo monitor`: records a board behind a serial port, with a line of figures.
 //!
-//! The session asks the board and records its answers; the view prints the session's state. At a terminal the
-//! monitor waits for a board that is unplugged, and asks again when it is back.
+//! The session queries the board and records its answers; the view prints the session's state. At a
+//! terminal the monitor waits for a board that is unplugged, and connects again when it is back.
 
 mod session;
 pub mod view;
@@ -19,39 +19,37 @@ use thermyo_files::output::OutputDir;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 
-/// Why a monitor ends before it is told to.
+/// Errors that end a monitor.
 #[derive(Debug, thiserror::Error)]
 pub enum MonitorError {
-    /// The port cannot be opened, or what is behind it speaks another protocol.
+    /// The port cannot be opened, or the board uses another protocol.
     #[error(transparent)]
     Board(#[from] BoardError),
     /// The recording cannot be written.
     #[error("the recording cannot be written: {0}")]
     Recording(io::Error),
-    /// Nor what goes with it.
+    /// A file beside the recording cannot be written.
     #[error(transparent)]
     Output(#[from] InputError),
-    /// Nobody sees that it is waited for.
-    #[error("the line to the board is gone; what it said until then is recorded")]
+    /// Without a terminal a lost line ends the recording.
+    #[error("the line to the board is gone; the rows until then are recorded")]
     Gone,
-    /// Its keys cannot be read, or nothing can be written to it.
+    /// The keys cannot be read, or nothing can be printed.
     #[error("the terminal cannot be used: {0}")]
     Terminal(io::Error),
 }
 
-/// What ended a monitor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// Its key.
+    /// The key for leaving was pressed.
     Left,
-    /// Ctrl-C.
+    /// Ctrl-C was pressed.
     Stopped,
 }
 
-/// Where a monitor shows its figures.
+/// Where a monitor prints its figures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shown {
-    /// Nowhere.
     Not,
     /// In lines, one after the other.
     Lines,
@@ -59,12 +57,9 @@ pub enum Shown {
     Terminal,
 }
 
-/// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents a driven board; `config.json` in `out` lists every
-/// configuration of the board, `scenario.toml` is the scenario of the last one. Without a terminal it records until
-/// Ctrl-C, or until the line is gone.
-///
-/// # Errors
-/// [`MonitorError`]; the rows until then are recorded.
+/// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents a driven board. `config.json`
+/// in `out` lists every configuration of the board, `scenario.toml` is the scenario of the last
+/// one. Without a terminal it records until Ctrl-C, or until the line is lost.
 pub fn run(
     session: &mut Session,
     out: &mut OutputDir,
@@ -75,7 +70,7 @@ pub fn run(
         enable_raw_mode().map_err(MonitorError::Terminal)?;
         let _keys = Keys;
         let outcome = watch(session, out, shown, to);
-        // The next output begins below the figures.
+        // The next output starts below the figures.
         let _ = write!(to, "\r\n");
         outcome
     } else {
@@ -86,7 +81,7 @@ pub fn run(
     outcome.and_then(|ended| finished.map(|()| ended))
 }
 
-/// Keys come one by one, and are not echoed, until it is dropped.
+/// Raw mode until dropped: keys arrive one by one and are not echoed.
 struct Keys;
 
 impl Drop for Keys {
@@ -113,9 +108,9 @@ fn watch(
             let json =
                 serde_json::to_string_pretty(session.configurations()).expect("plain data") + "\n";
             out.text("config.json", &json)?;
-            // A configuration that no scenario may have is in the other file all the same.
-            if let Ok(said) = from_config::say(&session.config()) {
-                out.text("scenario.toml", &thermyo_setup::render(&said.scenario))?;
+            // A configuration that no scenario can express is still in `config.json`.
+            if let Ok(scenario) = from_config::say(&session.config()) {
+                out.text("scenario.toml", &thermyo_setup::render(&scenario.scenario))?;
             }
         }
         view.show(to, session).map_err(MonitorError::Terminal)?;
@@ -136,13 +131,12 @@ fn watch(
     }
 }
 
-/// What the user wants.
 enum Key {
     Leave,
     Stop,
     Vent,
     Arm,
-    /// Another set point, by so many steps.
+    /// Moves the set point by so many steps.
     Move(f32),
 }
 

@@ -1,4 +1,4 @@
-//! What a monitor knows of its board, and how it stays connected.
+//! State of a monitored board, and its connection.
 
 use super::MonitorError;
 use model_core::control::Mode;
@@ -14,40 +14,38 @@ use thermyo_boards::{port, serial_port};
 use thermyo_record::board_trace::Recorder;
 use thermyo_simulation::board::BoardError;
 
-/// Time between two attempts to open a port that is gone, and between two questions.
+/// Interval of attempts to open a lost port, and of requests.
 const RETRY: Duration = Duration::from_millis(500);
-/// A board that says nothing for so long is not there.
+/// A board without telemetry for this long counts as silent.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Telemetry is asked for once per this many steps: 100 Hz.
+/// Telemetry is requested once per this many steps: 100 Hz.
 const DIVIDER: u16 = 10;
-/// Time between two words of a host that has nothing to ask: a fraction of `link.timeout_s`.
+/// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
 const ALIVE: Duration = Duration::from_millis(100);
-/// Questions whose answers are looked for: those of some seconds, fewer than there are sequence numbers.
+/// Requests whose answers are awaited: those of some seconds, fewer than there are sequence
+/// numbers.
 const OPEN_QUESTIONS: usize = 64;
-/// The pressure's set point is moved by multiples of this \[Pa\].
+/// Increment of the pressure's set point \[Pa\].
 pub const MOVE_PA: f32 = 5.0e3;
 
-/// State of the connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// Telemetry comes.
+    /// Telemetry arrives.
     Connected,
-    /// The port is open, and the board says nothing.
+    /// The port is open, and no telemetry arrives.
     Silent,
-    /// The port is gone; it is tried again and again.
+    /// The port is lost; opening it is tried again and again.
     Unplugged,
 }
 
-/// What the board was configured to be, from some row of the record on.
+/// A configuration of the board, used from some row of the record on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Configured {
     /// Rows recorded before it was known.
     pub rows_before: u64,
-    /// What the board says.
     pub config: Config,
 }
 
-/// A monitor's session with one port.
 pub struct Session {
     name: String,
     port: Option<Box<dyn Port>>,
@@ -65,15 +63,11 @@ pub struct Session {
     connections: u32,
     latest: Option<Telemetry>,
     wanted: Option<f32>,
-    said: Instant,
+    last_sent: Instant,
     refused: Option<Refusal>,
 }
 
 impl Session {
-    /// Opens a port.
-    ///
-    /// # Errors
-    /// [`BoardError::NoPort`]
     pub fn open(name: &str, recorder: Recorder) -> Result<Self, BoardError> {
         let now = Instant::now();
         Ok(Self {
@@ -93,15 +87,15 @@ impl Session {
             connections: 1,
             latest: None,
             wanted: None,
-            said: now,
+            last_sent: now,
             refused: None,
         })
     }
 
-    /// Takes what has come, asks what is not known, opens again what is gone.
+    /// Reads new data, requests missing data and reopens a lost port.
     ///
     /// # Errors
-    /// [`BoardError::Protocol`], and those of the recording. A line that breaks is no error.
+    /// [`BoardError::Protocol`], and errors of the recording. A line that breaks is no error.
     pub fn poll(&mut self) -> Result<(), MonitorError> {
         self.recorder.hand_over_in_time().map_err(MonitorError::Recording)?;
         let Some(port) = &mut self.port else {
@@ -118,7 +112,7 @@ impl Session {
         while let Some(telemetry) = self.link.take_telemetry() {
             self.heard = Instant::now();
             let config = self.config();
-            // While it judges its sensors after a start, the core counts no step.
+            // The core does not count the steps of its startup check.
             if telemetry.mode == Mode::Judging {
                 continue;
             }
@@ -129,14 +123,14 @@ impl Session {
         }
         if self.asked.is_none_or(|at| at.elapsed() > RETRY) {
             self.ask();
-        } else if self.said.elapsed() > ALIVE {
+        } else if self.last_sent.elapsed() > ALIVE {
             self.send(HostCommand::Alive);
         }
         Ok(())
     }
 
     fn send(&mut self, command: HostCommand) {
-        self.said = Instant::now();
+        self.last_sent = Instant::now();
         let (sequence, frame) = self.link.request(command);
         self.questions.push(sequence);
         if let Some(port) = &mut self.port
@@ -146,13 +140,12 @@ impl Session {
         }
     }
 
-    /// Vents.
     pub fn vent(&mut self) {
         self.wanted = None;
         self.send(HostCommand::Stop);
     }
 
-    /// Vents what is driven: nobody looks after it any more.
+    /// Vents a driven muscle before it is left alone.
     pub fn let_go(&mut self) {
         if self.latest.is_some_and(|telemetry| telemetry.set_point != SetPoint::Vent) {
             self.vent();
@@ -165,7 +158,7 @@ impl Session {
         self.send(HostCommand::Arm { most_pa: None });
     }
 
-    /// Moves the pressure's set point, from what is measured if there is none \[Pa\].
+    /// Moves the pressure's set point, from the measured pressure if there is none \[Pa\].
     pub fn move_set_point(&mut self, by_pa: f32) {
         let Some(telemetry) = self.latest else { return };
         let config = self.config();
@@ -176,12 +169,12 @@ impl Session {
         self.send(HostCommand::Set(SetPoint::Pressure { pressure_pa }));
     }
 
-    /// Why the board did not do what was asked last.
+    /// Refusal of the last request.
     pub fn refused(&self) -> Option<Refusal> {
         self.refused
     }
 
-    /// What the board has said last of what changes rarely.
+    /// Latest status that the board sent.
     pub fn last_status(&self) -> Option<model_core::link::Status> {
         self.link.status()
     }
@@ -194,7 +187,7 @@ impl Session {
         self.tried = Instant::now();
         if let Ok(port) = port::open(&self.name) {
             self.port = Some(port);
-            // Half a frame may have been lost, and the board may have started anew.
+            // Half a frame may be lost, and the board may have restarted.
             self.link = Link::default();
             self.questions.clear();
             self.asked = None;
@@ -204,7 +197,7 @@ impl Session {
 
     fn ask(&mut self) {
         self.asked = Some(Instant::now());
-        // What was asked long ago is not answered any more.
+        // Old requests are not answered any more.
         self.questions.drain(..self.questions.len().saturating_sub(OPEN_QUESTIONS));
         for command in [
             HostCommand::Version,
@@ -247,7 +240,6 @@ impl Session {
         }
     }
 
-    /// State of the connection.
     pub fn status(&self) -> Status {
         match &self.port {
             None => Status::Unplugged,
@@ -256,7 +248,6 @@ impl Session {
         }
     }
 
-    /// Name of the port.
     pub fn port(&self) -> &str {
         &self.name
     }
@@ -266,7 +257,7 @@ impl Session {
         self.connections
     }
 
-    /// The board's configuration; the usual one until it says.
+    /// The board's configuration; the default until it is known.
     pub fn config(&self) -> Config {
         self.configurations.last().map_or_else(Config::default, |last| last.config)
     }
@@ -276,40 +267,32 @@ impl Session {
         &self.configurations
     }
 
-    /// Who the board is.
     pub fn version(&self) -> Option<Version> {
         self.version
     }
 
-    /// What vented first since faults were last cleared.
+    /// The first venting fault since faults were last cleared.
     pub fn first_failure(&self) -> Option<FirstFailure> {
         self.first_failure
     }
 
-    /// Why the board started last.
     pub fn last_reset(&self) -> Option<LastReset> {
         self.last_reset
     }
 
-    /// How its steps are timed.
     pub fn timing(&self) -> Option<Timing> {
         self.timing
     }
 
-    /// The latest telemetry.
     pub fn latest(&self) -> Option<&Telemetry> {
         self.latest.as_ref()
     }
 
-    /// Rows recorded.
     pub fn rows(&self) -> u64 {
         self.recorder.rows()
     }
 
     /// Ends the recording.
-    ///
-    /// # Errors
-    /// Those of the file.
     pub fn finish(&mut self) -> Result<(), MonitorError> {
         self.recorder.hand_over().map_err(MonitorError::Recording)
     }

@@ -1,4 +1,4 @@
-//! A session in words: notes, each printed when it changes, and one line of figures.
+//! A session as text: notes, each printed when it changes, and one line of figures.
 
 use super::{Session, Shown, Status};
 use crossterm::terminal;
@@ -13,12 +13,12 @@ use thermyo_record::board_trace::kind_and_values;
 /// The keys at a terminal.
 pub const KEYS: &str = "space vents, Ctrl-C vents and leaves, a arms, arrows move the pressure";
 
-/// Time between two figures in a terminal's line.
+/// Interval of the figures in a terminal's line.
 const REFRESH: Duration = Duration::from_millis(100);
-/// Time between two lines of figures.
+/// Interval of the lines of figures.
 const LINE: Duration = Duration::from_secs(1);
 
-/// The latest of a session that was printed.
+/// Prints a session; remembers what was printed last.
 pub(super) struct View {
     shown: Shown,
     notes: Vec<String>,
@@ -30,15 +30,12 @@ impl View {
         Self { shown, notes: Vec::new(), figures: None }
     }
 
-    /// Prints new notes, and figures when it is time for them.
-    ///
-    /// # Errors
-    /// Those of `to`.
+    /// Prints new notes, and figures when they are due.
     pub(super) fn show(&mut self, to: &mut dyn Write, session: &Session) -> io::Result<()> {
         let (begin, end, pause) = match self.shown {
             Shown::Not => return Ok(()),
             Shown::Lines => ("", "\n", LINE),
-            // A raw terminal does not go back to the first column by itself.
+            // A raw terminal does not return to the first column by itself.
             Shown::Terminal => ("\r\x1b[K", "\r\n", REFRESH),
         };
         if self.figures.is_some_and(|at| at.elapsed() < pause) {
@@ -56,7 +53,7 @@ impl View {
         let Some(figures) = figures(session) else { return to.flush() };
         match self.shown {
             Shown::Terminal => {
-                // A line that wraps cannot be written over.
+                // A wrapped line cannot be overwritten.
                 let columns = terminal::size().map_or(80, |(columns, _)| columns);
                 let most = usize::from(columns).saturating_sub(1);
                 let line: String = figures.chars().take(most).collect();
@@ -103,7 +100,7 @@ pub fn notes(session: &Session) -> Vec<String> {
     [connection, arming, restart, first, refused].into_iter().flatten().collect()
 }
 
-/// The latest telemetry in one line, the most important first: a narrow terminal cuts the rest off.
+/// The latest telemetry in one line, the most important first: a narrow terminal truncates it.
 pub fn figures(session: &Session) -> Option<String> {
     let telemetry = session.latest()?;
     let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
