@@ -1,4 +1,4 @@
-//! The measurements: what the plant is compared with, and what drove it.
+//! Measurements that the plant is compared with, and the recorded inputs that drove it.
 
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
@@ -10,16 +10,16 @@ use thermyo_scenario::{DriveKind, PlantKind, Scenario, Sensors};
 use thermyo_setup::OBSERVABLE;
 use thermyo_simulation::adc::OVERSAMPLING;
 
-/// Relative change above which a column of volumes is a piston's stroke.
+/// Relative change of volume above which the column describes a piston's stroke.
 const STROKE: f64 = 1e-6;
 
-/// Distance of two rows, in typical ones, from which on what lies between them was not recorded.
+/// Distance of two rows, in typical distances, from which on there is a hole in the record.
 const HOLE_ROWS: f64 = 20.0;
 
-/// Longest typical distance of rows that tell how a muscle moved \[s\].
+/// Longest typical distance of rows at which they resolve a muscle's motion \[s\].
 const SLOWEST_S: f64 = 1.0;
 
-/// Steps of a raw code over a sensor's range.
+/// LSBs of a raw code over a sensor's range.
 const CODE_STEPS: f64 = 32_760.0;
 
 /// A quantity that the plant is compared with.
@@ -41,7 +41,7 @@ impl Quantity {
         OBSERVABLE.iter().zip(all).find(|(known, _)| **known == name).map(|(_, quantity)| quantity)
     }
 
-    /// The trace's name for it.
+    /// Column of the trace.
     pub fn column(self) -> &'static str {
         OBSERVABLE[self as usize]
     }
@@ -58,7 +58,7 @@ impl Quantity {
     }
 
     /// Standard deviation of one measured value: noise, averaged over a code's conversions, and the
-    /// step of the code.
+    /// LSB of the code.
     fn deviation(self, sensor: &Sensors) -> f64 {
         let sum = |digital| if digital { 1.0 } else { f64::from(OVERSAMPLING) };
         let conversions = f64::from(OVERSAMPLING);
@@ -73,17 +73,15 @@ impl Quantity {
                 (sensor.length.noise_m, sensor.length.range_m / CODE_STEPS, conversions)
             }
             Self::SensorGas => (sensor.gas.noise_k, gas_step_k, of_gas),
-            // Recorded as a number.
+            // The wall's reading is recorded as a number, not as a code.
             Self::SensorWall => (sensor.wall.noise_k, gas_step_k, 1.0),
         };
         (noise / readings.sqrt()).hypot(step / 12.0_f64.sqrt())
     }
 }
 
-/// One measured column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observed {
-    /// What was measured.
     pub quantity: Quantity,
     /// (time \[s\], value), times rising.
     pub points: Vec<(f64, f64)>,
@@ -91,20 +89,20 @@ pub struct Observed {
     pub deviation: f64,
 }
 
-/// What drove the plant while it was measured: (time \[s\], inlet, outlet).
+/// Recorded inputs of the plant: (time \[s\], inlet, outlet).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
-    /// Nothing but what the scenario says: closed, discharging, filling.
+    /// The drive follows from the scenario alone: closed, discharging, filling.
     Scenario,
     /// Mean mass flows \[kg/s\] since the row before.
     Flows(Vec<(f64, [f64; 2])>),
-    /// Shares of the time that the valves are open, until the next row.
+    /// Duties of the valves, until the next row.
     Duties(Vec<(f64, [f64; 2])>),
     /// Pressure and length of a muscle whose gas sensor alone is compared.
     Given(Given),
 }
 
-/// What was measured of the gas, and what the valves were driven to.
+/// Measurements of the gas, and the duties of the valves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Given {
     /// Absolute pressure \[Pa\].
@@ -117,26 +115,26 @@ pub struct Given {
     pub sensor_k: f64,
 }
 
-/// Measurements, ready to be compared with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Data {
-    /// The columns that count.
+    /// Columns that are compared.
     pub observed: Vec<Observed>,
-    /// What drove the plant.
+    /// Recorded inputs of the plant.
     pub input: Input,
     /// A piston's volume over time \[m3\], where the data has it.
     pub volume: Option<Profile>,
     /// Typical distance of two rows \[s\].
     pub spacing_s: f64,
-    /// Where what drove the plant was not recorded: from, to \[s\].
+    /// Intervals without recorded inputs: from, to \[s\].
     pub holes: Vec<[f64; 2]>,
 }
 
 impl Data {
-    /// What a fit needs of `measured`, for that scenario; `path` is what messages call it.
+    /// Selects the columns of `measured` that a fit of `scenario` needs; `path` names them in
+    /// messages.
     ///
     /// # Errors
-    /// When the columns that the scenario needs are not there, or hold less than it asks for.
+    /// When needed columns are missing or have too few values.
     pub fn new(measured: &Measured, path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
         let column = |name: &str| measured.columns.iter().find(|column| column.name == name);
         let needed = |name: &str| {
@@ -233,7 +231,7 @@ impl Data {
         let mut recorded: Vec<Vec<f64>> =
             bridged.into_iter().map(|profile| times(profile.points()).collect()).collect();
         if matches!(input, Input::Flows(_) | Input::Duties(_)) {
-            // They hold over rows that leave them out.
+            // Flows and duties hold over rows in which their cells are empty.
             let mut rows: Vec<f64> =
                 measured.columns.iter().flat_map(|column| times(&column.points)).collect();
             rows.sort_by(f64::total_cmp);
@@ -256,7 +254,7 @@ impl Data {
         Ok(Self { spacing_s: spacing(&observed), observed, input, volume, holes })
     }
 
-    /// Last time that something is compared at \[s\].
+    /// Time of the last compared value \[s\].
     pub fn end_s(&self) -> f64 {
         self.observed
             .iter()
@@ -264,7 +262,7 @@ impl Data {
             .fold(0.0, |end, point| end.max(point.0))
     }
 
-    /// Measured values in all columns.
+    /// Number of measured values in all columns.
     pub fn values(&self) -> usize {
         self.observed.iter().map(|observed| observed.points.len()).sum()
     }
@@ -294,14 +292,14 @@ fn median_distance(times_s: &[f64]) -> f64 {
     distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Between which of these times nothing was recorded for long.
+/// Gaps between these times that are much longer than usual.
 fn holes(times_s: &[f64]) -> Vec<[f64; 2]> {
     let longest_s = HOLE_ROWS * median_distance(times_s);
     let pairs = times_s.windows(2).map(|pair| [pair[0], pair[1]]);
     pairs.filter(|[from_s, to_s]| to_s - from_s > longest_s).collect()
 }
 
-/// What holds at a time, of rows that each hold until the next; `row` is where the last call looked.
+/// Value at a time from rows that each hold until the next; `row` is where the last call stopped.
 pub fn holding(rows: &[(f64, [f64; 2])], row: &mut usize, time_s: f64) -> [f64; 2] {
     *row += rows[*row + 1..].iter().take_while(|(time, _)| *time <= time_s).count();
     rows[*row].1
