@@ -1,4 +1,4 @@
-//! The table: every value before and after, how sure it is, and why some were kept.
+//! Table of the values before and after, their errors, and the reasons why some were kept.
 
 use super::check::{Checked, Figures};
 use super::experiment::Record;
@@ -13,34 +13,31 @@ use thermyo_scenario::schema::limits;
 use thermyo_scenario::{PlantModel, number};
 use thermyo_setup::Loaded;
 
-/// Relative difference up to which two errors on the check's sine are as good as each other \[-\].
+/// Relative difference up to which two errors on the check's sine count as equal \[-\].
 const EQUAL: f64 = 0.1;
 
-/// One value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parameter {
-    /// Path of its key.
     pub path: &'static str,
-    /// What the core was configured with \[unit\].
+    /// Value in the core's configuration before tuning \[unit\].
     pub before: f64,
-    /// What it is configured with from now on \[unit\].
+    /// Value after tuning \[unit\].
     pub after: f64,
     /// Standard error \[unit\]; none where the value was kept or follows from a bound.
     pub standard_error: Option<f64>,
-    /// Unit.
     pub unit: &'static str,
-    /// Where it comes from, or why it was kept.
+    /// Source of the value, or the reason why it was kept.
     pub remark: String,
 }
 
-/// What parameters are made of.
+/// Inputs of the parameters.
 pub(super) struct Parts<'a> {
     pub configured: &'a Loaded,
     pub force: &'a Force,
     pub tunable: Tunable,
     /// Inlet and outlet.
     pub steps: [Steps; 2],
-    /// Whether the valves take time to switch.
+    /// The valves have a switching time.
     pub switching: bool,
     pub switch_time_s: Option<Measure>,
     pub delay_s: Measure,
@@ -174,23 +171,19 @@ impl Parameter {
     }
 }
 
-/// How the muscle followed with the values before and after.
+/// Tracking with the values before and after.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Check {
-    /// With what was configured.
     pub before: Figures,
-    /// With the tuned values.
     pub after: Figures,
 }
 
-/// `summary.json` of a tuning.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
     /// Length of the experiment \[s\].
     pub duration_s: f64,
     /// Highest pressure in it \[Pa\].
     pub highest_pa: f64,
-    /// Every value.
     pub parameters: Vec<Parameter>,
     /// From the pin to half of the opening, of the outlet \[s\].
     pub delay_s: f64,
@@ -198,13 +191,12 @@ pub struct Findings {
     pub pressure_noise_pa: f64,
     /// Noise of one reading of the length \[m\].
     pub length_noise_m: f64,
-    /// What the balance of forces leaves, RMS \[N\].
+    /// RMS residual of the balance of forces \[N\].
     pub force_rms_n: f64,
     /// Friction over its standard error \[-\].
     pub signal_to_noise: f64,
-    /// The same short motion with both.
     pub check: Check,
-    /// Whether the sine is followed closer than before, by a tenth at least.
+    /// The error of the sine has fallen by at least a tenth.
     pub improved: bool,
 }
 
@@ -231,12 +223,11 @@ impl Findings {
         }
     }
 
-    /// The value of a path after tuning.
     pub fn value(&self, path: &str) -> Option<&Parameter> {
         self.parameters.iter().find(|parameter| parameter.path == path)
     }
 
-    /// How the muscle follows the check's sine with the tuned values, in words.
+    /// Rating of the check's sine with the tuned values.
     pub fn word(&self) -> &'static str {
         let Check { before, after } = self.check;
         if self.improved {
@@ -248,7 +239,7 @@ impl Findings {
         }
     }
 
-    /// What the check says.
+    /// Result of the check in words.
     pub fn verdict(&self) -> String {
         let Check { before, after } = self.check;
         let figures = |f: &Figures| {
@@ -262,7 +253,6 @@ impl Findings {
         format!("check: the sine is followed {word}\n  before: {before}\n  after:  {after}")
     }
 
-    /// For a terminal.
     pub fn text(&self) -> String {
         let width = self.parameters.iter().map(|p| p.path.len()).max().unwrap_or(0);
         let mut text = format!(
@@ -284,7 +274,7 @@ impl Findings {
     }
 }
 
-/// Four digits, as TOML would have them.
+/// Four digits, in TOML's notation.
 fn plain(value: f64) -> String {
     if value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
         let digits = (3 - value.abs().max(1e-300).log10().floor() as i32).clamp(0, 9) as usize;
