@@ -1,4 +1,4 @@
-//! `thermyo board emulated`: the command as a user runs it, one process after the other, and every line of
+//! `thermyo board emulated` as users run it, one process after the other, and every command in
 //! `docs/how-to/start-a-board.md`.
 
 use model_core::SetPoint;
@@ -40,7 +40,7 @@ fn a_board_is_told_armed_driven_and_asked() {
         "{info}"
     );
 
-    // What it was configured with comes back, to the bit.
+    // The board returns its configuration, to the bit.
     let json = |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap();
     let checksum = |bench: &Bench| {
         json(bench.ok("thermyo board emulated info --json"))["status"]["config_checksum"].clone()

@@ -1,4 +1,4 @@
-//! The `thermyo` binary, tried wrong on purpose: one clear line, the right exit code, nothing left.
+//! Wrong uses of the `thermyo` binary: one clear line, the right exit code, no files left.
 
 use std::fs;
 use std::path::Path;
@@ -101,7 +101,7 @@ fn bad_input_is_one_line_and_exit_code_2() {
     }
 }
 
-/// A pipe or a device may have no end, and opening a pipe waits for its writer.
+/// A pipe or a device may be endless, and opening a pipe waits for its writer.
 #[cfg(unix)]
 #[test]
 fn only_regular_files_are_read() {
@@ -109,7 +109,7 @@ fn only_regular_files_are_read() {
     let pipe = folder.path().join("pipe.csv");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let writer = pipe.clone();
-    // Ends with the process where nothing reads the pipe.
+    // Ends with the process if the pipe has no reader.
     std::thread::spawn(move || {
         loop {
             let _ = fs::write(&writer, "time_s,pressure_pa\n0,1e5\n");
@@ -137,7 +137,7 @@ fn only_regular_files_are_read() {
     }
 }
 
-/// A run whose true gas temperature stands for a reference sensor.
+/// The true gas temperature of a run stands for a reference sensor.
 #[test]
 fn a_recording_is_judged_by_its_reference() {
     let folder = tempfile::tempdir().unwrap();
@@ -180,7 +180,7 @@ fn a_recording_is_judged_by_its_reference() {
     assert!((3.0..12.0).contains(&figure("bare_k")), "{}", figure("bare_k"));
     let whole_k = summary["rmse_k"]["sensor_gas"].as_f64().unwrap();
     assert!((figure("bare_k") / whole_k - 1.0).abs() < 0.2, "of the whole run: {whole_k}");
-    // 0, or 1 where the truth lies within two deviations too often.
+    // 0, or 1 where the true value lies within two deviations too often.
     let within = figure("within_2sd");
     let code = i32::from(!(0.85..=0.99).contains(&within));
     assert_eq!(judged.status.code(), Some(code), "{}", said(&judged));
@@ -301,7 +301,7 @@ fn a_report_begins_with_what_matters() {
         let page = fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
         (String::from_utf8(output.stdout).unwrap(), page)
     };
-    // The core takes a sensor of 10 s for one of 0.1 s, and believes it.
+    // The core is configured with 0.1 s for a sensor of 10 s.
     let (printed, told_wrong) = page(
         "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[sensor.gas]\ntime_constant_s = 10.0\n\
          [believed.sensor.gas]\ntime_constant_s = 0.1\n",
@@ -351,7 +351,7 @@ fn check_and_replay_take_json_and_quiet() {
     }
     assert!(Path::new(&again).join("earlier-1/report.html").exists());
     assert!(thermyo(&["check", &file, "--quiet"]).stdout.is_empty());
-    // The file, or the folder that it is in.
+    // The file, or its folder.
     let run = Path::new(&trace).parent().unwrap().display().to_string();
     for recorded in [&trace, &run] {
         let output = thermyo(&["replay", recorded, "--out", &again]);
@@ -394,7 +394,7 @@ fn ctrl_c_keeps_the_finished_rows_and_exits_130() {
     }
 }
 
-/// What cannot go on where it was keeps what it has finished, and says what that is.
+/// Interrupted work keeps its finished parts, and lists them.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
@@ -422,7 +422,7 @@ fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
-        // By then Ctrl-C is looked after.
+        // By then the handler of Ctrl-C is installed.
         while !out.join("unfinished-1").exists() {
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
@@ -486,7 +486,7 @@ fn an_output_folder_that_cannot_be_written_is_named() {
     assert_eq!(fs::read_to_string(&taken).unwrap(), "a file");
 }
 
-/// A limit on the size of files stands for a disk that is full.
+/// A limit on the size of files simulates a full disk.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_leaves_nothing_behind() {
@@ -547,7 +547,7 @@ fn a_run_that_would_not_end_does_not_begin() {
 #[test]
 fn a_diverging_plant_stops_with_time_and_state() {
     let folder = tempfile::tempdir().unwrap();
-    // A vessel whose piston squeezes the gas to a thousandth: the temperature leaves every range.
+    // A vessel whose piston compresses the gas to a thousandth: the temperature leaves every range.
     fs::write(folder.path().join("piston.csv"), "time_s,volume_m3\n0,0.001\n1,0.000001\n").unwrap();
     let file = scenario(
         folder.path(),
@@ -580,7 +580,7 @@ fn a_shipped_scenario_runs_where_its_file_is_not() {
     assert_eq!(unknown.status.code(), Some(2));
     assert!(said(&unknown).contains("scenarios/bellow.toml: no such file"), "{}", said(&unknown));
 
-    // The user's own goes before it.
+    // The user's own scenario takes precedence.
     fs::create_dir(folder.path().join("scenarios")).unwrap();
     fs::write(folder.path().join("scenarios/bellows.toml"), "[run]\nduration_s = 7.0\n").unwrap();
     let own = check("scenarios/bellows.toml");

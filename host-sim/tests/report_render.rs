@@ -1,6 +1,6 @@
-//! The report pages, from synthetic data: well-formed, escaped, small, and whole whatever the data.
+//! The report pages from synthetic data: well-formed, escaped, small, and complete with any data.
 //!
-//! The pages stay in the target folder's `tmp`, to be looked at.
+//! The pages stay in the target folder's `tmp` for inspection.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -45,7 +45,7 @@ const STEP_S: f64 = 0.001;
 const PERIOD_S: f64 = 5.0;
 const ZONES_K: [f64; 8] = [296.4, 298.3, 300.6, 302.7, 304.4, 305.9, 306.8, 307.3];
 
-/// A muscle-like run of 100 s: every column's shape, not the physics.
+/// A muscle-like run of 100 s: plausible columns without physics.
 fn recorded() -> (Recorder, Vec<(f64, f64)>) {
     let mut recorder = Recorder::new(&COLUMNS);
     let mut last_stroke = Vec::new();
@@ -261,7 +261,7 @@ fn keep(name: &str, page: &str) {
         .expect("the target folder is writable");
 }
 
-/// Number of elements, or what is wrong with the XML.
+/// Number of elements, or the error of the XML.
 fn elements(xml: &str) -> Result<usize, String> {
     let mut reader = Reader::from_str(xml);
     let mut count = 0;
@@ -373,7 +373,7 @@ fn a_cell_shows_its_value_where_there_is_room_for_it() {
             cells.map(|cell| &cell[cell.find('>').unwrap() + 1..cell.find('<').unwrap()]).collect();
         assert_eq!(texts, vec![shown; columns], "{map}");
     }
-    // Figures of ten columns would print over each other: they are told to who points at a cell.
+    // Figures of ten columns would overlap: they are shown only under the pointer.
     let map = narrow_map(10, 0.0123);
     assert_eq!(map.matches("cell-value").count(), 0, "{map}");
     assert_eq!(map.matches("<title>0.0123</title>").count(), 10, "{map}");
