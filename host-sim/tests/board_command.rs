@@ -9,7 +9,7 @@ use std::fs;
 use crate::board_support::{Bench, repository, skip_emulator};
 
 #[test]
-fn a_board_is_told_armed_driven_and_asked() {
+fn a_board_is_configured_armed_driven_and_queried() {
     if skip_emulator() {
         return;
     }
@@ -75,7 +75,7 @@ fn a_board_is_told_armed_driven_and_asked() {
 }
 
 #[test]
-fn what_is_saved_survives_the_power() {
+fn a_saved_configuration_survives_a_power_cut() {
     if skip_emulator() {
         return;
     }
@@ -98,7 +98,7 @@ fn what_is_saved_survives_the_power() {
 }
 
 #[test]
-fn what_is_done_to_a_board_is_said_as_json_too() {
+fn commands_to_a_board_print_json_on_request() {
     if skip_emulator() {
         return;
     }

@@ -181,7 +181,7 @@ fn interrupted(mut command: std::process::Command, file: &std::path::Path, bytes
 }
 
 #[test]
-fn a_drive_that_is_cut_says_so() {
+fn a_drive_that_is_cut_reports_it() {
     if skip_emulator() {
         return;
     }
@@ -205,7 +205,7 @@ fn a_drive_that_is_cut_says_so() {
 }
 
 #[test]
-fn a_set_point_that_is_let_go_says_so() {
+fn a_set_point_that_expires_is_reported() {
     if skip_emulator() {
         return;
     }
@@ -338,7 +338,7 @@ fn recorded(trace: &str) -> Vec<Vec<String>> {
 
 /// A limit on the size of files simulates a full disk.
 #[test]
-fn a_disk_that_fills_up_while_it_drives_vents_and_is_told() {
+fn a_disk_that_fills_during_a_drive_vents_and_is_reported() {
     if skip_emulator() {
         return;
     }

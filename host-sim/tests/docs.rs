@@ -85,7 +85,7 @@ fn missing(text: &str, folder: &Path, sources: &BTreeSet<String>) -> Vec<String>
 }
 
 #[test]
-fn what_the_documents_name_is_there() {
+fn files_named_in_documents_exist() {
     let sources = sources();
     let mut count = 0;
     for document in documents() {
@@ -123,7 +123,7 @@ fn no_line_of_a_document_is_longer_than_100_characters() {
 }
 
 #[test]
-fn what_is_not_there_is_found() {
+fn missing_files_are_found() {
     let text = "See `docs/gone.md`, scenarios/nominal.toml, `step.rs`, `physics/gas.rs`, `gone.rs`, `physics/step.rs`, [a plot](gone.svg), \
                 [another](docs/how-to/tune.md#by-hand), [far](https://example.org/gone), out/run/gone.csv, \
                 `cargo run -- run scenarios/gone.toml`. It is in `model-core/src/`.";

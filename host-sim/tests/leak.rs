@@ -125,7 +125,7 @@ fn the_estimate_of_a_hold_takes_the_leak_along() {
 /// Mean error below the set point without the loop's integral, over two seconds of a leak of 5 % a
 /// second \[Pa\].
 #[test]
-fn the_pressure_loop_feeds_a_leak_that_it_is_told() {
+fn the_pressure_loop_feeds_a_configured_leak() {
     let low_pa = |leak: &str| {
         let text = format!(
             "run = {{ duration_s = 3, log_every = 1 }}\n\
@@ -167,7 +167,7 @@ fn found_s(leak: &str, hole_m3_s_pa: f64) -> Option<f64> {
 }
 
 #[test]
-fn a_leak_counts_as_far_as_it_is_more_than_what_is_told() {
+fn only_leakage_beyond_the_configured_leak_counts() {
     // 8 % of the gas in a second.
     let leak = |configured: &str| {
         format!(

@@ -325,9 +325,10 @@ fn the_estimate_does_not_count_the_gas_in_a_line() {
         rms_difference(&estimate, &truth)
     };
     let volume_m3 = 1.0e-6 + 0.25 * PI * BORE_M * BORE_M * 4.0;
-    let [told_k, counted_k] = ["".to_owned(), format!("believed.tube.volume_m3 = {volume_m3}\n")]
-        .map(|believed| error_k(&believed));
-    println!("{told_k:.3} K, {counted_k:.3} K where it is counted");
-    assert!((0.05..0.3).contains(&told_k), "{told_k} K");
-    assert!((1.3..4.0).contains(&(counted_k / told_k)), "{counted_k} K");
+    let [ignored_k, counted_k] =
+        ["".to_owned(), format!("believed.tube.volume_m3 = {volume_m3}\n")]
+            .map(|believed| error_k(&believed));
+    println!("{ignored_k:.3} K, {counted_k:.3} K where it is counted");
+    assert!((0.05..0.3).contains(&ignored_k), "{ignored_k} K");
+    assert!((1.3..4.0).contains(&(counted_k / ignored_k)), "{counted_k} K");
 }

@@ -102,7 +102,7 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
 }
 
 #[test]
-fn what_is_no_address_is_told_and_nothing_is_written() {
+fn an_invalid_address_is_reported_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = folder.path().join("scenario.toml").display().to_string();
     fs::write(&scenario, SCENARIO).unwrap();

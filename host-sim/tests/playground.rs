@@ -93,7 +93,7 @@ fn its_trace_is_that_of_the_command_to_the_bit() {
 }
 
 #[test]
-fn what_is_wrong_with_a_scenario_is_one_line() {
+fn an_invalid_scenario_gives_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("wrong.toml");
     fs::write(&file, "[supply]\npressure_pa = 7\npressure = 7e5\n").unwrap();
@@ -127,7 +127,7 @@ fn its_own_page_is_replaced_and_no_other() {
 }
 
 #[test]
-fn it_says_what_makes_no_sense_and_that_it_takes_no_file() {
+fn it_warns_of_implausible_values_and_refuses_files() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scenario.toml");
     let script =

@@ -168,7 +168,7 @@ fn a_damaged_record_is_read_up_to_the_damage() {
 }
 
 #[test]
-fn identify_takes_what_is_whole_and_refuses_what_nobody_can_mean() {
+fn identify_uses_whole_rows_and_refuses_impossible_values() {
     let closed = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
                   parameters = [\"heat.inner_w_m2_k\"]\n";
     let (folder, config, out) = place(closed);

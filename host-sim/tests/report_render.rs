@@ -336,7 +336,7 @@ fn the_run_page_is_well_formed_whole_and_small() {
 }
 
 #[test]
-fn a_wide_table_says_in_each_cell_what_it_is() {
+fn a_wide_table_labels_each_cell() {
     let table = |columns: &[&str], row: &[&str]| {
         let texts = |all: &[&str]| all.iter().map(|text| (*text).to_owned()).collect();
         let table =
@@ -380,7 +380,7 @@ fn a_cell_shows_its_value_where_there_is_room_for_it() {
 }
 
 #[test]
-fn what_nothing_draws_anew_has_a_drawing_for_a_phone() {
+fn static_charts_have_a_narrow_version() {
     for figure in bars().iter().chain(&muscles()) {
         let narrow: Vec<&str> = figure.svg().split("<svg class=\"chart narrow\"").skip(1).collect();
         assert_eq!(narrow.len(), 1, "{}", figure.svg());
@@ -400,7 +400,7 @@ fn words_stand_at_their_places_on_an_axis() {
 }
 
 #[test]
-fn what_is_not_a_number_meets_no_target() {
+fn nan_meets_no_target() {
     let tile = Tile::new("Balance", f64::NAN, "").target("any", true);
     let page = Page::new("", "", "").tile(tile).render();
     assert!(page.contains("✗ missed") && !page.contains('✓'), "{page}");

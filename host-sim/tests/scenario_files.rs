@@ -33,7 +33,7 @@ fn assert_messages(cases: &[(&str, &str)]) {
 }
 
 #[test]
-fn nothing_said_means_the_defaults() {
+fn an_empty_scenario_has_the_defaults() {
     for text in ["", "\n\n# nothing\n", "\u{feff}", "[believed]\n[sensor]\n[believed.sensor.gas]"] {
         let loaded = valid(text);
         assert_eq!(loaded.plant, Scenario::default());
@@ -108,7 +108,7 @@ fn unknown_names_get_a_suggestion() {
 }
 
 #[test]
-fn wrong_values_are_told_what_is_allowed() {
+fn messages_on_wrong_values_state_the_allowed_ones() {
     assert_messages(&[
         (
             "[muscle]\nzones = -3",
@@ -185,7 +185,7 @@ fn the_first_mistake_of_the_file_is_named() {
 }
 
 #[test]
-fn what_the_core_is_never_told_cannot_be_believed() {
+fn only_keys_of_the_core_can_be_believed() {
     let reason = "the core does not know of it, so that it cannot believe otherwise";
     for table in ["run", "plant", "drive", "faults", "paper"] {
         let message = format!("scenario.toml:2: believed.{table}: {reason}");
@@ -196,7 +196,7 @@ fn what_the_core_is_never_told_cannot_be_believed() {
 }
 
 #[test]
-fn broken_toml_is_said_in_one_line() {
+fn broken_toml_gives_one_line() {
     for (text, line) in [
         ("[run", 1),
         ("\n\nduration_s == 3", 3),
@@ -410,7 +410,7 @@ fn geometry_that_is_none_is_refused() {
 }
 
 #[test]
-fn the_core_can_be_told_another_geometry() {
+fn the_core_can_be_configured_with_another_geometry() {
     let believing = |believed: &str| {
         let loaded = valid(&format!("[believed.muscle]\n{believed}"));
         assert_eq!(loaded.plant, valid("").plant);
@@ -431,7 +431,7 @@ fn the_core_can_be_told_another_geometry() {
 }
 
 #[test]
-fn what_is_believed_overlays_the_plant() {
+fn believed_keys_override_the_plant() {
     let loaded = valid(
         "[heat]\ninner_w_m2_k = 50\n[supply]\ntemperature_k = 310\n\
          [believed.heat]\ninner_w_m2_k = 20\n[believed.sensor.gas]\ntime_constant_s = 2",
@@ -550,7 +550,7 @@ fn warned(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn what_makes_no_sense_is_said() {
+fn implausible_values_are_reported() {
     for (text, warning) in [
         (
             "[supply]\npressure_pa = 2000",
@@ -828,7 +828,7 @@ proptest! {
 
     /// Core and plant: finite figures, or an error.
     #[test]
-    fn an_odd_scenario_runs_or_says_why(text in any_scenario(0.03)) {
+    fn an_odd_scenario_runs_or_gives_a_reason(text in any_scenario(0.03)) {
         let Ok(mut loaded) = parse(&text) else { return Ok(()) };
         for scenario in [&mut loaded.plant, &mut loaded.believed] {
             scenario.run = Run { duration_s: 0.2, log_every: 1, ..Run::default() };

@@ -259,7 +259,7 @@ fn a_page_steers_and_another_watches() {
     let until_vented = second.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
     println!("vented {until_vented:?} after the page was gone");
     second.until("takes over", HANGS_S, |page| page.own["steers"] == true);
-    second.until("told", HANGS_S, |page| page.happened("the page that steered was closed"));
+    second.until("reported", HANGS_S, |page| page.happened("the page that steered was closed"));
     second.drive(1.2e5);
 
     let text = served.end();
@@ -306,7 +306,7 @@ fn a_slow_page_loses_frames_and_the_record_none() {
         slow.hear(false);
     }
     assert!(slow.received < 40, "{} messages to a page that sees none", slow.received);
-    slow.until("told", HANGS_S, |page| page.own["lost_frames"].as_u64() > Some(20));
+    slow.until("reported", HANGS_S, |page| page.own["lost_frames"].as_u64() > Some(20));
     // A busy machine may delay this page too, but the slow page does not.
     assert!(page.own["lost_frames"].as_u64() < slow.own["lost_frames"].as_u64());
     page.say(json!("vent"));
@@ -414,7 +414,7 @@ fn a_muscle_is_tuned_from_the_page() {
 }
 
 #[test]
-fn bad_input_is_told_in_a_line() {
+fn bad_input_gives_one_line() {
     let bench = Bench::new();
     let message = bench.refused("thermyo serve scenarios/nowhere.toml");
     assert!(message.contains("nowhere.toml"), "{message}");

@@ -140,7 +140,7 @@ fn many_readings_give_values_within_their_errors() {
 }
 
 #[test]
-fn what_the_readings_cannot_tell_is_said() {
+fn undetermined_parameters_are_reported() {
     let muscle = muscle(MUSCLES[0]);
     let at_rest: Vec<_> = (1..=6).map(|bar| (0.0, f64::from(bar) * 1.0e5, 0.0)).collect();
     let found = identify(readings(&muscle, &at_rest, 0.5, 0.0, 1), None).findings;
@@ -169,7 +169,7 @@ fn the_plan_is_a_map_without_its_forces() {
 }
 
 #[test]
-fn what_cannot_be_used_is_one_clear_message() {
+fn unusable_readings_give_one_clear_message() {
     let header = "rest_length_m,gauge_pressure_pa,length_m,force_n";
     for (rows, message) in [
         ("0.25,6e5,0.25", "map.csv: column force_n is missing"),
@@ -385,7 +385,7 @@ fn messages_are_those_of_a_map() {
 }
 
 #[test]
-fn a_slack_reading_is_told_where_it_pulls() {
+fn a_slack_reading_gets_a_place_where_the_muscle_pulls() {
     let muscle = muscle(MUSCLES[0]);
     let places = [(0.0, 5.0e5), (0.0, 2.5e5), (0.03, 5.0e5), (0.03, 3.5e5), (0.3, 5.0e5)]
         .map(|(c, p)| (c, p, 0.0));
@@ -430,7 +430,7 @@ fn the_plan_refuses_what_the_fit_refuses() {
 /// Muscles around the measured one of 10 mm, with a length stated to a millimetre, read with 3 N of
 /// noise.
 #[test]
-fn what_the_plan_asks_for_pulls() {
+fn planned_readings_are_loaded() {
     let uniform = |random: &mut Xoshiro256PlusPlus, spread: f64| {
         spread * (2.0 * (random.next_u64() as f64 / u64::MAX as f64) - 1.0)
     };

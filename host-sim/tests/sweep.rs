@@ -345,7 +345,7 @@ fn bad_arguments_are_named_and_nothing_is_written() {
 
 /// A failed point keeps the others, and is reported.
 #[test]
-fn a_point_that_diverges_is_empty_and_told() {
+fn a_diverged_point_is_empty_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("piston.csv"), "time_s,volume_m3\n0,0.001\n1,0.000001\n").unwrap();
     let scenario = file(

@@ -44,7 +44,7 @@ fn said(output: &Output) -> String {
 }
 
 #[test]
-fn without_rustup_one_line_says_what_to_install() {
+fn without_rustup_one_line_names_the_missing_target() {
     let machine = machine();
     let output = playground(&machine).output().unwrap();
     assert_eq!(output.status.code(), Some(2));

@@ -162,7 +162,6 @@ pub mod rest {
 pub struct Sine {
     /// Amplitude out over amplitude in \[-\].
     pub gain: f64,
-    /// Phase \[deg\].
     pub phase_deg: f64,
     /// RMS error to the set point, of the stroke \[%\].
     pub rms_percent: f64,

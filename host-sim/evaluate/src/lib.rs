@@ -20,9 +20,6 @@ use thermyo_report::page::{Page, Section, Table, Tile};
 use thermyo_setup::Loaded;
 
 /// The nominal scenario.
-///
-/// # Errors
-/// None in a sane build: the file is part of the program and tested.
 pub fn nominal() -> Result<Loaded, InputError> {
     thermyo_setup::parse(shipped::text("nominal.toml"), "scenarios/nominal.toml".as_ref())
 }

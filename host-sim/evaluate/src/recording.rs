@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_counted_from_ten_seconds_on_where_the_reference_says_something() {
+    fn errors_count_from_ten_seconds_on_where_there_is_a_reference() {
         let rows = "5,300,0.1,280,300\n14.9,310,0.1,280,300\n15,301,0.5,303,300\n16,299,0.4,297,\n\
                     17,297,1,300,298\n18,301,2,296,300\n";
         let figures = judged(rows, 0.0).unwrap();
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_judged_is_named() {
+    fn unusable_recordings_are_named() {
         for (rows, expected) in [
             (
                 "0,300,0.1,300,25.2\n",

@@ -66,7 +66,7 @@ fn it_is_as_good_as_the_estimator_where_the_model_holds() {
 }
 
 #[test]
-fn what_came_later_says_how_it_was_before() {
+fn later_readings_improve_earlier_estimates() {
     let recorded = Recorded::new(0.7);
     let best = recorded.best();
     let [online_k, forward_k, smoothed_k] =

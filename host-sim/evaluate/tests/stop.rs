@@ -31,7 +31,7 @@ fn after(parts: usize) -> After {
 }
 
 #[test]
-fn what_is_finished_is_kept() {
+fn finished_parts_are_kept() {
     // Only the lines of the finished cases.
     let lines = estimator::random(1, 30, &after(3)).unwrap();
     let (total, muscles) = lines.split_last().unwrap();

@@ -1,4 +1,3 @@
-
 use thermyo_plant::{BuildError, Diverged};
 
 /// Reason why a set of values has no prediction.

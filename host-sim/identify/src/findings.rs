@@ -51,7 +51,6 @@ impl Fitted {
 /// Root-mean-square residuals, by measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Rmse {
-    /// Pressure \[Pa\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pressure_pa: Option<f64>,
     /// Sensor in the gas \[K\].
@@ -60,7 +59,6 @@ pub struct Rmse {
     /// Sensor in the wall \[K\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wall_temperature_k: Option<f64>,
-    /// Length \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub length_m: Option<f64>,
 }

@@ -51,9 +51,6 @@ impl Problem<'_> {
     }
 
     /// Prediction less measurement, column by column, in the columns' own units.
-    ///
-    /// # Errors
-    /// When the plant has no prediction there.
     pub fn residuals(&self, place: &DVector<f64>) -> Result<Vec<f64>, Failed> {
         let mut residuals = self.experiment.predict(&self.scenario_at(place))?;
         let measured = self.data.observed.iter().flat_map(|observed| &observed.points);

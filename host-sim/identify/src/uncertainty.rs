@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_data_leave_open_has_no_covariance() {
+    fn undetermined_parameters_have_no_covariance() {
         let points = vec![(0.0, 0.0); 3];
         let observed = [Observed { quantity: Quantity::Pressure, points, deviation: 1.0 }];
         let misfit = [Misfit::new(&[1.0, -1.0, 1.0], 1.0, 1.0)];

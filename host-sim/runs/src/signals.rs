@@ -56,7 +56,6 @@ pub fn time_shift(early: &[f64], late: &[f64], most: usize) -> (f64, f64) {
 pub struct Harmonic {
     /// Amplitude, in the signal's unit.
     pub amplitude: f64,
-    /// Phase \[rad\].
     pub phase_rad: f64,
 }
 

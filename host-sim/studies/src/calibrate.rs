@@ -31,37 +31,22 @@ const MOST_SCATTER: f64 = 0.005;
 pub enum Implausible {
     /// The points are too close to each other.
     #[error("the two points are {found} {unit} apart: must be at least {least} {unit}")]
-    TooClose {
-        found: f64,
-        least: f64,
-        unit: &'static str,
-    },
+    TooClose { found: f64, least: f64, unit: &'static str },
     /// Another sensor, or another range than configured.
     #[error(
         "the gain came out as {gain:.4}: must be from {:.2} to {:.2}; is the sensor's range the one in the \
          configuration, and the reference read in {unit}?",
         1.0 - MOST_GAIN, 1.0 + MOST_GAIN
     )]
-    Gain {
-        gain: f64,
-        unit: &'static str,
-    },
+    Gain { gain: f64, unit: &'static str },
     /// The correction is too large.
     #[error("the sensor is {found:.4} {unit} off: at most {most:.4} {unit} are put right")]
-    Shift {
-        found: f64,
-        most: f64,
-        unit: &'static str,
-    },
+    Shift { found: f64, most: f64, unit: &'static str },
     /// The reading is not at rest.
     #[error(
         "the reading scatters by {found:.4} {unit}: at most {most:.4} {unit} are taken; is it at rest?"
     )]
-    Restless {
-        found: f64,
-        most: f64,
-        unit: &'static str,
-    },
+    Restless { found: f64, most: f64, unit: &'static str },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -256,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_sensor_is_is_refused() {
+    fn impossible_calibrations_are_refused() {
         let config = Config::default();
         let pressure = |a, b| Sensor::Pressure.calibrated(&config, [a, b]).unwrap_err();
         let close = pressure(point(1.0e5, 1.0e5), point(1.1e5, 1.1e5));

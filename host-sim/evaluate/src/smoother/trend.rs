@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_smooth_is_averaged_and_what_jumps_is_followed() {
+    fn smooth_signals_are_averaged_and_jumps_are_followed() {
         // A straight line through 4000 readings: (4/4000)^0.5 at its ends, half of it between.
         let line = left(|i| 0.3 * i as f64, |_| false);
         assert!((0.005..0.06).contains(&line), "{line}");

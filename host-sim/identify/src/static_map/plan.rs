@@ -20,9 +20,7 @@ const NEAR_REST: f64 = 0.002;
 /// One planned reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// Contraction \[-\].
     pub contraction: f64,
-    /// Gauge pressure \[Pa\].
     pub gauge_pressure_pa: f64,
 }
 

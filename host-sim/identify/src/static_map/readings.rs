@@ -22,11 +22,8 @@ const SAME_LENGTH: f64 = 1e-6;
 pub struct Reading {
     /// Line in the file.
     pub line: u64,
-    /// Gauge pressure \[Pa\].
     pub gauge_pressure_pa: f64,
-    /// Length \[m\].
     pub length_m: f64,
-    /// Force \[N\].
     pub force_n: f64,
     /// 1 after contracting, -1 after lengthening, 0 where unknown.
     pub direction: f64,

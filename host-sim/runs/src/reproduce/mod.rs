@@ -25,9 +25,6 @@ use thermyo_simulation::run::RunError;
 const MOST_SHIFT_S: f64 = 2.5;
 
 /// The scenario of the paper's experiment.
-///
-/// # Errors
-/// None in a sane build: the file is part of the program and tested.
 pub fn scenario() -> Result<Loaded, InputError> {
     thermyo_setup::parse(shipped::text("reproduce.toml"), "scenarios/reproduce.toml".as_ref())
 }
@@ -35,19 +32,13 @@ pub fn scenario() -> Result<Loaded, InputError> {
 /// One signal over the run.
 #[derive(Debug, Clone, Default)]
 pub struct Signals {
-    /// Time \[s\].
     pub time_s: Vec<f64>,
-    /// Pressure \[Pa\].
     pub pressure_pa: Vec<f64>,
-    /// Volume \[m3\].
     pub volume_m3: Vec<f64>,
-    /// Length \[m\].
     pub length_m: Vec<f64>,
     /// Gas temperature \[K\].
     pub gas_k: Vec<f64>,
-    /// Sensor in the gas \[K\].
     pub sensor_gas_k: Vec<f64>,
-    /// Sensor in the wall \[K\].
     pub sensor_wall_k: Vec<f64>,
     /// Gas temperature of the forward model \[K\].
     pub model_k: Vec<f64>,
@@ -141,7 +132,6 @@ pub struct Findings {
     pub model_correlation: f64,
     /// The foil in the gas.
     pub gas_sensor: SensorVerdict,
-    /// The sensor in the wall.
     pub wall_sensor: SensorVerdict,
     /// The muscle without air moving under its insulation.
     pub still_air: Signals,

@@ -25,9 +25,7 @@ pub struct Driven {
     pub strokes: u64,
     /// The board's port.
     pub board: String,
-    /// Name of the configuration.
     pub config_name: String,
-    /// Its checksum.
     pub config_checksum: u32,
     /// Measured absolute pressure \[Pa\].
     pub pressure_pa: Range,

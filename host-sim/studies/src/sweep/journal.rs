@@ -256,9 +256,6 @@ pub enum MergeError {
 }
 
 /// All points of the whole sweep, in order, from the folders of its shards, finished or not.
-///
-/// # Errors
-/// [`MergeError`], in one line.
 pub fn merge(folders: &[PathBuf]) -> Result<(Study, Vec<Point>), MergeError> {
     let mut whole: Option<(Label, Study)> = None;
     let mut rows: BTreeMap<usize, Point> = BTreeMap::new();

@@ -58,10 +58,7 @@ pub enum SweepError {
     #[error("must be 1 to {MOST_POINTS} points: change the COUNT of a --vary, or --lhs")]
     TooLarge,
     #[error("--shard {shard}: there are {points} points, so that this shard has none")]
-    EmptyShard {
-        shard: Shard,
-        points: usize,
-    },
+    EmptyShard { shard: Shard, points: usize },
 }
 
 #[derive(Debug)]
@@ -72,9 +69,6 @@ pub struct Sweep {
 
 impl Sweep {
     /// Reads the scenario and checks every point of the shard.
-    ///
-    /// # Errors
-    /// [`SweepError`], in one line.
     pub fn new(
         path: &Path,
         ranges: Vec<Range>,

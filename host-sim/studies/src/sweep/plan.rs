@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_says_everything() {
+    fn a_seed_determines_all_values() {
         let values = |texts: &[&str], seed| {
             let plan = plan(texts, 10, seed);
             (0..10).map(|point| plan.values(point)[0]).collect::<Vec<f64>>()

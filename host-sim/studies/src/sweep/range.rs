@@ -26,7 +26,7 @@ pub struct Range {
     /// The range contains everything between its two ends.
     #[serde(skip)]
     pub interval: bool,
-    /// As the user wrote it.
+    /// Text as the user wrote it.
     #[serde(skip)]
     written: String,
 }
@@ -281,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_range_says_what_would_be() {
+    fn invalid_ranges_state_the_allowed_form() {
         for (text, message) in [
             ("a.b", "KEY=FROM:TO:COUNT"),
             ("=1:2:3", "KEY=FROM:TO:COUNT"),

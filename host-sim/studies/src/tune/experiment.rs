@@ -55,7 +55,6 @@ const POINT_S: f64 = 0.02;
 pub struct Record {
     /// Number of the step.
     pub step: u32,
-    /// Time \[s\].
     pub time_s: f64,
     /// The set point, in the drive's unit.
     pub set_point: f64,

@@ -61,7 +61,6 @@ pub struct Force {
 pub struct Point {
     /// Time of its middle \[s\].
     pub time_s: f64,
-    /// Contraction \[-\].
     pub contraction: f64,
     /// Speed of contraction \[m/s\].
     pub speed_m_s: f64,

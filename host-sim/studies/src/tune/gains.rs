@@ -26,9 +26,7 @@ const DEVIATIONS: f64 = 3.0;
 /// Standard deviations of single readings at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
-    /// Pressure \[Pa\].
     pub pressure_pa: f64,
-    /// Length \[m\].
     pub length_m: f64,
 }
 

@@ -92,10 +92,7 @@ pub enum Refusal {
          allowed (--max-pressure, 85 % of the supply, 90 % of the sensor's limit)",
         needed_pa / 1e3, highest_pa / 1e3
     )]
-    NoRange {
-        highest_pa: f64,
-        needed_pa: f64,
-    },
+    NoRange { highest_pa: f64, needed_pa: f64 },
     #[error("faults during the experiment: {0}")]
     Faulty(Faults),
     #[error(
@@ -151,15 +148,9 @@ pub enum Refusal {
     #[error(
         "no step kept the {valve} open for 30 ms: it is too large for this muscle to tell its conductance"
     )]
-    NoSteps {
-        valve: &'static str,
-    },
+    NoSteps { valve: &'static str },
     #[error("{path} came out as {value:.4e}: must be {allowed}")]
-    OutOfRange {
-        path: &'static str,
-        value: f64,
-        allowed: String,
-    },
+    OutOfRange { path: &'static str, value: f64, allowed: String },
     #[error(
         "with the tuned values the muscle follows worse: {after:.2} % of the stroke RMS on the check's \
          sine, {before:.2} % before"

@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_rows_leave_open_has_no_fit() {
+    fn undetermined_coefficients_have_no_fit() {
         let same: Vec<_> = (0..9).map(|i| ([f64::from(i), 2.0 * f64::from(i)], 1.0)).collect();
         assert_eq!(least_squares(&same), None);
         let nothing: Vec<_> = (0..9).map(|i| ([f64::from(i), 0.0], 1.0)).collect();
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn what_disagrees_is_no_more_certain_than_its_difference() {
+    fn measures_that_disagree_are_no_more_certain_than_their_difference() {
         let one = Measure { value: 1.0, error: 0.1 };
         let close = one.between(Measure { value: 1.02, error: 0.1 });
         assert!((close.value - 1.01).abs() < 1e-12 && (close.error - 0.0707).abs() < 1e-3);
