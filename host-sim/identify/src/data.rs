@@ -224,33 +224,7 @@ impl Data {
 
         let volume = column("volume_m3").filter(|column| is_vessel && varies(&column.points));
         let volume = volume.map(|column| profile(&column.name)).transpose()?;
-        let bridged = match &input {
-            Input::Given(Given { pressure, length, .. }) => vec![pressure, length],
-            _ => volume.iter().collect(),
-        };
-        let mut recorded: Vec<Vec<f64>> =
-            bridged.into_iter().map(|profile| times(profile.points()).collect()).collect();
-        if matches!(input, Input::Flows(_) | Input::Duties(_)) {
-            // Flows and duties hold over rows in which their cells are empty.
-            let mut rows: Vec<f64> =
-                measured.columns.iter().flat_map(|column| times(&column.points)).collect();
-            rows.sort_by(f64::total_cmp);
-            recorded.push(rows);
-        }
-        let slow = |times_s: &&Vec<f64>| median_distance(times_s) > SLOWEST_S;
-        if let (Input::Given(_), Some(times_s)) = (&input, recorded.iter().find(slow)) {
-            return Err(unusable(
-                TIME,
-                &format!(
-                    "rows are {} s apart: must be at most {SLOWEST_S} s where pressure and length drive a muscle. Is it \
-                     in seconds?",
-                    significant(median_distance(times_s), 3)
-                ),
-            ));
-        }
-        let mut holes: Vec<[f64; 2]> = recorded.iter().flat_map(|times_s| holes(times_s)).collect();
-        holes.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        holes.dedup();
+        let holes = recorded_holes(measured, path, &input, volume.as_ref())?;
         Ok(Self { spacing_s: spacing(&observed), observed, input, volume, holes })
     }
 
@@ -275,6 +249,42 @@ fn varies(points: &[(f64, f64)]) -> bool {
 
 fn times(points: &[(f64, f64)]) -> impl Iterator<Item = f64> {
     points.iter().map(|(time_s, _)| *time_s)
+}
+
+/// Holes in the record of the inputs; rows that are too far apart are an error.
+fn recorded_holes(
+    measured: &Measured,
+    path: &Path,
+    input: &Input,
+    volume: Option<&Profile>,
+) -> Result<Vec<[f64; 2]>, InputError> {
+    let bridged = match input {
+        Input::Given(Given { pressure, length, .. }) => vec![pressure, length],
+        _ => volume.into_iter().collect(),
+    };
+    let mut recorded: Vec<Vec<f64>> =
+        bridged.into_iter().map(|profile| times(profile.points()).collect()).collect();
+    if matches!(input, Input::Flows(_) | Input::Duties(_)) {
+        // Flows and duties hold over rows in which their cells are empty.
+        let mut rows: Vec<f64> =
+            measured.columns.iter().flat_map(|column| times(&column.points)).collect();
+        rows.sort_by(f64::total_cmp);
+        recorded.push(rows);
+    }
+    let slow = |times_s: &&Vec<f64>| median_distance(times_s) > SLOWEST_S;
+    if let (Input::Given(_), Some(times_s)) = (input, recorded.iter().find(slow)) {
+        let why = format!(
+            "rows are {} s apart: must be at most {SLOWEST_S} s where pressure and length drive a muscle. Is it \
+             in seconds?",
+            significant(median_distance(times_s), 3)
+        );
+        let column = TIME.to_owned();
+        return Err(InputError::file(path, Problem::UnusableColumn { column, why }));
+    }
+    let mut holes: Vec<[f64; 2]> = recorded.iter().flat_map(|times_s| holes(times_s)).collect();
+    holes.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    holes.dedup();
+    Ok(holes)
 }
 
 /// Median distance of two rows of the densest column \[s\].

@@ -71,12 +71,16 @@ impl Parts<'_> {
 
     /// Every value, in the order of the table.
     pub fn parameters(&self) -> Vec<Parameter> {
-        let Self { force, gains, .. } = self;
-        let [inlet, outlet] = &self.steps;
+        let mut all = self.friction();
+        all.extend(self.chamber());
+        all.extend(self.valves());
+        all.extend(self.controller());
+        all
+    }
+
+    fn friction(&self) -> Vec<Parameter> {
+        let force = self.force;
         let full = self.configured.believed.plant.model == PlantModel::Full;
-        let area = force.area_scale;
-        let (area_key, power) = self.tunable.area[0];
-        let configured = self.before(area_key);
         let mut all = vec![
             self.measured("friction.force_n", force.coulomb_n, "half of the hysteresis"),
             match force.softening_per_k {
@@ -102,7 +106,14 @@ impl Parts<'_> {
             let why = "friction builds up within a few steps of the length's code";
             all.push(self.kept("friction.presliding_stiffness_n_m", why));
         }
-        all.extend([
+        all
+    }
+
+    fn chamber(&self) -> [Parameter; 2] {
+        let area = self.force.area_scale;
+        let (area_key, power) = self.tunable.area[0];
+        let configured = self.before(area_key);
+        [
             self.measured(
                 area_key,
                 Measure {
@@ -114,17 +125,21 @@ impl Parts<'_> {
                     significant(area.value, 4)
                 ),
             ),
-            self.measured(self.tunable.stiffness, force.stiffness_n_m, "force over the way"),
-            self.measured(
-                "valve.conductance_m3_s_pa",
-                inlet.conductance.between(outlet.conductance),
-                &format!(
-                    "inlet {}, outlet {}",
-                    significant(inlet.conductance.value, 4),
-                    significant(outlet.conductance.value, 4)
-                ),
+            self.measured(self.tunable.stiffness, self.force.stiffness_n_m, "force over the way"),
+        ]
+    }
+
+    fn valves(&self) -> Vec<Parameter> {
+        let [inlet, outlet] = &self.steps;
+        let mut all = vec![self.measured(
+            "valve.conductance_m3_s_pa",
+            inlet.conductance.between(outlet.conductance),
+            &format!(
+                "inlet {}, outlet {}",
+                significant(inlet.conductance.value, 4),
+                significant(outlet.conductance.value, 4)
             ),
-        ]);
+        )];
         if self.switching {
             let switch_s = self
                 .switch_time_s
@@ -140,8 +155,13 @@ impl Parts<'_> {
             let remark = "delay less half of the switching; with the sensor's lag";
             all.push(self.measured("valve.dead_time_s", dead_s, remark));
         }
+        all
+    }
+
+    fn controller(&self) -> [Parameter; 6] {
+        let gains = self.gains;
         let twice = "2 (half a PWM period + delay)";
-        all.extend([
+        [
             self.measured("controller.pressure_loop_s", gains.loop_s, twice),
             self.measured("controller.length_loop_s", gains.loop_s, twice),
             self.measured("controller.pressure_reset_s", gains.reset_s, "20 times the loop's"),
@@ -160,8 +180,7 @@ impl Parts<'_> {
                 gains.contraction_dead_zone,
                 "as configured, at least 3 standard deviations of the noise",
             ),
-        ]);
-        all
+        ]
     }
 }
 
