@@ -136,39 +136,10 @@ impl Data {
     /// # Errors
     /// When needed columns are missing or have too few values.
     pub fn new(measured: &Measured, path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
-        let column = |name: &str| measured.columns.iter().find(|column| column.name == name);
-        let needed = |name: &str| {
-            let problem = || Problem::NoValues { column: name.to_owned() };
-            column(name).ok_or_else(|| InputError::file(path, problem()))
-        };
+        let column = |name: &str| find(measured, name);
+        let needed = |name: &str| find_needed(measured, path, name);
         let is_vessel = scenario.plant.kind == PlantKind::Vessel;
-
-        let asked = &scenario.identify.columns;
-        let named: Vec<&Column> = if asked.is_empty() {
-            let usual = [Quantity::Pressure, Quantity::Length, Quantity::SensorGas];
-            let usual = usual.into_iter().filter(|q| !(is_vessel && *q == Quantity::Length));
-            usual.filter_map(|quantity| column(quantity.column())).collect()
-        } else {
-            asked.iter().map(|name| needed(name)).collect::<Result<_, _>>()?
-        };
-        let observed: Vec<Observed> = named
-            .into_iter()
-            .filter_map(|column| {
-                let quantity = Quantity::of_column(&column.name)?;
-                let deviation = quantity.deviation(&scenario.sensor);
-                Some(Observed { quantity, points: column.points.clone(), deviation })
-            })
-            .collect();
-        if observed.is_empty() {
-            let column = OBSERVABLE[..3].join(" or ");
-            return Err(InputError::file(path, Problem::NoValues { column }));
-        }
-        let points = observed.iter().map(|observed| observed.points.len()).sum();
-        let parameters = scenario.identify.parameters.len();
-        if points <= parameters {
-            return Err(InputError::file(path, Problem::TooFewPoints { points, parameters }));
-        }
-
+        let observed = observed(measured, path, scenario)?;
         let unusable = |name: &str, why: &str| {
             let (column, why) = (name.to_owned(), why.to_owned());
             InputError::file(path, Problem::UnusableColumn { column, why })
@@ -249,6 +220,54 @@ fn varies(points: &[(f64, f64)]) -> bool {
 
 fn times(points: &[(f64, f64)]) -> impl Iterator<Item = f64> {
     points.iter().map(|(time_s, _)| *time_s)
+}
+
+fn find<'a>(measured: &'a Measured, name: &str) -> Option<&'a Column> {
+    measured.columns.iter().find(|column| column.name == name)
+}
+
+fn find_needed<'a>(
+    measured: &'a Measured,
+    path: &Path,
+    name: &str,
+) -> Result<&'a Column, InputError> {
+    let problem = || Problem::NoValues { column: name.to_owned() };
+    find(measured, name).ok_or_else(|| InputError::file(path, problem()))
+}
+
+/// The columns to compare: those that the scenario names, or the usual ones.
+fn observed(
+    measured: &Measured,
+    path: &Path,
+    scenario: &Scenario,
+) -> Result<Vec<Observed>, InputError> {
+    let is_vessel = scenario.plant.kind == PlantKind::Vessel;
+    let asked = &scenario.identify.columns;
+    let named: Vec<&Column> = if asked.is_empty() {
+        let usual = [Quantity::Pressure, Quantity::Length, Quantity::SensorGas];
+        let usual = usual.into_iter().filter(|q| !(is_vessel && *q == Quantity::Length));
+        usual.filter_map(|quantity| find(measured, quantity.column())).collect()
+    } else {
+        asked.iter().map(|name| find_needed(measured, path, name)).collect::<Result<_, _>>()?
+    };
+    let observed: Vec<Observed> = named
+        .into_iter()
+        .filter_map(|column| {
+            let quantity = Quantity::of_column(&column.name)?;
+            let deviation = quantity.deviation(&scenario.sensor);
+            Some(Observed { quantity, points: column.points.clone(), deviation })
+        })
+        .collect();
+    if observed.is_empty() {
+        let column = OBSERVABLE[..3].join(" or ");
+        return Err(InputError::file(path, Problem::NoValues { column }));
+    }
+    let points = observed.iter().map(|observed| observed.points.len()).sum();
+    let parameters = scenario.identify.parameters.len();
+    if points <= parameters {
+        return Err(InputError::file(path, Problem::TooFewPoints { points, parameters }));
+    }
+    Ok(observed)
 }
 
 /// Holes in the record of the inputs; rows that are too far apart are an error.
