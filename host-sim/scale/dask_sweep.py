@@ -5,7 +5,7 @@
 
 Without an address the cluster is this machine. The package `thermyo` has to be installed where the workers are; the
 scenario is sent to them as its text, with tables that it names by path. Rows lie in OUT.part until all are there: the
-same line again goes on. A worker that dies is told with the points that it was at, which go to others; points on which
+same line again goes on. When a worker dies, its points are reported and go to others; points on which
 workers die three times are given up, and the exit code is 1.
 """
 
@@ -36,7 +36,7 @@ def rows(study, first, last):
 
 
 class Watch(SchedulerPlugin):
-    """Tells what a worker was at when it died."""
+    """Logs the points of a worker that died."""
 
     idempotent = True
 
@@ -58,7 +58,7 @@ def say(text):
 
 
 def run(client, study, out, batch=5, progress=lambda done: None, tell=say):
-    """Runs what is missing in OUT.part, writes OUT; gives the points that nobody could do."""
+    """Runs the points missing in OUT.part and writes OUT; returns the points that were given up."""
     sweep = sweep_of(study)
     part = pathlib.Path(f"{out}.part")
     part.parent.mkdir(parents=True, exist_ok=True)
@@ -69,7 +69,7 @@ def run(client, study, out, batch=5, progress=lambda done: None, tell=say):
             raise SystemExit(f"{part}: is of another sweep: move it, or choose another --out")
         done = {int(line.split(",", 1)[0]): line for line in lines[1:]}
     missing = [point for point in range(1, len(sweep) + 1) if point not in done]
-    # Batches of neighbours.
+    # Batches of neighbouring points.
     batches = []
     for point in missing:
         if batches and batches[-1][1] == point - 1 and point - batches[-1][0] < batch:
@@ -78,13 +78,13 @@ def run(client, study, out, batch=5, progress=lambda done: None, tell=say):
             batches.append([point, point])
     asked = {f"points-{first}-{last}": (first, last) for first, last in batches}
 
-    def told(event):
+    def report(event):
         first, last = asked[event[1]]
         some = "; ".join(sweep.values(point) for point in range(first, min(last, first + 2) + 1))
         tell(f"a worker died at points {first} to {last} ({some}{' ...' if last > first + 2 else ''})")
 
     client.register_plugin(Watch(), name="thermyo-watch")
-    client.subscribe_topic(DIED, told)
+    client.subscribe_topic(DIED, report)
     futures = {
         client.submit(rows, study, first, last, key=name, pure=False): name for name, (first, last) in asked.items()
     }
@@ -99,9 +99,9 @@ def run(client, study, out, batch=5, progress=lambda done: None, tell=say):
                 tell(f"points {first} to {last} given up ({sweep.values(first)} ...): {future.exception()}")
                 continue
             texts = future.result()
-            # Or a worker that dies would have what is written already done again.
+            # Otherwise the death of its worker would repeat this finished work.
             future.release()
-            # Whole lines, handed over at once.
+            # Whole lines in a single write.
             file.write("".join(text + "\n" for text in texts))
             file.flush()
             done.update(zip(range(first, last + 1), texts))

@@ -8,11 +8,11 @@
 #
 #     sbatch --array=1-SHARDS slurm_array.sh SHARDS OUT SCENARIO.toml --vary ... [--lhs N]
 #
-# The same line again goes on where tasks have died; shards that are finished end at once. Then
+# The same command continues after tasks have died; finished shards end at once. Then
 #
 #     thermyo sweep --merge OUT/shard-* --out OUT/whole
 #
-# THERMYO says which program, where it is not in the path. docs/how-to/scale.md has sizes.
+# THERMYO is the program if it is not in the path. docs/how-to/scale.md states sizes.
 set -euo pipefail
 shards=$1 out=$2
 shift 2

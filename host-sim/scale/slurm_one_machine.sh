@@ -3,7 +3,7 @@
 #
 #     slurm_one_machine.sh FOLDER COMMAND...
 #
-# Everything lies in FOLDER. Exit code 77: it cannot run here, and the last line says why.
+# Everything lies in FOLDER. Exit code 77: it cannot run here; the last line states the reason.
 set -euo pipefail
 folder=$1
 shift

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # 1 000 points on one machine, as a Slurm array and with Dask, a worker of each killed in the middle: the same bytes, and
 # what each costs per point. Arguments: the program and a Python environment with the package `thermyo`
-# [default: target/release/thermyo target/python]. What cannot run here is skipped, and says so.
+# [default: target/release/thermyo target/python]. Parts that cannot run here are skipped with a message.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 program=${1:-target/release/thermyo}
@@ -16,7 +16,7 @@ duration_s = 10.0
 [plant]
 model = "lumped"
 TOML
-# A point that costs nothing shows what the engine costs.
+# A point without work shows the cost of the engine.
 sed "s/duration_s = .*/duration_s = 0.001/" "$folder/short.toml" >"$folder/nothing.toml"
 points=1000
 shards=8

@@ -34,11 +34,11 @@ def main():
                     os.kill(killed[0], signal.SIGKILL)
 
             out = folder / "dask.csv"
-            told = []
-            assert dask_sweep.run(client, short, out, progress=kill, tell=told.append) == []
+            reported = []
+            assert dask_sweep.run(client, short, out, progress=kill, tell=reported.append) == []
             assert killed, "no worker was killed"
-            assert any(text.startswith("a worker died at points ") and " = " in text for text in told), told
-            print(told[0])
+            assert any(text.startswith("a worker died at points ") and " = " in text for text in reported), reported
+            print(reported[0])
             assert out.read_bytes() == (folder / "one" / "sweep.csv").read_bytes(), "Dask: other bytes than one machine"
             begin = time.perf_counter()
             assert dask_sweep.run(client, nothing, folder / "nothing.csv") == []

@@ -8,7 +8,7 @@ array() { # OUT SCENARIO
     THERMYO=$program sbatch --quiet --wait --chdir="$folder" --array="1-$shards" \
         "$repository/host-sim/scale/slurm_array.sh" "$shards" "$1" "$2" "${study[@]}" >/dev/null
 }
-# The first one that has done ten points or more.
+# The first task that has finished ten points or more.
 victim() {
     for table in "$folder"/killed/shard-*/unfinished-1/sweep.csv; do
         [[ -f $table && $(wc -l <"$table") -gt 10 ]] || continue

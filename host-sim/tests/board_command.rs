@@ -1,4 +1,4 @@
-//! `thermyo board emulated`: the command as a user runs it, one process after the other, and every line of
+//! `thermyo board emulated` as users run it, one process after the other, and every command in
 //! `docs/how-to/start-a-board.md`.
 
 use model_core::SetPoint;
@@ -9,7 +9,7 @@ use std::fs;
 use crate::board_support::{Bench, repository, skip_emulator};
 
 #[test]
-fn a_board_is_told_armed_driven_and_asked() {
+fn a_board_is_configured_armed_driven_and_queried() {
     if skip_emulator() {
         return;
     }
@@ -40,7 +40,7 @@ fn a_board_is_told_armed_driven_and_asked() {
         "{info}"
     );
 
-    // What it was configured with comes back, to the bit.
+    // The board returns its configuration, to the bit.
     let json = |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap();
     let checksum = |bench: &Bench| {
         json(bench.ok("thermyo board emulated info --json"))["status"]["config_checksum"].clone()
@@ -75,7 +75,7 @@ fn a_board_is_told_armed_driven_and_asked() {
 }
 
 #[test]
-fn what_is_saved_survives_the_power() {
+fn a_saved_configuration_survives_a_power_cut() {
     if skip_emulator() {
         return;
     }
@@ -98,7 +98,7 @@ fn what_is_saved_survives_the_power() {
 }
 
 #[test]
-fn what_is_done_to_a_board_is_said_as_json_too() {
+fn commands_to_a_board_print_json_on_request() {
     if skip_emulator() {
         return;
     }

@@ -1,5 +1,5 @@
-//! What takes a user at a terminal, and what goes wrong there: calibration, tuning, the monitor's keys, a port that is
-//! taken, a disk that is full.
+//! Commands with a user at a terminal, and their failures: calibration, tuning, the monitor's keys,
+//! a port that is in use, a full disk.
 #![cfg(unix)]
 
 use serialport::{SerialPort, TTYPort};
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use crate::board_support::{Bench, skip_emulator};
 
-/// Until something holds, or it has not held for too long.
+/// Waits for a condition, with a limit.
 fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let began = Instant::now();
     while !holds() {
@@ -37,7 +37,7 @@ fn configured() -> Bench {
     bench
 }
 
-/// What a calibration says, where these lines are typed.
+/// Output of a calibration with these lines typed.
 fn typed(bench: &Bench, line: &str, text: &str) -> Output {
     let mut command = bench.command(line);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -53,7 +53,7 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     }
     let bench = configured();
     let calibrate = "thermyo board emulated calibrate pressure --hold 250000";
-    // Nothing is armed by the way.
+    // A calibration must not arm the board.
     let refused = typed(&bench, calibrate, "101325\n252500\n");
     assert_eq!(refused.status.code(), Some(2), "{}", message(&refused));
     assert!(message(&refused).contains("not armed"), "{}", message(&refused));
@@ -61,14 +61,14 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     let word = typed(&bench, calibrate, "one bar\n");
     assert_eq!(word.status.code(), Some(2), "{}", message(&word));
     assert!(message(&word).contains("must be what the reference reads, in Pa"));
-    // A reference that has nothing to do with what the sensor reads.
+    // A reference far from the sensor's reading.
     bench.ok("thermyo board emulated arm");
     let wrong = typed(&bench, calibrate, "101325\n400000\n");
     assert_eq!((wrong.status.code(), message(&wrong).lines().count()), (Some(2), 1));
     let before = bench.ok("thermyo board emulated info");
     assert!(before.contains("vent"), "{before}");
 
-    // Its second point was held: it vents by now.
+    // After the second point, which was held, it vents.
     until("it has vented", || {
         let info = bench.ok("thermyo board emulated info --json");
         let info: serde_json::Value = serde_json::from_str(&info).unwrap();
@@ -79,7 +79,7 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     let text = String::from_utf8_lossy(&done.stdout).into_owned();
     assert!(done.status.success(), "{text}{}", message(&done));
     assert!(text.contains("it holds 250.0 kPa") && text.contains("put right by"), "{text}");
-    // 1 % more than it reads, from now on: until the power goes, as it said.
+    // It reads 1 % more from now on, until the power goes, as the message states.
     assert!(text.contains("not saved"), "{text}");
     let after = bench.ok("thermyo board emulated info");
     assert!(after.contains("armed:         no") && after.contains("contraction, "), "{after}");
@@ -94,7 +94,7 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     assert!(scenario.contains("gain"), "{scenario}");
 }
 
-/// A computer that does something else for a while, within the link's timeout.
+/// The computer is busy for a while, within the link's timeout.
 #[test]
 fn a_host_that_is_held_up_does_not_flood_its_board() {
     if skip_emulator() {
@@ -161,7 +161,7 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     );
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     thread::sleep(Duration::from_secs(4));
-    // It has the board: who else asks is told so.
+    // The command holds the board: others get a message.
     let taken = bench.refused("thermyo board emulated info");
     assert!(taken.contains("another program"), "{taken}");
     signal(&child, "-INT");
@@ -172,7 +172,7 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     assert!(info.contains("vent") && info.contains("configuration: tune, "), "{info}");
 }
 
-/// Ctrl-C once this file has more than so many bytes; how it ends.
+/// Sends Ctrl-C once this file has more than so many bytes; returns the output.
 fn interrupted(mut command: std::process::Command, file: &std::path::Path, bytes: u64) -> Output {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     until("it records", || fs::metadata(file).is_ok_and(|found| found.len() > bytes));
@@ -181,7 +181,7 @@ fn interrupted(mut command: std::process::Command, file: &std::path::Path, bytes
 }
 
 #[test]
-fn a_drive_that_is_cut_says_so() {
+fn a_drive_that_is_cut_reports_it() {
     if skip_emulator() {
         return;
     }
@@ -205,7 +205,7 @@ fn a_drive_that_is_cut_says_so() {
 }
 
 #[test]
-fn a_set_point_that_is_let_go_says_so() {
+fn a_set_point_that_expires_is_reported() {
     if skip_emulator() {
         return;
     }
@@ -222,11 +222,11 @@ fn a_set_point_that_is_let_go_says_so() {
     assert!(bench.ok("thermyo board emulated info").contains("  vent\n"));
 }
 
-/// A command at a terminal of its own, which hears keys.
+/// A command at a terminal of its own, which accepts keys.
 struct AtTerminal {
     child: Child,
     keys: TTYPort,
-    /// Open for as long as its keys are pressed: without it the reads fail.
+    /// Stays open while keys are pressed: without it the reads fail.
     _held: TTYPort,
 }
 
@@ -244,7 +244,7 @@ impl AtTerminal {
         self.keys.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// Takes what it draws, so that it can go on.
+    /// Reads the output, so that the command does not block.
     fn look(&mut self) {
         let mut picture = [0; 65_536];
         while self.keys.read(&mut picture).is_ok_and(|count| count > 0) {}
@@ -289,7 +289,7 @@ fn the_monitors_keys_arm_drive_and_vent() {
     assert!(bench.path("out/monitor/trace.csv").is_file());
     assert!(bench.path("out/monitor/scenario.toml").is_file());
 
-    // Ctrl-C leaves too, and is told apart.
+    // Ctrl-C quits too, with its own exit code.
     let mut monitor = AtTerminal::new(bench.command("thermyo monitor emulated --out out/monitor"));
     rows(&mut monitor, &|rows| rows.len() > 20, "it records again");
     monitor.press("\x03");
@@ -314,7 +314,7 @@ fn a_monitor_without_a_screen_records() {
         until("it records", || fs::metadata(&unfinished).is_ok_and(|found| found.len() > 20_000));
         child
     };
-    // As `timeout` ends it.
+    // As `timeout` sends it.
     let child = start("thermyo monitor emulated --quiet --out out/monitor");
     signal(&child, "-TERM");
     let output = child.wait_with_output().unwrap();
@@ -336,9 +336,9 @@ fn recorded(trace: &str) -> Vec<Vec<String>> {
     rows.map(|row| row.split(',').map(str::to_owned).collect()).collect()
 }
 
-/// A limit on the size of files stands for a disk that is full.
+/// A limit on the size of files simulates a full disk.
 #[test]
-fn a_disk_that_fills_up_while_it_drives_vents_and_is_told() {
+fn a_disk_that_fills_during_a_drive_vents_and_is_reported() {
     if skip_emulator() {
         return;
     }
@@ -347,7 +347,7 @@ fn a_disk_that_fills_up_while_it_drives_vents_and_is_told() {
         fs::read_to_string(crate::board_support::repository().join("scenarios/contraction.toml"));
     let short = whole.unwrap().replace("duration_s = 5.0", "duration_s = 0.1");
     fs::write(bench.path("short.toml"), short).unwrap();
-    // Full while it drives, and when its report is written.
+    // Full during the drive, and when the report is written.
     for (profile, kib, unwritable) in
         [("scenarios/contraction.toml", "100", "trace.csv"), ("short.toml", "50", "report.html")]
     {

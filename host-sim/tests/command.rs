@@ -1,4 +1,4 @@
-//! The `thermyo` binary, tried wrong on purpose: one clear line, the right exit code, nothing left.
+//! Wrong uses of the `thermyo` binary: one clear line, the right exit code, no files left.
 
 use std::fs;
 use std::path::Path;
@@ -8,7 +8,7 @@ fn thermyo(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_thermyo")).args(arguments).output().unwrap()
 }
 
-fn said(output: &Output) -> String {
+fn stderr_of(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
@@ -94,14 +94,14 @@ fn bad_input_is_one_line_and_exit_code_2() {
             all.extend(["--out", &place]);
         }
         let output = thermyo(&all);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", said(&output));
-        assert!(said(&output).contains(expected), "{arguments:?}: {}", said(&output));
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr_of(&output));
+        assert!(stderr_of(&output).contains(expected), "{arguments:?}: {}", stderr_of(&output));
         assert!(output.stdout.is_empty());
         assert!(!out.exists(), "{arguments:?} left something");
     }
 }
 
-/// A pipe or a device may have no end, and opening a pipe waits for its writer.
+/// A pipe or a device may be endless, and opening a pipe waits for its writer.
 #[cfg(unix)]
 #[test]
 fn only_regular_files_are_read() {
@@ -109,7 +109,7 @@ fn only_regular_files_are_read() {
     let pipe = folder.path().join("pipe.csv");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let writer = pipe.clone();
-    // Ends with the process where nothing reads the pipe.
+    // Ends with the process if the pipe has no reader.
     std::thread::spawn(move || {
         loop {
             let _ = fs::write(&writer, "time_s,pressure_pa\n0,1e5\n");
@@ -132,19 +132,19 @@ fn only_regular_files_are_read() {
     ] {
         let output = thermyo(&arguments);
         let expected = format!("{file}: is a pipe or a device; a regular file is needed\n");
-        assert!(said(&output).ends_with(&expected), "{arguments:?}: {}", said(&output));
+        assert!(stderr_of(&output).ends_with(&expected), "{arguments:?}: {}", stderr_of(&output));
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
     }
 }
 
-/// A run whose true gas temperature stands for a reference sensor.
+/// The true gas temperature of a run stands for a reference sensor.
 #[test]
 fn a_recording_is_judged_by_its_reference() {
     let folder = tempfile::tempdir().unwrap();
     let file = scenario(folder.path(), "[run]\nduration_s = 30\n");
     let place = folder.path().join("record").display().to_string();
     let run = thermyo(&["run", &file, "--quiet", "--out", &place]);
-    assert_eq!(run.status.code(), Some(0), "{}", said(&run));
+    assert_eq!(run.status.code(), Some(0), "{}", stderr_of(&run));
     let judge = |more: &[&str]| {
         let all = ["evaluate", "estimator", "--quiet", "--recording", &place];
         thermyo(&[&all[..], more].concat())
@@ -152,11 +152,11 @@ fn a_recording_is_judged_by_its_reference() {
     let without = judge(&[]);
     assert_eq!(without.status.code(), Some(2));
     assert!(
-        said(&without).contains("trace.csv: column reference_gas_k is missing"),
+        stderr_of(&without).contains("trace.csv: column reference_gas_k is missing"),
         "{}",
-        said(&without)
+        stderr_of(&without)
     );
-    assert_eq!(said(&without).trim_end().lines().count(), 1, "{}", said(&without));
+    assert_eq!(stderr_of(&without).trim_end().lines().count(), 1, "{}", stderr_of(&without));
 
     let trace = folder.path().join("record/trace.csv");
     let text = fs::read_to_string(&trace).unwrap();
@@ -180,16 +180,16 @@ fn a_recording_is_judged_by_its_reference() {
     assert!((3.0..12.0).contains(&figure("bare_k")), "{}", figure("bare_k"));
     let whole_k = summary["rmse_k"]["sensor_gas"].as_f64().unwrap();
     assert!((figure("bare_k") / whole_k - 1.0).abs() < 0.2, "of the whole run: {whole_k}");
-    // 0, or 1 where the truth lies within two deviations too often.
+    // 0, or 1 where the true value lies within two deviations too often.
     let within = figure("within_2sd");
     let code = i32::from(!(0.85..=0.99).contains(&within));
-    assert_eq!(judged.status.code(), Some(code), "{}", said(&judged));
+    assert_eq!(judged.status.code(), Some(code), "{}", stderr_of(&judged));
     let table = judge(&["--reference-lag", "0.1"]);
     assert!(String::from_utf8_lossy(&table.stdout).contains("reference_lag_s 0.100"));
     as_recorded("estimated_k");
     let nameless = judge(&[]);
     assert_eq!(nameless.status.code(), Some(2));
-    assert!(said(&nameless).contains("estimate_k"), "{}", said(&nameless));
+    assert!(stderr_of(&nameless).contains("estimate_k"), "{}", stderr_of(&nameless));
 }
 
 #[test]
@@ -198,21 +198,21 @@ fn a_port_that_is_not_there_is_named() {
     let file = scenario(folder.path(), "");
     let output = thermyo(&["run", &file, "--board", "serial:/dev/no-such-port"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(said(&output).contains("/dev/no-such-port"), "{}", said(&output));
+    assert!(stderr_of(&output).contains("/dev/no-such-port"), "{}", stderr_of(&output));
 }
 
 #[cfg(unix)]
 #[test]
-fn what_is_no_serial_port_is_said() {
+fn a_path_without_a_serial_port_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let file = scenario(folder.path(), "");
     let output = thermyo(&["run", &file, "--board", "serial:/dev/null"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(said(&output).contains("/dev/null: is no serial port"), "{}", said(&output));
+    assert!(stderr_of(&output).contains("/dev/null: is no serial port"), "{}", stderr_of(&output));
 }
 
 #[test]
-fn what_makes_no_sense_is_warned_of_and_runs() {
+fn implausible_values_give_a_warning_and_run() {
     let folder = tempfile::tempdir().unwrap();
     let text =
         "[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 7e4\n";
@@ -220,11 +220,11 @@ fn what_makes_no_sense_is_warned_of_and_runs() {
     let out = folder.path().join("out").display().to_string();
     for arguments in [&["run", &file, "--quiet", "--out", &out][..], &["check", &file, "--quiet"]] {
         let output = thermyo(arguments);
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
         let warning =
             "scenario.toml:6: supply.pressure_pa = 70000.0: not above ambient.pressure_pa";
-        assert!(said(&output).contains(warning), "{}", said(&output));
-        assert_eq!(said(&output).lines().count(), 1);
+        assert!(stderr_of(&output).contains(warning), "{}", stderr_of(&output));
+        assert_eq!(stderr_of(&output).lines().count(), 1);
     }
 }
 
@@ -252,12 +252,12 @@ fn measurements_are_compared_in_units_or_refused() {
     ] {
         let output = run(text);
         assert_eq!(output.status.code(), Some(2), "{text}");
-        assert!(said(&output).contains(message), "{text}: {}", said(&output));
+        assert!(stderr_of(&output).contains(message), "{text}: {}", stderr_of(&output));
         assert!(!Path::new(&out).exists());
     }
     let output = run("time_s,pressure_pa,step\n0,130000,7\n0.05,130000,7\n9,130000,7\n");
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    assert!(said(&output).contains("1 of 3 rows lie after the end of the run at 0.1 s"));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
+    assert!(stderr_of(&output).contains("1 of 3 rows lie after the end of the run at 0.1 s"));
     let printed = String::from_utf8(output.stdout).unwrap();
     assert!(printed.contains("measured pressure_pa: RMS difference "), "{printed}");
     assert!(printed.contains(" kPa, largest "), "{printed}");
@@ -297,12 +297,12 @@ fn a_report_begins_with_what_matters() {
             arguments.extend(["--measured", &data_text]);
         }
         let output = thermyo(&arguments);
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
         let page = fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
         (String::from_utf8(output.stdout).unwrap(), page)
     };
-    // The core takes a sensor of 10 s for one of 0.1 s, and believes it.
-    let (printed, told_wrong) = page(
+    // The core is configured with 0.1 s for a sensor of 10 s.
+    let (printed, wrong_lag) = page(
         "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[sensor.gas]\ntime_constant_s = 10.0\n\
          [believed.sensor.gas]\ntime_constant_s = 0.1\n",
         None,
@@ -311,7 +311,7 @@ fn a_report_begins_with_what_matters() {
         printed.contains("warning: the estimate is surer of itself than it may be"),
         "{printed}"
     );
-    let (before, _) = told_wrong.split_once("<figure ").unwrap();
+    let (before, _) = wrong_lag.split_once("<figure ").unwrap();
     assert!(before.contains("The estimate is surer of itself") && before.contains("✗ missed"));
 
     let vessel = "[run]\nduration_s = 1.0\n[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 6e5\n[drive]\n\
@@ -345,13 +345,13 @@ fn check_and_replay_take_json_and_quiet() {
         (&["compare", &out, &trace, "--json", "--out", &again], ""),
     ] {
         let output = thermyo(arguments);
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
         let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
         assert!(key.is_empty() || json.get(key).is_some(), "{json}");
     }
     assert!(Path::new(&again).join("earlier-1/report.html").exists());
     assert!(thermyo(&["check", &file, "--quiet"]).stdout.is_empty());
-    // The file, or the folder that it is in.
+    // The file, or its folder.
     let run = Path::new(&trace).parent().unwrap().display().to_string();
     for recorded in [&trace, &run] {
         let output = thermyo(&["replay", recorded, "--out", &again]);
@@ -387,14 +387,14 @@ fn ctrl_c_keeps_the_finished_rows_and_exits_130() {
         let pid = child.id().to_string();
         assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
         let output = child.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(130), "{}", said(&output));
-        assert!(said(&output).contains("so far are in "), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(130), "{}", stderr_of(&output));
+        assert!(stderr_of(&output).contains("so far are in "), "{}", stderr_of(&output));
         let text = fs::read_to_string(&file).unwrap();
         assert!(text.ends_with('\n') && text.lines().count() > 1);
     }
 }
 
-/// What cannot go on where it was keeps what it has finished, and says what that is.
+/// Interrupted work keeps its finished parts, and lists them.
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
@@ -408,7 +408,7 @@ fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
     let fine = folder.path().join("fine.toml");
     fs::write(&fine, "[run]\nstep_s = 1e-4\n").unwrap();
     let fine = fine.display().to_string();
-    for (arguments, said_so) in [
+    for (arguments, expected) in [
         (&["tune", &fine][..], "the experiment was not finished, nothing is kept"),
         (&["identify", &trace, "--config", &file], " of 100 searches "),
         (&["evaluate", "control"], "finished"),
@@ -422,21 +422,21 @@ fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
-        // By then Ctrl-C is looked after.
+        // By then the handler of Ctrl-C is installed.
         while !out.join("unfinished-1").exists() {
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
         let pid = child.id().to_string();
         assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
         let output = child.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(130), "{arguments:?}: {}", said(&output));
-        assert!(said(&output).contains(said_so), "{arguments:?}: {}", said(&output));
+        assert_eq!(output.status.code(), Some(130), "{arguments:?}: {}", stderr_of(&output));
+        assert!(stderr_of(&output).contains(expected), "{arguments:?}: {}", stderr_of(&output));
         assert!(!out.join("summary.json").exists() && !out.join("report.html").exists());
     }
 }
 
 #[test]
-fn shells_and_readers_are_told_of_every_command() {
+fn completions_and_manual_cover_every_command() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("man").display().to_string();
     assert!(thermyo(&["man", "--out", &out]).status.success());
@@ -478,15 +478,20 @@ fn an_output_folder_that_cannot_be_written_is_named() {
         let expected = "taken: is a file; a folder is needed";
         for out in [&place, &below] {
             let output = thermyo(&[arguments, &["--out", out]].concat());
-            assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", said(&output));
-            assert!(said(&output).contains(expected), "{arguments:?}: {}", said(&output));
-            assert_eq!(said(&output).lines().count(), 1, "{arguments:?}: {}", said(&output));
+            assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr_of(&output));
+            assert!(stderr_of(&output).contains(expected), "{arguments:?}: {}", stderr_of(&output));
+            assert_eq!(
+                stderr_of(&output).lines().count(),
+                1,
+                "{arguments:?}: {}",
+                stderr_of(&output)
+            );
         }
     }
     assert_eq!(fs::read_to_string(&taken).unwrap(), "a file");
 }
 
-/// A limit on the size of files stands for a disk that is full.
+/// A limit on the size of files simulates a full disk.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_leaves_nothing_behind() {
@@ -500,8 +505,8 @@ fn a_full_disk_leaves_nothing_behind() {
         .args([&file, &out.display().to_string()])
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("trace.csv: cannot be written"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", stderr_of(&output));
+    assert!(stderr_of(&output).contains("trace.csv: cannot be written"), "{}", stderr_of(&output));
     assert!(!out.exists(), "half a result is left");
 }
 
@@ -512,8 +517,12 @@ fn a_unit_that_exists_is_left_before_anything_is_built() {
     let unit = folder.path().join("muscle.fmu");
     fs::write(&unit, "mine").unwrap();
     let output = thermyo(&["fmu", &file, "--out", &unit.display().to_string()]);
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("muscle.fmu: exists already, and is left"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", stderr_of(&output));
+    assert!(
+        stderr_of(&output).contains("muscle.fmu: exists already, and is left"),
+        "{}",
+        stderr_of(&output)
+    );
     assert_eq!(fs::read_to_string(&unit).unwrap(), "mine");
 }
 
@@ -537,9 +546,13 @@ fn a_run_that_would_not_end_does_not_begin() {
         let file = scenario(folder.path(), text);
         let out = folder.path().join("out");
         let output = thermyo(&["run", &file, "--out", &out.display().to_string()]);
-        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-        assert!(said(&output).contains(message), "{}", said(&output));
-        assert!(said(&output).contains(" s, at least 1e-7 s are taken"), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(2), "{}", stderr_of(&output));
+        assert!(stderr_of(&output).contains(message), "{}", stderr_of(&output));
+        assert!(
+            stderr_of(&output).contains(" s, at least 1e-7 s are taken"),
+            "{}",
+            stderr_of(&output)
+        );
         assert!(!out.exists(), "half a result is left");
     }
 }
@@ -547,7 +560,7 @@ fn a_run_that_would_not_end_does_not_begin() {
 #[test]
 fn a_diverging_plant_stops_with_time_and_state() {
     let folder = tempfile::tempdir().unwrap();
-    // A vessel whose piston squeezes the gas to a thousandth: the temperature leaves every range.
+    // A vessel whose piston compresses the gas to a thousandth: the temperature leaves every range.
     fs::write(folder.path().join("piston.csv"), "time_s,volume_m3\n0,0.001\n1,0.000001\n").unwrap();
     let file = scenario(
         folder.path(),
@@ -556,10 +569,10 @@ fn a_diverging_plant_stops_with_time_and_state() {
     );
     let out = folder.path().join("out");
     let output = thermyo(&["run", &file, "--out", &out.display().to_string()]);
-    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    assert!(said(&output).contains("the plant diverged at 0.9"), "{}", said(&output));
-    assert!(said(&output).contains("temperature ="), "{}", said(&output));
-    assert!(said(&output).contains("a step before"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", stderr_of(&output));
+    assert!(stderr_of(&output).contains("the plant diverged at 0.9"), "{}", stderr_of(&output));
+    assert!(stderr_of(&output).contains("temperature ="), "{}", stderr_of(&output));
+    assert!(stderr_of(&output).contains("a step before"), "{}", stderr_of(&output));
     assert!(!out.exists(), "half a result is left");
 }
 
@@ -574,22 +587,30 @@ fn a_shipped_scenario_runs_where_its_file_is_not() {
             .unwrap()
     };
     let inside = check("scenarios/bellows.toml");
-    assert!(inside.status.success(), "{}", said(&inside));
-    assert!(said(&inside).contains("scenarios/bellows.toml is not here"), "{}", said(&inside));
+    assert!(inside.status.success(), "{}", stderr_of(&inside));
+    assert!(
+        stderr_of(&inside).contains("scenarios/bellows.toml is not here"),
+        "{}",
+        stderr_of(&inside)
+    );
     let unknown = check("scenarios/bellow.toml");
     assert_eq!(unknown.status.code(), Some(2));
-    assert!(said(&unknown).contains("scenarios/bellow.toml: no such file"), "{}", said(&unknown));
+    assert!(
+        stderr_of(&unknown).contains("scenarios/bellow.toml: no such file"),
+        "{}",
+        stderr_of(&unknown)
+    );
 
-    // The user's own goes before it.
+    // The user's own scenario takes precedence.
     fs::create_dir(folder.path().join("scenarios")).unwrap();
     fs::write(folder.path().join("scenarios/bellows.toml"), "[run]\nduration_s = 7.0\n").unwrap();
     let own = check("scenarios/bellows.toml");
-    assert!(own.stderr.is_empty(), "{}", said(&own));
+    assert!(own.stderr.is_empty(), "{}", stderr_of(&own));
     assert!(String::from_utf8(own.stdout).unwrap().contains("duration_s = 7.0"));
 }
 
 #[test]
-fn a_run_that_vented_says_when_and_why() {
+fn a_vented_run_reports_time_and_cause() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let ran = |faults: &str| {
@@ -599,7 +620,7 @@ fn a_run_that_vented_says_when_and_why() {
         );
         let file = scenario(folder.path(), &text);
         let output = thermyo(&["run", &file, "--quiet", "--out", &out.display().to_string()]);
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
         let json: serde_json::Value =
             serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
         let page = fs::read_to_string(out.join("report.html")).unwrap();
@@ -642,7 +663,7 @@ fn a_last_stroke_is_one_that_was_made() {
         );
         let file = scenario(folder.path(), &text);
         let output = thermyo(&["run", &file, "--quiet", "--out", &out.display().to_string()]);
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
         let page = fs::read_to_string(out.join("report.html")).unwrap();
         assert_eq!(page.contains("The last stroke."), shown, "{duration_s}");
         assert_eq!(page.contains("<td data-column=\"Quantity\">Strokes</td>"), shown);

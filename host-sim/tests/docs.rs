@@ -1,4 +1,4 @@
-//! Every file of the repository that a document names is there, and the tuning values are the core's.
+//! Every file that a document names exists, and the tuning values are the core's.
 
 use model_core::config::{ControllerConfig, EstimatorConfig};
 use std::collections::BTreeSet;
@@ -52,7 +52,7 @@ fn sources() -> BTreeSet<String> {
     names
 }
 
-/// Targets of Markdown's links, but for those that leave the repository or stay on the page.
+/// Targets of Markdown links, without external ones and those within the page.
 fn links(text: &str) -> impl Iterator<Item = &str> {
     text.split("](")
         .skip(1)
@@ -60,12 +60,12 @@ fn links(text: &str) -> impl Iterator<Item = &str> {
         .filter(|target| !target.is_empty() && !target.contains("://"))
 }
 
-/// Words that can only be a path of the repository, wherever they stand.
+/// Words that can only be paths of the repository.
 fn paths(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !(c.is_ascii_alphanumeric() || "_-./".contains(c)))
         .map(|word| word.trim_end_matches('.'))
         .filter(|word| match word.split_once('/') {
-            // "src" is a package's own; what a build makes is not in the repository.
+            // "src" is a package's own; build outputs are not in the repository.
             Some((first, _)) if !word.ends_with(".rs") => {
                 FOLDERS.contains(&first) || first == "src"
             }
@@ -73,7 +73,7 @@ fn paths(text: &str) -> impl Iterator<Item = &str> {
         })
 }
 
-/// What a document in `folder` names in vain.
+/// Paths and links of a document in `folder` that do not exist.
 fn missing(text: &str, folder: &Path, sources: &BTreeSet<String>) -> Vec<String> {
     let linked = links(text).filter(|target| !folder.join(target).exists());
     let named = paths(text).filter(|path| {
@@ -85,7 +85,7 @@ fn missing(text: &str, folder: &Path, sources: &BTreeSet<String>) -> Vec<String>
 }
 
 #[test]
-fn what_the_documents_name_is_there() {
+fn files_named_in_documents_exist() {
     let sources = sources();
     let mut count = 0;
     for document in documents() {
@@ -123,7 +123,7 @@ fn no_line_of_a_document_is_longer_than_100_characters() {
 }
 
 #[test]
-fn what_is_not_there_is_found() {
+fn missing_files_are_found() {
     let text = "See `docs/gone.md`, scenarios/nominal.toml, `step.rs`, `physics/gas.rs`, `gone.rs`, `physics/step.rs`, [a plot](gone.svg), \
                 [another](docs/how-to/tune.md#by-hand), [far](https://example.org/gone), out/run/gone.csv, \
                 `cargo run -- run scenarios/gone.toml`. It is in `model-core/src/`.";

@@ -1,5 +1,5 @@
-//! What a chamber leaks all the time: in the plant against the closed form, in the estimate, the pressure loop
-//! and the supervisor that know of it or not.
+//! A permanent leak of a chamber: in the plant against the closed form, and in estimate, pressure
+//! loop and supervisor, with and without its configuration.
 
 use crate::run_support::rows;
 use model_core::Faults;
@@ -66,7 +66,7 @@ fn a_leak_down_at_constant_temperature_is_the_closed_form() {
                 plant.advance(Actuation::default()).unwrap();
             }
             let now = plant.truth();
-            // An exponential within a step.
+            // Exponential within a step.
             let ln = |pressure_pa: f64| (before.pressure_pa / pressure_pa).ln();
             let over = ln(to_pa) / ln(now.pressure_pa);
             let found_s = before.time_s + over * (now.time_s - before.time_s);
@@ -95,7 +95,8 @@ const LEAKS: &str = "[leak]\nconductance_m3_s_pa = 1e-11\n";
 const UNCONFIGURED: &str =
     "[leak]\nconductance_m3_s_pa = 1e-11\n[believed.leak]\nconductance_m3_s_pa = 0.0\n";
 
-/// A shut muscle that leaks: what is configured of it is no change of temperature. RMS error from 10 s on \[K\].
+/// Error of the estimate in a shut, leaking muscle: a configured leak is no change of temperature.
+/// RMS from 10 s on \[K\].
 fn held_error_k(model: &str, leak: &str) -> f64 {
     let text = format!(
         "run = {{ duration_s = 60, log_every = 10 }}\n\
@@ -121,10 +122,10 @@ fn the_estimate_of_a_hold_takes_the_leak_along() {
     }
 }
 
-/// Pressure held for two seconds through a leak that takes 5 % a second: how far below its set point a loop lets it
-/// on average that does not learn \[Pa\].
+/// Mean error below the set point without the loop's integral, over two seconds of a leak of 5 % a
+/// second \[Pa\].
 #[test]
-fn the_pressure_loop_feeds_a_leak_that_it_is_told() {
+fn the_pressure_loop_feeds_a_configured_leak() {
     let low_pa = |leak: &str| {
         let text = format!(
             "run = {{ duration_s = 3, log_every = 1 }}\n\
@@ -148,7 +149,8 @@ fn the_pressure_loop_feeds_a_leak_that_it_is_told() {
     assert!((unconfigured_pa - tight_pa) > 120.0, "{unconfigured_pa} Pa, tight {tight_pa} Pa");
 }
 
-/// When a leak is found first \[s\], in a muscle that is shut; from 3 s on a hole is added to what leaks.
+/// Time at which a leak is first found \[s\] in a shut muscle; from 3 s on there is an additional
+/// hole.
 fn found_s(leak: &str, hole_m3_s_pa: f64) -> Option<f64> {
     let text = format!(
         "run = {{ duration_s = 60, log_every = 10 }}\nplant.model = \"lumped\"\n\
@@ -165,7 +167,7 @@ fn found_s(leak: &str, hole_m3_s_pa: f64) -> Option<f64> {
 }
 
 #[test]
-fn a_leak_counts_as_far_as_it_is_more_than_what_is_told() {
+fn only_leakage_beyond_the_configured_leak_counts() {
     // 8 % of the gas in a second.
     let leak = |configured: &str| {
         format!(
@@ -175,7 +177,7 @@ fn a_leak_counts_as_far_as_it_is_more_than_what_is_told() {
     let unconfigured_s = found_s(&leak("0.0"), 0.0).unwrap();
     assert!((3.0..9.0).contains(&unconfigured_s), "{unconfigured_s} s");
     assert_eq!(found_s(&leak("1.4e-10"), 0.0), None);
-    // Nor is it gas gained where a leak that is configured has been mended.
+    // A configured leak that was repaired is no gain of gas.
     let mended = "[believed.leak]\nconductance_m3_s_pa = 1.4e-10\n";
     assert_eq!(found_s(mended, 0.0), None);
     // It grows to three times that.

@@ -1,5 +1,5 @@
-//! A long line between valves and muscle: against a fine discretisation solved by other hands, its books, and the core that
-//! drives a muscle through it.
+//! A long line between valves and muscle: compared with an independent fine discretisation, its
+//! balances, and a core that drives a muscle through it.
 
 use crate::plant_support::{MassFlow, muscle};
 use crate::run_support::rows;
@@ -39,15 +39,15 @@ fn filled(length_m: f64) -> Scenario {
 
 const CELLS: usize = 200;
 
-/// The same with 200 cells, written down anew: mass and energy of tube and muscle, then flux \[kg/(s m2)\], density and
-/// energy per volume from face to face; the last cell is half of one.
+/// The same with 200 cells, implemented separately: mass and energy of tube and muscle, then flux
+/// \[kg/(s m2)\], density and energy per volume from face to face; the last cell is half as long.
 struct Fine {
     scenario: Scenario,
     gas: IdealGas,
     valve: Iso6358,
     port: Iso6358,
     muscle_m3: f64,
-    /// With the momentum that the gas carries along, which the plant leaves out.
+    /// Includes the momentum transported by the gas, which the plant leaves out.
     carries_momentum: bool,
 }
 
@@ -60,7 +60,7 @@ impl Fine {
         self.scenario.tube.volume_m3 + 0.5 * 0.25 * PI * BORE_M * BORE_M * self.cell_m()
     }
 
-    /// When the muscle comes to each of the rising pressures \[s\].
+    /// Times at which the muscle reaches each of the rising pressures \[s\].
     fn times(self, pressures_pa: &[f64], end_s: f64) -> Vec<f64> {
         let (tube_m3, muscle_m3, gas) = (self.tube_m3(), self.muscle_m3, self.gas);
         let density = START_PA / (gas.r * AIR_K);
@@ -76,7 +76,7 @@ impl Fine {
             initial[4 + 3 * cell + 1] = density;
             initial[4 + 3 * cell + 2] = energy;
         }
-        // The usual parameters; it is stiff, and an explicit method that takes its time is right.
+        // Usual parameters; the problem is stiff, and a slow explicit method is good enough.
         let dense = OutputType::Dense;
         let mut solver = Dop853::from_param(
             self,
@@ -104,7 +104,7 @@ impl Fine {
     }
 }
 
-/// When a rising curve passes each of the values, between two points of it.
+/// Times at which a rising curve passes each of the values, interpolated.
 fn crossings(curve: &[(f64, f64)], values: &[f64]) -> Vec<f64> {
     let crossing = |value: &f64| {
         let at = curve.iter().position(|(_, y)| y > value).expect("it comes there");
@@ -151,7 +151,7 @@ impl System<f64, DVector<f64>> for Fine {
             let here = cell(i);
             let mean = 0.5 * (before_density + density(i));
             let reynolds = (flux(i).abs() * BORE_M / viscosity).max(1e-9);
-            // Between 2300 and 4000, f Re and Nu pass from one law to the other.
+            // Between 2300 and 4000, f Re and Nu change from one law to the other.
             let turbulent = ((reynolds - 2300.0) / 1700.0).clamp(0.0, 1.0);
             let blasius = 0.3164 / reynolds.powf(0.25);
             let factor = (1.0 - turbulent) * 64.0 / reynolds + turbulent * blasius;
@@ -177,7 +177,7 @@ impl System<f64, DVector<f64>> for Fine {
     }
 }
 
-/// Time to fill to shares of the way to the supply's pressure, in the plant and with 200 cells.
+/// Time to fill to fractions of the supply's pressure, in the plant and with 200 cells.
 #[test]
 fn fill_times_agree_with_a_fine_discretisation() {
     // The front, and the filling.
@@ -308,7 +308,8 @@ fn pressure_and_position_are_held_through_a_line() {
     }
 }
 
-/// Its gas keeps the temperature of its wall: it is no dead volume of the muscle.
+/// The gas in the line keeps the temperature of the line's wall: it is no dead volume of the
+/// muscle.
 #[test]
 fn the_estimate_does_not_count_the_gas_in_a_line() {
     let error_k = |believed: &str| {
@@ -324,9 +325,10 @@ fn the_estimate_does_not_count_the_gas_in_a_line() {
         rms_difference(&estimate, &truth)
     };
     let volume_m3 = 1.0e-6 + 0.25 * PI * BORE_M * BORE_M * 4.0;
-    let [told_k, counted_k] = ["".to_owned(), format!("believed.tube.volume_m3 = {volume_m3}\n")]
-        .map(|believed| error_k(&believed));
-    println!("{told_k:.3} K, {counted_k:.3} K where it is counted");
-    assert!((0.05..0.3).contains(&told_k), "{told_k} K");
-    assert!((1.3..4.0).contains(&(counted_k / told_k)), "{counted_k} K");
+    let [ignored_k, counted_k] =
+        ["".to_owned(), format!("believed.tube.volume_m3 = {volume_m3}\n")]
+            .map(|believed| error_k(&believed));
+    println!("{ignored_k:.3} K, {counted_k:.3} K where it is counted");
+    assert!((0.05..0.3).contains(&ignored_k), "{ignored_k} K");
+    assert!((1.3..4.0).contains(&(counted_k / ignored_k)), "{counted_k} K");
 }

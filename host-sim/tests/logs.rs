@@ -29,7 +29,7 @@ fn rows(csv: &Path) -> Vec<BTreeMap<String, f64>> {
     lines.map(row).collect()
 }
 
-/// A flat JSON object of numbers, each read to the last bit, which serde_json does not do by itself.
+/// A flat JSON object of numbers, each exact to the last bit, which serde_json does not guarantee.
 fn numbers(json: &[u8]) -> BTreeMap<String, f64> {
     let valid: BTreeMap<String, f64> = serde_json::from_slice(json).unwrap();
     let text = std::str::from_utf8(json).unwrap();
@@ -41,7 +41,7 @@ fn numbers(json: &[u8]) -> BTreeMap<String, f64> {
     exact
 }
 
-/// Every message's numbers, joined by their time.
+/// Numbers of all messages, joined by their time.
 fn logged(mcap: &[u8]) -> Vec<BTreeMap<String, f64>> {
     let mut rows: BTreeMap<u64, BTreeMap<String, f64>> = BTreeMap::new();
     for message in MessageStream::new(mcap).unwrap() {
@@ -86,7 +86,7 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
     let rows = rows(&out.join("trace.csv"));
     assert_eq!(rows.len(), 31);
     assert_eq!(logged(&fs::read(out.join("trace.mcap")).unwrap()), rows);
-    // A datagram may be lost, and none is made up.
+    // Datagrams may be lost, but not invented.
     let datagrams = listening.join().unwrap();
     assert!(datagrams.len() > 15, "{} datagrams", datagrams.len());
     for mut datagram in datagrams {
@@ -102,7 +102,7 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
 }
 
 #[test]
-fn what_is_no_address_is_told_and_nothing_is_written() {
+fn an_invalid_address_is_reported_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = folder.path().join("scenario.toml").display().to_string();
     fs::write(&scenario, SCENARIO).unwrap();

@@ -1,4 +1,4 @@
-//! The `thermyo` command, and what needs several crates.
+//! Tests of the `thermyo` command, and of several crates together.
 
 mod board_command;
 mod board_guided;

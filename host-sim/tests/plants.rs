@@ -17,7 +17,7 @@ fn cylinder(bore_m: f64, stroke_m: f64, dead_volume_m3: f64, valve: f64) -> Scen
     scenario
 }
 
-/// Filled and let out, a second each; the error of the energy's books.
+/// Fills and vents for a second each; returns the error of the energy balance.
 fn cycle(scenario: &Scenario) -> Result<f64, BuildError> {
     let mut plant = thermyo_plant::build(scenario, None)?;
     for step in 0..4000 {
@@ -67,7 +67,7 @@ fn random_plants_neither_diverge_nor_swing_without_a_warning() {
     }
 }
 
-/// A valve passes no more than the tube behind it, which the core is configured with.
+/// A valve passes no more than the tube behind it, which the core's configuration includes.
 #[test]
 fn a_valve_larger_than_its_tube_lets_gas_in() {
     let mut scenario = Scenario::default();

@@ -1,4 +1,4 @@
-//! `thermyo playground`: its module under Node, to the bit; its page in headless Chromium.
+//! `thermyo playground`: its module under Node, compared bit by bit; its page in headless Chromium.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -44,7 +44,7 @@ fn command(scenario: &Path) -> Vec<u8> {
     fs::read(out.path().join("trace.csv")).unwrap()
 }
 
-/// The trace of the module, and what it says besides.
+/// Trace and messages of the module.
 fn module(scenario: &Path) -> Result<Vec<u8>, String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/playground_trace.mjs");
     let output = Command::new("node").arg(script).arg(playground()).arg(scenario).output().unwrap();
@@ -66,7 +66,7 @@ fn its_trace_is_that_of_the_command_to_the_bit() {
     let mut cases: Vec<PathBuf> = ["nominal", "contraction", "reproduce"]
         .map(|name| repository().join("scenarios").join(name).with_extension("toml"))
         .into();
-    // Every function of f64 that the platform would round as it likes.
+    // All functions of f64 whose rounding depends on the platform.
     for (name, text) in [
         (
             "correlation",
@@ -93,7 +93,7 @@ fn its_trace_is_that_of_the_command_to_the_bit() {
 }
 
 #[test]
-fn what_is_wrong_with_a_scenario_is_one_line() {
+fn an_invalid_scenario_gives_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("wrong.toml");
     fs::write(&file, "[supply]\npressure_pa = 7\npressure = 7e5\n").unwrap();
@@ -120,14 +120,14 @@ fn its_own_page_is_replaced_and_no_other() {
     assert!(write().status.success());
     let files = names();
     fs::write(&page, "an older one").unwrap();
-    // Nothing else lies in what is served.
+    // The served folder has no other files.
     assert!(write().status.success());
     assert_eq!(names(), files);
     assert_ne!(fs::read(&page).unwrap(), b"an older one");
 }
 
 #[test]
-fn it_says_what_makes_no_sense_and_that_it_takes_no_file() {
+fn it_warns_of_implausible_values_and_refuses_files() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scenario.toml");
     let script =
@@ -170,7 +170,7 @@ fn the_page_runs_and_is_turned() {
     assert_eq!(seen["narrow_px"], 390, "{seen:#}");
     let refused = seen["refused"].as_str().unwrap();
     assert!(refused.starts_with("scenario.toml:2: supply.pressure_pa = -1"), "{refused}");
-    // What was saved is what `thermyo run` takes, and makes.
+    // `thermyo run` accepts a saved scenario and gives the same trace.
     let saved = |name: &str| PathBuf::from(seen["shipped"][name].as_str().unwrap());
     let expected = command(&repository().join("scenarios/nominal.toml"));
     assert_same("the saved scenario", &command(&saved("scenario")), &expected);

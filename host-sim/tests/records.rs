@@ -1,5 +1,5 @@
-//! Nothing is lost: what a killed run has recorded is read, damage is said and costs what lies behind it
-//! only, and no result is overwritten.
+//! No data is lost: the record of a killed run can be read, damage is reported and affects only the
+//! rows behind it, and no result is overwritten.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -36,7 +36,7 @@ fn place(scenario: &str) -> (TempDir, String, PathBuf) {
     (folder, name(&file), out)
 }
 
-/// Starts a command and kills it, by surprise, once the file has so many bytes.
+/// Starts a command and kills it once the file has so many bytes.
 fn killed(arguments: &[&str], file: &Path, bytes: u64) {
     let mut child: Child = command(arguments).stderr(Stdio::null()).spawn().unwrap();
     let start = Instant::now();
@@ -79,7 +79,7 @@ fn a_killed_sweep_goes_on_where_it_was() {
     // As if it had been killed within a row.
     fs::write(&table, &text[..text.len() - 5]).unwrap();
 
-    // Somebody else at work is left alone.
+    // Another process at work is not disturbed.
     let begun = fs::File::open(unfinished.join("begun.txt")).unwrap();
     begun.lock().unwrap();
     let output = thermyo(&arguments);
@@ -91,7 +91,7 @@ fn a_killed_sweep_goes_on_where_it_was() {
     );
     drop(begun);
 
-    // Another sweep in the same folder is another matter.
+    // Another sweep in the same folder is separate.
     let other = ["sweep", &scenario, "--quiet", "--vary", "run.seed=1:2:2", "--out", &out_name];
     let output = thermyo(&other);
     assert_eq!((output.status.code(), said(&output)), (Some(0), String::new()));
@@ -126,7 +126,7 @@ fn a_damaged_record_is_read_up_to_the_damage() {
     assert_eq!(ends.len(), 502);
 
     let mut torn = whole.clone();
-    // Within the last number of row 300, which is a number without its last digits too.
+    // Within the last number of row 300, which without its last digits is still a number.
     torn.truncate(ends[300] - 1);
     let mut holed = whole.clone();
     holed[ends[200] + 5..ends[205]].fill(0);
@@ -159,7 +159,7 @@ fn a_damaged_record_is_read_up_to_the_damage() {
         }
     }
 
-    // Nothing to read is no record.
+    // A table without rows is no record.
     fs::write(&trace, &whole[..ends[0] + 20]).unwrap();
     let output = thermyo(&["replay", &name(&trace), "--out", &name(&out.join("none"))]);
     assert_eq!(output.status.code(), Some(2));
@@ -168,7 +168,7 @@ fn a_damaged_record_is_read_up_to_the_damage() {
 }
 
 #[test]
-fn identify_takes_what_is_whole_and_refuses_what_nobody_can_mean() {
+fn identify_uses_whole_rows_and_refuses_impossible_values() {
     let closed = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
                   parameters = [\"heat.inner_w_m2_k\"]\n";
     let (folder, config, out) = place(closed);
@@ -185,7 +185,7 @@ fn identify_takes_what_is_whole_and_refuses_what_nobody_can_mean() {
         "data.csv:52: the last line has no end: it may be cut; read up to there: 50 rows";
     assert!(said(&output).lines().next().unwrap().ends_with(expected), "{}", said(&output));
 
-    // A pressure of 4.5 bar, told in bar.
+    // A pressure of 4.5 bar, given in bar.
     let output = identify(&format!("time_s,pressure_pa\n{rows}50,4.5\n51,4.4\n"));
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     let expected = "data.csv:52: column pressure_pa = 4.5: must be a number from 1000 to 1e8 Pa";
@@ -252,7 +252,7 @@ fn a_result_is_never_overwritten() {
     assert_eq!(said(&run("1")), "");
     let (first, summary) = (read("trace.csv"), read("summary.json"));
 
-    // A run that fails leaves it where it is.
+    // A failed run leaves the earlier result in place.
     let output = run("\"x\"");
     assert_eq!(output.status.code(), Some(2));
     assert_eq!(read("trace.csv"), first);
@@ -270,7 +270,7 @@ fn a_result_is_never_overwritten() {
     assert!(read("earlier-1/scenario.toml").contains("seed = 1 "));
     assert!(read("scenario.toml").contains("seed = 2 "));
     assert!(read("report.html").len() > 1000 && read("earlier-1/report.html").len() > 1000);
-    // An earlier result is a record as any other.
+    // An earlier result is a record like any other.
     let trace = name(&out.join("earlier-1/trace.csv"));
     let replayed = thermyo(&["replay", &trace, "--out", &name(&out.join("replay"))]);
     assert_eq!(replayed.status.code(), Some(0));
@@ -288,7 +288,7 @@ fn a_monitor_that_finds_no_board_leaves_the_last_recording() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "something else is left");
 }
 
-/// A limit on the size of files stands for a disk that is full.
+/// A limit on the size of files simulates a full disk.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_leaves_the_earlier_result() {

@@ -1,4 +1,4 @@
-//! The report pages in headless Chromium, used as a reader would.
+//! The report pages in headless Chromium, operated as by a reader.
 
 use serde_json::Value;
 use std::fs;
@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use crate::browser_support::{chromium, look};
 
-/// Runs `thermyo` with these arguments and `--out` in a folder; gives the page.
+/// Runs `thermyo` with these arguments and `--out` in a folder; returns the page.
 fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {
     let out = folder.path().join(name);
     let output = Command::new(env!("CARGO_BIN_EXE_thermyo"))
@@ -22,7 +22,7 @@ fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {
     out.join("report.html")
 }
 
-/// What holds for every page; gives what was seen.
+/// Checks that apply to every page; returns the script's findings.
 fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Value {
     let seen = look("look.mjs", chromium, page.as_os_str(), name, &[]);
     assert_eq!(seen["problems"], Value::Array(Vec::new()), "{name}");
@@ -68,7 +68,7 @@ fn pages_can_be_looked_into() {
     let names: Vec<&str> =
         first["readout"].as_array().unwrap().iter().map(|row| row[0].as_str().unwrap()).collect();
     assert_eq!(names, ["Time", "set point", "contraction", "Tracking error"]);
-    // Every chart over time follows.
+    // All charts over time are linked.
     assert_eq!(first["linked"].as_array().unwrap().len(), seen["charts"].as_array().unwrap().len());
 
     let measured = folder.path().join("measured.csv");

@@ -1,6 +1,6 @@
-//! The report pages, from synthetic data: well-formed, escaped, small, and whole whatever the data.
+//! The report pages from synthetic data: well-formed, escaped, small, and complete with any data.
 //!
-//! The pages stay in the target folder's `tmp`, to be looked at.
+//! The pages stay in the target folder's `tmp` for inspection.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -45,7 +45,7 @@ const STEP_S: f64 = 0.001;
 const PERIOD_S: f64 = 5.0;
 const ZONES_K: [f64; 8] = [296.4, 298.3, 300.6, 302.7, 304.4, 305.9, 306.8, 307.3];
 
-/// A muscle-like run of 100 s: every column's shape, not the physics.
+/// A muscle-like run of 100 s: plausible columns without physics.
 fn recorded() -> (Recorder, Vec<(f64, f64)>) {
     let mut recorder = Recorder::new(&COLUMNS);
     let mut last_stroke = Vec::new();
@@ -261,7 +261,7 @@ fn keep(name: &str, page: &str) {
         .expect("the target folder is writable");
 }
 
-/// Number of elements, or what is wrong with the XML.
+/// Number of elements, or the error of the XML.
 fn elements(xml: &str) -> Result<usize, String> {
     let mut reader = Reader::from_str(xml);
     let mut count = 0;
@@ -336,7 +336,7 @@ fn the_run_page_is_well_formed_whole_and_small() {
 }
 
 #[test]
-fn a_wide_table_says_in_each_cell_what_it_is() {
+fn a_wide_table_labels_each_cell() {
     let table = |columns: &[&str], row: &[&str]| {
         let texts = |all: &[&str]| all.iter().map(|text| (*text).to_owned()).collect();
         let table =
@@ -373,14 +373,14 @@ fn a_cell_shows_its_value_where_there_is_room_for_it() {
             cells.map(|cell| &cell[cell.find('>').unwrap() + 1..cell.find('<').unwrap()]).collect();
         assert_eq!(texts, vec![shown; columns], "{map}");
     }
-    // Figures of ten columns would print over each other: they are told to who points at a cell.
+    // Figures of ten columns would overlap: they are shown only under the pointer.
     let map = narrow_map(10, 0.0123);
     assert_eq!(map.matches("cell-value").count(), 0, "{map}");
     assert_eq!(map.matches("<title>0.0123</title>").count(), 10, "{map}");
 }
 
 #[test]
-fn what_nothing_draws_anew_has_a_drawing_for_a_phone() {
+fn static_charts_have_a_narrow_version() {
     for figure in bars().iter().chain(&muscles()) {
         let narrow: Vec<&str> = figure.svg().split("<svg class=\"chart narrow\"").skip(1).collect();
         assert_eq!(narrow.len(), 1, "{}", figure.svg());
@@ -400,7 +400,7 @@ fn words_stand_at_their_places_on_an_axis() {
 }
 
 #[test]
-fn what_is_not_a_number_meets_no_target() {
+fn nan_meets_no_target() {
     let tile = Tile::new("Balance", f64::NAN, "").target("any", true);
     let page = Page::new("", "", "").tile(tile).render();
     assert!(page.contains("✗ missed") && !page.contains('✓'), "{page}");

@@ -1,4 +1,4 @@
-//! Scenario files as users write them: what is taken, and what is said of what is not.
+//! Scenario files as users write them: accepted values, and messages for all others.
 
 use model_core::Command;
 use proptest::prelude::*;
@@ -33,7 +33,7 @@ fn assert_messages(cases: &[(&str, &str)]) {
 }
 
 #[test]
-fn nothing_said_means_the_defaults() {
+fn an_empty_scenario_has_the_defaults() {
     for text in ["", "\n\n# nothing\n", "\u{feff}", "[believed]\n[sensor]\n[believed.sensor.gas]"] {
         let loaded = valid(text);
         assert_eq!(loaded.plant, Scenario::default());
@@ -108,7 +108,7 @@ fn unknown_names_get_a_suggestion() {
 }
 
 #[test]
-fn wrong_values_are_told_what_is_allowed() {
+fn messages_on_wrong_values_state_the_allowed_ones() {
     assert_messages(&[
         (
             "[muscle]\nzones = -3",
@@ -185,7 +185,7 @@ fn the_first_mistake_of_the_file_is_named() {
 }
 
 #[test]
-fn what_the_core_is_never_told_cannot_be_believed() {
+fn only_keys_of_the_core_can_be_believed() {
     let reason = "the core does not know of it, so that it cannot believe otherwise";
     for table in ["run", "plant", "drive", "faults", "paper"] {
         let message = format!("scenario.toml:2: believed.{table}: {reason}");
@@ -196,7 +196,7 @@ fn what_the_core_is_never_told_cannot_be_believed() {
 }
 
 #[test]
-fn broken_toml_is_said_in_one_line() {
+fn broken_toml_gives_one_line() {
     for (text, line) in [
         ("[run", 1),
         ("\n\nduration_s == 3", 3),
@@ -367,7 +367,7 @@ fn geometry_comes_from_either_pair() {
     assert!((thread.diameter_m - 0.03).abs() < 1e-14);
     assert!((thread.braid_angle_deg - 25.0).abs() < 1e-10);
 
-    // Both, rounded by hand, agree.
+    // Both, rounded by hand, are consistent.
     let both = "[muscle]\nthread_length_m = 0.3259\nturns = 2.027\nrest_length_m = 0.3\n\
                 diameter_m = 0.02\nbraid_angle_deg = 23";
     assert_eq!(valid(both).plant.muscle.turns, 2.027);
@@ -410,7 +410,7 @@ fn geometry_that_is_none_is_refused() {
 }
 
 #[test]
-fn the_core_can_be_told_another_geometry() {
+fn the_core_can_be_configured_with_another_geometry() {
     let believing = |believed: &str| {
         let loaded = valid(&format!("[believed.muscle]\n{believed}"));
         assert_eq!(loaded.plant, valid("").plant);
@@ -423,7 +423,7 @@ fn the_core_can_be_told_another_geometry() {
     let more_turns = believing("turns = 2.5");
     assert_eq!(more_turns.rest_length_m, plant.rest_length_m);
     assert!((more_turns.diameter_m - 0.02 * plant.turns / 2.5).abs() < 1e-12);
-    // The plant's file speaks of diameter and angle, so these stay.
+    // The plant's file has diameter and angle, so these stay.
     let longer = believing("rest_length_m = 0.33");
     assert_eq!(longer.braid_angle_deg, plant.braid_angle_deg);
     assert!((longer.thread_length_m / plant.thread_length_m - 1.1).abs() < 1e-12);
@@ -431,7 +431,7 @@ fn the_core_can_be_told_another_geometry() {
 }
 
 #[test]
-fn what_is_believed_overlays_the_plant() {
+fn believed_keys_override_the_plant() {
     let loaded = valid(
         "[heat]\ninner_w_m2_k = 50\n[supply]\ntemperature_k = 310\n\
          [believed.heat]\ninner_w_m2_k = 20\n[believed.sensor.gas]\ntime_constant_s = 2",
@@ -471,7 +471,7 @@ const STEPS: &str = "[drive]\nkind = \"contraction\"\nprofile_csv = \"steps.csv\
 
 #[test]
 fn profiles_lie_beside_the_scenario() {
-    // Other columns may be there; a measured file serves as it is.
+    // Other columns are allowed, so a measured file can be used unchanged.
     let csv = "time_s,pressure_pa,volume_m3\n0,1e5,0.02\n0.5,,0.01\n";
     let folder = folder(PISTON, &[("piston.csv", csv)]);
     let loaded = thermyo_setup::load(&folder.path().join(NAME)).unwrap();
@@ -479,7 +479,7 @@ fn profiles_lie_beside_the_scenario() {
     assert_eq!(profile.points(), [(0.0, 0.02), (0.5, 0.01)]);
     assert_eq!(loaded.plant.vessel.volume_csv, Some(folder.path().join("piston.csv")));
     assert_eq!(loaded.plant.vessel.characteristic_length_m, 0.02_f64.cbrt());
-    // What `check` prints works from another folder.
+    // The scenario printed by `check` works from another folder.
     assert_eq!(parse(&thermyo_setup::render(&loaded)), Ok(loaded));
 }
 
@@ -543,7 +543,6 @@ fn broken_profiles_are_named_by_file_line_and_column() {
     )]);
 }
 
-/// The warnings of a scenario's text.
 fn warned(text: &str) -> Vec<String> {
     let document = thermyo_scenario::Document::parse(text, "scenario.toml".as_ref()).unwrap();
     let loaded = thermyo_setup::assemble(&document).unwrap();
@@ -551,7 +550,7 @@ fn warned(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn what_makes_no_sense_is_said() {
+fn implausible_values_are_reported() {
     for (text, warning) in [
         (
             "[supply]\npressure_pa = 2000",
@@ -660,7 +659,7 @@ fn what_makes_no_sense_is_said() {
         ),
     ] {
         assert_eq!(warned(text), [warning], "{text}");
-        // What is printed says it too, and nothing else.
+        // The printed scenario has the same warnings, and no others.
         let printed = warned(&thermyo_setup::render(&valid(text)));
         assert!(printed.len() <= 1, "{text}: {printed:?}");
     }
@@ -715,7 +714,7 @@ fn the_print_explains_every_key() {
     );
 }
 
-/// The number's text of one key, anywhere in its range.
+/// Text of a key's value, anywhere in its range.
 fn any_value(allowed: Allowed) -> BoxedStrategy<Option<String>> {
     match allowed {
         Allowed::Real(limits) if limits.min > 0.0 && limits.max / limits.min > 100.0 => {
@@ -766,7 +765,7 @@ fn one_line(message: &str) -> bool {
     message.starts_with("scenario.toml:") && !message.contains(char::is_control)
 }
 
-/// So many times the usual number of cases.
+/// Multiple of the usual number of cases.
 fn cases(times: f64) -> ProptestConfig {
     let usual = ProptestConfig::default();
     ProptestConfig { cases: (times * f64::from(usual.cases)) as u32, ..usual }
@@ -782,9 +781,9 @@ proptest! {
                 let printed = thermyo_setup::render(&loaded);
                 let again = parse(&printed);
                 prop_assert_eq!(again.as_ref(), Ok(&loaded), "{}", printed);
-                // Equal numbers may differ in the sign of zero; equal prints may not.
+                // Equal numbers may differ in the sign of zero; equal texts may not.
                 prop_assert_eq!(thermyo_setup::render(&again.unwrap()), printed);
-                // What passes here, the core takes.
+                // The core accepts every scenario that passes here.
                 prop_assert_eq!(core_config(&loaded.believed).check(), Ok(()));
                 let working = loaded.plant.load.kind != LoadKind::Isometric
                     || loaded.plant.load.length_m <= loaded.plant.muscle.rest_length_m;
@@ -827,9 +826,9 @@ proptest! {
 proptest! {
     #![proptest_config(cases(0.25))]
 
-    /// Core and plant: finite figures, or a reason why not.
+    /// Core and plant: finite figures, or an error.
     #[test]
-    fn an_odd_scenario_runs_or_says_why(text in any_scenario(0.03)) {
+    fn an_odd_scenario_runs_or_gives_a_reason(text in any_scenario(0.03)) {
         let Ok(mut loaded) = parse(&text) else { return Ok(()) };
         for scenario in [&mut loaded.plant, &mut loaded.believed] {
             scenario.run = Run { duration_s: 0.2, log_every: 1, ..Run::default() };
@@ -848,7 +847,7 @@ proptest! {
             | Err(
                 RunError::Diverged(_)
                 | RunError::Build(BuildError::TooFast { .. })
-                // What is believed may leave less room than what is.
+                // The believed parameters may allow less than the plant's.
                 | RunError::Board(BoardError::SetPoint(_)),
             ) => {}
             Err(error) => prop_assert!(false, "{}", error),
@@ -880,7 +879,7 @@ fn the_core_takes_every_key_at_its_limits() {
                         taken += 1;
                     }
                     Err(message) => {
-                        // Only another key may forbid it, never the key's own range.
+                        // Only a rule with another key may forbid it, not the key's own range.
                         assert!(message.contains(", ") || message.contains("missing"), "{message}");
                     }
                 }

@@ -1,4 +1,5 @@
-//! `thermyo serve` as pages use it, over its websocket, on the emulated board; and in headless Chromium.
+//! `thermyo serve` over its websocket, as pages use it, on the emulated board; and in headless
+//! Chromium.
 
 use serde_json::{Value, json};
 use std::fs;
@@ -12,13 +13,13 @@ use tungstenite::{Message, WebSocket};
 
 use crate::board_support::{Bench, skip_emulator};
 
-/// An emulated board wants a core for itself.
+/// An emulated board needs a core for itself.
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
 
-/// No wait of a test is that long \[s\], however busy the machine is: it bounds hanging, and is no figure.
+/// Longest wait of a test \[s\], even on a busy machine: it detects hanging and is not a figure.
 const HANGS_S: f64 = 60.0;
 
-/// A server, ended with its board.
+/// A server, which is stopped with its board.
 struct Served {
     bench: Bench,
     child: Child,
@@ -27,7 +28,7 @@ struct Served {
 }
 
 impl Served {
-    /// Serves this, recordings in `out/serve` of its place.
+    /// `what` is the argument; recordings go to `out/serve` in the test's folder.
     fn new(what: &str) -> Self {
         let turn = ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let bench = Bench::new();
@@ -49,7 +50,7 @@ impl Served {
         self.url.trim_start_matches("http://").split('/').next().unwrap()
     }
 
-    /// Status line and text of what an address gives.
+    /// Status line and body of an address.
     fn get(&self, path: &str, host: &str) -> (u16, String) {
         let mut stream = TcpStream::connect(self.host()).unwrap();
         write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
@@ -78,7 +79,7 @@ impl Served {
         Some(Page { socket, received: 0, state: Value::Null, own: Value::Null, frame: Value::Null })
     }
 
-    /// Ctrl-C, which is what its exit code says; what it prints then.
+    /// Ctrl-C, with the exit code for it; returns the output.
     fn end(mut self) -> String {
         let pid = self.child.id().to_string();
         assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
@@ -96,7 +97,7 @@ impl Drop for Served {
     }
 }
 
-/// A page, and what it has heard last.
+/// A page, and its last messages.
 struct Page {
     socket: WebSocket<TcpStream>,
     received: u64,
@@ -114,7 +115,7 @@ impl Page {
         self.say(json!({ "order": order }));
     }
 
-    /// Takes one message, if one comes; says that it has seen it, if it is not slow.
+    /// Takes one message, if there is one; acknowledges it, if the page is not slow.
     fn hear(&mut self, quick: bool) {
         let Ok(Message::Text(text)) = self.socket.read() else { return };
         self.received += 1;
@@ -129,7 +130,7 @@ impl Page {
         }
     }
 
-    /// Waits for something; how long it took.
+    /// Waits for a condition; returns the waiting time.
     fn until(&mut self, what: &str, limit_s: f64, done: impl Fn(&Self) -> bool) -> Duration {
         let start = Instant::now();
         // It may have been behind.
@@ -152,7 +153,7 @@ impl Page {
         events.any(|event| event["text"].as_str().unwrap().contains(what))
     }
 
-    /// Tells the muscle, arms and holds a pressure.
+    /// Configures the muscle, arms, and holds a pressure.
     fn drive(&mut self, pressure_pa: f64) {
         self.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
         if self.state["configuration"]["configured"] == false {
@@ -223,7 +224,7 @@ fn a_page_steers_and_another_watches() {
     second.until("watches", HANGS_S, |page| page.happened("another page steers"));
     assert!((second.pressure_pa() - 1.3e5).abs() < 2e3, "{}", second.frame);
 
-    // Whatever it says, what happened before stays in the log.
+    // However many messages follow, the earlier ones stay in the log.
     for i in 0..300 {
         second.say(json!({ "fire": i }));
         second.order(json!("save"));
@@ -249,7 +250,7 @@ fn a_page_steers_and_another_watches() {
     println!("vented {slowest:?} after the page said so, at worst of five");
 
     first.drive(1.3e5);
-    // It is up to date before the other one goes.
+    // It is up to date before the other page goes.
     let began = Instant::now();
     second.until("driven", HANGS_S, |page| {
         began.elapsed() > Duration::from_millis(500) && page.frame["mode"] != "vent"
@@ -258,7 +259,7 @@ fn a_page_steers_and_another_watches() {
     let until_vented = second.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
     println!("vented {until_vented:?} after the page was gone");
     second.until("takes over", HANGS_S, |page| page.own["steers"] == true);
-    second.until("told", HANGS_S, |page| page.happened("the page that steered was closed"));
+    second.until("reported", HANGS_S, |page| page.happened("the page that steered was closed"));
     second.drive(1.2e5);
 
     let text = served.end();
@@ -305,8 +306,8 @@ fn a_slow_page_loses_frames_and_the_record_none() {
         slow.hear(false);
     }
     assert!(slow.received < 40, "{} messages to a page that sees none", slow.received);
-    slow.until("told", HANGS_S, |page| page.own["lost_frames"].as_u64() > Some(20));
-    // A machine that is busy may hold the other page up too, but not by the slow one.
+    slow.until("reported", HANGS_S, |page| page.own["lost_frames"].as_u64() > Some(20));
+    // A busy machine may delay this page too, but the slow page does not.
     assert!(page.own["lost_frames"].as_u64() < slow.own["lost_frames"].as_u64());
     page.say(json!("vent"));
     page.order(json!("finish"));
@@ -323,7 +324,7 @@ fn a_slow_page_loses_frames_and_the_record_none() {
     assert!(times.len() >= 3000, "{} rows", times.len());
     assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 1e-3).abs() < 1e-9));
 
-    // A page that steers and sees nothing is gone: nobody looks after the muscle.
+    // A page that controls but does not acknowledge counts as lost: the muscle is unattended.
     page.order(json!({ "set": { "Pressure": { "pressure_pa": 1.3e5 } } }));
     slow.until("driven", HANGS_S, |page| {
         page.frame["mode"].as_str().unwrap().starts_with("pressure")
@@ -351,7 +352,7 @@ fn a_sensor_is_calibrated_step_by_step() {
         page.state["guide"]["text"].as_str().unwrap().contains("second point")
     });
     page.drive(3.0e5);
-    // A sensor that is 1 % off.
+    // A sensor with an error of 1 %.
     page.order(json!({ "reference": "303000" }));
     page.until("put right", HANGS_S, |page| page.state["guide"]["over"] == true);
     let text = page.state["guide"]["text"].as_str().unwrap().to_owned();
@@ -377,7 +378,7 @@ fn a_muscle_is_tuned_from_the_page() {
         page.happened("of 1e300 Pa: must be from 101325 Pa (ambient) to ")
     });
 
-    // To vent ends it, and nothing has been tuned.
+    // To vent stops the tuning, without a result.
     page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
     page.until("it moves", HANGS_S, |page| progress(page) > 0.01 && page.pressure_pa() > 1.1e5);
     assert_eq!(page.state["guide"]["title"], "Tuning");
@@ -390,7 +391,7 @@ fn a_muscle_is_tuned_from_the_page() {
     assert_eq!(page.state["results"], json!([]));
     assert!(!served.bench.path("out/serve/tune-1").exists());
 
-    // To its end: the board has other values, the page their report.
+    // A complete tuning: the board has other values, the page their report.
     page.order(json!("leave"));
     page.until("left", HANGS_S, |page| page.state["guide"].is_null());
     page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
@@ -405,7 +406,7 @@ fn a_muscle_is_tuned_from_the_page() {
     assert!(report.contains("<svg"));
     let tuned = fs::read_to_string(served.bench.path("out/serve/tune-1/tuned.toml")).unwrap();
     assert!(tuned.contains("[believed."), "{tuned}");
-    // The muscle follows the pins: the valve's 1 ms and half of its 2 ms, and the sensor's lag.
+    // The muscle follows the pins after the valve's 1 ms, half of its 2 ms, and the sensor's lag.
     let summary = fs::read(served.bench.path("out/serve/tune-1/summary.json")).unwrap();
     let summary: Value = serde_json::from_slice(&summary).unwrap();
     let delay_s = summary["delay_s"].as_f64().unwrap();
@@ -413,7 +414,7 @@ fn a_muscle_is_tuned_from_the_page() {
 }
 
 #[test]
-fn bad_input_is_told_in_a_line() {
+fn bad_input_gives_one_line() {
     let bench = Bench::new();
     let message = bench.refused("thermyo serve scenarios/nowhere.toml");
     assert!(message.contains("nowhere.toml"), "{message}");
@@ -445,7 +446,7 @@ fn the_page_in_a_browser() {
         range.starts_with("-3 kPa: must be from 101.3 to ") && range.ends_with(" kPa."),
         "{seen}"
     );
-    // The set point that was typed is driven, and the pressure follows.
+    // The typed set point is driven, and the pressure follows.
     let reached_kpa = seen["reached_kpa"].as_f64().unwrap();
     assert!((148.0..152.0).contains(&reached_kpa), "{seen}");
     assert!(seen["hovered"].as_str().unwrap().contains("kPa"), "{seen}");

@@ -1,5 +1,5 @@
-//! `thermyo identify` of static maps: muscles of known law come back from few readings, what the readings
-//! cannot tell is said, and what cannot be used is refused.
+//! `thermyo identify` of static maps: muscles with a known law are found from few readings,
+//! undetermined values are reported, and unusable readings are refused.
 
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -33,7 +33,8 @@ fn muscle([length_m, diameter_m, angle_deg, full_n, strain, slack]: [f64; 6]) ->
     at_rest(&law, length_m, diameter_m, angle_deg)
 }
 
-/// A map of it at these contractions and gauge pressures \[Pa\], with noise \[N\] and friction \[N\].
+/// Map of a muscle at these contractions and gauge pressures \[Pa\], with noise \[N\] and friction
+/// \[N\].
 fn map(
     muscle: &Muscle,
     places: &[(f64, f64, f64)],
@@ -84,7 +85,7 @@ fn identify(readings: Readings, against: Option<&Readings>) -> Identified {
         .unwrap()
 }
 
-/// Muscles of 10 to 40 mm and 0.08 to 0.4 m, not those that the usual values come from.
+/// Muscles of 10 to 40 mm and 0.08 to 0.4 m, apart from those behind the usual values.
 const MUSCLES: [[f64; 6]; 5] = [
     [0.08, 0.0135, 26.0, 140.0, 0.03, 0.015],
     [0.15, 0.014, 29.0, 220.0, 0.02, 0.008],
@@ -139,7 +140,7 @@ fn many_readings_give_values_within_their_errors() {
 }
 
 #[test]
-fn what_the_readings_cannot_tell_is_said() {
+fn undetermined_parameters_are_reported() {
     let muscle = muscle(MUSCLES[0]);
     let at_rest: Vec<_> = (1..=6).map(|bar| (0.0, f64::from(bar) * 1.0e5, 0.0)).collect();
     let found = identify(readings(&muscle, &at_rest, 0.5, 0.0, 1), None).findings;
@@ -168,7 +169,7 @@ fn the_plan_is_a_map_without_its_forces() {
 }
 
 #[test]
-fn what_cannot_be_used_is_one_clear_message() {
+fn unusable_readings_give_one_clear_message() {
     let header = "rest_length_m,gauge_pressure_pa,length_m,force_n";
     for (rows, message) in [
         ("0.25,6e5,0.25", "map.csv: column force_n is missing"),
@@ -203,7 +204,7 @@ fn what_cannot_be_used_is_one_clear_message() {
     assert!(refused(&plain, &all).starts_with(message), "{}", refused(&plain, &all));
 }
 
-/// A folder with files, and what the command makes of them.
+/// Folder with files, in which the command runs.
 struct Bench(TempDir);
 
 impl Bench {
@@ -242,7 +243,7 @@ fn a_map_is_read_to_its_end_or_not_at_all() {
     let muscle = muscle(MUSCLES[0]);
     let whole = map(&muscle, &grid(&[0.0]), 0.5, 0.0, 1);
     let loaded = parse(&whole).loaded.len();
-    // The last reading pulls: without its newline it is one all the same.
+    // The last reading is loaded: it counts even without its newline.
     let last = map(&muscle, &[(0.0, 3.0e5, 0.0)], 0.0, 0.0, 1);
     let (code, out, err) = command(&(whole.clone() + last.lines().nth(1).unwrap()));
     assert!(code == 0 && out.contains(&format!("{} readings", loaded + 1)), "{out}{err}");
@@ -290,7 +291,7 @@ fn friction_is_never_negative() {
         "{err}"
     );
     assert_eq!(out, "");
-    // Noise alone: none, in both places.
+    // Noise alone: no friction, in summary and scenario.
     let negative = (1..20).find(|seed| {
         let map = map(&muscle, &places, 3.0, 0.0, *seed);
         let bench = Bench::new(&[("map.csv", &map)]);
@@ -367,7 +368,7 @@ fn the_residual_map_shows_the_worse_of_two_and_any_pressures() {
 #[test]
 fn messages_are_those_of_a_map() {
     let text = map(&muscle(MUSCLES[0]), &grid(&[0.0]), 0.0, 0.0, 1);
-    // A load cell that is a little off at zero.
+    // A load cell with a small offset at zero.
     assert!(text.contains(",0,0\n"));
     let (code, _, err) = command(&text.replace(",0,0\n", ",-0.3,0\n"));
     assert_eq!(code, 0, "{err}");
@@ -384,7 +385,7 @@ fn messages_are_those_of_a_map() {
 }
 
 #[test]
-fn a_slack_reading_is_told_where_it_pulls() {
+fn a_slack_reading_gets_a_place_where_the_muscle_pulls() {
     let muscle = muscle(MUSCLES[0]);
     let places = [(0.0, 5.0e5), (0.0, 2.5e5), (0.03, 5.0e5), (0.03, 3.5e5), (0.3, 5.0e5)]
         .map(|(c, p)| (c, p, 0.0));
@@ -426,9 +427,10 @@ fn the_plan_refuses_what_the_fit_refuses() {
     }
 }
 
-/// Muscles around the measured one of 10 mm, as long as the user says but for a millimetre, read with 3 N of noise.
+/// Muscles around the measured one of 10 mm, with a length stated to a millimetre, read with 3 N of
+/// noise.
 #[test]
-fn what_the_plan_asks_for_pulls() {
+fn planned_readings_are_loaded() {
     let uniform = |random: &mut Xoshiro256PlusPlus, spread: f64| {
         spread * (2.0 * (random.next_u64() as f64 / u64::MAX as f64) - 1.0)
     };
@@ -444,7 +446,7 @@ fn what_the_plan_asks_for_pulls() {
             let usual = loaded.plant.muscle.clone();
             let (diameter_m, angle_deg) = (usual.diameter_m, usual.braid_angle_deg);
             loaded.plant.muscle = at_rest(&usual, length_m, diameter_m, angle_deg);
-            // A muscle that hardly contracts is not asked for anything.
+            // There is no plan for a muscle that hardly contracts.
             let Ok(plan) = static_map::plan(&loaded, CONFIG.as_ref()) else {
                 assert!(supply_pa < 3.5e5, "{supply_pa} Pa, {length_m} m");
                 continue;

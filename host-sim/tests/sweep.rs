@@ -1,4 +1,4 @@
-//! `thermyo sweep`, through the command line: every point is the run that the file would give.
+//! `thermyo sweep` by the command line: every point equals the run of a file with its values.
 
 use host_sim::cli;
 use std::fs;
@@ -22,7 +22,7 @@ fn file(folder: &Path, name: &str, text: &str) -> String {
     path.display().to_string()
 }
 
-/// Runs a sweep that has to succeed; gives its table.
+/// Runs a sweep that has to succeed; returns its table.
 fn sweep(scenario: &str, arguments: &[&str], out: &Path) -> String {
     let out_text = out.display().to_string();
     let all = [&["sweep", scenario, "--quiet", "--out", &out_text], arguments].concat();
@@ -62,7 +62,7 @@ fn figures(trace: &str) -> [f64; 5] {
 #[test]
 fn every_point_is_the_run_that_the_file_would_give() {
     let folder = tempfile::tempdir().unwrap();
-    // What the core believes of the sensor follows the plant's sensor, unless the file says otherwise.
+    // The core's sensor follows the plant's, unless the file states otherwise.
     let scenario = file(folder.path(), "scenario.toml", SCENARIO);
     let out = folder.path().join("out");
     let table = sweep(&scenario, &GRID, &out);
@@ -87,7 +87,7 @@ fn every_point_is_the_run_that_the_file_would_give() {
             assert!((swept - run).abs() <= 1e-12 * run.abs(), "point {i}: {swept} and {run}");
         }
     }
-    // Position and lag both matter, or nothing was compared.
+    // Position and lag must both matter, or the comparison shows nothing.
     assert!(rows.iter().skip(1).all(|row| (row[5] / rows[0][5] - 1.0).abs() > 1e-3), "{table}");
 
     let page = fs::read_to_string(out.join("report.html")).unwrap();
@@ -133,7 +133,7 @@ fn shards_add_up_to_the_whole_to_the_byte() {
         assert!(read(&merged, name) == read(&folder.path().join("whole"), name), "{name}");
     }
 
-    // A folder whose label was cut is not skipped: its points would be called missing.
+    // A folder with a damaged label is not skipped: its points would be called missing.
     let label = folder.path().join("b/study.json");
     let text = fs::read_to_string(&label).unwrap();
     for cut in [text[..text.len() / 2].to_owned(), text.replace("run.seed=1:3:3", "run.seed")] {
@@ -148,7 +148,7 @@ fn shards_add_up_to_the_whole_to_the_byte() {
 
     fs::write(&label, text).unwrap();
 
-    // Not a bit of a table is taken that was not written so.
+    // No altered bit of a table is accepted.
     let table = folder.path().join("b/sweep.csv");
     let text = fs::read(&table).unwrap();
     for place in 0..text.len() - 1 {
@@ -157,7 +157,7 @@ fn shards_add_up_to_the_whole_to_the_byte() {
         fs::write(&table, &altered).unwrap();
         let (code, _, err) = merge(&[a, b, c]);
         let line = 1 + text[..place].iter().filter(|byte| **byte == b'\n').count();
-        // Where a row's end is no end any more, the row begins above.
+        // If the end of a row is damaged, the message names the row's first line.
         let named = format!("thermyo: {}:{line}: ", table.display());
         assert!(code == 2 && err.starts_with(&named), "byte {place}: {code} {err}");
     }
@@ -170,7 +170,7 @@ fn shards_add_up_to_the_whole_to_the_byte() {
     let (_, _, err) = merge(&[a, b, c]);
     let said = "b/sweep.csv:2: does not match its checksum, nor does a line below it; run that shard again";
     assert!(err.contains(said), "{err}");
-    // The same command does what is damaged once more, and says so.
+    // The same command runs the damaged points again, and reports it.
     let own =
         [&["sweep", &scenario, "--quiet", "--out", b], &grid[..], &["--shard", "2/3"]].concat();
     let (code, _, err) = thermyo(&own);
@@ -255,8 +255,8 @@ fn the_limits_of_one_key_say_whose_they_are() {
     assert!(limits.contains(">estimate</td>"), "{limits}");
 }
 
-/// The shipped scenario's claim, in docs/figures.md and docs/how-to/choose-a-sensor.md: for 1 K the bare sensor needs a
-/// time constant of 0.054 s, and the estimate is content with 10 s.
+/// Claim of docs/figures.md and docs/how-to/choose-a-sensor.md on the shipped scenario: for 1 K the
+/// bare sensor needs a time constant of 0.054 s, and the estimate works with 10 s.
 #[test]
 fn the_estimate_is_content_with_a_slow_sensor() {
     let folder = tempfile::tempdir().unwrap();
@@ -343,9 +343,9 @@ fn bad_arguments_are_named_and_nothing_is_written() {
     }
 }
 
-/// A point that fails is no reason to lose the others, nor to say that all went well.
+/// A failed point keeps the others, and is reported.
 #[test]
-fn a_point_that_diverges_is_empty_and_told() {
+fn a_diverged_point_is_empty_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("piston.csv"), "time_s,volume_m3\n0,0.001\n1,0.000001\n").unwrap();
     let scenario = file(

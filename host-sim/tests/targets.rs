@@ -1,4 +1,4 @@
-//! The compiler's targets: added where they are missing, once, or the message says how.
+//! The compiler's targets are added where they are missing, once, or the message describes how.
 #![cfg(unix)]
 
 use std::fs;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 fn program(folder: &Path, name: &str, script: &str) {
     let file = folder.join(name);
     let at = folder.display();
-    // The scripts' own tools: the command under test finds none of them.
+    // The scripts' own tools: the command under test does not find them.
     let text = format!("#!/bin/sh\nPATH=/usr/bin:/bin\ncd '{at}'\n{script}\n");
     fs::write(&file, text).unwrap();
     fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).unwrap();
@@ -44,7 +44,7 @@ fn said(output: &Output) -> String {
 }
 
 #[test]
-fn without_rustup_one_line_says_what_to_install() {
+fn without_rustup_one_line_names_the_missing_target() {
     let machine = machine();
     let output = playground(&machine).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
@@ -95,7 +95,7 @@ fn programs_that_miss_a_target_at_once_add_it_once_and_go_on() {
     let said: Vec<String> = outputs.map(|output| said(&output)).collect();
     let calls = fs::read_to_string(machine.path().join("calls")).unwrap();
     assert_eq!(calls, "target add wasm32-unknown-unknown\n", "{said:?}");
-    // All go on, to a cargo that fails.
+    // All attempts continue, up to a cargo that fails.
     assert!(said.iter().all(|said| said.contains("cargo was called")), "{said:?}");
     let adding = said.iter().filter(|said| said.contains("adding the compiler's target")).count();
     assert_eq!(adding, 1, "{said:?}");

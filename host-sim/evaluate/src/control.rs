@@ -1,5 +1,5 @@
-//! Whether the muscle goes where it is asked to: at rest, in motion, warm and cold, configured wrong, and against
-//! the usual practice.
+//! Control accuracy: at rest, in motion, warm and cold, with a wrong configuration, and against the
+//! PID baseline.
 
 use super::pid::{PidBoard, PidGains};
 use super::{CaseFigures, Figure, finished};
@@ -14,24 +14,24 @@ use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// The stroke that errors are a share of: 30 % of the rest length, as a contraction \[-\].
+/// The stroke to which errors are relative: 30 % of the rest length, as a contraction \[-\].
 pub(super) const STROKE: f64 = 0.3;
-/// Shares of the stroke that are held, one after the other; up and down, far and near.
+/// Held contractions as fractions of the stroke, in this order; up and down, far and near.
 const HELD: [f64; 7] = [1.0 / 6.0, 0.5, 5.0 / 6.0, 0.5, 1.0 / 6.0, 2.0 / 3.0, 1.0 / 3.0];
-/// How long each \[s\].
+/// Duration of a hold \[s\].
 const HOLD_S: f64 = 2.5;
-/// The last part of it counts as rest \[s\].
+/// Last part of a hold, which counts as rest \[s\].
 const REST_S: f64 = 0.5;
-/// Where a sine swings around \[-\].
+/// Centre of the sines \[-\].
 pub(super) const MIDDLE: f64 = 0.15;
 /// Rest before a sine \[s\].
 const BEFORE_S: f64 = 1.0;
-/// The least error on the slow sine of some 170 combinations, on the nominal muscle, that hunts by no
-/// more than 1 % of the stroke when it should rest.
+/// Of some 170 combinations, the one with the least error of the slow sine on the nominal muscle,
+/// among those that hunt by at most 1 % of the stroke at rest.
 pub const USUAL_GAINS: PidGains =
     PidGains { proportional_pa: 1.2e6, integral_pa_s: 6.0e7, derivative_pa_s: 2.0e4 };
 
-/// One row of what a control run is judged by.
+/// One row of a control run.
 #[derive(Debug, Clone, Copy)]
 struct Point {
     time_s: f64,
@@ -41,7 +41,6 @@ struct Point {
     open: bool,
 }
 
-/// Runs a scenario along a set-point profile.
 fn trace(
     loaded: &Loaded,
     kind: DriveKind,
@@ -73,35 +72,33 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-/// Set point after set point, held.
+/// Set points held one after the other.
 pub mod rest {
     use super::{
         Board, DriveKind, HELD, HOLD_S, Loaded, Point, REST_S, RunError, STROKE, mean, trace,
     };
 
-    /// What holding gave, the worst of all holds; in percent of full scale.
+    /// Worst result of all holds, in percent of full scale.
     #[derive(Debug, Clone, Copy, Default)]
     pub struct Held {
         /// Largest error at rest \[%\].
         pub error_percent: f64,
         /// Largest motion at rest, peak to peak \[%\].
         pub ripple_percent: f64,
-        /// Share of the rest in which a valve is driven \[-\].
+        /// Fraction of the rest in which a valve is driven \[-\].
         pub driven: f64,
     }
 
-    /// Values held one after the other.
     #[derive(Debug, Clone, Copy)]
     pub(super) struct Holds<'a> {
         pub values: &'a [f64],
-        /// When the first begins \[s\].
+        /// Start of the first hold \[s\].
         pub start_s: f64,
-        /// What errors are a share of.
+        /// Full scale of the errors.
         pub full_scale: f64,
     }
 
     impl Holds<'_> {
-        /// Their set points.
         pub fn profile(&self) -> Vec<(f64, f64)> {
             let holds = self.values.iter().enumerate();
             holds
@@ -112,7 +109,6 @@ pub mod rest {
                 .collect()
         }
 
-        /// The worst of them.
         pub fn worst(&self, points: &[Point]) -> Held {
             let mut held = Held::default();
             for (i, value) in self.values.iter().enumerate() {
@@ -135,18 +131,13 @@ pub mod rest {
         }
     }
 
-    /// Holds the evaluated contractions, after `strokes` full strokes of 2 s each.
-    ///
-    /// # Errors
-    /// When the run could not be finished.
+    /// Holds the contractions of the evaluation, after `strokes` full strokes of 2 s each.
     pub fn hold(loaded: &Loaded, strokes: u32, board: &mut dyn Board) -> Result<Held, RunError> {
         hold_within(loaded, strokes, [STROKE; 2], board)
     }
 
-    /// [`hold`] on a muscle of another stroke, of which its load leaves it `reach`; contractions \[-\].
-    ///
-    /// # Errors
-    /// When the run could not be finished.
+    /// [`hold`] on a muscle with another stroke, of which `reach` is left under load; contractions
+    /// \[-\].
     pub fn hold_within(
         loaded: &Loaded,
         strokes: u32,
@@ -166,20 +157,19 @@ pub mod rest {
     }
 }
 
-/// What a sine gave.
+/// Result of a sine.
 #[derive(Debug, Clone, Copy)]
 pub struct Sine {
     /// Amplitude out over amplitude in \[-\].
     pub gain: f64,
-    /// Phase \[deg\].
     pub phase_deg: f64,
-    /// Error to the set point, RMS, of the stroke \[%\].
+    /// RMS error to the set point, of the stroke \[%\].
     pub rms_percent: f64,
-    /// Share of the time in which a valve is fully open \[-\].
+    /// Fraction of the time in which a valve is fully open \[-\].
     pub open: f64,
 }
 
-/// One row of a sine, counted from when the first periods have died away.
+/// One row of a sine, after the first periods, in which it settles.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SinePoint {
     /// Time since the sine began \[s\].
@@ -192,10 +182,8 @@ pub(super) struct SinePoint {
     pub open: bool,
 }
 
-/// Whole periods of a sine of an amplitude \[share of the stroke\] around the middle of the stroke.
-///
-/// # Errors
-/// When the run could not be finished.
+/// Whole periods of a sine around the middle of the stroke; the amplitude is a fraction of the
+/// stroke.
 pub(super) fn sine_trace(
     loaded: &Loaded,
     frequency_hz: f64,
@@ -222,10 +210,7 @@ pub(super) fn sine_trace(
     Ok(counted.map(row).collect())
 }
 
-/// A sine of an amplitude \[share of the stroke\] around the middle of the stroke.
-///
-/// # Errors
-/// When the run could not be finished.
+/// Response to a sine around the middle of the stroke; the amplitude is a fraction of the stroke.
 pub fn sine(
     loaded: &Loaded,
     frequency_hz: f64,
@@ -246,22 +231,23 @@ pub fn sine(
     })
 }
 
-/// What a step of the pressure gave.
+/// Result of a step of the pressure.
 #[derive(Debug, Clone, Copy)]
 pub struct Step {
-    /// Until it stays within 2 % of the step, over what the open valve needs \[-\].
+    /// Time to stay within 2 % of the step, over that with the open valve \[-\].
     pub times_open_valve: f64,
-    /// Above the set point, share of the step \[%\].
+    /// Overshoot as a fraction of the step \[%\].
     pub overshoot_percent: f64,
 }
 
-/// The pressures between which it is stepped \[Pa\].
+/// Pressures before and after the step \[Pa\].
 const STEP_PA: [f64; 2] = [2.0e5, 4.0e5];
 
 /// Pressure over the time since a step, with the loop closed and with the valve simply open.
 pub(super) type StepTraces = (Vec<(f64, f64)>, Vec<(f64, f64)>);
 
-/// A step of the pressure on a board, and the open valve on the same plant from the same rest.
+/// A step of the pressure on a board, and on the same plant with the valve open, from the same
+/// rest.
 pub(super) fn pressure_step_traces(
     loaded: &Loaded,
     board: &mut dyn Board,
@@ -274,7 +260,7 @@ pub(super) fn pressure_step_traces(
     };
     let profile = vec![(0.0, low), (STEP_S, low), (STEP_S + 0.001, high), (STEP_S + 2.0, high)];
     let closed = trace(loaded, DriveKind::Pressure, profile, board)?;
-    // The profile of duties starts where the loop has rested.
+    // The profile of duties starts where the loop was at rest.
     let mut open = loaded.clone();
     open.plant.plant.initial_pressure_pa = low;
     let duties = vec![(0.0, 0.0), (OPEN_S - 0.001, 0.0), (OPEN_S, 1.0), (1.0, 1.0)];
@@ -283,9 +269,6 @@ pub(super) fn pressure_step_traces(
 }
 
 /// A step of the pressure from 2 to 4 bar, compared with the open valve on the same plant.
-///
-/// # Errors
-/// When a run could not be finished.
 pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, RunError> {
     let [low, high] = STEP_PA;
     let (closed, open) = pressure_step_traces(loaded, board)?;
@@ -305,7 +288,7 @@ pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, Run
     })
 }
 
-/// Both plant and core know the ambient; supply and muscle have its temperature.
+/// Sets the ambient temperature of plant and core; supply and muscle get it too.
 pub(super) fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
     for scenario in [&mut loaded.plant, &mut loaded.believed] {
         scenario.ambient.temperature_k = temperature_k;
@@ -321,7 +304,7 @@ pub(super) fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
     loaded
 }
 
-/// What the core is configured with differently.
+/// Change of the core's configuration.
 pub type Change = fn(&mut Scenario);
 
 pub(super) fn configured(mut loaded: Loaded, change: Change) -> Loaded {
@@ -346,7 +329,7 @@ fn hold_line(
     })
 }
 
-/// The nominal muscle with everything that the core leaves out.
+/// The nominal muscle with all effects that the core leaves out.
 pub fn full(nominal: &Loaded) -> Loaded {
     let mut loaded = nominal.clone();
     loaded.plant.plant.model = PlantModel::Full;
@@ -391,14 +374,14 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
     jobs
 }
 
-/// Another volume by another number of turns, which go into it, and into the force, squared.
+/// Changes the volume by the number of turns, which enters volume and force as a square.
 pub(super) fn volume(scenario: &mut Scenario, factor: f64) {
     let muscle = &mut scenario.muscle;
     muscle.turns /= factor.sqrt();
     muscle.diameter_m *= factor.sqrt();
 }
 
-/// Loads that are no constant force: a hanging mass, and a fixed length.
+/// Loads other than a constant force: a hanging mass, and a fixed length.
 fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
     let with = |change: &dyn Fn(&mut Load)| {
         let mut loaded = full.clone();
@@ -439,8 +422,8 @@ fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
     jobs
 }
 
-/// Pressures held one after the other at a fixed length: the force there, in percent of the largest.
-/// Force and gauge pressure go together, less what the bladder pulls, which does not change.
+/// Holds pressures at a fixed length; errors are those of the force, in percent of the largest.
+/// Force and gauge pressure are proportional but for the bladder's force, which is constant.
 fn force_hold(loaded: &Loaded, board: &mut dyn Board) -> Result<rest::Held, RunError> {
     let ambient_pa = loaded.plant.ambient.pressure_pa;
     let held_pa = [1.5e5, 3.0e5, 4.0e5, 3.0e5, 2.0e5];
@@ -452,8 +435,8 @@ fn force_hold(loaded: &Loaded, board: &mut dyn Board) -> Result<rest::Held, RunE
 
 fn moving(full: &Loaded) -> Vec<Job<'_>> {
     let mut jobs: Vec<Job> = Vec::new();
-    // At 50 N the muscle works at 1.4 bar, where the open outlet passes 0.5 g/s: the turn of 30 N of
-    // friction alone takes it a third of half a period at 5 Hz.
+    // At 50 N the muscle works at 1.4 bar, where the open outlet passes 0.5 g/s: the reversal of 30
+    // N of friction alone takes a third of half a period at 5 Hz.
     for (force_n, bandwidth_target_hz) in [(50.0, 5.0), (100.0, 5.0), (200.0, 5.0)] {
         jobs.push(Box::new(move || {
             let loaded = load(full.clone(), force_n);
@@ -471,7 +454,7 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
             let at = |hz: f64| sine(&loaded, hz, 0.025, &mut CoreBoard::default());
             let mut peak: f64 = 0.0;
             let mut bandwidth_hz: f64 = 0.0;
-            // The last frequency up to which every gain is above -3 dB.
+            // Bandwidth: last frequency up to which every gain is above -3 dB.
             let mut within = true;
             for step in 2..=16 {
                 let hz = 0.5 * f64::from(step);
@@ -529,11 +512,7 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
         .collect()
 }
 
-/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario. Where it is stopped there are lines of
-/// the finished cases.
-///
-/// # Errors
-/// The first run that could not be finished.
+/// Runs every case on `full`, on all cores. When stopped, returns the lines of the finished cases.
 pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let full = &full(nominal);
     let jobs: Vec<Job> = [holding(full), other_loads(full), moving(full), compared(full)]

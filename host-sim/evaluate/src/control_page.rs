@@ -1,5 +1,5 @@
-//! What `thermyo evaluate control --out DIR` draws: the figures of `docs/background/control-trials.md`, each as a file of
-//! its own too, and a page with all of them.
+//! Charts of `thermyo evaluate control --out DIR`: the figures of
+//! `docs/background/control-trials.md`, each as a file, and a page with all of them.
 
 use super::control::{self, Change, ambient, configured, load, pressure_step_traces, sine_trace};
 use super::{CaseFigures, figures, opened, tune};
@@ -13,9 +13,7 @@ use thermyo_studies::tune::{TuneError, check_chart};
 /// A chart with the name of its file, its title and caption.
 #[derive(Debug)]
 pub struct Plot {
-    /// File name.
     pub file: &'static str,
-    /// Title.
     pub title: &'static str,
     caption: &'static str,
     chart: Chart,
@@ -28,10 +26,7 @@ impl Plot {
     }
 }
 
-/// Every plot, on `full`; `nominal` is the nominal scenario.
-///
-/// # Errors
-/// When a run could not be finished.
+/// All plots, on `full`.
 pub fn plots(nominal: &Loaded) -> Result<Vec<Plot>, TuneError> {
     let full = control::full(nominal);
     Ok(vec![
@@ -42,7 +37,6 @@ pub fn plots(nominal: &Loaded) -> Result<Vec<Plot>, TuneError> {
     ])
 }
 
-/// The page.
 pub fn page(nominal: &Loaded, lines: &[CaseFigures], plots: &[Plot]) -> String {
     let lead = "Where the muscle goes when it is asked to, on the plant with everything that the core \
                 leaves out.";
@@ -135,7 +129,7 @@ fn frequency_response(full: &Loaded) -> Result<Plot, TuneError> {
     })
 }
 
-/// Amplitude of the frequency response, share of the stroke \[-\].
+/// Amplitude of the frequency response, as a fraction of the stroke \[-\].
 const AMPLITUDE: f64 = 0.025;
 
 fn tuned(nominal: &Loaded) -> Result<Plot, TuneError> {

@@ -1,6 +1,6 @@
-//! How well the core knows the gas temperature: knowing the plant, configured wrong, started wrong, and on
-//! other motions than the one it was tuned on; and in errors of what could be known at best from the
-//! same samples.
+//! Accuracy of the estimated gas temperature: configured correctly, wrongly, with a wrong start,
+//! and in motions other than those of the tuning; also relative to the best estimate from the same
+//! samples.
 
 use super::faults::muscle::{self, Draw, Spread, Task};
 use super::{CaseFigures, Figure, finished};
@@ -17,32 +17,31 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// The errors count from here on: the estimator needs time to learn \[s\].
+/// Start of the errors' evaluation: the estimator needs time to learn \[s\].
 const SETTLED_S: f64 = 10.0;
-/// Where it started 10 K wrong, from here on \[s\].
+/// Start of the evaluation after a start that is wrong by 10 K \[s\].
 const RECOVERED_S: f64 = 15.0;
 
-/// A case: a name, what it changes, and its bounds on the RMS error for `lumped` and `full` \[K\].
+/// A case: name, change, and bounds on the RMS error for `lumped` and `full` \[K\].
 #[derive(Debug, Clone, Copy)]
 pub struct Case {
-    /// What it is called in the table.
+    /// Name in the table.
     pub name: &'static str,
-    /// What it changes in the nominal scenario.
+    /// Change of the nominal scenario.
     pub change: fn(&mut Loaded),
     bounds_k: [f64; 2],
-    /// Bounds on the share of time within two stated standard deviations.
+    /// Bounds on the fraction of time within two stated standard deviations.
     within: (f64, f64),
-    /// The errors count from here on \[s\].
+    /// Start of the errors' evaluation \[s\].
     pub from_s: f64,
 }
 
-/// Largest error of the estimate, in errors of the smoother that knows the whole run.
+/// Largest error of the estimate, as a multiple of the smoother's error.
 const TIMES_SMOOTHER: f64 = 1.5;
 
 const NOMINAL: (f64, f64) = (0.93, 0.97);
 const MISMATCHED: (f64, f64) = (0.85, 1.0);
 
-/// Every case of the table.
 pub fn cases() -> Vec<Case> {
     let case = |name, bounds_k, change| Case {
         name,
@@ -71,8 +70,8 @@ pub fn cases() -> Vec<Case> {
         }),
         Case {
             from_s: RECOVERED_S,
-            // The sensor starts where the gas does: warm gas in a muscle that has just been
-            // flushed, 10 K from what the sensor's mount remembers.
+            // The sensor starts at the gas temperature: warm gas in a muscle that has just been
+            // flushed, 10 K from the temperature of the sensor's mount.
             ..case("started 10 K wrong", [0.3, 0.6], |l| {
                 l.plant.plant.initial_temperature_k += 10.0
             })
@@ -110,15 +109,15 @@ fn warm_supply(loaded: &mut Loaded, by_k: f64) {
     loaded.believed.supply.temperature_k += by_k;
 }
 
-/// Another stroke, with the same mass moved where the valves can.
+/// Another stroke, with the same mass if the valves can move it.
 fn period(loaded: &mut Loaded, period_s: f64) {
     let drive = &mut loaded.plant.drive;
-    // Slower strokes move the same mass; faster ones are limited by the outlet valve's flow.
+    // Slower strokes move the same mass; faster ones are limited by the flow of the outlet valve.
     drive.flow_kg_s *= (drive.period_s / period_s).min(1.0);
     drive.period_s = period_s;
 }
 
-/// Pressure steps from 1.3 to 4.5 bar that look random, the same in every run: a linear congruential
+/// Pseudo-random pressure steps from 1.3 to 4.5 bar, the same in every run: a linear congruential
 /// generator (Numerical Recipes).
 fn random_pressure(loaded: &mut Loaded) {
     let mut state = 2013_u32;
@@ -143,7 +142,6 @@ fn profile(points: &[(f64, f64)]) -> Option<Profile> {
     Some(Profile::new(points.to_vec()).expect("times increase"))
 }
 
-/// What one run gave.
 #[derive(Debug, Clone, Copy, Default)]
 struct Errors {
     steps: u64,
@@ -176,7 +174,7 @@ impl Errors {
     }
 }
 
-/// What one run gives, from `from_s` on; `seen` sees every row.
+/// Errors of one run from `from_s` on; `seen` is called with every row.
 fn run(loaded: &Loaded, from_s: f64, mut seen: impl FnMut(&Row)) -> Result<Errors, RunError> {
     let mut errors = Errors::default();
     let mut observer = |row: &Row| {
@@ -214,10 +212,8 @@ fn measure(loaded: &Loaded, from_s: f64) -> Result<Errors, RunError> {
     Ok(errors)
 }
 
-/// Runs every case on `lumped` and on `full`, on all cores. Where it is stopped there are lines of the finished cases.
-///
-/// # Errors
-/// The first run that could not be finished.
+/// Runs every case on `lumped` and on `full`, on all cores. When stopped, returns the lines of the
+/// finished cases.
 pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let [lumped, full] =
         [PlantModel::Lumped, PlantModel::Full].map(|model| nominal.with_model(model));
@@ -259,16 +255,16 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>,
     Ok(lines)
 }
 
-/// One run of a random muscle \[s\].
+/// Duration of a run of a random muscle \[s\].
 const MUSCLE_S: f64 = 60.0;
-/// Random muscles differ that far.
+/// Ranges of the random muscles.
 const SPREAD: Spread = Spread { loads_n: [20.0, 800.0], lags_s: [0.3, 8.0] };
 /// Largest RMS error on a random muscle \[K\].
 const RANDOM_K: f64 = 0.5;
-/// Share of time within two stated deviations, on each.
+/// Range of the fraction of time within two stated deviations, on each muscle.
 const CALIBRATED: (f64, f64) = (0.85, 0.99);
 
-/// Random muscle `number` of those of `seed`, and in words what it is.
+/// Random muscle `number` of `seed`, with a description.
 pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
     let mut draw = Draw::new(seed.wrapping_mul(1_000_003).wrapping_add(number));
     let task = draw.of(&Task::MOVING);
@@ -285,11 +281,8 @@ pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
     (name, loaded)
 }
 
-/// So many random muscles on `full`, configured as what they are, in motion: where nothing moves every model agrees. Where it is
-/// stopped there are lines of the finished ones.
-///
-/// # Errors
-/// The first run that could not be finished.
+/// `count` random muscles on `full`, configured correctly, in motion: without motion all models
+/// agree. When stopped, returns the finished lines.
 pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let numbers: Vec<u64> = (0..count).collect();
     let results = parallel::map_watched(&numbers, watch, |&number| {

@@ -1,4 +1,4 @@
-//! `thermyo evaluate`: the project's own targets, measured, as a table of target and figure.
+//! `thermyo evaluate`: table of the project's targets and measured figures.
 
 pub mod control;
 pub mod control_page;
@@ -20,34 +20,28 @@ use thermyo_report::page::{Page, Section, Table, Tile};
 use thermyo_setup::Loaded;
 
 /// The nominal scenario.
-///
-/// # Errors
-/// None in a sane build: the file is part of the program and tested.
 pub fn nominal() -> Result<Loaded, InputError> {
     thermyo_setup::parse(shipped::text("nominal.toml"), "scenarios/nominal.toml".as_ref())
 }
 
-/// What all jobs gave; where they were stopped ([`thermyo_compute::stop`]) what the finished ones gave.
+/// Results of all jobs; when they were stopped ([`thermyo_compute::stop`]), those of the finished
+/// ones.
 fn finished<R, E>(results: impl IntoIterator<Item = Result<R, E>>) -> Result<Vec<R>, E> {
     let results = results.into_iter();
     if stop::wanted() { Ok(results.flatten().collect()) } else { results.collect() }
 }
 
-/// One line of the table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CaseFigures {
-    /// What was run.
     pub case: String,
-    /// Figures: name, value, allowed range.
     pub figures: Vec<Figure>,
 }
 
-/// A figure and where it has to lie.
+/// A figure with its allowed range.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figure {
-    /// What it is, with its unit.
+    /// Name with unit.
     pub name: &'static str,
-    /// What was measured.
     pub value: f64,
     /// Smallest value allowed.
     pub minimum: f64,
@@ -71,7 +65,7 @@ impl Figure {
         Self { name, value, minimum: f64::NEG_INFINITY, maximum: f64::INFINITY }
     }
 
-    /// Whether it lies where it has to.
+    /// The value lies within the allowed range.
     pub fn holds(&self) -> bool {
         (self.minimum..=self.maximum).contains(&self.value)
     }
@@ -90,7 +84,6 @@ impl Figure {
     }
 }
 
-/// The table, for a terminal.
 pub fn table(lines: &[CaseFigures]) -> String {
     let width = lines.iter().map(|line| line.case.chars().count()).max().unwrap_or(0);
     lines
@@ -114,7 +107,6 @@ pub fn table(lines: &[CaseFigures]) -> String {
         .collect()
 }
 
-/// The table, for a page.
 pub fn figures(lines: &[CaseFigures]) -> Table {
     let rows = lines.iter().flat_map(|line| {
         line.figures.iter().map(|figure| {
@@ -130,7 +122,7 @@ pub fn figures(lines: &[CaseFigures]) -> Table {
     }
 }
 
-/// The beginning of a page: how many targets are missed, and which.
+/// Start of a page: number and names of the missed targets.
 fn opened(page: Page, lines: &[CaseFigures]) -> Page {
     let (count, all) = missed(lines);
     let tile = Tile::new("Targets missed", count as f64, COUNT);
@@ -145,7 +137,7 @@ fn opened(page: Page, lines: &[CaseFigures]) -> Page {
     if count == 0 { page } else { page.section(Section::new("Missed").table(figures(&missing))) }
 }
 
-/// How many figures missed their target, of how many.
+/// Number of missed figures, and number of all figures with a target.
 pub fn missed(lines: &[CaseFigures]) -> (usize, usize) {
     let figures = lines.iter().flat_map(|line| &line.figures).filter(|f| f.has_target());
     (figures.clone().filter(|figure| !figure.holds()).count(), figures.count())

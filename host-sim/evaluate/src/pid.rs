@@ -1,10 +1,9 @@
-//! The usual practice to compare with: a PID on the length that sets the pressure, without a model
-//! of muscle, load or friction.
+//! PID baseline: a PID on the length sets the pressure, without a model of muscle, load or
+//! friction.
 
 use model_core::{Config, Sample, SetPoint};
 use thermyo_simulation::board::{Board, BoardError, BoardStep, CoreBoard};
 
-/// Gains of the PID.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PidGains {
     /// Pressure per error of contraction \[Pa\].
@@ -15,7 +14,7 @@ pub struct PidGains {
     pub derivative_pa_s: f64,
 }
 
-/// A core that is only asked for pressures.
+/// A core that gets set points of pressure only.
 #[derive(Debug)]
 pub struct PidBoard {
     core: CoreBoard,
@@ -31,7 +30,6 @@ pub struct PidBoard {
 }
 
 impl PidBoard {
-    /// A PID for a muscle of that rest length \[m\].
     pub fn new(gains: PidGains, rest_length_m: f64) -> Self {
         Self {
             core: CoreBoard::default(),
@@ -56,7 +54,7 @@ impl PidBoard {
         let (low, high) = self.limits_pa;
         let fast = low + proportional_pa * error - derivative_pa_s * speed_s;
         let integral_pa = self.integral_pa + integral_pa_s * error * self.period_s;
-        // Anti-windup: the integral stays within what the pressure can be.
+        // Anti-windup: the integral stays within the range of the pressure.
         self.integral_pa = integral_pa.clamp((low - fast).min(0.0), (high - fast).max(0.0));
         (fast + self.integral_pa).clamp(low, high)
     }
@@ -86,7 +84,7 @@ impl Board for PidBoard {
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
         let step = self.core.step(sample)?;
         self.steps += 1;
-        // A set point acts one step after the next: given here, it is there when the period starts.
+        // A set point acts in the step after the next: set here, it acts when the period starts.
         if (self.steps + 1).is_multiple_of(self.period_steps)
             && let Some(telemetry) = &step.telemetry
         {

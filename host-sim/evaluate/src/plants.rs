@@ -1,5 +1,5 @@
-//! Random plants of every plausible size on `full`: what is not refused does not diverge, its books close, and a loop that
-//! does not come to rest says so.
+//! Random plants of every plausible size on `full`: no accepted plant may diverge, mass and energy
+//! must balance, and a loop that does not come to rest must report it.
 
 use super::faults::muscle::Draw;
 use super::{CaseFigures, Figure, finished};
@@ -13,7 +13,7 @@ use thermyo_setup::{Loaded, parse_with_warnings};
 use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run::{self, RunError};
 
-/// Plants, where no number is given.
+/// Number of plants, by default.
 pub const COUNT: u64 = 200;
 /// Volumes \[m3\], conductances of the valves \[m3/(s Pa)\] and pressures of the supply \[Pa\], and the largest load \[N\].
 const VOLUMES_M3: [f64; 2] = [1.0e-5, 5.0e-3];
@@ -26,17 +26,17 @@ const AMBIENT_PA: f64 = 101_325.0;
 const STEPS_S: [f64; 4] = [0.0, 2.0, 4.0, 6.0];
 /// Time before a step within which a loop should be at rest \[s\].
 const REST_S: f64 = 1.0;
-/// Largest error of the books of mass and energy, relative \[ppm\].
+/// Largest relative error of the balances of mass and energy \[ppm\].
 const BOOKS_PPM: f64 = 1.0;
-/// What swings by more than so many dead zones, to both sides together, and crosses its mean so often within
-/// [`REST_S`], is not at rest.
+/// A loop is not at rest if it swings by more than so many dead zones, peak to peak, and crosses
+/// its mean so often within [`REST_S`].
 const SWINGS_ZONES: f64 = 6.0;
 const CROSSINGS: usize = 8;
 
 /// A random plant in words, and its scenario.
 ///
 /// # Errors
-/// What `check` says of it.
+/// The problem that `check` finds.
 pub fn random(seed: u64, number: u64) -> (String, Result<(Loaded, usize), InputError>) {
     let mut draw = Draw::new(seed.wrapping_mul(1_000_003).wrapping_add(number));
     let volume_m3 = draw.factor(VOLUMES_M3);
@@ -117,7 +117,7 @@ fn muscle(draw: &mut Draw, volume_m3: f64, gauge_pa: f64) -> (String, f64, f64, 
     (text, force_n, rest_m, [0.03, 0.15])
 }
 
-/// The same of a cylinder.
+/// Keys of a cylinder, and the same values.
 fn cylinder(
     draw: &mut Draw,
     acts: &str,
@@ -148,7 +148,7 @@ fn cylinder(
     (text, force_n, rest_m, [ends[0].min(ends[1]), ends[0].max(ends[1])])
 }
 
-/// What one run has shown.
+/// Results of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Outcome {
     refused: bool,
@@ -160,7 +160,8 @@ struct Outcome {
     false_alarm: bool,
 }
 
-/// Whether values of the last [`REST_S`] before a step of the set point swing: judged apart from the detector of a run.
+/// Values of the last [`REST_S`] before a step of the set point swing; independent of the detector
+/// of a run.
 fn swings(values: &[f64], dead_zone: f64) -> bool {
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
@@ -214,7 +215,7 @@ fn outcome(loaded: &Loaded, warnings: usize) -> Result<Outcome, RunError> {
     }
 }
 
-/// The figures of one outcome that have a target.
+/// Figures with a target.
 fn figures(outcomes: &[Outcome]) -> Vec<Figure> {
     let count = |which: fn(&Outcome) -> bool| outcomes.iter().filter(|o| which(o)).count() as f64;
     let most = |of: fn(&Outcome) -> f64| outcomes.iter().map(of).fold(0.0, f64::max);
@@ -229,10 +230,11 @@ fn figures(outcomes: &[Outcome]) -> Vec<Figure> {
     ]
 }
 
-/// So many random plants: a line for each that misses a target, and one of all. Where it is stopped, of the finished ones.
+/// `count` random plants: a line for each that misses a target, and one for all. When stopped,
+/// those of the finished plants.
 ///
 /// # Errors
-/// The first run that failed for another reason than the plant's own.
+/// The first run that failed for another reason than an invalid plant.
 pub fn evaluate(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let numbers: Vec<u64> = (0..count).collect();
     let results = parallel::map_watched(&numbers, watch, |&number| {

@@ -1,5 +1,5 @@
-//! The estimate against a real muscle: a recording of a board, with the readings of a fast reference sensor in
-//! the gas beside it. `docs/how-to/measure-your-muscle.md` is how to make one.
+//! Accuracy of the estimate on a real muscle: a recording of a board, with a fast reference sensor
+//! in the gas. `docs/how-to/measure-your-muscle.md` describes how to record one.
 
 use super::{CaseFigures, Figure};
 use thermyo_compute::math;
@@ -7,22 +7,25 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_scenario::schema::Limits;
 
-/// The recording in its folder.
+/// File of the recording in its folder.
 pub const FILE: &str = "trace.csv";
-/// The reference sensor's column of it.
+/// Column of the reference sensor.
 const REFERENCE: &str = "reference_gas_k";
-/// Until then the estimate may find in \[s\].
+/// Time for the estimate to settle \[s\].
 const SETTLING_S: f64 = 10.0;
-/// Largest RMS error \[K\], and the share of the time within two stated deviations: as aimed at in simulation.
+/// Largest RMS error \[K\], and fraction of the time within two stated deviations: the targets of
+/// the simulation.
 const ERROR_K: f64 = 0.5;
 const WITHIN: [f64; 2] = [0.85, 0.99];
-/// What a gas temperature may be; degrees Celsius are not.
+/// Possible gas temperatures; degrees Celsius are out of range.
 const POSSIBLE: Limits = Limits { min: 100.0, max: 1000.0, unit: "K" };
 
-/// Judges a recording, read from `trace.csv`, whose reference sensor has that lag \[s\].
+/// Evaluates a recording read from `trace.csv`; `reference_lag_s` is the lag of the reference
+/// sensor.
 ///
 /// # Errors
-/// When a column is missing or holds what it cannot, or the reference says nothing after the first ten seconds.
+/// When a column is missing or has impossible values, or the reference has no value after the first
+/// ten seconds.
 pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, InputError> {
     let times_s = recording.filled("time_s")?;
     if let Some(row) = (1..times_s.len()).find(|row| times_s[*row] <= times_s[row - 1]) {
@@ -80,7 +83,7 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
         figures: vec![
             Figure::at_most("error_k", rms_k, ERROR_K),
             within,
-            // Never worse than doing without.
+            // The estimate must not be worse than the bare sensor.
             Figure::at_most("times_bare", rms_k / bare_k, 1.0),
             Figure::shown("bare_k", bare_k),
             Figure::shown("mean_error_k", sum / rows),
@@ -90,8 +93,8 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
     })
 }
 
-/// Readings of what a sensor of that lag makes of values that change in straight lines from row to row, exactly:
-/// behind a ramp it stays by its lag, and comes there as exp(-t/lag).
+/// Response of a sensor with that lag to values that are linear between rows, exact: it stays
+/// behind a ramp by its lag, and approaches this state as exp(-t/lag).
 fn lagged(times_s: &[f64], values: &[f64], lag_s: f64) -> Vec<f64> {
     let mut reading = values[0];
     let mut readings = vec![reading];
@@ -118,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_counted_from_ten_seconds_on_where_the_reference_says_something() {
+    fn errors_count_from_ten_seconds_on_where_there_is_a_reference() {
         let rows = "5,300,0.1,280,300\n14.9,310,0.1,280,300\n15,301,0.5,303,300\n16,299,0.4,297,\n\
                     17,297,1,300,298\n18,301,2,296,300\n";
         let figures = judged(rows, 0.0).unwrap();
@@ -148,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_judged_is_named() {
+    fn unusable_recordings_are_named() {
         for (rows, expected) in [
             (
                 "0,300,0.1,300,25.2\n",

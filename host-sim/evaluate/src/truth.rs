@@ -1,4 +1,5 @@
-//! What others have measured: every case whose data are at hand, with the figure that a peer reaches on it.
+//! Comparison with published measurements: every case with data at hand, and the best figure of
+//! others.
 
 use super::control::{self, rest};
 use super::{CaseFigures, Figure};
@@ -22,42 +23,41 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Largest share of the largest force that five readings may leave of the others.
+/// Largest residual of a fit to five readings at the other readings, as a fraction of the largest
+/// force.
 const FIVE_SHARE: f64 = 0.05;
-/// Loads under which contractions are held \[N\].
+/// Loads at which contractions are held \[N\].
 const HELD_N: [(&str, f64); 4] = [
     ("20_n_percent", 20.0),
     ("50_n_percent", 50.0),
     ("100_n_percent", 100.0),
     ("200_n_percent", 200.0),
 ];
-/// What the loop is to leave alone at rest, share of the stroke \[-\]: as much as the default is of 30 % of the rest length.
+/// Dead zone of the loop, as a fraction of the stroke \[-\]: the default's ratio to 30 % of the
+/// rest length.
 const DEAD_ZONE: f64 = 0.005;
-/// Static maps with a target of their own: file, name, target, what an ideal braid leaves \[N\].
+/// Static maps with a target of their own: file, name, target, residual of an ideal braid \[N\].
 const MAPS: [(&str, &str, f64, f64); 2] = [
     ("dmsp10_250", "static map, DMSP-10-250", 3.5, 46.8),
     ("dmsp20_300", "static map, DMSP-20-300", 9.0, 117.8),
 ];
 
-/// Why there is no table.
 #[derive(Debug, thiserror::Error)]
 pub enum TruthError {
-    /// The folder, or a file of it, cannot be used.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// A fit could not be begun.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
-    /// A run could not be finished.
     #[error(transparent)]
     Run(#[from] RunError),
 }
 
-/// Runs every case whose data lie in `folder`, laid out as `docs/background/validation.md` says. They are published, and whole: of
-/// a damaged file no figure counts. Where it is stopped there are lines of the finished ones.
+/// Runs every case whose data lie in `folder`, in the layout of `docs/background/validation.md`.
+/// The data are published and complete, so a damaged file gives no figure. When stopped, returns
+/// the lines of the finished cases.
 ///
 /// # Errors
-/// When none does, or one cannot be used.
+/// When there is no data at all, or a case cannot be used.
 pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
     let maps = maps(&folder.join("muscle_static"));
     let spring = folder.join("gas_spring/upper_2022-01-28.csv");
@@ -65,7 +65,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     watch.parts(maps.len());
     let mut lines = Vec::new();
     let mut add = |more: Result<Vec<CaseFigures>, TruthError>| match more {
-        // A search that was ended on its way found nothing.
+        // A search that was stopped has no result.
         _ if stop::wanted() => Ok(()),
         Ok(more) => {
             lines.extend(more);
@@ -97,7 +97,6 @@ fn maps(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// A scenario of the repository.
 fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {
     let path = Path::new("scenarios").join(name);
     Ok((thermyo_setup::parse(shipped::text(name), &path)?, path))
@@ -135,8 +134,8 @@ fn static_map(file: &Path) -> Result<Vec<CaseFigures>, TruthError> {
     Ok(vec![CaseFigures { case, figures }, of_control])
 }
 
-/// The largest error at rest, in percent of the stroke under each load: the plant pulls as all readings say, the core
-/// believes what five of them say.
+/// Largest error at rest, in percent of the stroke, for each load: the plant has the law of all
+/// readings, the core that of five.
 fn controlled(of_all: &Loaded, of_five: &Loaded) -> Result<Vec<Figure>, TruthError> {
     let mut loaded = control::full(of_all);
     loaded.believed = of_five.believed.clone();
@@ -150,7 +149,8 @@ fn controlled(of_all: &Loaded, of_five: &Loaded) -> Result<Vec<Figure>, TruthErr
     held.into_iter().collect()
 }
 
-/// The contraction that nine tenths of the supply's gauge pressure hold: of the muscle alone, and against load and friction.
+/// Largest contraction at 90 % of the supply's gauge pressure: of the unloaded muscle, and against
+/// load and friction.
 fn strokes(loaded: &Loaded) -> [f64; 2] {
     let Scenario { supply, ambient, load, friction, muscle, .. } = &loaded.plant;
     let chamber = AnyChamber::new(&core_config(&loaded.plant).chamber);

@@ -1,5 +1,5 @@
-//! Whether `thermyo tune` finds what the plant is when the core is configured as something else, and what
-//! that is worth.
+//! Accuracy of `thermyo tune` when the core is configured differently from the plant, and its
+//! benefit.
 
 use super::control::{Change, full, rest, sine, volume};
 use super::{CaseFigures, Figure, finished};
@@ -11,7 +11,7 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_studies::tune;
 use thermyo_studies::tune::{HIGHEST_PA, TuneError, Tuned};
 
-/// Every case: name and change.
+/// Cases: name and change.
 pub const CASES: [(&str, Change); 8] = [
     ("all configured right", |_| {}),
     ("friction 30 % low", |s| s.friction.force_n *= 0.7),
@@ -30,17 +30,13 @@ pub const ALL_WRONG: (&str, Change) = ("friction -30, volume -20, conductance +3
     s.valve.conductance_m3_s_pa *= 1.3;
 });
 
-/// The muscle with everything that the core leaves out, the core configured with a change of it.
+/// The muscle with all effects that the core leaves out; the core's configuration is changed.
 pub fn configured(nominal: &Loaded, change: Change) -> Loaded {
     let mut loaded = full(nominal);
     change(&mut loaded.believed);
     loaded
 }
 
-/// Tunes one case in this process.
-///
-/// # Errors
-/// As [`tune::tune`].
 pub fn tuned(loaded: &Loaded) -> Result<Tuned, TuneError> {
     tune::tune(loaded, Path::new("the nominal scenario"), HIGHEST_PA, &mut CoreBoard::default())
 }
@@ -71,7 +67,7 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, Tun
                 error(plant.friction.force_n, "friction.force_n"),
                 3.0,
             ),
-            // The force area goes with the turns squared.
+            // The force area is proportional to the turns squared.
             Figure::at_most("area_error_%", 2.0 * error(turns, "muscle.turns"), 1.0),
             Figure::at_most(
                 "conductance_error_%",
@@ -86,8 +82,7 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, Tun
     })
 }
 
-/// Runs every case on `full`, on all cores; `nominal` is the nominal scenario. Where it is stopped there are lines of
-/// the finished cases.
+/// Runs every case on `full`, on all cores. When stopped, returns the lines of the finished cases.
 ///
 /// # Errors
 /// The first case that was refused or could not be finished.

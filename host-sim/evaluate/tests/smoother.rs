@@ -1,4 +1,4 @@
-//! The yardstick of the estimator: what can be known at best from a run's samples.
+//! The smoother as yardstick of the estimator.
 
 use model_core::{AdcCode, Estimate, Telemetry};
 use thermyo_evaluate::smoother;
@@ -16,7 +16,8 @@ struct Recorded {
 }
 
 impl Recorded {
-    /// 20 s of the nominal cycle on `lumped`, with so many times the true heat transfer believed.
+    /// 20 s of the nominal cycle on `lumped`; the core's heat transfer is wrong by the factor
+    /// `heat`.
     fn new(heat: f64) -> Self {
         let text = "[run]\nduration_s = 20.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
         let mut loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
@@ -52,7 +53,7 @@ impl Recorded {
     }
 }
 
-/// Configured right, the estimator is as good as what knows the future.
+/// Configured correctly, the estimator is as good as a filter that uses the future.
 #[test]
 fn it_is_as_good_as_the_estimator_where_the_model_holds() {
     let recorded = Recorded::new(1.0);
@@ -65,7 +66,7 @@ fn it_is_as_good_as_the_estimator_where_the_model_holds() {
 }
 
 #[test]
-fn what_came_later_says_how_it_was_before() {
+fn later_readings_improve_earlier_estimates() {
     let recorded = Recorded::new(0.7);
     let best = recorded.best();
     let [online_k, forward_k, smoothed_k] =
@@ -85,7 +86,7 @@ fn it_sees_samples_and_duties_only() {
         telemetry.estimate = Estimate::default();
     }
     assert_eq!(recorded.smooth(), smoothed);
-    // 250 of 29 491 codes over 60 K: a foil that reads 0.5 K too warm, and nothing contradicts it.
+    // 250 of 29 491 codes over 60 K: a foil that reads 0.5 K too high, without any contradiction.
     for telemetry in &mut recorded.telemetry {
         telemetry.sample.gas = AdcCode(telemetry.sample.gas.0 + 250);
     }

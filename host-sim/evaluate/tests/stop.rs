@@ -1,4 +1,5 @@
-//! What long work keeps that is ended before its time. The wish is one for the whole process: one test, and no other here.
+//! Partial results of long work that is stopped. The stop request is global to the process: this
+//! must stay the only test.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,7 +14,7 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Presses Ctrl-C after so many parts.
+/// Requests a stop after so many parts.
 struct After(AtomicUsize);
 
 impl Watch for After {
@@ -30,15 +31,15 @@ fn after(parts: usize) -> After {
 }
 
 #[test]
-fn what_is_finished_is_kept() {
-    // Lines of the cases that came to their end, and no word of the others.
+fn finished_parts_are_kept() {
+    // Only the lines of the finished cases.
     let lines = estimator::random(1, 30, &after(3)).unwrap();
     let (total, muscles) = lines.split_last().unwrap();
     assert!((3..30).contains(&muscles.len()), "{lines:?}");
     assert_eq!(total.case, format!("{} muscles of seed 1", muscles.len()));
     assert_eq!(thermyo_evaluate::missed(muscles).1, 2 * muscles.len());
 
-    // A run says that it was ended, at whatever it is.
+    // A run reports that it was stopped, in any phase.
     let text = "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 40\n\
                 parameters = [\"heat.inner_w_m2_k\", \"friction.force_n\"]\n";
     let name = Path::new("scenario.toml");
@@ -58,7 +59,7 @@ fn what_is_finished_is_kept() {
     };
     run::run(&loaded, &mut CoreBoard::default(), None, &mut each).unwrap();
 
-    // The searches that came to their end, a row each.
+    // One row per finished search.
     let measured = Measured { columns: columns.to_vec() };
     let ended = identify(&loaded, name, &measured, Path::new("data.csv"), &after(5));
     let Err(IdentifyError::Stopped { finished, starts: 40, csv }) = ended else {
@@ -75,7 +76,7 @@ fn what_is_finished_is_kept() {
     );
     stop::forget();
 
-    // In the middle of one simulation, however long.
+    // Stopped in the middle of one long simulation.
     let text = "[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
                 parameters = [\"heat.inner_w_m2_k\"]\n";
     let loaded = thermyo_setup::parse(text, name).unwrap();

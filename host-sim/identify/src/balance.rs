@@ -1,5 +1,5 @@
-//! A muscle as the core sees it: driven by the pressure and the length that were measured. What crossed
-//! the port follows from the energy balance, so that no valve and no flow needs to be known.
+//! The core's model of a muscle, driven by measured pressure and length. The mass through the port
+//! follows from the energy balance, so that no valve and no flow needs to be known.
 
 use super::data::{Given, holding};
 use super::failed::Failed;
@@ -13,26 +13,25 @@ use thermyo_scenario::Scenario;
 use thermyo_scenario::profile::Profile;
 use thermyo_setup::core_config::core_config;
 
-/// Steps of which surface and speed are taken as one. One alone would make speeds of the length's
-/// noise, twenty as in the core would shift what is found by a quarter of a percent.
+/// Steps over which surface and speed are constant. With one, the length's noise would become
+/// speed; with twenty, as in the core, the result would shift by a quarter of a percent.
 const INTERVAL_STEPS: usize = 5;
-/// What starts with a temperature of its own: gas, wall, sensor.
+/// States with a fitted start value: gas, wall, sensor.
 const STARTS: usize = 3;
-/// Time after a duty for which gas may still flow: a pulse ends late \[s\].
+/// Time after a pulse during which gas may still flow, as a pulse ends late \[s\].
 const LATE_S: f64 = 0.06;
 
-/// The same in steps of one length.
 #[derive(Debug, Clone)]
 pub struct Balance {
     start_s: f64,
     start_k: f64,
     step_s: f64,
-    /// Volumes left out: they follow from the scenario.
+    /// Inputs without volumes, which follow from the scenario.
     known: Vec<Known>,
 }
 
 impl Balance {
-    /// Of measurements, in steps of that length from the first one to `end_s` \[s\].
+    /// Resamples measurements in equal steps from the first one to `end_s` \[s\].
     pub fn new(given: &Given, step_s: f64, end_s: f64) -> Self {
         let Given { pressure, length, duties, sensor_k } = given;
         let start_s = pressure.points()[0].0;
@@ -58,12 +57,12 @@ impl Balance {
         Self { start_s, start_k: *sensor_k, step_s, known: known.collect() }
     }
 
-    /// What the gas sensor reads at the times of `points`, if the core's model of that scenario is right.
-    /// A record may begin in the middle of a motion: gas, wall and sensor start with what fits the
-    /// readings in `points` best. Their effect is linear, as far as that goes.
+    /// Reading of the gas sensor at the times of `points`, by the core's model of that scenario. A
+    /// record may begin during a motion, so gas, wall and sensor start with the temperatures that
+    /// fit `points` best; their effect is taken as linear.
     ///
     /// # Errors
-    /// When its temperatures become no numbers, or it is stopped.
+    /// When a temperature is not finite, or the work is stopped.
     pub fn sensor_gas(
         &self,
         scenario: &Scenario,
@@ -97,7 +96,7 @@ impl Balance {
         let measured = points.iter().map(|(_, reading_k)| *reading_k);
         let left = DVector::from_iterator(points.len(), measured) - &even;
         let squares = effects.tr_mul(&effects);
-        // A record too short to tell them apart keeps an even start.
+        // A record too short to tell them apart starts with equal temperatures.
         let fitted = match squares.cholesky() {
             Some(squares) => even + &effects * squares.solve(&effects.tr_mul(&left)),
             None => even,

@@ -1,9 +1,9 @@
 //! The core's model of gas, wall and sensor in f64, one step and one interval at a time.
 //!
-//! Pressure and length are given, smoothed; the state moves by the energy balance (3), (4):
+//! Pressure and length are inputs, smoothed; the state moves by the energy balance (3), (4):
 //!
 //! ```text
-//! dm_l  = what leaks by ISO 6358 at P, T
+//! dm_l  = leaked mass by ISO 6358 at P, T
 //! H     = (V dP + k P dV)/(k-1) + s h A (T - T_w) dt + cp T dm_l      enthalpy through the valves
 //! dm    = H/(cp T_in) inwards, H/(cp T) outwards, 0 while both valves are shut; less dm_l
 //! T     = P V/(m R)                                       (1)
@@ -21,7 +21,6 @@ use thermyo_scenario::Gas;
 
 /// ln m, T_w, T_h, T_s, ln s, ln(tau/configured).
 pub const STATES: usize = 6;
-/// Logarithm of the gas mass.
 pub const MASS: usize = 0;
 /// Wall temperature \[K\].
 pub const WALL: usize = 1;
@@ -34,9 +33,7 @@ pub const SCALE: usize = 4;
 /// Logarithm of the sensor's lag over the configured one.
 pub const LAG: usize = 5;
 
-/// A state, or an error of it.
 pub type State = SVector<f64, STATES>;
-/// A covariance, or a transition.
 pub type Matrix = SMatrix<f64, STATES, STATES>;
 
 /// Time constant with which the inflow's stirring follows the inflow \[s\].
@@ -44,14 +41,13 @@ const STIRRING_S: f64 = 0.005;
 /// Steps of the differences that linearise the model, per state.
 const DIFFERENCES: [f64; STATES] = [1e-5, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3];
 
-/// What is known of one step.
+/// Inputs of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Known {
     /// Smoothed absolute pressure \[Pa\].
     pub pressure_pa: f64,
     /// Measured length \[m\].
     pub length_m: f64,
-    /// Volume at it \[m3\].
     pub volume_m3: f64,
     /// Gas may have come in since the step before.
     pub charging: bool,
@@ -59,7 +55,6 @@ pub struct Known {
     pub discharging: bool,
 }
 
-/// The model.
 #[derive(Debug, Clone)]
 pub struct Model {
     config: Config,
@@ -69,7 +64,6 @@ pub struct Model {
 }
 
 impl Model {
-    /// The model of a configuration.
     pub fn new(config: &Config) -> Self {
         let leak = &config.leak;
         let gas = IdealGas::new(&Gas {
@@ -90,7 +84,7 @@ impl Model {
         known.pressure_pa * known.volume_m3 / (state[MASS].exp() * gas_constant)
     }
 
-    /// What leaks at a pressure \[Pa\] and gas temperature \[K\], by the plant's own law \[kg/s\].
+    /// Leak flow by the plant's own law \[kg/s\].
     fn leak_kg_s(&self, pressure_pa: f64, gas_k: f64) -> f64 {
         let ambient_pa = f64::from(self.config.ambient.pressure_pa);
         self.leak
@@ -98,7 +92,6 @@ impl Model {
             .map_or(0.0, |leak| leak.mass_flow(pressure_pa, gas_k, ambient_pa))
     }
 
-    /// ln m that gives a gas temperature.
     pub fn mass(&self, known: &Known, gas_k: f64) -> f64 {
         let gas_constant = f64::from(self.config.gas.gas_constant_j_kg_k);
         (known.pressure_pa * known.volume_m3 / (gas_k * gas_constant)).ln()
@@ -109,8 +102,8 @@ impl Model {
         f64::from(self.config.sensors.gas.time_constant_s) * state[LAG].exp()
     }
 
-    /// From the first of `steps` to the last; `each` sees the gas temperature after every one.
-    /// `inflow_kg_s` is the inflow that stirs the gas, and follows it.
+    /// Advances from the first of `steps` to the last and calls `each` with the gas temperature
+    /// after every step. `inflow_kg_s` is the inflow that stirs the gas; it is updated.
     pub fn advance(
         &self,
         mut state: State,
@@ -147,7 +140,7 @@ impl Model {
                 / (k - 1.0)
                 + heat_j
                 + cp * gas_k * leaked_kg;
-            // One-sided duties say the direction; noise would be rectified otherwise.
+            // One-sided duties give the direction; otherwise noise would be rectified.
             let entering = now.charging && (!now.discharging || enthalpy_j > 0.0);
             let port_k = if entering { f64::from(self.config.supply.temperature_k) } else { gas_k };
             let change_kg =
@@ -167,14 +160,15 @@ impl Model {
             let housing_k = 0.5 * (housing_before_k + state[HOUSING]);
             state[SENSOR] += share(lag_s) * (housing_k - state[SENSOR]);
         }
-        // First-order Gauss-Markov about what is configured.
+        // First-order Gauss-Markov process about the configured values.
         let keep = 1.0 - duration_s / f64::from(self.config.estimator.memory_s);
         state[SCALE] *= keep;
         state[LAG] *= keep;
         state
     }
 
-    /// Error at the end of `steps` per error at their start, by differences.
+    /// Derivative of the error at the end of `steps` with respect to the error at their start, by
+    /// differences.
     pub fn transition(&self, state: &State, inflow_kg_s: f64, steps: &[Known]) -> Matrix {
         let mut transition = Matrix::zeros();
         for (i, difference) in DIFFERENCES.into_iter().enumerate() {
@@ -189,8 +183,8 @@ impl Model {
         transition
     }
 
-    /// What the mean of an interval's readings belongs to, the middle of its steps, seen from its
-    /// end; and how an error of the state at the end changes it.
+    /// Sensor temperature in the middle of an interval, to which the mean of its readings belongs,
+    /// computed from the state at its end; and its derivative with respect to that state.
     pub fn reading(&self, state: &State, steps: usize) -> (f64, State) {
         let lag_s = self.lag_s(state);
         let earlier = 0.5 * (steps as f64 - 1.0) * self.step_s / lag_s;
@@ -202,7 +196,7 @@ impl Model {
         (state[SENSOR] - earlier * ahead_k, row)
     }
 
-    /// Covariance that the errors gain in one interval.
+    /// Variance that the errors gain in one interval.
     pub fn drift(&self, gas_k: f64, duration_s: f64) -> State {
         let tuning = &self.config.estimator;
         let relative = f64::from(tuning.gas_drift_k) / gas_k;
@@ -218,6 +212,6 @@ impl Model {
     }
 }
 
-/// Of housing and element per interval, as the core's: so little that it only keeps the covariance
+/// Drift of housing and element per interval, as in the core: just enough to keep the covariance
 /// from being singular \[K2\].
 const DRIFT_K2: f64 = 1e-6;

@@ -1,4 +1,4 @@
-//! The measurements: what the plant is compared with, and what drove it.
+//! Measurements that the plant is compared with, and the recorded inputs that drove it.
 
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
@@ -10,16 +10,16 @@ use thermyo_scenario::{DriveKind, PlantKind, Scenario, Sensors};
 use thermyo_setup::OBSERVABLE;
 use thermyo_simulation::adc::OVERSAMPLING;
 
-/// Relative change above which a column of volumes is a piston's stroke.
+/// Relative change of volume above which the column describes a piston's stroke.
 const STROKE: f64 = 1e-6;
 
-/// Distance of two rows, in typical ones, from which on what lies between them was not recorded.
+/// Distance of two rows, in typical distances, from which on there is a hole in the record.
 const HOLE_ROWS: f64 = 20.0;
 
-/// Longest typical distance of rows that tell how a muscle moved \[s\].
+/// Longest typical distance of rows at which they resolve a muscle's motion \[s\].
 const SLOWEST_S: f64 = 1.0;
 
-/// Steps of a raw code over a sensor's range.
+/// LSBs of a raw code over a sensor's range.
 const CODE_STEPS: f64 = 32_760.0;
 
 /// A quantity that the plant is compared with.
@@ -41,7 +41,7 @@ impl Quantity {
         OBSERVABLE.iter().zip(all).find(|(known, _)| **known == name).map(|(_, quantity)| quantity)
     }
 
-    /// The trace's name for it.
+    /// Column of the trace.
     pub fn column(self) -> &'static str {
         OBSERVABLE[self as usize]
     }
@@ -58,7 +58,7 @@ impl Quantity {
     }
 
     /// Standard deviation of one measured value: noise, averaged over a code's conversions, and the
-    /// step of the code.
+    /// LSB of the code.
     fn deviation(self, sensor: &Sensors) -> f64 {
         let sum = |digital| if digital { 1.0 } else { f64::from(OVERSAMPLING) };
         let conversions = f64::from(OVERSAMPLING);
@@ -73,17 +73,15 @@ impl Quantity {
                 (sensor.length.noise_m, sensor.length.range_m / CODE_STEPS, conversions)
             }
             Self::SensorGas => (sensor.gas.noise_k, gas_step_k, of_gas),
-            // Recorded as a number.
+            // The wall's reading is recorded as a number, not as a code.
             Self::SensorWall => (sensor.wall.noise_k, gas_step_k, 1.0),
         };
         (noise / readings.sqrt()).hypot(step / 12.0_f64.sqrt())
     }
 }
 
-/// One measured column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observed {
-    /// What was measured.
     pub quantity: Quantity,
     /// (time \[s\], value), times rising.
     pub points: Vec<(f64, f64)>,
@@ -91,20 +89,20 @@ pub struct Observed {
     pub deviation: f64,
 }
 
-/// What drove the plant while it was measured: (time \[s\], inlet, outlet).
+/// Recorded inputs of the plant: (time \[s\], inlet, outlet).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
-    /// Nothing but what the scenario says: closed, discharging, filling.
+    /// The drive follows from the scenario alone: closed, discharging, filling.
     Scenario,
     /// Mean mass flows \[kg/s\] since the row before.
     Flows(Vec<(f64, [f64; 2])>),
-    /// Shares of the time that the valves are open, until the next row.
+    /// Duties of the valves, until the next row.
     Duties(Vec<(f64, [f64; 2])>),
     /// Pressure and length of a muscle whose gas sensor alone is compared.
     Given(Given),
 }
 
-/// What was measured of the gas, and what the valves were driven to.
+/// Measurements of the gas, and the duties of the valves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Given {
     /// Absolute pressure \[Pa\].
@@ -117,60 +115,31 @@ pub struct Given {
     pub sensor_k: f64,
 }
 
-/// Measurements, ready to be compared with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Data {
-    /// The columns that count.
+    /// Columns that are compared.
     pub observed: Vec<Observed>,
-    /// What drove the plant.
+    /// Recorded inputs of the plant.
     pub input: Input,
     /// A piston's volume over time \[m3\], where the data has it.
     pub volume: Option<Profile>,
     /// Typical distance of two rows \[s\].
     pub spacing_s: f64,
-    /// Where what drove the plant was not recorded: from, to \[s\].
+    /// Intervals without recorded inputs: from, to \[s\].
     pub holes: Vec<[f64; 2]>,
 }
 
 impl Data {
-    /// What a fit needs of `measured`, for that scenario; `path` is what messages call it.
+    /// Selects the columns of `measured` that a fit of `scenario` needs; `path` names them in
+    /// messages.
     ///
     /// # Errors
-    /// When the columns that the scenario needs are not there, or hold less than it asks for.
+    /// When needed columns are missing or have too few values.
     pub fn new(measured: &Measured, path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
-        let column = |name: &str| measured.columns.iter().find(|column| column.name == name);
-        let needed = |name: &str| {
-            let problem = || Problem::NoValues { column: name.to_owned() };
-            column(name).ok_or_else(|| InputError::file(path, problem()))
-        };
+        let column = |name: &str| find(measured, name);
+        let needed = |name: &str| find_needed(measured, path, name);
         let is_vessel = scenario.plant.kind == PlantKind::Vessel;
-
-        let asked = &scenario.identify.columns;
-        let named: Vec<&Column> = if asked.is_empty() {
-            let usual = [Quantity::Pressure, Quantity::Length, Quantity::SensorGas];
-            let usual = usual.into_iter().filter(|q| !(is_vessel && *q == Quantity::Length));
-            usual.filter_map(|quantity| column(quantity.column())).collect()
-        } else {
-            asked.iter().map(|name| needed(name)).collect::<Result<_, _>>()?
-        };
-        let observed: Vec<Observed> = named
-            .into_iter()
-            .filter_map(|column| {
-                let quantity = Quantity::of_column(&column.name)?;
-                let deviation = quantity.deviation(&scenario.sensor);
-                Some(Observed { quantity, points: column.points.clone(), deviation })
-            })
-            .collect();
-        if observed.is_empty() {
-            let column = OBSERVABLE[..3].join(" or ");
-            return Err(InputError::file(path, Problem::NoValues { column }));
-        }
-        let points = observed.iter().map(|observed| observed.points.len()).sum();
-        let parameters = scenario.identify.parameters.len();
-        if points <= parameters {
-            return Err(InputError::file(path, Problem::TooFewPoints { points, parameters }));
-        }
-
+        let observed = observed(measured, path, scenario)?;
         let unusable = |name: &str, why: &str| {
             let (column, why) = (name.to_owned(), why.to_owned());
             InputError::file(path, Problem::UnusableColumn { column, why })
@@ -226,37 +195,11 @@ impl Data {
 
         let volume = column("volume_m3").filter(|column| is_vessel && varies(&column.points));
         let volume = volume.map(|column| profile(&column.name)).transpose()?;
-        let bridged = match &input {
-            Input::Given(Given { pressure, length, .. }) => vec![pressure, length],
-            _ => volume.iter().collect(),
-        };
-        let mut recorded: Vec<Vec<f64>> =
-            bridged.into_iter().map(|profile| times(profile.points()).collect()).collect();
-        if matches!(input, Input::Flows(_) | Input::Duties(_)) {
-            // They hold over rows that leave them out.
-            let mut rows: Vec<f64> =
-                measured.columns.iter().flat_map(|column| times(&column.points)).collect();
-            rows.sort_by(f64::total_cmp);
-            recorded.push(rows);
-        }
-        let slow = |times_s: &&Vec<f64>| median_distance(times_s) > SLOWEST_S;
-        if let (Input::Given(_), Some(times_s)) = (&input, recorded.iter().find(slow)) {
-            return Err(unusable(
-                TIME,
-                &format!(
-                    "rows are {} s apart: must be at most {SLOWEST_S} s where pressure and length drive a muscle. Is it \
-                     in seconds?",
-                    significant(median_distance(times_s), 3)
-                ),
-            ));
-        }
-        let mut holes: Vec<[f64; 2]> = recorded.iter().flat_map(|times_s| holes(times_s)).collect();
-        holes.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        holes.dedup();
+        let holes = recorded_holes(measured, path, &input, volume.as_ref())?;
         Ok(Self { spacing_s: spacing(&observed), observed, input, volume, holes })
     }
 
-    /// Last time that something is compared at \[s\].
+    /// Time of the last compared value \[s\].
     pub fn end_s(&self) -> f64 {
         self.observed
             .iter()
@@ -264,7 +207,7 @@ impl Data {
             .fold(0.0, |end, point| end.max(point.0))
     }
 
-    /// Measured values in all columns.
+    /// Number of measured values in all columns.
     pub fn values(&self) -> usize {
         self.observed.iter().map(|observed| observed.points.len()).sum()
     }
@@ -277,6 +220,90 @@ fn varies(points: &[(f64, f64)]) -> bool {
 
 fn times(points: &[(f64, f64)]) -> impl Iterator<Item = f64> {
     points.iter().map(|(time_s, _)| *time_s)
+}
+
+fn find<'a>(measured: &'a Measured, name: &str) -> Option<&'a Column> {
+    measured.columns.iter().find(|column| column.name == name)
+}
+
+fn find_needed<'a>(
+    measured: &'a Measured,
+    path: &Path,
+    name: &str,
+) -> Result<&'a Column, InputError> {
+    let problem = || Problem::NoValues { column: name.to_owned() };
+    find(measured, name).ok_or_else(|| InputError::file(path, problem()))
+}
+
+/// The columns to compare: those that the scenario names, or the usual ones.
+fn observed(
+    measured: &Measured,
+    path: &Path,
+    scenario: &Scenario,
+) -> Result<Vec<Observed>, InputError> {
+    let is_vessel = scenario.plant.kind == PlantKind::Vessel;
+    let asked = &scenario.identify.columns;
+    let named: Vec<&Column> = if asked.is_empty() {
+        let usual = [Quantity::Pressure, Quantity::Length, Quantity::SensorGas];
+        let usual = usual.into_iter().filter(|q| !(is_vessel && *q == Quantity::Length));
+        usual.filter_map(|quantity| find(measured, quantity.column())).collect()
+    } else {
+        asked.iter().map(|name| find_needed(measured, path, name)).collect::<Result<_, _>>()?
+    };
+    let observed: Vec<Observed> = named
+        .into_iter()
+        .filter_map(|column| {
+            let quantity = Quantity::of_column(&column.name)?;
+            let deviation = quantity.deviation(&scenario.sensor);
+            Some(Observed { quantity, points: column.points.clone(), deviation })
+        })
+        .collect();
+    if observed.is_empty() {
+        let column = OBSERVABLE[..3].join(" or ");
+        return Err(InputError::file(path, Problem::NoValues { column }));
+    }
+    let points = observed.iter().map(|observed| observed.points.len()).sum();
+    let parameters = scenario.identify.parameters.len();
+    if points <= parameters {
+        return Err(InputError::file(path, Problem::TooFewPoints { points, parameters }));
+    }
+    Ok(observed)
+}
+
+/// Holes in the record of the inputs; rows that are too far apart are an error.
+fn recorded_holes(
+    measured: &Measured,
+    path: &Path,
+    input: &Input,
+    volume: Option<&Profile>,
+) -> Result<Vec<[f64; 2]>, InputError> {
+    let bridged = match input {
+        Input::Given(Given { pressure, length, .. }) => vec![pressure, length],
+        _ => volume.into_iter().collect(),
+    };
+    let mut recorded: Vec<Vec<f64>> =
+        bridged.into_iter().map(|profile| times(profile.points()).collect()).collect();
+    if matches!(input, Input::Flows(_) | Input::Duties(_)) {
+        // Flows and duties hold over rows in which their cells are empty.
+        let mut rows: Vec<f64> =
+            measured.columns.iter().flat_map(|column| times(&column.points)).collect();
+        rows.sort_by(f64::total_cmp);
+        recorded.push(rows);
+    }
+    let slow = |times_s: &&Vec<f64>| median_distance(times_s) > SLOWEST_S;
+    if let (Input::Given(_), Some(times_s)) = (input, recorded.iter().find(slow)) {
+        let why = format!(
+            "rows are {} s apart: must be at most {SLOWEST_S} s where pressure and length drive a muscle. Is it \
+             in seconds?",
+            significant(median_distance(times_s), 3)
+        );
+        let column = TIME.to_owned();
+        return Err(InputError::file(path, Problem::UnusableColumn { column, why }));
+    }
+    let mut holes: Vec<[f64; 2]> = recorded.iter().flat_map(|times_s| holes(times_s)).collect();
+    holes.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    holes.dedup();
+    Ok(holes)
 }
 
 /// Median distance of two rows of the densest column \[s\].
@@ -294,14 +321,14 @@ fn median_distance(times_s: &[f64]) -> f64 {
     distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Between which of these times nothing was recorded for long.
+/// Gaps between these times that are much longer than usual.
 fn holes(times_s: &[f64]) -> Vec<[f64; 2]> {
     let longest_s = HOLE_ROWS * median_distance(times_s);
     let pairs = times_s.windows(2).map(|pair| [pair[0], pair[1]]);
     pairs.filter(|[from_s, to_s]| to_s - from_s > longest_s).collect()
 }
 
-/// What holds at a time, of rows that each hold until the next; `row` is where the last call looked.
+/// Value at a time from rows that each hold until the next; `row` is where the last call stopped.
 pub fn holding(rows: &[(f64, [f64; 2])], row: &mut usize, time_s: f64) -> [f64; 2] {
     *row += rows[*row + 1..].iter().take_while(|(time, _)| *time <= time_s).count();
     rows[*row].1

@@ -1,4 +1,4 @@
-//! What an identification found, and what it could not.
+//! Findings of an identification, and the parameters that it leaves open.
 
 use super::data::{Data, Quantity};
 use super::fit::End;
@@ -13,28 +13,27 @@ use thermyo_files::number::{of_column, significant, with_error};
 const INSEPARABLE: f64 = 0.95;
 /// Relative standard error from which on a parameter is not determined.
 const UNDETERMINED: f64 = 0.5;
-/// Relative standard error from which on it might be nothing: the data leave it open.
+/// Relative standard error from which on the value might be zero: the data leave it open.
 const OPEN: f64 = 1.0;
-/// Rows over which residuals are correlated, from which on that is worth a word.
+/// Correlation of the residuals, in rows, from which on there is a remark.
 const LASTING_ROWS: f64 = 5.0;
-/// Root mean square of residuals, in standard deviations of one reading, from which on that is worth a word.
+/// Root mean square of residuals, in standard deviations of one reading, from which on there is a
+/// remark.
 const LARGE: f64 = 5.0;
-/// Holes of a record that are named.
+/// Most holes of a record that a remark lists.
 const NAMED_HOLES: usize = 5;
 
-/// One identified value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fitted {
     /// Value \[unit\].
     pub value: f64,
-    /// Its standard error \[unit\]; none where the data leave it open, or it is at a limit.
+    /// Standard error \[unit\]; none where the data leave the value open, or it is at a limit.
     pub standard_error: Option<f64>,
     /// Unit, as the SI writes it; empty for a ratio.
     pub unit: &'static str,
 }
 
 impl Fitted {
-    /// Whether the data say too little about it.
     fn is_open(&self) -> bool {
         self.standard_error.is_none_or(|error| error > OPEN * self.value)
     }
@@ -49,10 +48,9 @@ impl Fitted {
     }
 }
 
-/// Root-mean-square residuals, by what was measured.
+/// Root-mean-square residuals, by measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Rmse {
-    /// Pressure \[Pa\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pressure_pa: Option<f64>,
     /// Sensor in the gas \[K\].
@@ -61,38 +59,34 @@ pub struct Rmse {
     /// Sensor in the wall \[K\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wall_temperature_k: Option<f64>,
-    /// Length \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub length_m: Option<f64>,
 }
 
-/// What the searches did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Searches {
-    /// Searches begun.
     pub starts: usize,
-    /// Those that converged.
+    /// Searches that converged.
     pub converged: usize,
-    /// Those that ended where the best one did.
+    /// Searches that ended where the best one did.
     pub agreeing: usize,
 }
 
 /// `summary.json` of an identification.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// Whether the best search converged and the others found the same.
+    /// The best search converged and the others found the same.
     pub converged: bool,
-    /// The fitted values by their keys, and `gas_mass_kg` where they set it.
+    /// Fitted values by key, and `gas_mass_kg` where they set it.
     pub parameters: BTreeMap<String, Fitted>,
-    /// What is left unexplained.
+    /// Residuals.
     pub rmse: Rmse,
     /// Effective number of independent rows, by measured column.
     pub effective_rows: BTreeMap<&'static str, f64>,
     /// Correlation of each pair of parameters, `[a][b]`.
     pub correlations: BTreeMap<String, BTreeMap<String, f64>>,
-    /// The searches.
     pub searches: Searches,
-    /// What the data cannot tell, in words.
+    /// Parameters that the data do not determine, in words.
     pub remarks: Vec<String>,
     #[serde(skip)]
     best_converged: bool,
@@ -100,7 +94,7 @@ pub struct Findings {
     determined: bool,
 }
 
-/// What findings are made of.
+/// Inputs of [`Findings`].
 pub(super) struct Parts<'a> {
     pub parameters: &'a [Parameter],
     pub data: &'a Data,
@@ -177,7 +171,7 @@ impl Findings {
         findings
     }
 
-    /// Why the values are not to be relied on, if they are not.
+    /// Reason why the values are not reliable, if there is one.
     pub fn failed(&self) -> Option<String> {
         let Searches { starts, agreeing, .. } = self.searches;
         if !self.best_converged {
@@ -284,7 +278,7 @@ impl Findings {
         remarks
     }
 
-    /// The figures, as lines for a terminal.
+    /// Figures as lines for a terminal.
     pub fn text(&self) -> String {
         let mut text = String::new();
         for (path, fitted) in &self.parameters {

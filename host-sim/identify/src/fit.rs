@@ -20,44 +20,37 @@ const DIFFERENCE: f64 = 1e-4;
 const TOLERANCE: f64 = 1e-8;
 /// Evaluations per parameter before a search is given up.
 const PATIENCE: usize = 30;
-/// Weighted residual that stands for "no prediction": far worse than any that is one.
+/// Weighted residual that stands for "no prediction": far worse than any real one.
 const HOPELESS: f64 = 1e6;
 
-/// Where one search ended.
 #[derive(Debug, Clone, PartialEq)]
 pub struct End {
-    /// Place of the parameters, see [`Parameter::place`].
+    /// Coordinates of the parameters, see [`Parameter::place`].
     pub place: DVector<f64>,
     /// Sum of the squared weighted residuals.
     pub cost: f64,
-    /// Whether it has converged.
     pub converged: bool,
 }
 
 /// The problem: a scenario, its parameters and the data.
 #[derive(Debug, Clone)]
 pub struct Problem<'a> {
-    /// The scenario that the parameters are replaced in.
+    /// The scenario in which the parameters are replaced.
     pub scenario: &'a Scenario,
-    /// The parameters.
     pub parameters: &'a [Parameter],
-    /// The measurements.
     pub data: &'a Data,
-    /// The plant to compare them with.
+    /// The plant to compare with.
     pub experiment: Experiment<'a>,
 }
 
 impl Problem<'_> {
-    /// The scenario at a place of the search.
+    /// The scenario at a point of the search.
     pub fn scenario_at(&self, place: &DVector<f64>) -> Scenario {
         let values = self.parameters.iter().zip(place.iter());
         with_numbers(self.scenario, values.map(|(p, u)| (p.path.as_str(), p.value(*u))))
     }
 
-    /// Prediction less measurement, column after column, in the columns' own units.
-    ///
-    /// # Errors
-    /// When the plant has no prediction there.
+    /// Prediction less measurement, column by column, in the columns' own units.
     pub fn residuals(&self, place: &DVector<f64>) -> Result<Vec<f64>, Failed> {
         let mut residuals = self.experiment.predict(&self.scenario_at(place))?;
         let measured = self.data.observed.iter().flat_map(|observed| &observed.points);
@@ -82,15 +75,15 @@ impl Problem<'_> {
         DMatrix::from_columns(&columns)
     }
 
-    /// Searches from the scenario's own values, and from others around them. Those that [`thermyo_compute::stop`] ended are left
-    /// out.
+    /// Searches from the scenario's values and from others around them. Searches ended by
+    /// [`thermyo_compute::stop`] are left out.
     pub fn search(&self, watch: &dyn Watch) -> Vec<End> {
         let ends = parallel::map_watched(&self.starts(), watch, |start| self.minimize(start));
         ends.into_iter().flatten().collect()
     }
 
-    /// A Latin hypercube in the logarithms, the scenario's own values first: every parameter takes
-    /// each of equally many strata of its spread once.
+    /// Latin hypercube in the logarithms, the scenario's values first: each of equally many strata
+    /// of a parameter's spread is used once.
     fn starts(&self) -> Vec<DVector<f64>> {
         let others = self.scenario.identify.starts as usize - 1;
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.scenario.run.seed);
@@ -140,7 +133,7 @@ impl LeastSquares for Problem<'_> {
         DVector::from_vec(residuals)
     }
 
-    /// One-sided differences: enough to find the way, at half the price.
+    /// One-sided differences: accurate enough for the search, at half the cost.
     fn slopes(&self, place: &DVector<f64>, residuals: &DVector<f64>) -> DMatrix<f64> {
         let columns: Vec<DVector<f64>> = (0..place.len())
             .map(|i| {

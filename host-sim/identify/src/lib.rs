@@ -1,17 +1,17 @@
-//! `thermyo identify`: from a recorded trace, the parameters that nobody can measure.
+//! `thermyo identify`: parameters that cannot be measured directly, from a recorded trace.
 //!
 //! ```text
-//! CSV --data--> columns, what drove the plant --simulate--> predictions
-//! scenario's [identify] --parameter--> what is searched --fit--> values --uncertainty--> how sure
+//! CSV --data--> columns, recorded inputs --simulate--> predictions
+//! scenario's [identify] --parameter--> search variables --fit--> values --uncertainty--> errors
 //! ```
 //!
-//! The plant is driven as it was while it was measured: by the recorded mass flows or duties, by the
-//! recorded volume of a piston, or by what the scenario says. A muscle is the lumped plant (or the
-//! paper's); where only its gas sensor is compared, it is the core's own model, driven by the recorded
-//! pressure and length. A scenario with the model `full` gets the effective parameters that the core
-//! works with.
+//! The plant is driven by the recorded mass flows or duties, by the recorded volume of a piston, or
+//! by the scenario's drive. A muscle is the lumped plant (or the paper's); where only its gas
+//! sensor is compared, it is the core's own model, driven by the recorded pressure and length. A
+//! scenario with the model `full` gets the effective parameters that the core works with.
 //!
-//! A table without time, gauge pressure, length and force at rest, is a static map: see [`static_map`].
+//! A table without time that has gauge pressure, length and force at rest is a static map: see
+//! [`static_map`].
 
 mod balance;
 pub mod core_model;
@@ -54,37 +54,32 @@ use uncertainty::{Misfit, covariance};
 
 /// Relative difference of the sums of squares up to which two searches ended in the same place.
 const SAME_COST: f64 = 1e-3;
-/// Difference of a parameter up to which they did, in standard errors.
+/// Difference of a parameter, in standard errors, up to which two searches agree.
 const SAME_PLACE: f64 = 0.5;
 /// Step of the differences in ln x that carry the uncertainty to the gas mass.
 const MASS_DIFFERENCE: f64 = 1e-4;
 
-/// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
-    /// Data or scenario cannot be used.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// The plant cannot be built from the scenario.
     #[error("{0}")]
     Build(BuildError),
-    /// The plant diverges with the scenario's own values.
     #[error("with the scenario's own values, {0}")]
     Diverged(Diverged),
-    /// It was to end, [`thermyo_compute::stop`]: what the finished searches found, as a table.
+    /// Stopped by [`thermyo_compute::stop`]; contains the results of the finished searches.
     #[error("stopped after {finished} of {starts} searches")]
     Stopped {
-        /// Searches that came to their end.
         finished: usize,
-        /// Searches to be made.
+        /// Searches planned.
         starts: u64,
-        /// One row for each: what is left, whether it converged, and the values.
+        /// Table with a row per finished search: cost, convergence, values.
         csv: String,
     },
 }
 
-/// Fits the parameters that the scenario of `config` names to what was `measured`, in `data_file`. To `watch`, each
-/// start of the search is a part.
+/// Fits the parameters that the scenario of `config` names to `measured`, which was read from
+/// `data_file`. Each start of the search is a part of the progress in `watch`.
 ///
 /// # Errors
 /// [`IdentifyError`]. A search that does not converge is no error: see [`Findings::failed`].
@@ -123,7 +118,7 @@ pub fn identify(
         Failed::Diverged(error) => IdentifyError::Diverged(error),
         Failed::Stopped => stopped(&problem, ends),
     };
-    // A mistake in the scenario is reported as one, not as a search without success.
+    // A mistake in the scenario is reported as such, not as a failed search.
     problem.residuals(&own).map_err(|failed| without(failed, &[]))?;
 
     let ends = problem.search(watch);
@@ -144,7 +139,7 @@ pub fn identify(
     }
     let covariance = covariance_inside(&problem, &best.place, &misfits);
     if stop::wanted() {
-        // Its differences are of predictions that ended early.
+        // The differences used predictions that ended early.
         return Err(stopped(&problem, &ends));
     }
     let agreeing = agreeing(&ends, best, &parameters, covariance.as_ref());
@@ -174,28 +169,25 @@ pub fn identify(
     })
 }
 
-/// What one identification gives.
 #[derive(Debug)]
 pub struct Identified {
-    /// The figures.
     pub findings: Findings,
-    /// The scenario with the fitted values.
     pub scenario: Loaded,
     data: Data,
     /// Prediction less measurement, by measured column.
     residuals: Vec<Vec<f64>>,
 }
 
-/// Whether the plant that stands for the scenario has to be made of one that has zones.
+/// The compared plant is built from a scenario with zones.
 fn in_zones(scenario: &Scenario, data: &Data) -> bool {
     scenario.moves_in_full() && !matches!(data.input, Input::Given(_))
 }
 
-/// The scenario of the plant that measurements are compared with: see the module.
+/// Scenario of the plant that measurements are compared with, see the module's text.
 fn comparable(scenario: &Scenario, data: &Data) -> Scenario {
     let mut scenario = scenario.clone();
     if in_zones(&scenario, data) {
-        // As the core sees it.
+        // Effective parameters, as the core uses them.
         let one_zone = OneZone::of(&scenario);
         scenario.plant.model = PlantModel::Lumped;
         let path = dead_volume(&scenario);
@@ -209,13 +201,13 @@ fn comparable(scenario: &Scenario, data: &Data) -> Scenario {
     scenario
 }
 
-/// The key of the volume that nothing sweeps.
+/// Key of the volume that is not swept.
 fn dead_volume(scenario: &Scenario) -> String {
     format!("{}.dead_volume_m3", scenario.plant.kind.word())
 }
 
-/// The scenario with the fitted values, the core configured so too. For `full` they are effective values of
-/// the core's own model: only the core is configured.
+/// The scenario with the fitted values, for the core too. For `full` they are effective values of
+/// the core's own model: only the core's configuration changes.
 fn adopted(
     loaded: &Loaded,
     data: &Data,
@@ -235,7 +227,7 @@ fn adopted(
         if !backwards {
             return (*path, *value);
         }
-        // What the core's configuration makes of a muscle in zones, backwards.
+        // Inverts the conversion from a muscle in zones to the core's configuration.
         let value = match *path {
             path if path == dead_volume => value - one_zone.tube_m3,
             "heat.inner_per_flow" => value / one_zone.stirring,
@@ -258,7 +250,7 @@ fn adopted(
     adopted
 }
 
-/// What there is where it was stopped.
+/// Results of the finished searches.
 fn stopped(problem: &Problem, ends: &[End]) -> IdentifyError {
     let paths: Vec<&str> = problem.parameters.iter().map(|p| p.path.as_str()).collect();
     let mut csv = format!("cost,converged,{}\n", paths.join(","));
@@ -271,7 +263,7 @@ fn stopped(problem: &Problem, ends: &[End]) -> IdentifyError {
     IdentifyError::Stopped { finished: ends.len(), starts, csv }
 }
 
-/// The search that ended lowest; one that converged, where there is one.
+/// The search with the lowest cost; a converged one if there is any.
 fn best(ends: &[End]) -> &End {
     let order = |end: &&End| (!end.converged, end.cost);
     ends.iter()
@@ -282,7 +274,7 @@ fn best(ends: &[End]) -> &End {
         .expect("there is at least one start")
 }
 
-/// Covariance of the logarithms, with those at a limit held: their rows are zero.
+/// Covariance of the logarithms; parameters at a limit are held, and their rows are zero.
 fn covariance_inside(
     problem: &Problem,
     place: &DVector<f64>,
@@ -302,7 +294,7 @@ fn covariance_inside(
     Some(full)
 }
 
-/// How many searches ended where the best one did.
+/// Number of searches that ended where the best one did.
 fn agreeing(
     ends: &[End],
     best: &End,
@@ -324,7 +316,7 @@ fn agreeing(
     ends.iter().filter(near).count()
 }
 
-/// Gas mass at the start \[kg\] and its standard error, where a parameter that was fitted sets it.
+/// Gas mass at the start \[kg\] and its standard error, where a fitted parameter sets it.
 fn gas_mass(
     problem: &Problem,
     place: &DVector<f64>,

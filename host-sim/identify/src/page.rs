@@ -1,4 +1,4 @@
-//! `report.html` of an identification: fit over data, residuals, correlations, what stays open.
+//! `report.html` of an identification: fit over data, residuals, correlations, open parameters.
 
 use super::Identified;
 use super::data::{Observed, Quantity};
@@ -7,7 +7,6 @@ use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Table, Tile};
 
-/// The page.
 pub fn page(identified: &Identified, title: &str) -> String {
     let findings = &identified.findings;
     let lead = match findings.failed() {
@@ -71,7 +70,7 @@ fn label(quantity: Quantity) -> &'static str {
     }
 }
 
-/// Data and fit, a panel for each quantity, and panels of what the fit leaves.
+/// Panels of data and fit, one for each quantity, and panels of the residuals.
 fn panels(identified: &Identified) -> [Vec<Panel>; 2] {
     let [mut fit, mut rest] = [Vec::new(), Vec::new()];
     for (observed, residuals) in identified.data.observed.iter().zip(&identified.residuals) {
@@ -100,7 +99,7 @@ fn chart(panels: Vec<Panel>) -> Chart {
     panels.into_iter().fold(Chart::new(Axis::new("Time", "s")), Chart::panel)
 }
 
-/// Data, fit and what it leaves, a drawing of its own.
+/// Data, fit and residuals as a separate drawing.
 pub fn plot(identified: &Identified, title: &str) -> String {
     chart(panels(identified).into_iter().flatten().collect()).document(title)
 }

@@ -6,29 +6,27 @@
 use thermyo_scenario::schema::{fittable, limits};
 use thermyo_scenario::{Scenario, number};
 
-/// Where zero is the lowest allowed value, the search goes down to the start over this, and no
-/// further up than the start times this.
+/// Where zero is the lowest allowed value, the search stays between the start divided by this
+/// factor and the start times it.
 const WIDEST: f64 = 1e4;
-/// A value this close to a limit, as a share of the way in logarithms, is at it.
+/// A value this close to a limit, as a fraction of the logarithmic range, counts as at the limit.
 const AT_LIMIT: f64 = 1e-3;
 /// Closest to a limit that a search starts: nearer, the logistic function is too flat to leave it.
 const START_MARGIN: f64 = 0.05;
 
-/// A parameter to fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Path of the key.
     pub path: String,
     /// Unit, as the SI writes it.
     pub unit: &'static str,
-    /// The scenario's value.
+    /// Value in the scenario.
     pub given: f64,
     low: f64,
     high: f64,
 }
 
 impl Parameter {
-    /// The parameters that a checked scenario names.
+    /// The parameters named in a checked scenario.
     pub fn all(scenario: &Scenario) -> Vec<Self> {
         let named = scenario.identify.parameters.iter();
         named.filter_map(|path| Self::new(scenario, path)).collect()
@@ -51,14 +49,15 @@ impl Parameter {
         })
     }
 
-    /// The value for a place of the search.
+    /// Value at a coordinate of the search.
     pub fn value(&self, u: f64) -> f64 {
         let value = self.low * (self.span() / (1.0 + (-u).exp())).exp();
-        // At a limit rounding may lead past it, and a scenario would refuse the value.
+        // At a limit rounding may lead past it, and the scenario would refuse the value.
         value.clamp(self.low, self.high)
     }
 
-    /// The place to start a search from that value; near a limit, one at some distance from it.
+    /// Coordinate at which a search for that value starts; near a limit, one at some distance from
+    /// it.
     pub fn place(&self, value: f64) -> f64 {
         let share = ((value / self.low).ln() / self.span()).clamp(START_MARGIN, 1.0 - START_MARGIN);
         (share / (1.0 - share)).ln()
@@ -70,7 +69,6 @@ impl Parameter {
         self.span() * share * (1.0 - share)
     }
 
-    /// Whether the value lies at a limit of what is allowed.
     pub fn at_limit(&self, u: f64) -> bool {
         let share = 1.0 / (1.0 + (-u).exp());
         !(AT_LIMIT..=1.0 - AT_LIMIT).contains(&share)

@@ -1,4 +1,4 @@
-//! Whatever the table of data is: a record over time, or a static map.
+//! Identification from either kind of table: a record over time, or a static map.
 
 use super::static_map::{self, Readings};
 use super::{Identified, IdentifyError, identify, page};
@@ -12,17 +12,14 @@ use thermyo_record::board_trace::every_column;
 use thermyo_record::measured::Measured;
 use thermyo_setup::Loaded;
 
-/// What either kind gives.
 #[derive(Debug)]
 pub enum Found {
-    /// From a record.
     Record(Identified),
-    /// From a static map.
     Map(static_map::Identified),
 }
 
-/// Identifies from a table, `against` a static map that the fit has not seen; `config` and `data` are what
-/// messages call the files.
+/// Identifies from a table; `against` is a static map that the fit does not use. `config` and
+/// `data` name the files in messages.
 ///
 /// # Errors
 /// As [`identify`] and [`static_map::identify`], and where a record is to be compared with a map.
@@ -39,7 +36,7 @@ pub fn identify_table(
         let against = against.map(|other| readings.to_compare(other)).transpose()?;
         let found = static_map::identify(loaded, readings, against.as_ref(), config, data)?;
         if stop::wanted() {
-            // Its searches are one piece of work, done within a second.
+            // The searches of a static map take a second and count as one part.
             return Err(IdentifyError::Stopped { finished: 0, starts: 1, csv: String::new() });
         }
         return Ok(Found::Map(found));
@@ -52,7 +49,7 @@ pub fn identify_table(
 }
 
 impl Found {
-    /// `summary.json`.
+    /// Content of `summary.json`.
     pub fn findings(&self) -> impl Serialize {
         #[derive(Serialize)]
         #[serde(untagged)]
@@ -66,7 +63,7 @@ impl Found {
         }
     }
 
-    /// The scenario with what was found.
+    /// The scenario with the fitted values.
     pub fn scenario(&self) -> &Loaded {
         match self {
             Self::Record(found) => &found.scenario,
@@ -74,7 +71,7 @@ impl Found {
         }
     }
 
-    /// `report.html`.
+    /// Content of `report.html`.
     pub fn page(&self, title: &str) -> String {
         match self {
             Self::Record(found) => page(found, title),
@@ -82,7 +79,7 @@ impl Found {
         }
     }
 
-    /// A drawing for documents: its file's name, and its text.
+    /// A drawing for documents: file name and text.
     pub fn plot(&self, title: &str) -> (&'static str, String) {
         match self {
             Self::Record(found) => ("fit.svg", page::plot(found, title)),
@@ -90,7 +87,7 @@ impl Found {
         }
     }
 
-    /// The figures, as lines for a terminal.
+    /// Figures as lines for a terminal.
     pub fn text(&self) -> String {
         match self {
             Self::Record(found) => found.findings.text(),
@@ -98,7 +95,7 @@ impl Found {
         }
     }
 
-    /// Why the values are not to be relied on, if they are not.
+    /// Reason why the values are not reliable, if there is one.
     pub fn failed(&self) -> Option<String> {
         match self {
             Self::Record(found) => found.findings.failed(),

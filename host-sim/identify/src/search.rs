@@ -1,33 +1,31 @@
-//! What every search has in common: a sum of squares, made small by Levenberg and Marquardt.
+//! Levenberg-Marquardt minimisation of a sum of squares, as all searches use it.
 
 use nalgebra::{DMatrix, DVector};
 use rmpfit::{MPConfig, MPError, MPFitter, MPMaxFev, MPPar, MPResult, MPSide, MPSuccess};
 use thermyo_compute::stop;
 
-/// What is to be made small.
+/// A sum of squares to minimise.
 pub trait LeastSquares {
-    /// Weighted residuals at a place of the search.
+    /// Weighted residuals at a point of the search.
     fn weighted(&self, place: &DVector<f64>) -> DVector<f64>;
 
-    /// d([`Self::weighted`])/d(place), given what they are there.
+    /// d([`Self::weighted`])/d(place); `residuals` are those at `place`.
     fn slopes(&self, place: &DVector<f64>, residuals: &DVector<f64>) -> DMatrix<f64>;
 }
 
-/// Where a search ended.
 #[derive(Debug)]
 pub struct Found {
-    /// What was searched.
     pub place: DVector<f64>,
     /// Sum of the squared weighted residuals.
     pub cost: f64,
-    /// Whether nothing better is near.
+    /// No better point is near.
     pub converged: bool,
-    /// Whether it was ended on its way, by [`thermyo_compute::stop`].
+    /// The search was ended early by [`thermyo_compute::stop`].
     pub stopped: bool,
 }
 
-/// Searches from one start, until sum and place change by less than a relative `tolerance`. It is given up after
-/// `patience` evaluations per parameter, of which a set of slopes is one.
+/// Searches from one start until sum and point change by less than a relative `tolerance`. Gives up
+/// after `patience` evaluations per parameter; a set of slopes counts as one.
 pub fn minimize<P: LeastSquares>(
     problem: &P,
     start: DVector<f64>,
@@ -36,14 +34,14 @@ pub fn minimize<P: LeastSquares>(
 ) -> Found {
     let residuals = problem.weighted(&start);
     let cost = residuals.norm_squared();
-    // The library does not look at this.
+    // The library does not check this.
     if residuals.len() < start.len() {
         return Found { place: start, cost, converged: false, stopped: false };
     }
     let config = MPConfig {
         ftol: tolerance,
         xtol: tolerance,
-        // It has to be above 0.
+        // The library requires a value above 0.
         gtol: f64::MIN_POSITIVE,
         max_iter: usize::MAX,
         max_fev: MPMaxFev::Limited(patience * (start.len() + 1)),
@@ -56,7 +54,7 @@ pub fn minimize<P: LeastSquares>(
     match search.mpfit(place.as_mut_slice()) {
         Ok(status) => Found {
             place,
-            // Its own norm may be that of a step that it has not taken.
+            // The library's own norm may be that of a step that it has not taken.
             cost: DVector::from_vec(status.resid).norm_squared(),
             converged: status.success != MPSuccess::MaxIter,
             stopped: false,
@@ -67,10 +65,9 @@ pub fn minimize<P: LeastSquares>(
     }
 }
 
-/// One search under way.
 struct Search<'a, P> {
     problem: &'a P,
-    /// Evaluated last, and the residuals there.
+    /// Point evaluated last, and the residuals there.
     place: DVector<f64>,
     residuals: DVector<f64>,
     config: MPConfig,

@@ -1,4 +1,4 @@
-//! The plant, driven as it was while it was measured, and looked at where it was measured.
+//! Simulation of the plant with the recorded inputs, sampled at the measured times.
 
 use super::balance::Balance;
 use super::data::{Data, Input, holding};
@@ -7,31 +7,32 @@ use thermyo_compute::stop;
 use thermyo_plant::{Actuation, Truth};
 use thermyo_scenario::{PlantKind, Scenario};
 
-/// Longest step between two looks at a vessel \[s\]: its integrator keeps its tolerance in between.
+/// Longest interval between two samples of a vessel \[s\]: its integrator keeps its tolerance
+/// within.
 const LONGEST_VESSEL_STEP_S: f64 = 0.02;
-/// Shortest step between two looks, where rows lie closer \[s\].
+/// Shortest interval between two samples, where rows lie closer \[s\].
 const SHORTEST_STEP_S: f64 = 1.0e-4;
-/// Part of a step that two times may differ by and still be one.
+/// Fraction of a step by which two times may differ and count as equal.
 const SAME: f64 = 1e-6;
 
-/// A recorded experiment, to be repeated with other parameters.
+/// A recorded experiment, to be simulated with other parameters.
 #[derive(Debug, Clone)]
 pub struct Experiment<'a> {
     data: &'a Data,
     step_s: f64,
-    /// Where measurements of the gas drive it.
+    /// Set where measurements of the gas drive the model.
     balance: Option<Balance>,
 }
 
 impl<'a> Experiment<'a> {
-    /// The experiment that the data recorded. What moves is stepped as in a run of the scenario: stick
-    /// and slip are resolved to a step, and another step shifts the fit by more than its error.
+    /// A moving plant is stepped as in a run of the scenario: stick and slip are resolved to a
+    /// step, and another step shifts the fit by more than its error.
     pub fn new(data: &'a Data, scenario: &Scenario) -> Self {
         let longest_s = match scenario.plant.kind {
             PlantKind::Vessel => LONGEST_VESSEL_STEP_S,
             _ => scenario.run.step_s,
         };
-        // Rows of regular data fall on steps; those of other data are interpolated.
+        // Rows of regular data fall on steps; other rows are interpolated.
         let spacing_s = data.spacing_s.min(data.end_s()).max(SHORTEST_STEP_S);
         let step_s = spacing_s / (spacing_s / longest_s - SAME).ceil().max(1.0);
         let balance = match &data.input {
@@ -41,10 +42,10 @@ impl<'a> Experiment<'a> {
         Self { data, step_s, balance }
     }
 
-    /// What the plant of that scenario shows where something was measured, column after column.
+    /// Values of the scenario's plant at the measured times, column by column.
     ///
     /// # Errors
-    /// When it cannot be built, diverges, or is stopped.
+    /// When the plant cannot be built, diverges, or is stopped.
     pub fn predict(&self, scenario: &Scenario) -> Result<Vec<f64>, Failed> {
         let data = self.data;
         if let Some(balance) = &self.balance {
@@ -84,7 +85,7 @@ impl<'a> Experiment<'a> {
         Ok(columns.concat())
     }
 
-    /// What acts during the step from `time_s`; `row` is where the last call looked.
+    /// Actuation during the step from `time_s`; `row` is where the last call stopped.
     fn actuation(&self, time_s: f64, row: &mut usize) -> Actuation {
         let slack = SAME * self.step_s;
         let values = match &self.data.input {
@@ -101,7 +102,7 @@ impl<'a> Experiment<'a> {
     }
 }
 
-/// A value at a time between two looks at the plant.
+/// Value interpolated between two samples of the plant.
 fn between(time_s: f64, before: &Truth, now: &Truth, value: impl Fn(&Truth) -> f64) -> f64 {
     let span_s = now.time_s - before.time_s;
     if span_s > 0.0 {

@@ -8,14 +8,15 @@
 //! ```
 //!
 //! s_c^2 is the mean square of the column's weighted residuals: 1 where they are the sensor's noise,
-//! more where the model is wrong too. A model's error goes on from row to row, so that the rows say
-//! less than their number: t_c is the integrated autocorrelation time of the residuals in rows, and
-//! n_c/t_c the effective number of them. Residuals below the stated noise make nothing more certain.
+//! more where the model is wrong too. A model's error persists from row to row, so that the rows
+//! hold less information than their number: t_c is the integrated autocorrelation time of the
+//! residuals in rows, and n_c/t_c the effective number of them. Residuals below the stated noise do
+//! not make the result more certain.
 
 use super::data::Observed;
 use nalgebra::{DMatrix, DVector};
 
-/// What the residuals of one measured column say.
+/// Statistics of the residuals of one measured column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Misfit {
     /// Root mean square, in the column's own unit.
@@ -27,7 +28,7 @@ pub struct Misfit {
 }
 
 impl Misfit {
-    /// Of one column's residuals in its own unit; `freedom` is the share of the rows that the
+    /// `residuals` are in the column's unit; `freedom` is the fraction of the rows that the
     /// parameters leave free, (N - p)/N.
     pub fn new(residuals: &[f64], deviation: f64, freedom: f64) -> Self {
         let count = residuals.len() as f64;
@@ -42,8 +43,9 @@ impl Misfit {
     }
 }
 
-/// 1 + 2 (rho_1 + rho_2 + ...), up to the first correlation that is not positive: what follows is
-/// noise (Geyer, Statist. Sci. 7, 1992). About zero, not about the mean: a bias is an error too.
+/// 1 + 2 (rho_1 + rho_2 + ...), up to the first correlation that is not positive, beyond which
+/// there is only noise (Geyer, Statist. Sci. 7, 1992). About zero, not about the mean: a bias is an
+/// error too.
 pub fn correlation_rows(residuals: &[f64]) -> f64 {
     let square: f64 = residuals.iter().map(|r| r * r).sum();
     if square == 0.0 {
@@ -56,8 +58,8 @@ pub fn correlation_rows(residuals: &[f64]) -> f64 {
     1.0 + 2.0 * positive.sum::<f64>()
 }
 
-/// Covariance of the logarithms of the parameters, of which there may be no one; none where the data
-/// leave some combination of them open.
+/// Covariance of the logarithms of the parameters. `None` where the data leave some combination of
+/// them open.
 pub fn covariance(
     sensitivities: &DMatrix<f64>,
     observed: &[Observed],
@@ -85,7 +87,7 @@ pub fn covariance(
         information += part;
         first += observed.points.len();
     }
-    // Below this the differences that made the sensitivities are all that is left.
+    // Below this only the error of the sensitivities' finite differences is left.
     let singular = information.clone().symmetric_eigenvalues().min() < 1e-10;
     let inverse = information.cholesky().filter(|_| !singular)?.inverse();
     let scaled = &inverse * spread * &inverse;
@@ -100,8 +102,8 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
     use rand_xoshiro::rand_core::SeedableRng;
 
-    /// Straight lines through noise that remembers `memory` of the row before; the share of fits
-    /// whose slope is wrong by more than two standard errors.
+    /// Fits straight lines through noise with correlation `memory` from row to row; returns the
+    /// fraction of fits whose slope is wrong by more than two standard errors.
     fn outside_two(memory: f64) -> f64 {
         const ROWS: usize = 400;
         const FITS: u64 = 400;
@@ -129,7 +131,7 @@ mod tests {
 
     #[test]
     fn standard_errors_hold_for_white_and_for_correlated_residuals() {
-        // 4.6 % of a normal distribution; what is estimated from the residuals adds some.
+        // 4.6 % of a normal distribution; estimating the deviation from the residuals adds some.
         let (white, correlated) = (outside_two(0.0), outside_two(0.9));
         assert!((0.01..0.10).contains(&white), "{white}");
         assert!((0.02..0.16).contains(&correlated), "{correlated}");
@@ -145,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_data_leave_open_has_no_covariance() {
+    fn undetermined_parameters_have_no_covariance() {
         let points = vec![(0.0, 0.0); 3];
         let observed = [Observed { quantity: Quantity::Pressure, points, deviation: 1.0 }];
         let misfit = [Misfit::new(&[1.0, -1.0, 1.0], 1.0, 1.0)];

@@ -1,20 +1,19 @@
-//! What a report says of a run whose core found faults, on a board or in this process.
+//! Parts of a report on a run in which the core found faults, on a board or in this process.
 
 use super::run_report::{SummaryRow, capitalised};
 use thermyo_record::summary::{Control, CoreFigures, Found};
 use thermyo_report::page::Tile;
 
-/// The faults of a run.
 #[derive(Debug, Clone, Copy)]
 pub struct Faulted<'a>(pub &'a CoreFigures);
 
 impl Faulted<'_> {
-    /// What the page begins with; empty without a fault.
+    /// First sentence of the page; empty without a fault.
     pub fn lead(self) -> String {
         self.0.fault_text().map_or_else(String::new, |text| format!("The core {text}. "))
     }
 
-    /// A sentence on how the set point was followed.
+    /// Sentence on the tracking of the set point.
     pub fn control(self, control: &Control) -> String {
         let what = control.quantity.name().to_lowercase();
         let error = control.quantity.text(control.rms_error);
@@ -25,21 +24,19 @@ impl Faulted<'_> {
         }
     }
 
-    /// A tile for each kind of faults.
     pub fn tiles(self) -> impl Iterator<Item = Tile> {
         self.0
             .found()
             .map(|found| Tile::new(&label(&found), found.from_s, "s").target("none", false))
     }
 
-    /// The tile of the tracking error; where something vented it is none to rely on.
+    /// Tile of the tracking error, which is not reliable if the muscle vented.
     pub fn tracking(self, control: &Control) -> Tile {
         let unit = control.quantity.unit();
         let tile = Tile::new("Tracking error, RMS", control.rms_error * unit.factor, unit.symbol);
         if self.0.vented_s.is_some() { tile.target("not vented", false) } else { tile }
     }
 
-    /// A line of the summary for each kind of faults.
     pub fn rows(self) -> impl Iterator<Item = SummaryRow> {
         self.0.found().map(|found| SummaryRow {
             label: label(&found),

@@ -1,4 +1,4 @@
-//! What is made of a run: its page, its comparison with another, its replay, the reproduction of the paper.
+//! Evaluation of a run: its page, comparison with others, replay, reproduction of the paper.
 
 pub mod compare;
 mod faulted;

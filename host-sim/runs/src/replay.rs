@@ -1,4 +1,4 @@
-//! Recorded samples through the core again, compared to the bit.
+//! Replays recorded samples through the core and compares the telemetry bit by bit.
 
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
@@ -15,37 +15,29 @@ use thermyo_simulation::run::{MOST_LATE_STEPS, SetPoints};
 /// One step of a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// A set point that holds from this step on.
+    /// Set point that holds from this step on.
     pub set_point: Option<SetPoint>,
-    /// What the board made of the sample that it names.
     pub telemetry: Telemetry,
 }
 
 /// The first step that differs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mismatch {
-    /// What the record says.
     pub recorded: Telemetry,
-    /// What the core says now.
     pub replayed: Telemetry,
 }
 
 /// Outcome of a replay.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Replay {
-    /// Steps compared.
     pub steps: u64,
-    /// Steps of which a number differs in at least one bit.
+    /// Steps in which at least one bit of a number differs.
     pub mismatches: u64,
-    /// The first of them.
     pub first: Option<Mismatch>,
 }
 
-/// Runs the samples of `rows`, which are consecutive steps from step 0 on, through a board. `each` is shown
-/// every step, as recorded and as replayed, until it says that this is enough.
-///
-/// # Errors
-/// [`BoardError`]
+/// Runs the samples of `rows`, consecutive steps from step 0 on, through a board. `each` is called
+/// with every step, as recorded and as replayed, until it returns that this is enough.
 pub fn replay(
     board: &mut dyn Board,
     config: &Config,
@@ -57,7 +49,7 @@ pub fn replay(
     board.start(config, first.unwrap_or_default())?;
     let mut sample = Sample::default();
     for step in 0..rows.len() + MOST_LATE_STEPS as usize {
-        // A set point holds from the step after the next on.
+        // A set point acts from the step after the next on.
         if let Some(set_point) = rows.get(step + 1).and_then(|row| row.set_point) {
             board.set(set_point)?;
         }
@@ -79,10 +71,10 @@ pub fn replay(
     Ok(outcome)
 }
 
-/// A run's record: the `table` of its `trace.csv`, with the `scenario.toml` that lies beside it.
+/// Reads a run's record: the `table` of its `trace.csv`, and the `scenario.toml` beside it.
 ///
 /// # Errors
-/// When the scenario cannot be read, or the trace does not hold every step from the first on.
+/// When the scenario cannot be read, or the trace lacks a step from the first on.
 pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), InputError> {
     let loaded = thermyo_setup::load(&trace.with_file_name("scenario.toml"))?;
     let column = |name: &str| table.filled(name);
@@ -115,7 +107,7 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), In
             let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
                 estimate.each_ref().map(|values| values[i] as f32);
             let set_point = match &logged {
-                // What vents by a fault, vents by itself.
+                // The core vents by itself on a fault.
                 Some(logged) if Faults(faults[i] as u16).intersects(VENTING) => {
                     held = logged[i];
                     None
@@ -163,7 +155,8 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), In
     Ok((core_config(&loaded.believed), rows))
 }
 
-/// The set point of every row, where a board has recorded it; a simulated run's follow from its scenario.
+/// Set points that a board has recorded, row by row; those of a simulated run follow from its
+/// scenario.
 fn logged_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError> {
     if !table.columns().iter().any(|column| column.name == "set_point_kind") {
         return Ok(None);
@@ -177,7 +170,7 @@ fn logged_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError>
     Ok(Some(logged.collect()))
 }
 
-/// Equal to the bit: a NaN is equal to itself, and the two zeros differ.
+/// Bitwise equal: a NaN equals itself, and the two zeros differ.
 pub fn identical(a: &Telemetry, b: &Telemetry) -> bool {
     let integers = |t: &Telemetry| {
         (t.step, t.sample, t.command, t.mode, t.limited, t.faults, t.estimate.valid)
@@ -225,7 +218,7 @@ mod tests {
             .map(|step: u16| {
                 let set_point = (step == 100).then_some(SetPoint::Pressure { pressure_pa: 3.0e5 });
                 if step == 99 {
-                    // It holds from the step after the next on.
+                    // It acts from the step after the next on.
                     board.set(SetPoint::Pressure { pressure_pa: 3.0e5 }).unwrap();
                 }
                 let sample = Sample::new(

@@ -1,4 +1,4 @@
-//! The page of `thermyo run`: summary and recording of one run, brought into [`RunReport`]'s form.
+//! Page of `thermyo run`: converts summary and recording of a run into a [`RunReport`].
 
 use super::Faulted;
 use super::run_report::{
@@ -15,12 +15,12 @@ use thermyo_scenario::{DriveKind, PlantKind};
 use thermyo_setup::Loaded;
 use thermyo_simulation::run::SetPoints;
 
-/// Strokes that the enlarged temperature chart shows.
+/// Strokes in the enlarged temperature chart.
 const DETAIL_STROKES: f64 = 3.0;
-/// Measured values that the page shows: of two columns all rows of a recording, of twenty a tenth.
+/// Measured values on the page: all rows of two columns, a tenth of the rows of twenty.
 const MEASURED_CELLS: usize = 2 * CAPACITY;
 
-/// Records what the page draws, in bounded memory, while a run goes on.
+/// Records the page's data in bounded memory during a run.
 #[derive(Debug)]
 pub struct RunRecorder {
     recorder: Recorder,
@@ -32,13 +32,12 @@ pub struct RunRecorder {
 }
 
 impl RunRecorder {
-    /// Nothing yet.
     pub fn new(loaded: &Loaded) -> Self {
         let is_vessel = loaded.plant.plant.kind == PlantKind::Vessel;
         let mut names: Vec<&str> = COLUMNS.to_vec();
         names.extend(["estimate_error_k", "sensor_gas_error_k", "tracking_error"]);
         if is_vessel {
-            // A vessel's length is its volume in other words.
+            // A vessel's length only repeats its volume.
             names.retain(|name| *name != "length_m");
         }
         let drive = &loaded.plant.drive;
@@ -56,7 +55,6 @@ impl RunRecorder {
         }
     }
 
-    /// Adds one logged row.
     pub fn add(&mut self, row: &Row) {
         let truth = &row.truth;
         let mut cells = row.cells().to_vec();
@@ -75,7 +73,6 @@ impl RunRecorder {
         }
     }
 
-    /// The page.
     pub fn page(
         &self,
         title: &str,
@@ -121,7 +118,7 @@ impl RunRecorder {
     }
 }
 
-/// The points of every measured column, few enough for a page; columns over the same times stay so.
+/// Points of every measured column, thinned for the page; columns with the same times keep them.
 fn thinned(measured: &Measured) -> Vec<Vec<(f64, f64)>> {
     let columns = &measured.columns;
     let most = (MEASURED_CELLS / columns.len().max(1)).min(CAPACITY) / 4 * 4;
@@ -148,7 +145,7 @@ fn thinned(measured: &Measured) -> Vec<Vec<(f64, f64)>> {
     names[1..].iter().map(points).collect()
 }
 
-/// The message: what the run was for comes first.
+/// The message; the purpose of the run comes first.
 fn lead(summary: &Summary) -> String {
     let faulted = Faulted(&summary.core);
     let mut text = faulted.lead();

@@ -1,4 +1,4 @@
-//! The page of a run that has no page of its own: what was recorded, over time.
+//! Page of a run that has no page of its own: recorded quantities over time.
 
 use thermyo_files::number::{Unit, quantity, significant};
 use thermyo_record::summary::Controlled;
@@ -9,12 +9,12 @@ use thermyo_report::page::{Page, Section, Table, Tile};
 use thermyo_report::series::Recorder;
 use thermyo_scenario::PlantKind;
 
-/// The plant's gas temperature, which the others are compared with.
+/// The plant's gas temperature, with which the others are compared.
 const TRUTH: &str = "gas_temperature_k";
-/// Columns that are drawn against their measurement; the table has all.
+/// Columns drawn against their measurement; the table has all.
 const MOST_COMPARED: usize = 6;
 
-/// How a column is called in a legend.
+/// Name of a column in a legend.
 pub(crate) fn label(column: &str) -> &str {
     match column {
         TRUTH => "gas (plant)",
@@ -57,7 +57,7 @@ pub(super) fn capitalised(text: &str) -> String {
 /// Measured points of one trace column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
-    /// Trace column that they are compared with.
+    /// Trace column with which the points are compared.
     pub column: String,
     /// Time \[s\] and value \[SI\].
     pub points: Vec<(f64, f64)>,
@@ -65,12 +65,12 @@ pub struct Measured {
     ///
     /// Computed from the run's own samples: recorded rows are thinned.
     pub rmse: f64,
-    /// Largest difference of the run to them, likewise \[SI\].
+    /// Largest difference between the run and the points, computed likewise \[SI\].
     pub max: f64,
 }
 
 impl Measured {
-    /// The difference as a share of what the measured values span.
+    /// RMSE as a fraction of the span of the measured values.
     fn share(&self) -> f64 {
         let values = || self.points.iter().map(|point| point.1);
         let span =
@@ -82,7 +82,6 @@ impl Measured {
 /// A line of the summary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SummaryRow {
-    /// What it is.
     pub label: String,
     /// Value \[SI\].
     pub value: f64,
@@ -90,44 +89,40 @@ pub struct SummaryRow {
     pub unit: String,
 }
 
-/// What the page shows.
+/// Content of the page.
 #[derive(Debug, Clone)]
 pub struct RunReport<'a> {
-    /// Title.
     pub title: &'a str,
-    /// First paragraph: what was run, and what came out.
+    /// First paragraph: the run and its result.
     pub lead: &'a str,
-    /// What the reader has to know before believing the rest.
+    /// Warnings that limit the validity of the results.
     pub warnings: &'a [String],
     /// The scenario with all defaults filled in.
     pub scenario_toml: &'a str,
-    /// Key figures.
     pub tiles: Vec<Tile>,
     /// Columns named as in `trace.csv`, `time_s` among them; any other may be missing. Beyond the
     /// trace, `estimate_error_k` and `sensor_gas_error_k` (against the plant's gas temperature) and
-    /// `tracking_error` (the controlled value less its set point) are drawn where they were recorded.
+    /// `tracking_error` (the controlled value less its set point) are drawn where they were
+    /// recorded.
     pub series: &'a Recorder,
-    /// What the set point stands for, where a loop closes on one.
+    /// The quantity that the set point controls, where a loop is closed.
     pub controlled: Option<Controlled>,
-    /// Whether the set point is a mass flow, to be drawn beside the flows: in positive, out negative.
+    /// The set point is a mass flow, drawn beside the flows: inflow positive, outflow negative.
     pub drives_flow: bool,
     /// Measurements to draw over the run.
     pub measured: &'a [Measured],
-    /// The summary.
     pub summary: &'a [SummaryRow],
     /// Wall temperature per zone at the end, port first \[K\]; drawn from two zones on.
     pub axial_wall_k: &'a [f64],
     /// Length at rest; with it, contraction is drawn below length \[m\].
     pub rest_length_m: Option<f64>,
-    /// What holds the gas.
     pub kind: PlantKind,
     /// Volume \[m3\] and absolute pressure \[Pa\] through the last stroke, every sample; may be empty.
     pub last_stroke: &'a [(f64, f64)],
-    /// A stretch of time to draw the temperatures of once more, enlarged \[s\].
+    /// Interval in which the temperatures are drawn again, enlarged \[s\].
     pub detail_s: Option<(f64, f64)>,
 }
 
-/// The page.
 pub fn render(input: &RunReport) -> String {
     let page = Page::new(input.title, input.lead, input.scenario_toml);
     let page = input.warnings.iter().fold(page, |page, text| page.warning(text));
@@ -152,7 +147,7 @@ impl RunReport<'_> {
         .collect()
     }
 
-    /// The set point, and how it was followed.
+    /// Set point and tracking.
     fn control(&self) -> Option<Section> {
         let controlled = self.controlled?;
         let time = self.column("time_s")?;
@@ -181,7 +176,7 @@ impl RunReport<'_> {
         )
     }
 
-    /// The run against what was measured, column by column.
+    /// Comparison with measurements, column by column.
     fn comparison(&self) -> Option<Section> {
         let rows: Vec<Vec<String>> = self
             .measured
@@ -333,12 +328,13 @@ impl RunReport<'_> {
         Some(self.column("length_m")?.iter().map(|length| 1.0 - length / rest).collect())
     }
 
-    /// Whether a plant's truth was recorded: of a board nobody knows it.
+    /// The plant's true values were recorded; a record of a board has none.
     fn has_plant(&self) -> bool {
         self.column(TRUTH).is_some()
     }
 
-    /// What the core's estimate looks at. A vessel has no length sensor; what drives its piston says its volume.
+    /// Inputs of the core's estimate. A vessel has no length sensor; its volume follows from the
+    /// piston's drive.
     fn estimated_from(&self) -> Vec<&'static str> {
         let volumes = self.column("volume_m3").unwrap_or_default();
         let moved = volumes.windows(2).any(|pair| pair[0] != pair[1]);
@@ -349,7 +345,7 @@ impl RunReport<'_> {
         }
     }
 
-    /// What holds the gas, in a word.
+    /// Name of the chamber.
     fn plant(&self) -> &'static str {
         match self.kind {
             PlantKind::Muscle => "muscle",
@@ -406,13 +402,13 @@ impl RunReport<'_> {
         Some(Section::new("Air").figure(chart.figure(&title, &format!("{caption}."))))
     }
 
-    /// What is to flow in and out, each as a legend calls it and in the panel's unit.
+    /// Set points of inflow and outflow, each with its legend and in the panel's unit.
     fn flow_set_points(&self) -> Vec<(&'static str, Colour, Vec<f64>)> {
         let Some(set) = self.column("set_point").filter(|_| self.drives_flow) else {
             return vec![];
         };
         let unit = Unit::of_column("flow_in_kg_s");
-        // Where nothing is known, nothing is drawn: `f64::max` would make 0 of it.
+        // Undefined values stay undefined: `f64::max` would make them 0.
         let side = |sign: f64| -> Vec<f64> {
             set.iter().map(|v| if v * sign < 0.0 { 0.0 } else { v * sign * unit.factor }).collect()
         };
@@ -435,7 +431,7 @@ impl RunReport<'_> {
         })
     }
 
-    /// What is no muscle has a curve in place of the picture.
+    /// Chambers other than muscles get a curve in place of the picture.
     fn wall_profile(&self) -> Section {
         let zones = self.axial_wall_k.len() as f64;
         let places: Vec<f64> =
@@ -467,7 +463,7 @@ impl RunReport<'_> {
         })
     }
 
-    /// Adds a column as a line, with the points measured of it.
+    /// Adds a column as a line, with its measured points.
     fn plot(&self, panel: Panel, column: &str, colour: Colour) -> Panel {
         let values = self.column(column).map(|values| Unit::of_column(column).convert(values));
         let panel = match (self.column("time_s"), values) {

@@ -28,7 +28,7 @@ pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
     if scale > 0.0 { products / scale } else { 0.0 }
 }
 
-/// By how many samples `late` has to be moved back to fit `early` best (highest correlation),
+/// Number of samples by which `late` has to be moved back for the highest correlation with `early`,
 /// searched from `-most` to `most`, and the correlation there. A parabola through the best three
 /// gives the fraction of a sample.
 pub fn time_shift(early: &[f64], late: &[f64], most: usize) -> (f64, f64) {
@@ -51,12 +51,11 @@ pub fn time_shift(early: &[f64], late: &[f64], most: usize) -> (f64, f64) {
     (best as f64 - most as f64 + fraction, values[best])
 }
 
-/// The first harmonic of a signal: a cosine of `frequency_hz`.
+/// First harmonic of a signal: a cosine of `frequency_hz`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Harmonic {
     /// Amplitude, in the signal's unit.
     pub amplitude: f64,
-    /// Phase \[rad\].
     pub phase_rad: f64,
 }
 

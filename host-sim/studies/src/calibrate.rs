@@ -1,5 +1,5 @@
-//! `thermyo board PORT calibrate`, and the page of `thermyo serve`: gain and offset of a sensor from two points
-//! at which a reference was read.
+//! `thermyo board PORT calibrate`, also on the page of `thermyo serve`: gain and offset of a sensor
+//! from two points with a reference reading.
 
 use model_core::sensing::Sensing;
 use model_core::{Config, Sample};
@@ -15,77 +15,48 @@ pub enum Sensor {
     Gas,
 }
 
-/// Readings that are averaged for a point: a second.
+/// Readings averaged for a point: one second.
 const READINGS: usize = 100;
-/// Least distance of the points, share of the sensor's range.
+/// Least distance of the points, as a fraction of the sensor's range.
 const LEAST_SPAN: f64 = 0.05;
-/// Most that a gain may be off 1; what is further off is no sensor of the range that the board was configured with.
+/// Largest difference of the gain from 1; beyond it, the sensor is not the configured one.
 const MOST_GAIN: f64 = 0.1;
-/// Most that is put right at any point between, share of the range.
+/// Largest correction within the range, as a fraction of it.
 const MOST_SHIFT: f64 = 0.1;
-/// A reading that scatters by more than this share of the range is not at rest.
+/// A reading that scatters by more than this fraction of the range is not at rest.
 const MOST_SCATTER: f64 = 0.005;
 
-/// Why a calibration is not taken.
+/// Reason why a calibration is refused.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Implausible {
-    /// The points tell no line.
+    /// The points are too close to each other.
     #[error("the two points are {found} {unit} apart: must be at least {least} {unit}")]
-    TooClose {
-        /// Their distance.
-        found: f64,
-        /// What is needed.
-        least: f64,
-        /// Of the sensor.
-        unit: &'static str,
-    },
-    /// Another sensor, or another range.
+    TooClose { found: f64, least: f64, unit: &'static str },
+    /// Another sensor, or another range than configured.
     #[error(
         "the gain came out as {gain:.4}: must be from {:.2} to {:.2}; is the sensor's range the one in the \
          configuration, and the reference read in {unit}?",
         1.0 - MOST_GAIN, 1.0 + MOST_GAIN
     )]
-    Gain {
-        /// What came out.
-        gain: f64,
-        /// Of the sensor.
-        unit: &'static str,
-    },
-    /// Something else is wrong.
+    Gain { gain: f64, unit: &'static str },
+    /// The correction is too large.
     #[error("the sensor is {found:.4} {unit} off: at most {most:.4} {unit} are put right")]
-    Shift {
-        /// How far the sensor is off.
-        found: f64,
-        /// What is put right.
-        most: f64,
-        /// Of the sensor.
-        unit: &'static str,
-    },
-    /// Something moves.
+    Shift { found: f64, most: f64, unit: &'static str },
+    /// The reading is not at rest.
     #[error(
         "the reading scatters by {found:.4} {unit}: at most {most:.4} {unit} are taken; is it at rest?"
     )]
-    Restless {
-        /// Deviation.
-        found: f64,
-        /// What is taken.
-        most: f64,
-        /// Of the sensor.
-        unit: &'static str,
-    },
+    Restless { found: f64, most: f64, unit: &'static str },
 }
 
-/// One point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// What the sensor reads, uncalibrated.
+    /// Uncalibrated reading of the sensor.
     pub reading: f64,
-    /// What the reference reads.
     pub reference: f64,
 }
 
 impl Sensor {
-    /// Its unit.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Pressure => "Pa",
@@ -108,10 +79,7 @@ impl Sensor {
         })
     }
 
-    /// Mean of what the sensor reads, uncalibrated.
-    ///
-    /// # Errors
-    /// [`Implausible::Restless`]
+    /// Mean of the uncalibrated readings.
     pub fn reading(self, config: &Config, samples: &[Sample]) -> Result<f64, Implausible> {
         let sensing = Sensing::new(&uncalibrated(config));
         let readings = samples.iter().map(|sample| {
@@ -126,7 +94,7 @@ impl Sensor {
         let mean = readings.iter().sum::<f64>() / count;
         let found = (readings.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / count).sqrt();
         let most = MOST_SCATTER * self.range(config);
-        // Not a number is not taken either.
+        // NaN is refused too.
         if found <= most {
             Ok(mean)
         } else {
@@ -134,10 +102,8 @@ impl Sensor {
         }
     }
 
-    /// The configuration with the sensor put right, so that it reads at both points what the reference does.
-    ///
-    /// # Errors
-    /// [`Implausible`]
+    /// The configuration with the sensor calibrated so that its readings match the reference at
+    /// both points.
     pub fn calibrated(self, config: &Config, [a, b]: [Point; 2]) -> Result<Config, Implausible> {
         let (range, unit) = (self.range(config), self.unit());
         let span = |of: fn(&Point) -> f64| of(&b) - of(&a);
@@ -168,24 +134,24 @@ impl Sensor {
     }
 }
 
-/// Leads through the two points: asks for the reference, then averages what the sensor reads.
+/// Guides through the two points: asks for the reference, then averages the sensor's readings.
 #[derive(Debug, Clone)]
 pub struct Guide {
     sensor: Sensor,
     config: Config,
     points: Vec<Point>,
-    /// What the reference reads at the point at hand.
+    /// Reference reading of the current point.
     reference: Option<f64>,
     samples: Vec<Sample>,
 }
 
 impl Guide {
-    /// For a sensor of a board with this configuration.
+    /// `config` is the board's configuration.
     pub fn new(sensor: Sensor, config: Config) -> Self {
         Self { sensor, config, points: Vec::new(), reference: None, samples: Vec::new() }
     }
 
-    /// What is asked now.
+    /// The current question.
     pub fn question(&self) -> String {
         let (number, how) = if self.points.is_empty() {
             ("first", "vented")
@@ -196,7 +162,7 @@ impl Guide {
         format!("{number} point, {how} and at rest: what does the reference read, in {unit}?")
     }
 
-    /// What the reference reads; from now on the sensor is read.
+    /// Sets the reference of the current point and starts averaging the sensor.
     ///
     /// # Errors
     /// Where it is no number.
@@ -209,8 +175,8 @@ impl Guide {
         Ok(())
     }
 
-    /// One of 100 samples a second; gives the point as soon as it has seen enough. Nothing while no reference is
-    /// known.
+    /// Takes one of 100 samples a second; returns the point when there are enough. Does nothing
+    /// before the reference is set.
     ///
     /// # Errors
     /// [`Implausible::Restless`]; the point is then asked for again.
@@ -227,11 +193,8 @@ impl Guide {
         Ok(Some(point))
     }
 
-    /// The configuration with the sensor put right, and by how much at the two points; nothing before both are
-    /// known.
-    ///
-    /// # Errors
-    /// [`Implausible`]
+    /// The configuration with the calibrated sensor, and the corrections at the two points; none
+    /// before both points are known.
     pub fn calibrated(&self) -> Result<Option<(Config, [f64; 2])>, Implausible> {
         let [a, b] = self.points[..] else { return Ok(None) };
         let config = self.sensor.calibrated(&self.config, [a, b])?;
@@ -239,7 +202,7 @@ impl Guide {
     }
 }
 
-/// What was said of the reference is no number.
+/// Error for a reference that is no number.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{said:?}: must be what the reference reads, in {unit}")]
 pub struct NoNumber {
@@ -247,7 +210,7 @@ pub struct NoNumber {
     unit: &'static str,
 }
 
-/// The configuration with every sensor as it comes.
+/// The configuration without any calibration.
 fn uncalibrated(config: &Config) -> Config {
     let mut config = *config;
     let sensors = &mut config.sensors;
@@ -269,7 +232,7 @@ mod tests {
     #[test]
     fn two_points_put_a_sensor_right() {
         let mut config = Config::default();
-        // An earlier calibration is replaced, not added to.
+        // The new calibration replaces the old one.
         (config.sensors.pressure.gain, config.sensors.pressure.offset_pa) = (0.97, 800.0);
         let points = [point(1.0e5, 1.01e5), point(3.0e5, 3.05e5)];
         let calibrated = Sensor::Pressure.calibrated(&config, points).unwrap().sensors.pressure;
@@ -278,12 +241,12 @@ mod tests {
     }
 
     #[test]
-    fn what_no_sensor_is_is_refused() {
+    fn impossible_calibrations_are_refused() {
         let config = Config::default();
         let pressure = |a, b| Sensor::Pressure.calibrated(&config, [a, b]).unwrap_err();
         let close = pressure(point(1.0e5, 1.0e5), point(1.1e5, 1.1e5));
         assert!(matches!(close, Implausible::TooClose { .. }), "{close}");
-        // Bar in place of pascals, and a range of 800 kPa that the board takes for 700.
+        // Bar in place of pascals, and a range of 800 kPa that is configured as 700.
         let gain = pressure(point(1.0e5, 1.0), point(3.0e5, 3.0));
         assert!(matches!(gain, Implausible::TooClose { .. }), "{gain}");
         let gain = pressure(point(1.0e5, 1.14e5), point(3.0e5, 3.43e5));

@@ -1,4 +1,4 @@
-//! The emulated board as a user has it, with a place of its own for each test.
+//! The emulated board as a user has it, with a separate folder for each test.
 
 #![allow(dead_code)] // Every test uses some of it.
 
@@ -18,7 +18,7 @@ pub fn skip_emulator() -> bool {
     skip
 }
 
-/// A place of its own for the emulated board, which is unplugged in the end.
+/// Folder of the emulated board, which is unplugged at the end.
 pub struct Bench(TempDir);
 
 impl Bench {
@@ -35,7 +35,7 @@ impl Bench {
         self.command(line).output().unwrap()
     }
 
-    /// The same, to be started.
+    /// The same command, not yet started.
     pub fn command(&self, line: &str) -> Command {
         let mut words = line.split_whitespace();
         assert_eq!(words.next(), Some("thermyo"), "{line}");
@@ -46,7 +46,7 @@ impl Bench {
         command
     }
 
-    /// What a line prints that has to end well.
+    /// Output of a command that has to succeed.
     pub fn ok(&self, line: &str) -> String {
         let output = self.run(line);
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -54,7 +54,7 @@ impl Bench {
         text(&output.stdout)
     }
 
-    /// What a line says that must not be carried out.
+    /// Message of a command that has to be refused.
     pub fn refused(&self, line: &str) -> String {
         let output = self.run(line);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -1,4 +1,4 @@
-// Opens a report in headless Chromium, uses it as a reader would, and prints what it saw as JSON.
+// Opens a report in headless Chromium, uses it like a reader, and prints its findings as JSON.
 //
 //     node look.mjs CHROMIUM PAGE.html SCREENSHOTS
 import puppeteer from "puppeteer-core";
@@ -81,7 +81,7 @@ const without_script = await figures(still);
 const phone = await open({ width: 390, height: 844, isMobile: true, hasTouch: true, deviceScaleFactor: 2 });
 const narrow = await phone.evaluate(() => ({
   page_px: document.documentElement.scrollWidth,
-  // What is wider than its place, by its figure or table.
+  // Elements wider than their container, by figure or table.
   cut: [...document.querySelectorAll(".plot, .table")].filter((node) => node.scrollWidth > node.clientWidth + 1)
     .map((node) => (node.closest("figure") || node).id || node.textContent.slice(0, 40)),
   smallest_text_px: Math.min(...[...document.querySelectorAll(".plot .chart text")].filter((text) => text.checkVisibility()).map((text) =>

@@ -1,4 +1,4 @@
-// Uses the page of `thermyo playground` in headless Chromium, from a plain web server, and prints what it saw as JSON.
+// Uses the page of `thermyo playground` in headless Chromium, from a plain web server, and prints its findings as JSON.
 //
 //     node playground.mjs CHROMIUM FOLDER SCREENSHOTS
 import { createServer } from "node:http";
@@ -13,7 +13,7 @@ const server = createServer(async ({ url }, response) => {
   const name = new URL(url, "http://localhost").pathname.slice(1) || "index.html";
   try {
     const content = await readFile(join(folder, name));
-    // The module as a host sends it that does not know what that is.
+    // The module as sent by a host that does not know its type.
     response.writeHead(200, { "content-type": TYPES[name.split(".").at(-1)] ?? "application/octet-stream" });
     response.end(content);
   } catch {
@@ -68,7 +68,7 @@ async function download(button, name) {
 }
 
 await until(() => parseFloat(document.getElementById("time").textContent) > 0);
-// The shipped cycle, before anything is turned: what is saved is what `thermyo run` has.
+// The shipped cycle, before any change: the saved scenario is that of `thermyo run`.
 const shipped = { scenario: await download("export", "scenario.toml") };
 shipped.trace = await download("trace", "trace.csv");
 
@@ -81,7 +81,7 @@ await slide("drive.pressure_pa", 400);
 const turned_s = await number("time");
 await until((from) => parseFloat(document.getElementById("time").textContent) > from + 6, turned_s);
 const followed_kpa = await number("r-pressure");
-// A lag, of which the core does not know.
+// A lag that differs from the core's configuration.
 const before = await legend("plot-temperature");
 await slide("sensor.gas.time_constant_s", 10);
 await slide("load.force_n", 250);
@@ -92,7 +92,7 @@ const knobs = await text("knobs");
 const changed = (await legend("plot-temperature")) !== before;
 const untold = await page.$eval("#exported", (node) => node.textContent.includes("starts so"));
 
-// What a file of nonsense is answered, and that what runs goes on.
+// The answer to an invalid file; the simulation continues.
 const wrong = join(downloads, "wrong.toml");
 await writeFile(wrong, "[supply]\npressure_pa = -1\n");
 await (await page.$("#file")).uploadFile(wrong);
@@ -104,7 +104,7 @@ await choose("rate", 1);
 await page.click("#again");
 await until(() => document.getElementById("wrong").hidden && parseFloat(document.getElementById("time").textContent) < 4);
 
-// How fast it can.
+// Highest speed.
 await page.select("#choice", await page.$eval("#choice", (list) => list.options[0].value));
 await choose("rate", 100);
 await choose("span", 20);

@@ -4,7 +4,7 @@
 import { readFile } from "node:fs/promises";
 
 const [folder, scenario] = process.argv.slice(2);
-// By its text: the folder is no package, and what `.js` is in it Node would have to guess.
+// Loaded as text: the folder is no package, so Node would have to guess the type of `.js` files.
 const script = await readFile(`${folder}/simulation.js`);
 const { Simulation } = await import(`data:text/javascript;base64,${script.toString("base64")}`);
 const simulation = await Simulation.load(await readFile(`${folder}/thermyo.wasm`));

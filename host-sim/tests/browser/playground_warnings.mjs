@@ -1,10 +1,10 @@
-// What the playground says of a scenario that `thermyo run` warns of, on standard output.
+// The playground's warnings of a scenario, on standard output.
 //
 //     node playground_warnings.mjs PLAYGROUND SCENARIO
 import { readFile } from "node:fs/promises";
 
 const [folder, scenario] = process.argv.slice(2);
-// By its text, as in playground_trace.mjs.
+// Loaded as text, as in playground_trace.mjs.
 const script = await readFile(`${folder}/simulation.js`);
 const { Simulation } = await import(`data:text/javascript;base64,${script.toString("base64")}`);
 const simulation = await Simulation.load(await readFile(`${folder}/thermyo.wasm`));

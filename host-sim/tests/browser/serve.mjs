@@ -1,4 +1,4 @@
-// Uses the page of `thermyo serve` in headless Chromium as a person at a bench would, and prints what it saw as JSON.
+// Uses the page of `thermyo serve` in headless Chromium like a person at a bench, and prints its findings as JSON.
 //
 //     node serve.mjs CHROMIUM ADDRESS SCREENSHOTS THERMYO PLACE
 //
@@ -44,7 +44,7 @@ await until(page, () => document.getElementById("configure").hidden && !document
 await page.click("#arm .main");
 await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
 const first = { armed: (await text(page, "armed")).startsWith("armed up to"), readings: /\d/.test(await text(page, "r-gas")) };
-// What cannot be sent is said at its field.
+// Invalid values are reported at their field.
 const refused = [];
 for (const value of ["abc", "-3"]) {
   await type(page, "first", value);
@@ -81,7 +81,7 @@ await page.screenshot({ path: `${screenshots}-1280-dark.png`, fullPage: true });
 await page.mouse.move(5, 5);
 await page.setViewport({ width: 390, height: 844, deviceScaleFactor: 2 });
 await pause(600);
-// As it lies in the hand, and whole.
+// As on a phone, and the full page.
 await page.screenshot({ path: `${screenshots}-390-hand.png` });
 const narrow_px = await page.evaluate(() => document.documentElement.scrollWidth);
 await page.screenshot({ path: `${screenshots}-390-dark.png`, fullPage: true });
@@ -91,12 +91,12 @@ await page.screenshot({ path: `${screenshots}-390-light.png`, fullPage: true });
 await page.setViewport(wide);
 await pause(300);
 
-// By the space key, with the focus anywhere; timed on the page's own clock, from the key to the mode that the board tells.
+// By the space key, with the focus anywhere; timed on the page's own clock, from the key to the mode that the board reports.
 await page.focus("#first");
 const driven = await text(page, "mode");
 const vented_ms = [];
 for (let i = 0; i < 5; i++) {
-  // On a machine that stops for longer than the link may be silent, the board vents by itself: then once more.
+  // If the machine pauses for longer than the link's timeout, the board vents by itself: try once more.
   for (let attempt = 1; i > 0 && attempt <= 5; attempt++) {
     try {
       await page.click("#arm .main");
@@ -134,7 +134,7 @@ await page.click("[data-calibrate=pressure]");
 await until(page, () => !document.getElementById("reference").hidden);
 await page.screenshot({ path: `${screenshots}-guide.png`, fullPage: true });
 
-// The link, lost and back; from when the board is gone.
+// The link, lost and restored, from the loss of the board on.
 const plugged = (how) => execFileSync(thermyo, ["board", "emulated", how, "--quiet"], { env: { ...process.env, TMPDIR: place } });
 const link = async (shown) => {
   const from = Date.now();

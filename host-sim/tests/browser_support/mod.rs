@@ -1,5 +1,5 @@
-//! Headless Chromium for tests of pages. Without it nothing is tested, and that is said; `THERMYO_CHROMIUM` names
-//! one that lies elsewhere.
+//! Headless Chromium for tests of pages. Without it they are skipped with a message;
+//! `THERMYO_CHROMIUM` gives its path if it is elsewhere.
 
 use serde_json::Value;
 use std::env;
@@ -26,8 +26,8 @@ pub fn chromium() -> Option<PathBuf> {
     found
 }
 
-/// What a script in `tests/browser` saw of a page, a file or an address. Its screenshots stay in the target folder's
-/// `tmp` under this name, to be looked at. `more` is what the script wants beside.
+/// Findings of a script in `tests/browser` on a page, a file or an address. Its screenshots stay in
+/// the target folder's `tmp` under `name`. `more` contains further arguments.
 pub fn look(script: &str, chromium: &Path, page: &OsStr, name: &str, more: &[&OsStr]) -> Value {
     let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser");
     prepare_node(&scripts).unwrap();

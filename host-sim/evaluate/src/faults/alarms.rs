@@ -1,5 +1,5 @@
-//! What is healthy is left alone: the shipped scenarios, random muscles, and muscles that the core is
-//! configured wrong.
+//! False alarms: the shipped scenarios, random muscles, and muscles with a wrong configuration of
+//! the core.
 
 use super::MUSCLES;
 use super::muscle::{self, Draw, Task};
@@ -13,7 +13,6 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// The shipped scenarios.
 const SHIPPED: [&str; 6] = [
     "air_discharge.toml",
     "contraction.toml",
@@ -22,23 +21,20 @@ const SHIPPED: [&str; 6] = [
     "reproduce.toml",
     "sensor.toml",
 ];
-/// One run of a random muscle on `full` \[s\].
+/// Duration of a run of a random muscle on `full` \[s\].
 const MUSCLE_S: f64 = 30.0;
-/// One run of a muscle that the core is configured wrong \[s\].
+/// Duration of a run with a wrong configuration \[s\].
 const RUN_S: f64 = 60.0;
-/// What the core is configured with may be so many times too much or too little \[-\].
+/// Range of the factors between configured and true values \[-\].
 const WRONG: [f64; 2] = [0.5, 2.0];
 
-/// A healthy run.
 #[derive(Debug, Clone)]
 pub struct Healthy {
-    /// What it is, for whoever looks for an alarm's cause.
+    /// Name, for finding an alarm's cause.
     pub name: String,
-    /// The run.
     pub loaded: Loaded,
 }
 
-/// Every shipped scenario.
 pub fn shipped() -> Vec<Healthy> {
     SHIPPED
         .iter()
@@ -50,7 +46,7 @@ pub fn shipped() -> Vec<Healthy> {
         .collect()
 }
 
-/// Random muscles on `full`, configured right.
+/// Random muscles on `full`, configured correctly.
 pub fn muscles() -> Vec<Healthy> {
     let muscle = |number| {
         let mut draw = Draw::new(0x00FF_0000 + number);
@@ -61,7 +57,7 @@ pub fn muscles() -> Vec<Healthy> {
     (0..MUSCLES).map(muscle).collect()
 }
 
-/// Random muscles on `lumped` that the core is configured wrong, for so many hours in all.
+/// Random muscles on `lumped` with a wrong configuration, for so many hours in total.
 pub fn configured_wrong(hours: f64) -> Vec<Healthy> {
     let configured = |number| {
         let mut draw = Draw::new(0x0F00_0000 + number);
@@ -90,10 +86,7 @@ pub fn configured_wrong(hours: f64) -> Vec<Healthy> {
     (0..(hours * 3600.0 / RUN_S).ceil() as u64).map(configured).collect()
 }
 
-/// Every fault that a healthy run shows.
-///
-/// # Errors
-/// When it could not be finished.
+/// All faults that a healthy run shows.
 pub fn shown(healthy: &Healthy) -> Result<Faults, RunError> {
     let mut loaded = healthy.loaded.clone();
     loaded.plant.run.log_every = 1;
@@ -106,7 +99,7 @@ pub fn shown(healthy: &Healthy) -> Result<Faults, RunError> {
     Ok(shown)
 }
 
-/// Hours run, and the runs that showed a fault, by kind.
+/// Hours run, and the number of runs that showed a fault, by kind.
 pub fn line(case: &str, runs: &[Healthy], shown: &[Faults]) -> CaseFigures {
     let seconds: f64 = runs.iter().map(|run| run.loaded.plant.run.duration_s).sum();
     let alarms = shown.iter().filter(|faults| **faults != Faults::NONE).count();

@@ -1,5 +1,5 @@
-//! Every fault that is judged: what is injected and where, which bits count as found, how soon, and
-//! what follows.
+//! All faults of the evaluation: size and place, the bits that count as found, the time limit, and
+//! the required reaction.
 
 use super::muscle::{Draw, Task};
 use Reaction::{NotStated, Shown, ShownOrVents, Vents, VentsInVain};
@@ -7,29 +7,30 @@ use model_core::{Command, Duty, Faults, Telemetry};
 use thermyo_plant::Truth;
 use thermyo_scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
 
-/// What has to follow.
+/// Required reaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reaction {
     /// The muscle vents, latched: below 1.2 bar within [`super::VENTED_S`], and it stays there.
     Vents,
-    /// It vents, latched, but the fault itself keeps gas in, or lets it in: what software can do is that
-    /// the pressure rises no more.
+    /// It vents, latched, but the fault itself keeps gas in, or lets it in: all that software can
+    /// ensure is that the pressure stops rising.
     VentsInVain,
-    /// It is shown, and control goes on.
+    /// It is shown, and control continues.
     Shown,
-    /// It is shown, and control goes on until it vents: the pressure stays below its limit.
+    /// It is shown, and control continues until it vents: the pressure stays below its limit.
     ShownOrVents,
-    /// Nothing is stated: the pressure may rise to the supply's. What that does is for a relief valve.
+    /// No requirement: the pressure may rise to the supply's, against which a relief valve
+    /// protects.
     NotStated,
 }
 
-/// Slower is at rest \[m/s\].
+/// Slower motion counts as rest \[m/s\].
 const MOVING_M_S: f64 = 0.001;
 
-/// When the time until a fault is found counts: where it can be seen at all.
+/// Condition under which the time until detection counts: when the fault is visible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counted {
-    /// From the start of the fault on.
+    /// From the start of the fault.
     Always,
     /// While a valve is driven.
     Driven,
@@ -44,7 +45,7 @@ pub enum Counted {
 }
 
 impl Counted {
-    /// Whether a step counts.
+    /// The step counts.
     pub fn counts(self, telemetry: &Telemetry, truth: &Truth, above: bool) -> bool {
         let Command { inlet, outlet } = telemetry.command;
         let [inlet, outlet] = [inlet, outlet].map(|duty| duty > Duty::ZERO);
@@ -71,34 +72,32 @@ impl Counted {
     }
 }
 
-/// A fault.
 #[derive(Debug, Clone, Copy)]
 pub struct Fault {
-    /// What it is called in the table.
+    /// Name in the table.
     pub name: &'static str,
-    /// What is injected, in words.
+    /// Injected fault, in words.
     pub size: &'static str,
-    /// What the muscle is doing meanwhile.
+    /// Tasks of the muscle during the fault.
     pub tasks: &'static [Task],
-    /// Puts what is injected into its window.
+    /// Sets the injected fault in its window.
     pub inject: fn(&mut Draw, &Scenario, &mut FaultWindow),
-    /// One of them counts as found.
+    /// Any of these bits counts as found.
     pub found: Faults,
-    /// When the time counts.
     pub counted: Counted,
-    /// It is found within that time \[s\].
+    /// Time limit of the detection \[s\].
     pub within_s: f64,
-    /// What follows.
     pub reaction: Reaction,
-    /// How long is looked for it after its start \[s\].
+    /// Time from the fault's start to the end of the observation \[s\].
     pub observed_s: f64,
 }
 
 impl Fault {
-    /// The largest error of the estimate while it is shown, RMS; none where nothing is stated \[K\].
+    /// Largest RMS error of the estimate while the fault is shown; infinite where nothing is stated
+    /// \[K\].
     pub fn error_k(&self) -> f64 {
         match self.found {
-            // A reading that runs away pulls the estimate along until it is found.
+            // A drifting reading pulls the estimate along until the fault is found.
             GAS if self.observed_s > 20.0 => 30.0,
             GAS => 4.0,
             LENGTH => 8.0,
@@ -125,13 +124,13 @@ const LENGTH: Faults = Faults::LENGTH_SENSOR;
 const GAS: Faults = Faults::GAS_SENSOR;
 const FORCE: Faults = Faults::FORCE;
 const BURST: Faults = Faults::BURST;
-/// Gas that valves do not explain.
+/// Gas flow that the valves do not explain.
 const FLOW: Faults =
     Faults::GAS_GAINED.with(Faults::NO_INFLOW).with(Faults::NO_OUTFLOW).with(BURST);
-/// Gas that leaves and does not come back.
+/// Gas that leaves and is not replaced.
 const LOST: Faults = Faults::LEAK.with(BURST).with(Faults::NO_INFLOW);
 
-/// A fault that is found whatever the muscle does, and at once.
+/// A fault that is visible during every task, and at once.
 fn fault(
     name: &'static str,
     size: &'static str,
@@ -154,13 +153,12 @@ fn fault(
 }
 
 impl Fault {
-    /// One that shows only then, or not so soon.
+    /// For a fault that is visible under a condition only, or later.
     fn seen(self, counted: Counted, tasks: &'static [Task], observed_s: f64) -> Self {
         Self { counted, tasks, observed_s, ..self }
     }
 }
 
-/// Every fault.
 pub fn all() -> Vec<Fault> {
     [
         of_the_pressure_sensor(),
@@ -173,7 +171,6 @@ pub fn all() -> Vec<Fault> {
     .concat()
 }
 
-/// Those of the pressure sensor.
 fn of_the_pressure_sensor() -> Vec<Fault> {
     vec![
         fault(
@@ -236,7 +233,6 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
     ]
 }
 
-/// Those of the gas sensor.
 fn of_the_gas_sensor() -> Vec<Fault> {
     vec![
         fault(
@@ -287,7 +283,6 @@ fn of_the_gas_sensor() -> Vec<Fault> {
     ]
 }
 
-/// Those of the length sensor.
 fn of_the_length_sensor() -> Vec<Fault> {
     vec![
         fault(
@@ -339,7 +334,7 @@ fn of_the_length_sensor() -> Vec<Fault> {
     ]
 }
 
-/// Those of the valves, and of the pressure that they let in.
+/// Faults of the valves and of the supply.
 fn of_the_valves() -> Vec<Fault> {
     vec![
         fault(
@@ -414,7 +409,7 @@ fn of_the_valves() -> Vec<Fault> {
     ]
 }
 
-/// Those of what the gas leaves by, or does not come from.
+/// Faults of leaks and of the inflow.
 fn of_the_gas() -> Vec<Fault> {
     vec![
         fault(
@@ -453,7 +448,7 @@ fn of_the_gas() -> Vec<Fault> {
     ]
 }
 
-/// Those of the board, its button and its link.
+/// Faults of board, button and link.
 fn of_the_board() -> Vec<Fault> {
     vec![
         fault(

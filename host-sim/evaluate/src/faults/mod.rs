@@ -1,4 +1,4 @@
-//! What breaks, how soon the core finds it, and what follows; and that what is healthy is left alone.
+//! Detection and reaction for every fault, and absence of false alarms on healthy muscles.
 
 pub mod alarms;
 pub mod cases;
@@ -17,23 +17,23 @@ use thermyo_compute::stop;
 use thermyo_setup::Loaded;
 use thermyo_simulation::run::RunError;
 
-/// A muscle that vents is below 1.2 bar within that time \[s\].
+/// Time within which a venting muscle is below 1.2 bar \[s\].
 pub const VENTED_S: f64 = 1.0;
-/// Runs with each fault.
+/// Runs per fault.
 pub const RUNS: u64 = 100;
-/// Healthy muscles on `full`.
+/// Number of healthy muscles on `full`.
 const MUSCLES: u64 = 38;
-/// Hours of healthy muscles on `lumped`, where nothing is said.
+/// Hours of healthy muscles on `lumped`, by default.
 pub const HOURS: f64 = 1.0;
-/// What the pressure may be where nothing is stated: the supply's, and what the sensor's noise adds \[kPa\].
+/// Largest pressure where there is no requirement: the supply's plus the sensor's noise \[kPa\].
 const SUPPLY_KPA: f64 = 705.0;
 
-/// What is reported of every run that has ended.
+/// Called after every run.
 pub type Ended<'a> = &'a (dyn Fn() + Sync);
 
-/// How a fault did in all its runs.
+/// Line of the table for all runs of a fault.
 fn line(fault: &Fault, outcomes: &[Outcome]) -> CaseFigures {
-    // Where no time is stated, every run counts.
+    // Without a time limit, every run counts.
     let seen_s = if fault.within_s.is_finite() { fault.within_s } else { 0.0 };
     let (judged, hidden): (Vec<_>, Vec<_>) =
         outcomes.iter().partition(|o| o.found_s.is_some() || o.counted_s > seen_s);
@@ -73,9 +73,6 @@ fn line(fault: &Fault, outcomes: &[Outcome]) -> CaseFigures {
 }
 
 /// Runs every fault, `runs` times each.
-///
-/// # Errors
-/// The first run that could not be finished.
 pub fn table(faults: &[Fault], runs: u64, ended: Ended) -> Result<Vec<CaseFigures>, RunError> {
     let trials: Vec<Trial> = faults
         .iter()
@@ -91,7 +88,7 @@ pub fn table(faults: &[Fault], runs: u64, ended: Ended) -> Result<Vec<CaseFigure
     Ok(lines)
 }
 
-/// What each job gives, on all cores.
+/// Results of all jobs, run on all cores.
 fn each<J: Sync, R: Send>(
     jobs: &[J],
     ended: Ended,
@@ -104,7 +101,7 @@ fn each<J: Sync, R: Send>(
     })
 }
 
-/// What all jobs of a line gave; none where they were stopped before the last.
+/// Results of all jobs of a line; none where they were stopped before the last.
 fn whole<R>(results: Vec<Result<R, RunError>>) -> Result<Option<Vec<R>>, RunError> {
     match results.into_iter().collect() {
         Ok(results) => Ok(Some(results)),
@@ -113,7 +110,7 @@ fn whole<R>(results: Vec<Result<R, RunError>>) -> Result<Option<Vec<R>>, RunErro
     }
 }
 
-/// Everything that is run.
+/// All runs of the evaluation.
 #[derive(Debug)]
 pub struct Evaluation {
     faults: Vec<Fault>,
@@ -122,7 +119,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Every fault, venting, and so many hours of healthy muscles.
+    /// All faults, venting, and so many hours of healthy muscles.
     pub fn new(nominal: &Loaded, hours: f64) -> Self {
         Self {
             faults: cases::all(),
@@ -135,17 +132,14 @@ impl Evaluation {
         }
     }
 
-    /// How many runs that is.
+    /// Number of runs.
     pub fn runs(&self) -> u64 {
         let vented: usize = self.vented.iter().map(|(_, muscles)| muscles.len()).sum();
         let healthy: usize = self.healthy.iter().map(|(_, runs)| runs.len()).sum();
         RUNS * self.faults.len() as u64 + (vented + healthy) as u64
     }
 
-    /// Runs everything. Where it is stopped there are lines of what was finished.
-    ///
-    /// # Errors
-    /// The first run that could not be finished.
+    /// Runs everything. When stopped, returns the finished lines.
     pub fn evaluate(&self, ended: Ended) -> Result<Vec<CaseFigures>, RunError> {
         let mut lines = table(&self.faults, RUNS, ended)?;
         for (case, muscles) in &self.vented {

@@ -1,4 +1,4 @@
-//! Random muscles with loads that they lift, and random ways to drive them.
+//! Random muscles with loads that they can lift, and random tasks.
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -7,27 +7,27 @@ use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{DriveKind, PlantModel, Scenario};
 use thermyo_setup::{Loaded, parse};
 
-/// Gauge pressure at which a load is to be lifted \[Pa\], and the shares of the force at the rest length
-/// that it may be: a muscle that is not far too strong for it, and lifts it.
+/// Gauge pressure at which a load has to be lifted \[Pa\], and the load's range as fractions of the
+/// force at the rest length: the muscle is strong enough, but not far too strong.
 const LIFTING_PA: f64 = 3.0e5;
 const LIFTED: [f64; 2] = [0.05, 0.35];
-/// Pressures of holds and steps, absolute \[Pa\].
+/// Absolute pressures of holds and steps \[Pa\].
 const PRESSURES_PA: [f64; 2] = [1.6e5, 5.0e5];
-/// Conductance per volume, in those of the nominal muscle: it vents any of them within a second, see
+/// Conductance per volume, relative to the nominal muscle: all of them vent within a second, see
 /// [`super::vent`] \[-\].
 const VALVES: [f64; 2] = [2.0, 3.5];
-/// Range of the gas sensor's front end \[K\]: an element with a lag of a second follows the gas of a
-/// fast fill out of the nominal one, which is then a rail.
+/// Range of the gas sensor's front end \[K\]: a fast fill drives an element with a lag of a second
+/// out of the nominal range, which would be detected as a rail fault.
 const RANGE_K: [f64; 2] = [230.0, 390.0];
-/// Times between two steps \[s\].
+/// Time between two steps \[s\].
 const BETWEEN_STEPS_S: [f64; 2] = [0.5, 2.5];
-/// Sizes of the nominal muscle \[m\].
+/// Dimensions of the nominal muscle \[m\].
 const NOMINAL_DIAMETER_M: f64 = 0.020;
 const NOMINAL_LENGTH_M: f64 = 0.30;
-/// Gas that the nominal cycle moves \[kg\].
+/// Gas mass of a stroke in the nominal cycle \[kg\].
 const NOMINAL_MOVED_KG: f64 = 9.0e-4;
 
-/// How far loads and sensors may differ.
+/// Ranges of loads and sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
     /// Smallest and largest load \[N\].
@@ -36,15 +36,13 @@ pub struct Spread {
     pub lags_s: [f64; 2],
 }
 
-/// What faults are looked for in.
+/// Ranges for the runs with faults.
 const USUAL: Spread = Spread { loads_n: [20.0, 400.0], lags_s: [1.0, 5.0] };
 
-/// Random numbers, the same for the same seed.
 #[derive(Debug, Clone)]
 pub struct Draw(Xoshiro256PlusPlus);
 
 impl Draw {
-    /// The numbers of that seed.
     pub fn new(seed: u64) -> Self {
         Self(Xoshiro256PlusPlus::seed_from_u64(seed))
     }
@@ -55,7 +53,7 @@ impl Draw {
         low + share * (high - low)
     }
 
-    /// From `low` to `high`, both above 0, every factor as likely as every other.
+    /// Log-uniform from `low` to `high`, both above 0.
     pub fn factor(&mut self, [low, high]: [f64; 2]) -> f64 {
         self.between([low.ln(), high.ln()]).exp()
     }
@@ -65,18 +63,16 @@ impl Draw {
         if self.between([0.0, 1.0]) < 0.5 { -1.0 } else { 1.0 }
     }
 
-    /// One of `all`.
     pub fn of<T: Copy>(&mut self, all: &[T]) -> T {
         all[(self.between([0.0, all.len() as f64]) as usize).min(all.len() - 1)]
     }
 }
 
-/// What a muscle is asked to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Task {
     /// One pressure, held.
     PressureHold,
-    /// Random pressures, a new one every half second to two and a half.
+    /// Random pressures, a new one every 0.5 to 2.5 s.
     PressureSteps,
     /// One contraction, held.
     ContractionHold,
@@ -84,12 +80,11 @@ pub enum Task {
     ContractionSteps,
     /// The paper's working cycle.
     Cycle,
-    /// The inlet open, whatever the pressure, behind a supply of 6 bar.
+    /// The inlet open at any pressure, behind a supply of 6 bar.
     Filling,
 }
 
 impl Task {
-    /// Every task of a closed loop.
     pub const ALL: [Self; 5] = [
         Self::PressureHold,
         Self::PressureSteps,
@@ -97,9 +92,9 @@ impl Task {
         Self::ContractionSteps,
         Self::Cycle,
     ];
-    /// Those in which gas flows again and again.
+    /// Tasks with repeated flow.
     pub const MOVING: [Self; 3] = [Self::PressureSteps, Self::ContractionSteps, Self::Cycle];
-    /// Those that come to rest.
+    /// Tasks that come to rest.
     pub const HOLDING: [Self; 2] = [Self::PressureHold, Self::ContractionHold];
 
     /// In words.
@@ -115,12 +110,12 @@ impl Task {
     }
 }
 
-/// A random muscle on `model`, configured as what it is, that does `task` for `duration_s`.
+/// A random muscle on `model`, configured correctly, that does `task` for `duration_s`.
 pub fn random(draw: &mut Draw, model: PlantModel, task: Task, duration_s: f64) -> Loaded {
     random_within(&USUAL, draw, model, task, duration_s)
 }
 
-/// The same, with loads and lags that differ as far as `spread` says.
+/// [`random`] with the loads and lags of `spread`.
 pub fn random_within(
     spread: &Spread,
     draw: &mut Draw,
@@ -158,7 +153,7 @@ pub fn random_within(
         s.load.mass_kg *= load_n / 100.0;
         s.sensor.gas.time_constant_s = lag_s;
         [s.sensor.gas.range_min_k, s.sensor.gas.range_max_k] = RANGE_K;
-        // Bladder and braid of the same kind, valves, tube and regulator to match.
+        // Bladder and braid of the same material, with matching valves, tube and regulator.
         s.muscle.bladder_stiffness_n_m *= wide / long;
         s.muscle.dead_volume_m3 *= volume;
         s.wall.heat_capacity_j_k *= wide * long;

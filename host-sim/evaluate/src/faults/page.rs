@@ -1,11 +1,10 @@
-//! The page of `thermyo evaluate faults`: what is injected, and what became of it.
+//! Page of `thermyo evaluate faults`: injected faults and their results.
 
 use super::cases::{self, Fault};
 use crate::{CaseFigures, figures, opened};
 use thermyo_report::page::{Page, Section, Table};
 use thermyo_setup::Loaded;
 
-/// The page.
 pub fn page(nominal: &Loaded, lines: &[CaseFigures]) -> String {
     let lead =
         "What breaks, how soon it is found, what follows, and that what is healthy is left alone.";

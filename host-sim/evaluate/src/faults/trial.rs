@@ -15,34 +15,34 @@ use thermyo_simulation::run::RunError;
 
 /// Below this pressure a muscle is vented \[Pa\].
 pub const VENTED_PA: f64 = 1.2e5;
-/// When a fault comes \[s\].
+/// Range of the fault's start \[s\].
 pub const COMES_S: [f64; 2] = [4.0, 7.0];
-/// Above what was there when a fault was found, the pressure of a muscle that vents in vain does not
-/// rise: gas in the tube, and noise \[-\].
+/// Largest pressure of a muscle that vents in vain, relative to that at detection: gas in the tube,
+/// and noise \[-\].
 const NO_RISE: f64 = 1.02;
 
-/// What one run gave.
+/// Result of one run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outcome {
-    /// Time until it was found, as it counts \[s\].
+    /// Time until detection, counted as [`Counted`] requires \[s\].
     pub found_s: Option<f64>,
-    /// How long it could be seen, as that counts \[s\].
+    /// Time during which the fault was visible, counted likewise \[s\].
     pub counted_s: f64,
-    /// The same since it came \[s\].
+    /// Time until detection from the fault's start \[s\].
     pub since_s: f64,
-    /// What was shown before the fault came.
+    /// Faults shown before the start.
     pub before: Faults,
-    /// What was shown after it came.
+    /// Faults shown after the start.
     pub shown: Faults,
-    /// What has to follow did.
+    /// The required reaction happened.
     pub reacted: bool,
-    /// Highest pressure after the fault came \[Pa\].
+    /// Highest pressure after the fault's start \[Pa\].
     pub highest_pa: f64,
-    /// RMS error of the estimate after the fault came \[K\].
+    /// RMS error of the estimate after the fault's start \[K\].
     pub error_k: f64,
 }
 
-/// What a run is judged by as it goes on.
+/// Evaluates a run step by step.
 struct Judge<'a> {
     fault: &'a Fault,
     from_s: f64,
@@ -77,7 +77,7 @@ impl<'a> Judge<'a> {
     fn add(&mut self, row: &Row) {
         let Row { truth, telemetry, .. } = row;
         let faults = telemetry.faults;
-        // A step that has begun before the fault is not yet broken.
+        // A step that began before the fault is still healthy.
         if truth.time_s < self.from_s - 0.5 * self.step_s {
             self.outcome.before = self.outcome.before.with(faults);
             return;
@@ -114,7 +114,7 @@ impl<'a> Judge<'a> {
     }
 
     fn outcome(self) -> Outcome {
-        // Nothing is counted any more once it is found.
+        // Counting ends with the detection.
         let counted_s = self.counted_steps as f64 * self.step_s;
         Outcome {
             found_s: self.found_s.map(|_| counted_s),
@@ -126,20 +126,17 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// A run with a fault, ready to go.
 #[derive(Debug, Clone)]
 pub struct Trial {
-    /// The fault.
     pub fault: Fault,
     /// The muscle, with the fault in its window.
     pub loaded: Loaded,
-    /// When it comes \[s\].
+    /// Start of the fault \[s\].
     pub from_s: f64,
 }
 
 impl Trial {
-    /// Run number `number` with that fault, which comes between two times \[s\]; every fourth is on
-    /// `full`.
+    /// Run `number` with that fault, which starts within `comes_s`; every fourth is on `full`.
     pub fn random(fault: &Fault, number: u64, comes_s: [f64; 2]) -> Self {
         let name = fault.name.bytes().fold(0, |sum, byte| (31 * sum + u64::from(byte)) % (1 << 40));
         let mut draw = Draw::new(name ^ (number << 40));
@@ -155,17 +152,10 @@ impl Trial {
     }
 
     /// Runs it with the core in this process.
-    ///
-    /// # Errors
-    /// When the run could not be finished.
     pub fn run(&self) -> Result<Outcome, RunError> {
         self.run_on(&mut CoreBoard::default())
     }
 
-    /// Runs it on a board.
-    ///
-    /// # Errors
-    /// When the run could not be finished.
     pub fn run_on(&self, board: &mut dyn Board) -> Result<Outcome, RunError> {
         let mut judge = Judge::new(self);
         let mut observer = |row: &Row| {

@@ -1,4 +1,4 @@
-//! Whether venting works: how long from 5 bar to below 1.2 bar, and which valve that takes.
+//! Time to vent from 5 bar to below 1.2 bar, and the valve that this needs.
 
 use super::muscle::{self, Draw, Task};
 use super::trial::VENTED_PA;
@@ -11,18 +11,18 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// What is vented \[Pa\].
+/// Pressure before venting \[Pa\].
 const FULL_PA: f64 = 5.0e5;
-/// When the emergency stop is pressed \[s\]; until then the muscle has filled.
+/// Time of the emergency stop, when the muscle has filled \[s\].
 const STOP_S: f64 = 3.0;
 
-/// The nominal muscle's valve is small for its volume: it takes longer \[s\].
+/// The nominal muscle's valve is small for its volume, so it takes longer \[s\].
 const NOMINAL: &str = "vent from 5 bar, nominal muscle";
 const NOMINAL_S: f64 = 1.5;
 /// Sonic conductance per gas volume at 5 bar that vents any muscle within [`VENTED_S`] \[1/(s MPa)\].
 const NEEDED_S_MPA: f64 = 25.0;
 
-/// What venting a muscle took.
+/// Result of venting a muscle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vented {
     /// From the emergency stop until below 1.2 bar \[s\].
@@ -32,17 +32,14 @@ pub struct Vented {
 }
 
 impl Vented {
-    /// The conductance per volume with which it would have taken [`VENTED_S`] \[1/(s MPa)\]: the time goes
-    /// with the volume over the conductance.
+    /// Conductance per volume at which venting would have taken [`VENTED_S`] \[1/(s MPa)\]: the
+    /// time is proportional to the volume over the conductance.
     pub fn needed_s_mpa(&self) -> f64 {
         1e6 * self.per_volume_s_pa * self.time_s / VENTED_S
     }
 }
 
 /// Fills a muscle to 5 bar and presses its emergency stop.
-///
-/// # Errors
-/// When the run could not be finished.
 pub fn vent(muscle: &Loaded) -> Result<Vented, RunError> {
     let mut loaded = muscle.clone();
     loaded.drive_profile = None;
@@ -79,7 +76,7 @@ pub fn muscles(nominal: &Loaded) -> Vec<(&'static str, Vec<Loaded>)> {
     ]
 }
 
-/// How venting some muscles went.
+/// Line of the table for some muscles.
 pub fn line(case: &str, vented: &[Vented]) -> CaseFigures {
     let most = |figure: fn(&Vented) -> f64| vented.iter().map(figure).fold(0.0, f64::max);
     let worst_s = most(|vented| vented.time_s);

@@ -1,17 +1,17 @@
-//! The best that the core's model can make of a recorded run, knowing all of it: the yardstick of
-//! the estimator on the board.
+//! Best estimate of the core's model from a whole recorded run: the yardstick of the estimator on
+//! the board.
 //!
-//! An extended Kalman filter over the estimator's model and tuning, written anew in f64, runs
-//! forward in intervals of 20 steps; Rauch, Tung and Striebel's pass (AIAA J. 3, 1965) then carries
-//! what comes later back to every interval. In each, the steps are computed again from the smoothed
-//! state. The recursion was preferred to a least-squares batch over the whole run because its noise
-//! is the core's, term by term, and its cost is that of one more run of the filter.
+//! An extended Kalman filter with the estimator's model and tuning, written separately in f64, runs
+//! forward in intervals of 20 steps; a Rauch-Tung-Striebel pass (AIAA J. 3, 1965) then carries
+//! later information back to every interval. In each, the steps are computed again from the
+//! smoothed state. It is preferred to a least-squares batch over the whole run because its noise is
+//! the core's, term by term, and its cost is that of one more run of the filter.
 //!
-//! Where it has more than the core: the future; pressure and length smoothed in both directions
+//! Unlike the core, it has the future; pressure and length smoothed in both directions
 //! (`trend.rs`), pulse by pulse; an error of the housing; derivatives by differences instead of
-//! formulae. Where it has not: the plant's truth, and anything that the core does not know. Where the
-//! plant does not follow the model, it is wrong too, and may be more so than the core: it takes the
-//! model at its word over the whole run.
+//! formulae. It has neither the plant's true values nor anything else that the core lacks. Where
+//! the plant does not follow the model, it is wrong too, possibly more than the core, because it
+//! assumes the model over the whole run.
 
 mod trend;
 
@@ -27,20 +27,19 @@ use thermyo_identify::core_model::{
 
 /// Steps per interval, as in the core.
 const INTERVAL_STEPS: usize = 20;
-/// Steps after a valve has shut in which what the pressure does still counts as flow. A mass that stands
-/// still between two pulses would keep what noise made of each of them, and walk away with them.
+/// Steps after a valve has shut in which a change of pressure still counts as flow. A mass held
+/// constant between two pulses would keep the noise of each pulse, and drift.
 const LATE_STEPS: u16 = 60;
-/// The codes of 12 bit that erratum RP2040-E11 widens.
+/// The 12 bit codes that erratum RP2040-E11 widens.
 const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
 
-/// One interval on the way forward.
+/// One interval of the forward pass.
 #[derive(Debug, Clone)]
 struct Passed {
-    /// At its start, knowing what came before.
+    /// State at the start, from the readings before.
     state: State,
     covariance: Matrix,
     inflow_kg_s: f64,
-    /// To its end.
     transition: Matrix,
     predicted: State,
     predicted_covariance: Matrix,
@@ -49,13 +48,13 @@ struct Passed {
 /// Gas temperature \[K\] at every step of a recorded run, from its first step on.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Best {
-    /// Knowing of the gas sensor what came before: the pass forward alone.
+    /// The forward pass alone: uses earlier readings of the gas sensor.
     pub forward_k: Vec<f64>,
-    /// Knowing the whole run.
+    /// Uses the whole run.
     pub smoothed_k: Vec<f64>,
 }
 
-/// The best of a recorded run; of the telemetry only the samples and the duties are used.
+/// Smooths a recorded run; only the samples and the duties of the telemetry are used.
 pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
     let Some(first) = run.first() else { return Best::default() };
     let model = Model::new(config);
@@ -112,7 +111,7 @@ pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
     for (start, passed) in starts().zip(&passed).rev() {
         let carried = passed.covariance * passed.transition.transpose();
         let later = state - passed.predicted;
-        // Positive definite by the drift.
+        // The drift makes it positive definite.
         let smoothed = passed.predicted_covariance.cholesky().map(|c| carried * c.solve(&later));
         state = passed.state + smoothed.unwrap_or_default();
         let mut step = start;
@@ -140,8 +139,8 @@ fn initial_covariance(config: &Config) -> Matrix {
     Matrix::from_diagonal(&deviation.component_mul(&deviation))
 }
 
-/// Variance of the mean of so many steps' readings of the gas sensor, as the core has it: noise,
-/// and a bias that counts as if it were the same in every reading of a second \[K2\].
+/// Variance of the mean reading of the gas sensor over so many steps, as in the core: noise, and a
+/// bias that counts as equal in all readings of a second \[K2\].
 fn reading_variance(config: &Config, steps: usize) -> f64 {
     let noise_k2 = f64::from(config.sensors.gas.noise_k).powi(2);
     let lag_s = config.sensors.gas.time_constant_s;
@@ -150,7 +149,7 @@ fn reading_variance(config: &Config, steps: usize) -> f64 {
         + bias_k2 / (steps as f64 * f64::from(config.step_s))
 }
 
-/// Smoothed pressure and length, and which valve may have passed gas, step by step.
+/// Smoothed pressure and length, and the valves that may have passed gas, step by step.
 fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let chamber = AnyChamber::new(&config.chamber);
     let sensors = &config.sensors;
@@ -168,7 +167,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let noise_pa = f64::from(sensors.pressure.noise_pa);
     let pressure_code_pa = f64::from(sensors.pressure.resolution_pa());
     let pressure = Converter { code: pressure_code_pa, noise: noise_pa };
-    // The core is configured with no noise of the length; what a code's width hides is more than it.
+    // The core's configuration has no noise of the length; the width of a code is larger than it.
     let length_code_m = f64::from(sensors.length.resolution_m());
     let length = Converter { code: length_code_m, noise: 0.0 };
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure, pressure);
@@ -185,7 +184,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
         .collect()
 }
 
-/// Whether gas may have passed the inlet, and the outlet, since the step before.
+/// Gas may have passed the inlet, and the outlet, since the step before.
 fn flowing(config: &Config, run: &[Telemetry]) -> Vec<(bool, bool)> {
     let (mut inlet_steps, mut outlet_steps) = (0, 0);
     // A pulse ends late, at most one PWM period after its duty.
@@ -203,7 +202,7 @@ fn flowing(config: &Config, run: &[Telemetry]) -> Vec<(bool, bool)> {
         .collect()
 }
 
-/// An analog channel, in its own unit.
+/// Analog channel, in its own unit.
 #[derive(Debug, Clone, Copy)]
 struct Converter {
     /// Width of a code of 12 bit.
@@ -213,7 +212,8 @@ struct Converter {
 }
 
 impl Converter {
-    /// Of a sum of conversions: noise, and the width of the code that was read, uniformly filled.
+    /// Variance of a sum of conversions: noise, and the width of the code with a uniform
+    /// distribution.
     fn variance(&self, code: AdcCode, adc: &Adc) -> f64 {
         let conversions = f64::from(OVERSAMPLING);
         let rounding2 = self.code.powi(2) / 12.0;

@@ -1,31 +1,28 @@
-//! A noisy signal smoothed with its future: a local linear trend, forward and back.
+//! Smoother of a noisy signal: a local linear trend, forward and back.
 //!
 //! ```text
 //! x' = x + r,   r' = r + w,   w ~ N(0, q^2)    the value, and its rate per step
 //! y  = x + v,                 v ~ N(0, R)      a reading
 //! ```
 //!
-//! Where the rate is known to change (a valve opens or shuts) it starts anew. How much it wanders
-//! otherwise, q, is what makes the readings most likely (Harvey, "Forecasting, Structural Time
-//! Series Models and the Kalman Filter", 1989, section 3.4), once for the readings while gas flows
-//! and once for the others: what is smooth is averaged over many steps, the stairs that a pulsed
-//! valve leaves in the pressure are not.
+//! Where the rate is known to change (a valve opens or shuts) it is reset. Otherwise its variation
+//! q maximises the likelihood of the readings (Harvey, "Forecasting, Structural Time Series Models
+//! and the Kalman Filter", 1989, section 3.4), once for the readings during flow and once for the
+//! others: smooth sections are averaged over many steps, the pressure steps of a pulsed valve are
+//! not.
 
 use nalgebra::{Matrix2, Vector2};
 use std::f64::consts::TAU;
 
-/// Candidates for q, per reading's deviation and step: from an average over seconds to none.
+/// Smallest candidate for q, per reading's deviation and step: an average over seconds.
 const LEAST_WANDER: f64 = 1e-4;
 const CANDIDATES: i32 = 13;
 
-/// One reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// Its value.
     pub value: f64,
-    /// Its variance.
     pub variance: f64,
-    /// The rate before it says nothing of the rate after it.
+    /// The rate after this reading is independent of the rate before it.
     pub turns: bool,
     /// Gas may be flowing.
     pub flowing: bool,
@@ -40,7 +37,6 @@ struct Passed {
     covariance: Matrix2<f64>,
 }
 
-/// The values, smoothed.
 pub fn smooth(readings: &[Reading]) -> Vec<f64> {
     let tried: Vec<(f64, [f64; 2])> = (0..CANDIDATES)
         .map(|i| LEAST_WANDER * 10.0_f64.powf(0.5 * f64::from(i)))
@@ -55,13 +51,13 @@ pub fn smooth(readings: &[Reading]) -> Vec<f64> {
     backward(&passed)
 }
 
-/// The filter, with q while nothing flows and while something does; the logarithm of the
-/// likelihood of the readings of each kind.
+/// The filter, with q without flow and with flow; returns the logarithms of the likelihood of the
+/// readings of each kind.
 fn forward(readings: &[Reading], wander: [f64; 2], mut each: impl FnMut(Passed)) -> [f64; 2] {
     let Some(first) = readings.first() else { return [0.0; 2] };
     let least = readings.iter().map(|r| r.variance).fold(f64::INFINITY, f64::min);
     let wander2 = wander.map(|wander| wander * wander * least);
-    // Far more than any rate: a thousand deviations per step.
+    // Much larger than any rate: a thousand deviations per step.
     let unknown2 = 1e6 * least;
     let mut state = Vector2::new(first.value, 0.0);
     let mut covariance = Matrix2::new(1e6 * least, 0.0, 0.0, unknown2);
@@ -71,7 +67,7 @@ fn forward(readings: &[Reading], wander: [f64; 2], mut each: impl FnMut(Passed))
         let transition = Matrix2::new(1.0, 1.0, 0.0, kept);
         state = transition * state;
         covariance = transition * covariance * transition.transpose();
-        // It turns somewhere within the step: the value is not known either.
+        // The rate changes somewhere within the step, so the value is uncertain too.
         covariance += if reading.turns {
             Matrix2::from_diagonal_element(unknown2)
         } else {
@@ -90,7 +86,7 @@ fn forward(readings: &[Reading], wander: [f64; 2], mut each: impl FnMut(Passed))
     likelihood
 }
 
-/// Rauch, Tung and Striebel's pass.
+/// Rauch-Tung-Striebel pass.
 fn backward(passed: &[Passed]) -> Vec<f64> {
     let Some(last) = passed.last() else { return Vec::new() };
     let mut state = last.state;
@@ -113,7 +109,7 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
     use rand_xoshiro::rand_core::SeedableRng;
 
-    /// RMS error of what is left of noise of deviation 1 on `truth`, which turns where given.
+    /// RMS error after smoothing noise of deviation 1 on `truth`, whose rate changes at `turns`.
     fn left(truth: impl Fn(usize) -> f64, turns: impl Fn(usize) -> bool) -> f64 {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
         let readings: Vec<Reading> = (0..4000)
@@ -127,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_smooth_is_averaged_and_what_jumps_is_followed() {
+    fn smooth_signals_are_averaged_and_jumps_are_followed() {
         // A straight line through 4000 readings: (4/4000)^0.5 at its ends, half of it between.
         let line = left(|i| 0.3 * i as f64, |_| false);
         assert!((0.005..0.06).contains(&line), "{line}");

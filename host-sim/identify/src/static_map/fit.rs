@@ -4,11 +4,12 @@
 //! sum of ((F(p, L) - direction friction - measured)/s)^2 + sum of ((x - x_0)/spread)^2
 //! ```
 //!
-//! s is a hundredth of the largest force, what the law leaves of a muscle. The second sum keeps what the readings leave open near what
-//! muscles usually are, the scenario's own values: five readings are as many as there are unknowns, and
-//! without it their noise would go into the one that they tell least of. Beside forty readings it counts
-//! for nothing. Searched are the logarithms of the diameter, of K1 and of e1, the braid angle, d0 over the rest length,
-//! and friction over the largest force; K1 is expected to grow with the diameter, as the bladder does.
+//! s is a hundredth of the largest force, the usual residual of the law. The second sum keeps
+//! parameters that the readings leave open near the scenario's values: five readings are as many as
+//! there are unknowns, and without it their noise would go into the least determined one. With
+//! forty readings its influence is negligible. The search varies the logarithms of the diameter, of
+//! K1 and of e1, the braid angle, d0 over the rest length, and friction over the largest force; K1
+//! is expected to grow with the diameter, as the bladder does.
 
 use super::readings::{Reading, Readings};
 use crate::search::{self, Found, LeastSquares};
@@ -17,28 +18,28 @@ use thermyo_plant::chamber::Chamber;
 use thermyo_plant::chamber::braid;
 use thermyo_scenario::{Muscle, at_rest};
 
-/// What the law leaves of a muscle's largest force \[-\].
+/// Residual of the law, as a fraction of a muscle's largest force \[-\].
 const LEFT: f64 = 0.01;
-/// Spreads of what is searched: logarithm of the diameter, angle \[rad\], logarithms of K1 per diameter and of e1, d0, friction.
+/// Prior spreads: logarithm of the diameter, angle \[rad\], logarithms of K1 per diameter and of
+/// e1, d0, friction.
 const SPREADS: [f64; 6] = [1.0, 0.1, 0.5, 0.5, 0.006, 0.1];
-/// Angles that the search starts from, besides the scenario's \[rad\].
+/// Offsets of the starting angles from the scenario's \[rad\].
 const STARTS: [f64; 3] = [0.0, -0.08, 0.08];
-/// Step of the differences; what is searched is of the order of one.
+/// Step of the differences; the search variables are of the order of one.
 const DIFFERENCE: f64 = 1e-6;
-/// Relative change of the sum of squares, and of the place, at which a search has converged: near f64's rounding.
+/// Relative change of sum and point at which a search has converged: near f64's rounding.
 const TOLERANCE: f64 = 30.0 * f64::EPSILON;
 /// Evaluations per parameter before a search is given up.
 const PATIENCE: usize = 100;
-/// Diameters that are searched \[m\].
+/// Limits of the diameter in the search \[m\].
 const DIAMETERS_M: [f64; 2] = [1.0e-3, 0.2];
-/// Braid angles that are searched \[deg\]: at 54.7 the force vanishes.
+/// Limits of the braid angle in the search \[deg\]: at 54.7 the force vanishes.
 const ANGLES_DEG: [f64; 2] = [5.0, 53.0];
-/// Strains over which a bladder fills that are searched \[-\].
+/// Limits of the strain over which a bladder fills \[-\].
 const STRAINS: [f64; 2] = [1.0e-3, 1.0];
-/// Relative difference up to which a value is at the limit of what is searched.
+/// Relative difference up to which a value counts as at its limit.
 const AT_LIMIT: f64 = 1.0e-3;
 
-/// Readings, and the scenario's own muscle.
 #[derive(Debug)]
 pub struct Problem<'a> {
     readings: &'a Readings,
@@ -47,7 +48,7 @@ pub struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    /// Of a scenario whose K1 is above 0.
+    /// The scenario's K1 must be above 0.
     pub fn new(readings: &'a Readings, given: &'a Muscle) -> Self {
         let mut usual = vec![
             given.diameter_m.ln(),
@@ -62,7 +63,6 @@ impl<'a> Problem<'a> {
         Self { readings, given, usual }
     }
 
-    /// The muscle at a place of the search.
     pub fn muscle(&self, place: &DVector<f64>) -> Muscle {
         let rest_length_m = self.readings.rest_length_m;
         let angle_deg = place[1].to_degrees().clamp(ANGLES_DEG[0], ANGLES_DEG[1]);
@@ -76,12 +76,12 @@ impl<'a> Problem<'a> {
         at_rest(&muscle, rest_length_m, diameter_m, angle_deg)
     }
 
-    /// The scenario's muscle, as long as that of the readings.
+    /// The scenario's muscle, scaled to the rest length of the readings.
     pub fn usual(&self) -> Muscle {
         self.muscle(&DVector::from_vec(self.usual.clone()))
     }
 
-    /// Whether what is searched ended at a limit, or wanted beyond.
+    /// The search ended at a limit of this parameter, or tried to pass it.
     pub fn at_limit(place: &DVector<f64>, i: usize) -> bool {
         let (value, [low, high]) = match i {
             0 => (place[0].exp(), DIAMETERS_M),
@@ -92,12 +92,11 @@ impl<'a> Problem<'a> {
         !(low * (1.0 + AT_LIMIT)..=high * (1.0 - AT_LIMIT)).contains(&value)
     }
 
-    /// Friction at a place of the search \[N\], where readings tell of it.
+    /// Friction at a point of the search \[N\]; none where the readings do not determine it.
     pub fn friction_n(&self, place: &DVector<f64>) -> Option<f64> {
         place.get(5).map(|share| share * self.readings.largest_n())
     }
 
-    /// Force that the law gives for a reading \[N\].
     pub fn force_n(&self, place: &DVector<f64>, readings: &[Reading]) -> Vec<f64> {
         let muscle = braid::Muscle::of(&self.muscle(place));
         let friction_n = self.friction_n(place).unwrap_or_default();
@@ -128,7 +127,7 @@ impl<'a> Problem<'a> {
         DMatrix::from_columns(&columns)
     }
 
-    /// The best of a few searches.
+    /// The best of several searches.
     pub fn search(&self) -> Found {
         let ends = STARTS.map(|turned_rad| {
             let mut start = DVector::from_vec(self.usual.clone());
@@ -139,7 +138,8 @@ impl<'a> Problem<'a> {
         best.expect("there are three starts")
     }
 
-    /// Covariance of what was searched: of the readings' scatter, where that is more than expected, and of what is usual.
+    /// Covariance of the search variables, from the prior and the readings' scatter where it
+    /// exceeds the expected one.
     pub fn covariance(&self, place: &DVector<f64>) -> DMatrix<f64> {
         let slopes = self.sensitivities(place, |place| self.weighted(place));
         let information = slopes.tr_mul(&slopes);
@@ -150,7 +150,7 @@ impl<'a> Problem<'a> {
         inverse * scatter.max(1.0)
     }
 
-    /// How sure what is usual makes each alone.
+    /// Standard deviation of a variable by the prior alone.
     pub fn spread(i: usize) -> f64 {
         SPREADS[i]
     }

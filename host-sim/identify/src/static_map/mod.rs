@@ -20,18 +20,18 @@ use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_scenario::{Muscle, PlantKind, Scenario};
 use thermyo_setup::{Loaded, highest_pa};
 
-/// What the law may leave of the largest force before it is called the wrong one \[-\].
+/// Residual, as a fraction of the largest force, above which the law does not hold \[-\].
 const MOST_LEFT: f64 = 0.05;
-/// Share of what is usual alone from which on readings say little.
+/// Fraction of the prior's deviation above which the readings contribute little.
 const LITTLE_TOLD: f64 = 0.7;
-/// Standard errors below zero from which on friction is none.
+/// Standard errors below zero from which on a negative friction is set to none.
 const BACKWARDS: f64 = 3.0;
 /// Correlation from which on two parameters cannot be distinguished.
 const INSEPARABLE: f64 = 0.95;
-/// Gauge pressures and lengths at which the law's certainty is asked for.
+/// Grid of gauge pressures and lengths on which the law's deviation is computed.
 const GRID: usize = 12;
 
-/// Keys of what is found, in the order of the search.
+/// Keys of the fitted values, in the order of the search.
 const KEYS: [(&str, &str); 6] = [
     ("muscle.diameter_m", "m"),
     ("muscle.braid_angle_deg", "deg"),
@@ -41,56 +41,54 @@ const KEYS: [(&str, &str); 6] = [
     ("friction.force_n", "N"),
 ];
 
-/// Those without which the others mean nothing.
+/// Keys of the geometry: without them the other values mean nothing.
 const GEOMETRY: [&str; 2] = [KEYS[0].0, KEYS[1].0];
 
-/// Root mean square of what is left, and the largest.
+/// Residuals of the law.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Left {
     /// Root mean square \[N\].
     pub force_n: f64,
-    /// Of the largest force \[-\].
+    /// As a fraction of the largest force \[-\].
     pub share: f64,
-    /// Loaded readings.
+    /// Number of loaded readings.
     pub readings: usize,
 }
 
 /// `summary.json` of a static map.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// Whether the law holds for this muscle.
+    /// The law holds for this muscle.
     pub holds: bool,
-    /// Keys whose values went to a limit of what is searched.
+    /// Keys whose values went to a limit of the search.
     pub at_limit: Vec<&'static str>,
-    /// The fitted values by their keys.
     pub parameters: BTreeMap<&'static str, Fitted>,
-    /// What the fit leaves.
+    /// Residuals of the fit.
     pub rmse: Left,
-    /// What it leaves of readings that it has not seen.
+    /// Residuals of readings that the fit has not used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<Left>,
-    /// Stated deviation of the law's force within what was measured, mean and largest \[N\].
+    /// Stated deviation of the law's force within the measured range, mean and largest \[N\].
     pub law_sd_n: [f64; 2],
-    /// What the readings cannot tell, in words.
+    /// Parameters that the readings do not determine, in words.
     pub remarks: Vec<String>,
 }
 
-/// What one identification gives.
 #[derive(Debug)]
 pub struct Identified {
-    /// The figures.
     pub findings: Findings,
-    /// The scenario with the muscle that was found.
+    /// The scenario with the fitted muscle.
     pub scenario: Loaded,
     readings: Readings,
     /// Law less reading \[N\].
     residuals_n: Vec<f64>,
 }
 
-/// The readings to take, as a table without its forces; `config` is what messages call the scenario.
+/// Table of the readings to take, without forces; `config` names the scenario in messages.
 ///
 /// # Errors
-/// When the scenario is no muscle with a bladder that fills, or its supply too low for it to pull.
+/// When the scenario is no muscle with a bladder that fills, or its supply is too low for it to
+/// pull.
 pub fn plan(loaded: &Loaded, config: &Path) -> Result<String, InputError> {
     let muscle = filling_muscle(loaded, config)?;
     let scenario = &loaded.plant;
@@ -118,7 +116,7 @@ pub fn plan(loaded: &Loaded, config: &Path) -> Result<String, InputError> {
     }))
 }
 
-/// The scenario's muscle, where a static map can say more of it.
+/// The scenario's muscle, if it has a bladder that fills, which a static map can determine.
 fn filling_muscle<'a>(loaded: &'a Loaded, config: &Path) -> Result<&'a Muscle, InputError> {
     let Scenario { plant, muscle, .. } = &loaded.plant;
     if plant.kind != PlantKind::Muscle {
@@ -138,14 +136,14 @@ fn refused(config: &Path, key: &str, value: String, allowed: &str) -> InputError
     InputError::file(config, InputProblem::NotAllowed { key, value, allowed })
 }
 
-/// Of readings the loaded ones nearest to what the plan for such a muscle would be, and the others.
+/// Splits readings into the loaded ones nearest to the plan for such a muscle, and the others.
 pub fn planned(muscle: &Muscle, readings: &Readings) -> [Readings; 2] {
     let highest_pa = readings.loaded.iter().map(|r| r.gauge_pressure_pa).fold(0.0, f64::max);
     let mut others = readings.loaded.clone();
     let mut taken = Vec::new();
     for place in places(&Problem::new(readings, muscle).usual(), highest_pa) {
         let off = |reading: &Reading| {
-            // A tenth of the length counts as much as the whole pressure.
+            // A tenth of the length has the weight of the whole pressure range.
             (10.0 * (readings.contraction(reading) - place.contraction))
                 .hypot((reading.gauge_pressure_pa - place.gauge_pressure_pa) / highest_pa)
         };
@@ -156,7 +154,7 @@ pub fn planned(muscle: &Muscle, readings: &Readings) -> [Readings; 2] {
     [taken, others].map(|loaded| Readings { loaded, ..readings.clone() })
 }
 
-/// Refuses fewer loaded readings than a muscle is identified from, and says where to take those that are slack.
+/// Refuses too few loaded readings, and states where to repeat the slack ones.
 fn enough(problem: &Problem, readings: &Readings, data: &Path) -> Result<(), InputError> {
     let found = readings.loaded.len();
     let missing = FEWEST.saturating_sub(found);
@@ -167,7 +165,7 @@ fn enough(problem: &Problem, readings: &Readings, data: &Path) -> Result<(), Inp
     if found > 0 && !readings.slack.is_empty() {
         let place = problem.search().place;
         let muscle = problem.muscle(&place);
-        // Those first that hardly fail to pull.
+        // Readings that are almost loaded come first.
         let forces = problem.force_n(&place, &readings.slack);
         let mut slack: Vec<(f64, &Reading)> = forces.into_iter().zip(&readings.slack).collect();
         slack.sort_by(|(a, _), (b, _)| b.total_cmp(a));
@@ -180,8 +178,8 @@ fn enough(problem: &Problem, readings: &Readings, data: &Path) -> Result<(), Inp
     Err(InputError::file(data, InputProblem::TooFewLoaded { found, fewest: FEWEST, why }))
 }
 
-/// Finds the muscle behind `readings`, and what it leaves of `against`; `config` and `data` are what messages call
-/// the files.
+/// Identifies the muscle from `readings`, and computes its residuals of `against`; `config` and
+/// `data` name the files in messages.
 ///
 /// # Errors
 /// When the scenario is no muscle with a bladder that fills, or there are too few readings.
@@ -260,7 +258,7 @@ fn residuals_n(problem: &Problem, place: &DVector<f64>, readings: &Readings) -> 
         .collect()
 }
 
-/// Over the lengths and pressures that were measured, where the muscle pulls.
+/// Mean and largest deviation over the measured lengths and pressures where the muscle pulls.
 fn law_sd_n(
     problem: &Problem,
     place: &DVector<f64>,
@@ -302,7 +300,7 @@ fn remarks(
     let mut remarks: Vec<String> = findings.failed().into_iter().collect();
     for (i, (key, _)) in KEYS.iter().enumerate().take(count) {
         if findings.at_limit.contains(key) {
-            // Of the geometry it was said above.
+            // The geometry has a remark of its own above.
             if !GEOMETRY.contains(key) {
                 remarks.push(format!("{key} went to a limit of what is searched."));
             }
@@ -353,7 +351,7 @@ impl Left {
 }
 
 impl Findings {
-    /// Why the values are not to be relied on, if they are not.
+    /// Reason why the values are not reliable, if there is one.
     pub fn failed(&self) -> Option<String> {
         let wrong = "another rest length, another unit, or a reading that is wrong";
         let limited: Vec<&str> =
@@ -370,7 +368,7 @@ impl Findings {
         })
     }
 
-    /// The figures, as lines for a terminal.
+    /// Figures as lines for a terminal.
     pub fn text(&self) -> String {
         let mut text = String::new();
         for (path, fitted) in &self.parameters {

@@ -1,4 +1,4 @@
-//! `report.html` of a static map: force over pressure, and where the law is wrong.
+//! `report.html` of a static map: force over pressure, and the residuals of the law.
 
 use super::{Identified, Readings};
 use thermyo_files::number::{short, significant};
@@ -7,13 +7,12 @@ use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::heatmap::{Heatmap, Style};
 use thermyo_report::page::{Page, Section, Table, Tile};
 
-/// Colours of the lengths, longest first, round and round.
+/// Colours of the lengths, longest first, repeated.
 const COLOURS: [Colour; 6] =
     [Colour::Ink, Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple, Colour::Orange];
-/// Parts of a map's axis: readings that lie closer share a cell.
+/// Number of bins along a map's axis; readings in one bin share a cell.
 const PARTS: f64 = 30.0;
 
-/// The page.
 pub fn page(identified: &Identified, title: &str) -> String {
     let findings = &identified.findings;
     let lead = findings.failed().unwrap_or_else(|| {
@@ -81,7 +80,7 @@ fn chart(identified: &Identified) -> Chart {
     Chart::new(Axis::new("Gauge pressure", "kPa")).panel(panel).panel(rest.reference(0.0, "0"))
 }
 
-/// Readings and law, a drawing of its own.
+/// Readings and law as a separate drawing.
 pub fn plot(identified: &Identified, title: &str) -> String {
     chart(identified).document(title)
 }
@@ -103,7 +102,7 @@ fn fit(identified: &Identified) -> Section {
             .max_by(|a, b| a.abs().total_cmp(&b.abs()))
             .unwrap_or(f64::NAN)
     };
-    // The middle of a group, to a tenth of the shown unit.
+    // Middle of a group, to a tenth of the shown unit.
     let named = |groups: &[[f64; 2]], per_si: f64| -> Vec<String> {
         let middles = groups.iter().map(|[low, high]| 0.5 * per_si * (low + high));
         middles.map(|middle| short((10.0 * middle).round() / 10.0)).collect()
@@ -126,7 +125,7 @@ fn fit(identified: &Identified) -> Section {
     ))
 }
 
-/// Rising values, those that lie close together as one: the ends of each group.
+/// Groups rising values that lie close together; returns the ends of each group.
 fn groups(values: &[f64]) -> Vec<[f64; 2]> {
     let span = values.last().zip(values.first()).map_or(0.0, |(last, first)| last - first);
     let mut groups: Vec<[f64; 2]> = Vec::new();

@@ -1,32 +1,30 @@
-//! Where readings are to be taken: where a muscle pulls, and one that pulls less than its law says does too.
+//! Plan of the readings: where the muscle pulls, even one that pulls less than its law predicts.
 
 use super::readings::{FEWEST, Reading};
 use model_core::physics::chamber::{AnyChamber, Chamber as _};
 use thermyo_plant::chamber::{Chamber, braid};
 use thermyo_scenario::Muscle;
 
-/// Share of the contraction at which nothing is pulled any more, and of the way from the gauge pressure that a muscle
-/// begins to pull with at rest to the highest. Two at rest give the area and what the bladder holds back at once, two further in
-/// where it fills, one far in for the angle.
+/// Fraction of the largest contraction, and of the range of gauge pressure from the start of
+/// pulling at rest to the highest. Two readings at rest determine the area and the bladder's
+/// largest force, two further in where it fills, one far in the angle.
 const PLAN: [(f64, f64); FEWEST] = [(0.0, 1.0), (0.0, 0.35), (0.3, 1.0), (0.3, 0.6), (FAR, 1.0)];
 const FAR: f64 = 0.85;
-/// How much more pressure a muscle may need than the law says.
+/// Factor on the pressure that the law predicts, as a margin.
 const MARGIN: f64 = 1.4;
-/// Contraction that a muscle has to pull over, to tell its law \[-\].
+/// Contraction over which a muscle has to pull so that its law can be determined \[-\].
 pub const LEAST_STROKE: f64 = 0.01;
-/// Contraction up to which a reading is better taken at rest, with more pressure \[-\].
+/// Contraction below which it is better to take a reading at rest with more pressure \[-\].
 const NEAR_REST: f64 = 0.002;
 
-/// Where one reading is taken.
+/// One planned reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
-    /// Contraction \[-\].
     pub contraction: f64,
-    /// Gauge pressure \[Pa\].
     pub gauge_pressure_pa: f64,
 }
 
-/// The five readings that tell most of a muscle, up to a gauge pressure \[Pa\].
+/// The five most informative readings of a muscle, up to a gauge pressure \[Pa\].
 pub fn places(muscle: &Muscle, highest_pa: f64) -> [Place; FEWEST] {
     let from_pa = begins_pa(muscle);
     PLAN.map(|(of_contraction, of_pressure)| {
@@ -36,24 +34,24 @@ pub fn places(muscle: &Muscle, highest_pa: f64) -> [Place; FEWEST] {
     })
 }
 
-/// Gauge pressure that it surely pulls with at rest \[Pa\].
+/// Gauge pressure at which the muscle certainly pulls at rest \[Pa\].
 fn begins_pa(muscle: &Muscle) -> f64 {
     let (law, rest_m) = (braid::Muscle::of(muscle), muscle.rest_length_m);
     (-MARGIN * law.elastic(rest_m) / law.force_area(rest_m)).max(0.0)
 }
 
-/// Contraction up to which it surely pulls with a gauge pressure \[Pa\].
+/// Contraction up to which the muscle certainly pulls at a gauge pressure \[-\].
 pub fn surely_pulls(muscle: &Muscle, gauge_pressure_pa: f64) -> f64 {
     let chamber = AnyChamber::new(&braid::Muscle::of(muscle).configured(0.0));
     let length_m = chamber.length_for_force_m((gauge_pressure_pa / MARGIN) as f32, 0.0);
     1.0 - f64::from(length_m) / muscle.rest_length_m
 }
 
-/// Where to take one that found the muscle slack, in words.
+/// Describes where to repeat a reading that found the muscle slack.
 pub fn instead(muscle: &Muscle, reading: &Reading) -> String {
     let Reading { line, length_m, gauge_pressure_pa, .. } = *reading;
     let rest_m = muscle.rest_length_m;
-    // The law of so few readings may be wrong: half of what was too far is nearer.
+    // The law of so few readings may be wrong, so halve the contraction.
     let nearer = 0.5 * (1.0 - length_m / rest_m);
     let contraction = nearer.min(FAR * surely_pulls(muscle, gauge_pressure_pa));
     if contraction > NEAR_REST {

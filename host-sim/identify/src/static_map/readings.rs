@@ -1,67 +1,61 @@
-//! The readings: one muscle's force over gauge pressure and length.
+//! Readings of one muscle's force over gauge pressure and length.
 
 use thermyo_files::input::{InputError, Instead, Problem, quoted};
 use thermyo_files::table::Table;
 
-/// The columns that have to be there.
+/// Required columns.
 pub const COLUMNS: [&str; 4] = ["rest_length_m", "gauge_pressure_pa", "length_m", "force_n"];
-/// Where it is there: how each reading was come to.
+/// Optional column: the direction from which each reading was approached.
 pub const DIRECTION: &str = "direction";
-/// Forces up to this share of the largest are those of a slack muscle.
+/// Forces up to this fraction of the largest count as slack.
 pub const LOADED: f64 = 0.01;
-/// What a load cell may show below zero, of the largest force.
+/// Largest negative reading of a load cell, as a fraction of the largest force.
 const BELOW_ZERO: f64 = 0.02;
-/// Largest gauge pressure of a map below which it is in another unit \[Pa\].
+/// A map with no gauge pressure above this one is in another unit \[Pa\].
 const LEAST_PRESSURE_PA: f64 = 1.0e4;
-/// Fewest loaded readings that a muscle is identified from.
+/// Fewest loaded readings for an identification.
 pub const FEWEST: usize = 5;
-/// Relative difference up to which rest lengths are one.
+/// Relative difference up to which rest lengths count as equal.
 const SAME_LENGTH: f64 = 1e-6;
 
-/// One reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// Its line in the file.
+    /// Line in the file.
     pub line: u64,
-    /// Gauge pressure \[Pa\].
     pub gauge_pressure_pa: f64,
-    /// Length \[m\].
     pub length_m: f64,
-    /// Force \[N\].
     pub force_n: f64,
-    /// 1 where it had contracted before, -1 where it had lengthened, 0 where nobody knows.
+    /// 1 after contracting, -1 after lengthening, 0 where unknown.
     pub direction: f64,
 }
 
-/// The readings of one muscle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Readings {
-    /// Its length at rest \[m\].
     pub rest_length_m: f64,
-    /// Those at which it pulled.
+    /// Readings with a force.
     pub loaded: Vec<Reading>,
-    /// Those that found it slack.
+    /// Readings without a force.
     pub slack: Vec<Reading>,
 }
 
 impl Readings {
-    /// Whether a table is a static map, and not a record over time.
+    /// Tells a static map from a record over time.
     pub fn are_in(table: &Table) -> bool {
         table.columns().iter().any(|column| COLUMNS[..2].contains(&column.name.as_str()))
     }
 
-    /// Those of a table. Rows without a force have not been measured yet.
+    /// Reads a table. Rows without a force have not been measured yet.
     ///
     /// # Errors
-    /// For columns that are missing or unknown, values that cannot be, and more than one muscle.
+    /// For missing or unknown columns, impossible values, and more than one muscle.
     pub fn of(table: &Table) -> Result<Self, InputError> {
         Self::beside(table, None)
     }
 
-    /// Those of a table to compare with what these make.
+    /// Reads a table to compare these readings with.
     ///
     /// # Errors
-    /// As [`Readings::of`], and where they are another muscle's, or none pulled.
+    /// As [`Readings::of`], and where it is of another muscle, or no reading is loaded.
     pub fn to_compare(&self, table: &Table) -> Result<Self, InputError> {
         let others = Self::beside(table, Some(self))?;
         if others.loaded.is_empty() {
@@ -141,7 +135,7 @@ impl Readings {
         1.0 - reading.length_m / self.rest_length_m
     }
 
-    /// Whether they tell what was come to by contracting from what was by lengthening.
+    /// Readings after contracting and after lengthening can be told apart.
     pub fn go_both_ways(&self) -> bool {
         [1.0, -1.0].iter().all(|way| self.loaded.iter().any(|reading| reading.direction == *way))
     }

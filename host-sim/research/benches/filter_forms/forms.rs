@@ -10,23 +10,23 @@ use std::ops::{Add, Div, Mul, Sub};
 
 /// Number of errors: u = dT/T, wall, sensor, ln s, ln tau.
 pub const N: usize = 5;
-/// Index of the one that is measured.
+/// Index of the measured error.
 pub const SENSOR: usize = 2;
 
-/// One interval, as the estimator saw it.
+/// One interval of the estimator.
 #[derive(Debug, Clone, Copy)]
 pub struct Interval {
-    /// What the shipped form is given.
+    /// Input of the shipped form.
     pub transition: Transition,
-    /// The same as a matrix, with what scale and lag forget.
+    /// The same as a matrix, with the forgetting of scale and lag.
     pub matrix: [[f32; N]; N],
     /// Variance that each error gains.
     pub drift: [f32; N],
-    /// Share of the errors of scale and lag that is kept.
+    /// Fraction of the errors of scale and lag that is kept.
     pub keep: f32,
     /// Variance of the reading \[K2\].
     pub reading_k2: f32,
-    /// Reading less what was expected \[K\].
+    /// Reading less its prediction \[K\].
     pub innovation_k: Option<f32>,
     /// The inlet was driven.
     pub charging: bool,
@@ -34,15 +34,15 @@ pub struct Interval {
 
 /// A form of the filter's covariance.
 pub trait Form {
-    /// To the end of an interval.
+    /// Predicts to the end of an interval.
     fn predict(&mut self, interval: &Interval);
-    /// Takes the reading in; the gain.
+    /// Updates with the reading; returns the gain.
     fn update(&mut self, interval: &Interval) -> [f64; N];
-    /// What it stands for.
+    /// The covariance that the form represents.
     fn covariance(&self) -> Matrix5<f64>;
 }
 
-/// What the forms need of a number.
+/// Arithmetic that the forms need.
 pub trait Scalar:
     Copy
     + Add<Output = Self>
@@ -62,7 +62,7 @@ thread_local! {
     static OPERATIONS: Cell<u32> = const { Cell::new(0) };
 }
 
-/// An f32 that counts what is done with it.
+/// An f32 that counts its operations.
 #[derive(Debug, Clone, Copy)]
 pub struct Counted(f32);
 
@@ -122,7 +122,7 @@ impl Div for Counted {
 
 type Square<T> = [[T; N]; N];
 
-/// Sum without a zero to start from, which would cost an operation.
+/// Sum without an initial zero, which would cost an operation.
 fn sum<T: Scalar>(terms: impl Iterator<Item = T>) -> T {
     terms.reduce(|a, b| a + b).unwrap_or(T::from(0.0))
 }
@@ -200,12 +200,11 @@ impl Form for Named {
     }
 }
 
-/// The textbook: P' = F P F' + Q, P = (I - K H) P', all 25 entries.
+/// Textbook form: P' = F P F' + Q, P = (I - K H) P', all 25 entries.
 #[derive(Debug, Clone, Copy)]
 pub struct Dense<T>(Square<T>);
 
 impl<T: Scalar> Dense<T> {
-    /// From a covariance.
     pub fn new(p: &Matrix5<f64>) -> Self {
         Self(std::array::from_fn(|i| std::array::from_fn(|j| T::from(p[(i, j)] as f32))))
     }
@@ -242,7 +241,7 @@ impl<T: Scalar> Form for Dense<T> {
     }
 }
 
-/// Joseph's: P = (I - K H) P' (I - K H)' + K R K'.
+/// Joseph form: P = (I - K H) P' (I - K H)' + K R K'.
 #[derive(Debug, Clone, Copy)]
 pub struct Joseph<T>(pub Dense<T>);
 
@@ -280,7 +279,6 @@ pub struct Ud<T> {
 }
 
 impl<T: Scalar> Ud<T> {
-    /// From a covariance.
     pub fn new(p: &Matrix5<f64>) -> Self {
         let (mut rest, mut u, mut d) = (*p, Matrix5::identity(), [0.0; N]);
         for j in (0..N).rev() {
@@ -304,7 +302,7 @@ impl<T: Scalar> Ud<T> {
 impl<T: Scalar> Form for Ud<T> {
     fn predict(&mut self, interval: &Interval) {
         let f = scalars::<T>(&interval.matrix);
-        // W = [F U, I], weights [D, Q]. U's last row of a column is 1 and what follows 0.
+        // W = [F U, I], weights [D, Q]. The last row of a column of U is 1, and below it 0.
         let (u, zero, one) = (self.u, T::from(0.0), T::from(1.0));
         let mut rows: [[T; 2 * N]; N] = std::array::from_fn(|i| {
             std::array::from_fn(|j| {
@@ -336,7 +334,7 @@ impl<T: Scalar> Form for Ud<T> {
     }
 
     fn update(&mut self, interval: &Interval) -> [f64; N] {
-        // f = U' h, v = D f: the row of U that belongs to the sensor.
+        // f = U' h, v = D f: the sensor's row of U.
         let zero = T::from(0.0);
         let f: [T; N] = self.u[SENSOR];
         let mut gain = [zero; N];
@@ -368,8 +366,8 @@ impl<T: Scalar> Form for Ud<T> {
     }
 }
 
-/// No covariance: gains that another form had on the average over a cycle once it had converged,
-/// while the muscle is filled and while it is not.
+/// Steady gains without a covariance: averages of another form's gains over a cycle after
+/// convergence, while the muscle is filled and while it is not.
 #[derive(Debug, Clone, Copy)]
 pub struct Steady(pub [[f64; N]; 2]);
 

@@ -1,12 +1,12 @@
-//! The estimator's covariance in the shipped form and in the usual ones, on the same samples: what
-//! each makes of them, what 10^8 steps of f32 do to it, what it costs. `docs/background/estimator-trials.md` discusses the
-//! table.
+//! The estimator's covariance in the shipped form and in the common ones, on the same samples:
+//! accuracy, rounding after 10^8 steps of f32, cost. `docs/background/estimator-trials.md`
+//! discusses the table.
 //!
 //!     cargo bench -p research --bench filter_forms                  # the tables
 //!     cargo bench -p research --bench filter_forms -- --plots       # and the plots of docs/background/estimator-trials.md
 
 #[path = "../../../../model-core/src/estimation/covariance.rs"]
-// As in its own crate: `!(x <= y)` is how a NaN is caught.
+// As in the core: `!(x <= y)` catches a NaN.
 #[allow(clippy::neg_cmp_op_on_partial_ord)]
 mod covariance;
 mod forms;
@@ -21,7 +21,7 @@ use thermyo_evaluate::estimator;
 use thermyo_scenario::PlantModel;
 use thermyo_setup::Loaded;
 
-/// The errors count from here on \[s\].
+/// Start of the errors' evaluation \[s\].
 const SETTLED_S: f64 = 10.0;
 /// To the end of every run.
 const END_S: f64 = f64::INFINITY;
@@ -120,8 +120,8 @@ fn steady_table(plants: [&Loaded; 2], steady: Steady) {
     row("started 10 K wrong, the first 10 s", (0.0, SETTLED_S), wrong);
 }
 
-/// The tuning at the edge of what [`model_core::Config`] allows: no bias, no drift, next to nothing
-/// forgotten. The covariance shrinks by orders of magnitude, which is what rounding takes badly.
+/// The extreme tuning that [`model_core::Config`] allows: no bias, no drift, next to no forgetting.
+/// The covariance shrinks by orders of magnitude, where rounding is most harmful.
 fn at_the_edge(interval: &Interval) -> Interval {
     const MEMORY_S: f32 = 1.0e6;
     const READING_K2: f32 = 0.05 * 0.05 / (8.0 * 20.0);
@@ -144,7 +144,7 @@ fn errors_k(recording: &Recording, form: &mut dyn Form) -> Vec<f64> {
     recording.errors_k(|interval| step(&mut core, interval), |interval| step(form, interval))
 }
 
-/// Their RMS over a part of the run \[s\].
+/// RMS of the errors over a part of the run \[s\].
 fn rms_k(recording: &Recording, (from_s, to_s): (f64, f64), form: &mut dyn Form) -> f64 {
     let errors_k = errors_k(recording, form);
     let [from, to] = [from_s, to_s].map(|s| ((s * 1000.0) as usize).min(errors_k.len()));
@@ -152,14 +152,13 @@ fn rms_k(recording: &Recording, (from_s, to_s): (f64, f64), form: &mut dyn Form)
     (part.iter().map(|error_k| error_k * error_k).sum::<f64>() / part.len() as f64).sqrt()
 }
 
-/// One interval of a form; the gain.
+/// Runs a form for one interval; returns the gain.
 fn step(form: &mut dyn Form, interval: &Interval) -> [f64; N] {
     form.predict(interval);
     form.update(interval)
 }
 
-/// The shipped form, driven here, has to be the core's to the bit: else the table compares
-/// something else.
+/// The shipped form must match the core bit by bit here, or the table would compare something else.
 fn check(recording: &Recording) {
     let mut named = Named(recording.first);
     let (_, done) = recording.intervals.split_last().expect("the run has intervals");
@@ -193,7 +192,7 @@ fn steady(recording: &Recording) -> Steady {
     Steady(gains)
 }
 
-/// What 10^8 steps leave of a covariance.
+/// Rounding errors of a covariance after 10^8 steps.
 #[derive(Debug, Clone, Copy)]
 struct Wear {
     /// Largest difference of two entries that should be equal, as a correlation \[-\].
@@ -204,10 +203,10 @@ struct Wear {
     deviation: f64,
 }
 
-/// A working cycle over and over, and what f64 makes of it.
+/// A repeated working cycle, and its covariances in f64.
 struct Reference<'a> {
     cycle: &'a [Interval],
-    /// In the last cycle, interval by interval.
+    /// Covariances in the last cycle, interval by interval.
     covariances: Vec<Matrix5<f64>>,
 }
 
@@ -234,7 +233,7 @@ impl<'a> Reference<'a> {
             wear.eigenvalue = wear.eigenvalue.min(least);
             for i in 0..N {
                 let deviation = scaled[(i, i)].sqrt() - 1.0;
-                // NaN is worse than anything.
+                // NaN counts as the worst.
                 wear.deviation = if deviation.abs() <= wear.deviation {
                     wear.deviation
                 } else {
@@ -246,7 +245,8 @@ impl<'a> Reference<'a> {
     }
 }
 
-/// 10^8 steps' worth of a cycle; `each` sees the covariance after every interval of the last one.
+/// Repeats a cycle for 10^8 steps; `each` is called with the covariance after every interval of the
+/// last one.
 fn drive(form: &mut dyn Form, cycle: &[Interval], mut each: impl FnMut(Matrix5<f64>)) {
     for (i, interval) in cycle.iter().cycle().take(INTERVALS).enumerate() {
         step(form, interval);

@@ -9,10 +9,9 @@ use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs");
-/// Steps from point to point.
+/// Distance of the points in steps.
 const EVERY: usize = 20;
 
-/// Writes both plots.
 pub fn write(full: &Loaded, nominal: &Recording, low: &[Vec<f64>; 2]) -> io::Result<()> {
     let save = |file: &str, document: String| fs::write(format!("{FOLDER}/{file}"), document);
     let title = "Nominal cycle on the plant full";
@@ -25,7 +24,7 @@ fn thinned(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values.step_by(EVERY).collect()
 }
 
-/// Seconds of a run with so many points.
+/// Times of a run with so many points \[s\].
 fn seconds(count: usize) -> Vec<f64> {
     (0..count).map(|i| (i * EVERY) as f64 * 1e-3).collect()
 }

@@ -1,6 +1,6 @@
-//! What the estimator on the board works with, interval by interval.
+//! Inputs of the board's estimator, interval by interval.
 //!
-//! It keeps its matrices to itself; what it prints of itself (`{:?}`) tells them to the last bit.
+//! The estimator's matrices are private; its debug output (`{:?}`) has them to the last bit.
 
 use crate::covariance::{Covariance, Transition};
 use crate::forms::{Interval, N, SENSOR};
@@ -13,7 +13,7 @@ use thermyo_simulation::run;
 /// Steps of an interval of the estimator, at a step of a millisecond.
 const INTERVAL_STEPS: usize = 20;
 
-/// The core in this process, looked into after every interval.
+/// The core in this process, inspected after every interval.
 #[derive(Debug, Default)]
 struct WatchedBoard {
     board: CoreBoard,
@@ -56,12 +56,12 @@ impl Board for WatchedBoard {
     }
 }
 
-/// A part of what a value prints of itself.
+/// A part of a value's debug output.
 #[derive(Debug, Clone, Copy)]
 struct Printed<'a>(&'a str);
 
 impl<'a> Printed<'a> {
-    /// What follows `name`.
+    /// The text after `name`.
     fn within(self, name: &str) -> Self {
         let at = self.0.find(name).unwrap_or_else(|| panic!("the core prints no `{name}`"));
         Self(&self.0[at + name.len()..])
@@ -144,10 +144,9 @@ impl<'a> Printed<'a> {
     }
 }
 
-/// A run of the core, and what its estimator did in it.
+/// A run of the core with its estimator's intervals.
 #[derive(Debug)]
 pub struct Recording {
-    /// Interval by interval.
     pub intervals: Vec<Interval>,
     /// The covariance before the first of them.
     pub first: Covariance,
@@ -160,7 +159,6 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Runs a scenario.
     pub fn new(loaded: &Loaded) -> Self {
         let mut loaded = loaded.clone();
         loaded.plant.run.log_every = 1;

@@ -1,16 +1,17 @@
-//! What the plant's fixed steps cost and how exact they are, beside solvers of other hands: `ode_solvers`, and SciPy
-//! where python3 has it.
+//! Cost and accuracy of the plant's fixed steps, compared with independent solvers: `ode_solvers`,
+//! and SciPy if python3 has it.
 //!
 //!     cargo bench -p research --bench integrators
 //!
-//! The case is the largest of which an adaptive solver can be given the same equations: the default muscle of the model
-//! `lumped` with stop, friction, both valves and wall, over four cycles of filling, holding, letting out and holding.
-//! Openings do not change within a phase, and are known ahead. Friction does not soften as the wall warms: the plant's
-//! speed leaves that drift out. `full`, with zones and pulses, is compared with itself alone.
+//! The case is the largest for which an adaptive solver can use the same equations: the default
+//! muscle of the model `lumped` with stop, friction, both valves and wall, over four cycles of
+//! filling, holding, venting and holding. Openings do not change within a phase, and are known in
+//! advance. Friction does not soften as the wall warms: the plant's speed leaves that drift out.
+//! `full`, with zones and pulses, is compared only with itself.
 //!
-//! A time is that of all 20 s, without core and trace. Solvers give a state every 10 ms; the plant computes a state and
-//! its sensors in every step. "Anew every 1 ms" is a solver that does not know what the openings will be a step later, as
-//! nobody does who runs a controller.
+//! A time is that of all 20 s, without core and trace. Solvers return a state every 10 ms; the
+//! plant computes a state and its sensors in every step. "Anew every 1 ms" is a solver that
+//! restarts every step, as it must where a controller sets the openings.
 
 mod muscle;
 
@@ -34,17 +35,17 @@ type Drive = [(f64, f64, f64)];
 const CYCLE: [(f64, f64, f64); 4] =
     [(2.0, 0.108, 0.0), (0.5, 0.0, 0.0), (2.0, 0.0, 0.27), (0.5, 0.0, 0.0)];
 const CYCLES: usize = 4;
-/// Between two samples, of which the errors are taken \[s\].
+/// Interval of the samples from which the errors are computed \[s\].
 const SAMPLE_S: f64 = 0.01;
 /// The exchange step, in which a core is called and openings may change \[s\].
 const STEP_S: f64 = 0.001;
-/// Everybody's turns.
+/// Number of timed rounds.
 const ROUNDS: usize = 7;
 /// Relative tolerance of the finest solution.
 const FINEST: f64 = 1e-13;
 /// An absolute tolerance per relative one: a small mass \[kg\].
 const LEAST_KG: f64 = 1e-4;
-/// What the script exits with where there is no SciPy.
+/// Exit code of the script without SciPy.
 const NO_SCIPY: i32 = 3;
 
 /// Pressure \[Pa\], gas temperature \[K\], length \[m\].
@@ -103,7 +104,7 @@ fn main() {
     table.print();
 }
 
-/// What has come of everybody.
+/// Results of all solvers.
 #[derive(Default)]
 struct Table {
     rows: Vec<Row>,
@@ -111,7 +112,7 @@ struct Table {
 
 struct Row {
     name: String,
-    /// Of each round.
+    /// Time of each round.
     seconds: Vec<f64>,
     errors: Sample,
 }
@@ -130,7 +131,7 @@ impl Table {
         }
     }
 
-    /// Times are those of the same round's first row.
+    /// Relative times refer to the first row of the same round.
     fn print(&self) {
         println!(
             "{:30} {:>8} {:>12} {:>9} {:>10}",
@@ -179,7 +180,7 @@ fn steps(duration_s: f64, step_s: f64) -> usize {
     (duration_s / step_s).round() as usize
 }
 
-/// The same by a solver that starts anew with every phase, and every `piece_s`.
+/// Solves the case with a restart at every phase, and every `piece_s`.
 fn integrate(
     scenario: &Scenario,
     drive: &Drive,
@@ -214,11 +215,12 @@ fn start_m(scenario: &Scenario) -> f64 {
     thermyo_plant::build(scenario, None).expect("the default muscle can be built").truth().length_m
 }
 
-/// States at multiples of an interval \[s\] within a duration \[s\], from that state on, at that relative tolerance.
+/// Solver: returns the states at multiples of an interval \[s\] within a duration \[s\]; the last
+/// arguments are the initial state and the relative tolerance.
 type Solver = fn(Phase<'_>, f64, f64, State, f64) -> Vec<State>;
 
-/// By how much longer a solver goes on \[s\]. The state at the very end `ode_solvers` 0.6.2 writes when it is the next one
-/// due, from the polynomial of a step that has not come that far.
+/// Time by which a solver is run longer \[s\]. `ode_solvers` 0.6.2 returns the state at the very
+/// end only when it is due next, from the polynomial of a step that has not come that far.
 const BEYOND_S: f64 = 1e-8;
 
 fn dopri5(phase: Phase<'_>, duration_s: f64, every_s: f64, y: State, rtol: f64) -> Vec<State> {
@@ -243,7 +245,7 @@ struct ScipyRun {
     samples: Vec<Sample>,
 }
 
-/// The same by SciPy; nothing where it is not there.
+/// Solves the case with SciPy; empty where it is not installed.
 fn scipy(scenario: &Scenario, drive: &Drive) -> Vec<ScipyRun> {
     let muscle = Muscle::of(scenario);
     let held_m = start_m(scenario);
@@ -260,7 +262,7 @@ fn scipy(scenario: &Scenario, drive: &Drive) -> Vec<ScipyRun> {
         Err(error) if error.kind() == ErrorKind::NotFound => return Vec::new(),
         child => child.expect("python3 can be run"),
     };
-    // A script without SciPy reads nothing: what is written then may fail.
+    // A script without SciPy does not read its input, so the write may fail.
     let _ = serde_json::to_writer(child.stdin.take().expect("it is piped"), &case);
     let output = child.wait_with_output().expect("python3 ends");
     if output.status.code() == Some(NO_SCIPY) {

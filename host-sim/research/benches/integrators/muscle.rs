@@ -1,5 +1,6 @@
-//! The equations of the lumped muscle, written down from docs/background/model.md for solvers that choose their own steps: mass
-//! and energy of the gas, temperature of the wall, and the length where pull, load and friction balance.
+//! Equations of the lumped muscle, from docs/background/model.md, for solvers that choose their own
+//! steps: mass and energy of the gas, temperature of the wall, and the length where pull, load and
+//! friction balance.
 
 use crate::Sample;
 use ode_solvers::{SVector, System};
@@ -11,7 +12,7 @@ use thermyo_scenario::Scenario;
 /// Mass \[kg\] and internal energy \[J\] of the gas, temperature of the wall \[K\].
 pub type State = SVector<f64, 3>;
 
-/// What the equations need of a scenario, SI; in JSON for those who write them in another language.
+/// Parameters of the equations, SI; in JSON for solvers in other languages.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Muscle {
     r: f64,
@@ -64,7 +65,7 @@ impl Muscle {
         }
     }
 
-    /// The state at the start, where the length is that \[m\].
+    /// State at the start, with the given length \[m\].
     pub fn start(&self, length: f64) -> State {
         let energy = self.start_pa * self.volume(length) / (self.k - 1.0);
         State::new(energy * (self.k - 1.0) / (self.r * self.start_k), energy, self.start_k)
@@ -93,7 +94,7 @@ impl Muscle {
         (pressure - self.ambient_pa) * self.area(length) - self.bladder_n_m * (self.rest_m - length)
     }
 
-    /// Slope of the pull over length where P V^e does not change.
+    /// Slope of the pull over length at constant P V^e.
     fn stiffness(&self, pressure: f64, length: f64, e: f64) -> f64 {
         e * pressure * self.area(length).powi(2) / self.volume(length)
             + (pressure - self.ambient_pa) * 6.0 * length / (4.0 * PI * self.turns.powi(2))
@@ -109,7 +110,7 @@ impl Muscle {
     }
 }
 
-/// The muscle while its openings do not change. What moves then goes one way only, from where the last phase left it.
+/// The muscle at constant openings. The length then moves in one direction only from its start.
 #[derive(Debug, Clone)]
 pub struct Phase<'a> {
     pub muscle: &'a Muscle,
@@ -118,18 +119,18 @@ pub struct Phase<'a> {
     pub outlet: f64,
     /// Length at the start \[m\].
     pub held_m: f64,
-    /// Where the length was found last \[m\].
+    /// Last solution for the length \[m\].
     pub guess_m: Cell<f64>,
 }
 
 impl Phase<'_> {
-    /// The length \[m\], and which way it may slide: -1 in, 1 out, 0 none.
+    /// Length \[m\], and the direction in which it may slide: -1 in, 1 out, 0 none.
     fn length(&self, energy: f64) -> (f64, f64) {
         let Self { muscle, held_m, .. } = *self;
         let excess = muscle.pull(muscle.pressure(energy, held_m), held_m) - muscle.load_n;
-        // What slid when the last phase ended lies on the edge, but for rounding.
+        // A length that was sliding at the end of the last phase lies at the edge but for rounding.
         let edge = muscle.friction_n * (1.0 - 1e-9);
-        // NaN, which a solver may ask for in a step that it takes back, moves nothing.
+        // A solver may try a step with NaN and reject it: NaN does not move the length.
         if !(excess > edge || (excess < -edge && held_m < muscle.rest_m)) {
             return (held_m, 0.0);
         }
@@ -140,7 +141,7 @@ impl Phase<'_> {
             let correction =
                 (muscle.pull(pressure, length) - force) / muscle.stiffness(pressure, length, 1.0);
             length -= correction;
-            // Newton squares what is left.
+            // Newton squares the remaining error.
             if correction.abs() < 1e-7 {
                 self.guess_m.set(length);
                 break;
@@ -167,7 +168,7 @@ impl System<f64, State> for Phase<'_> {
         let surface = length * (muscle.thread_m.powi(2) - length.powi(2)).sqrt() / muscle.turns;
         let heat = (h0 + h1 * inflow) * surface * (temperature - y[2]);
         let source = k * r / (k - 1.0) * (inflow * supply_k - outflow * temperature) - heat;
-        // The balance of forces over time: what the source does to the pull, the motion undoes.
+        // Balance of forces over time: the motion cancels the source's effect on the pull.
         let free = -area * (k - 1.0) * source / volume / muscle.stiffness(pressure, length, k);
         let speed = if free * way > 0.0 { free } else { 0.0 };
         let friction = muscle.friction_to_wall * muscle.friction_n * speed.abs();

@@ -1,6 +1,6 @@
-//! `thermyo compare`: recorded runs over each other, each against the first.
+//! `thermyo compare`: differences of recorded runs from the first one.
 //!
-//! Runs need not be logged alike: a run is looked up at the first one's times, linear between its rows.
+//! Rows may lie at different times: each run is interpolated linearly at the times of the first.
 
 mod page;
 
@@ -13,45 +13,39 @@ use thermyo_files::number::of_column;
 use thermyo_files::table::Table;
 use thermyo_record::trace::COMPARABLE;
 
-/// One run's record.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// What it is called.
     pub name: String,
     time_s: Vec<f64>,
-    /// Columns that have a value in any row; not a number where a cell is empty.
+    /// Columns that have a value in any row; NaN where a cell is empty.
     columns: BTreeMap<&'static str, Vec<f64>>,
 }
 
-/// How far a run is from the first one, in one column.
+/// Difference of a run from the first one, in one column.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {
     /// Mean of this run less the first \[SI\].
     pub mean: f64,
     /// Root mean square \[SI\].
     pub rms: f64,
-    /// Largest, either way \[SI\].
+    /// Largest absolute difference \[SI\].
     pub max: f64,
 }
 
-/// What `summary.json` says of one run.
+/// Entry of one run in `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Compared {
-    /// What the run is called.
     pub run: String,
-    /// The first run, which it is compared with.
+    /// Name of the first run.
     pub with: String,
     /// Rows of the first run within the time of both.
     pub rows: usize,
-    /// By column.
     pub differences: BTreeMap<&'static str, Difference>,
 }
 
 impl Run {
-    /// A run from its table.
-    ///
     /// # Errors
-    /// When it has no `time_s` in every row, or times that fall.
+    /// When `time_s` is missing in a row, or times fall.
     pub fn new(name: &str, table: &Table) -> Result<Self, InputError> {
         let time_s = table.filled("time_s")?;
         if let Some(row) = (1..time_s.len()).find(|row| time_s[*row] < time_s[row - 1]) {
@@ -74,7 +68,7 @@ impl Run {
         self.columns.get(name).map(Vec::as_slice)
     }
 
-    /// A column at a time, linear between rows; none beyond them.
+    /// Value of a column at a time, linear between rows; none outside of them.
     fn at(&self, values: &[f64], time_s: f64) -> Option<f64> {
         let after = self.time_s.partition_point(|time| *time < time_s);
         let (end_s, end) = (*self.time_s.get(after)?, values[after]);
@@ -86,7 +80,7 @@ impl Run {
         Some(start + (end - start) * (time_s - start_s) / (end_s - start_s))
     }
 
-    /// How far it is from `first`.
+    /// Differences from `first`.
     pub fn compared(&self, first: &Self) -> Compared {
         let (from_s, to_s) = (self.time_s[0], self.time_s[self.time_s.len() - 1]);
         let rows = first.time_s.iter().filter(|time| (from_s..=to_s).contains(*time)).count();
@@ -117,7 +111,7 @@ impl Run {
     }
 }
 
-/// For a terminal.
+/// Table for a terminal.
 pub fn text(all: &[Compared]) -> String {
     let mut text = String::new();
     for compared in all {

@@ -1,4 +1,4 @@
-//! `report.html` of a comparison: every quantity with all runs over each other, and the differences.
+//! `report.html` of a comparison: every quantity of all runs in one chart, and the differences.
 
 use super::{Compared, Run};
 use crate::run_report::label;
@@ -18,14 +18,14 @@ const COLOURS: [Colour; 7] = [
     Colour::Sky,
 ];
 
-/// The sections: heading, and the columns drawn in it.
+/// Headings of the sections, and the columns drawn in them.
 const SECTIONS: [(&str, &[&str]); 3] = [
     ("Temperature", &["gas_temperature_k", "estimate_k", "sensor_gas_k", "wall_temperature_k"]),
     ("Pressure and motion", &["pressure_pa", "length_m", "volume_m3"]),
     ("Air", &["mass_kg", "flow_in_kg_s", "flow_out_kg_s", "duty_in", "duty_out"]),
 ];
 
-/// The page; `compared` are all runs but the first.
+/// `compared` contains all runs but the first.
 pub fn page(runs: &[Run], compared: &[Compared]) -> String {
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let lead = format!("{}: each over the others, the differences to the first.", names.join(", "));

@@ -1,4 +1,4 @@
-//! `thermyo reproduce`: the paper's isotonic working cycle, and what follows from it.
+//! `thermyo reproduce`: the paper's isotonic working cycle, and conclusions from it.
 //!
 //! The main run is the plant `full` with the core in the loop. Beside it run the same muscle without
 //! friction heat (how much of a sensor's reading is friction), between adiabatic and isothermal
@@ -21,13 +21,10 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Largest time shift that is searched \[s\].
+/// Largest time shift of the search \[s\].
 const MOST_SHIFT_S: f64 = 2.5;
 
 /// The scenario of the paper's experiment.
-///
-/// # Errors
-/// None in a sane build: the file is part of the program and tested.
 pub fn scenario() -> Result<Loaded, InputError> {
     thermyo_setup::parse(shipped::text("reproduce.toml"), "scenarios/reproduce.toml".as_ref())
 }
@@ -35,19 +32,13 @@ pub fn scenario() -> Result<Loaded, InputError> {
 /// One signal over the run.
 #[derive(Debug, Clone, Default)]
 pub struct Signals {
-    /// Time \[s\].
     pub time_s: Vec<f64>,
-    /// Pressure \[Pa\].
     pub pressure_pa: Vec<f64>,
-    /// Volume \[m3\].
     pub volume_m3: Vec<f64>,
-    /// Length \[m\].
     pub length_m: Vec<f64>,
     /// Gas temperature \[K\].
     pub gas_k: Vec<f64>,
-    /// Sensor in the gas \[K\].
     pub sensor_gas_k: Vec<f64>,
-    /// Sensor in the wall \[K\].
     pub sensor_wall_k: Vec<f64>,
     /// Gas temperature of the forward model \[K\].
     pub model_k: Vec<f64>,
@@ -86,7 +77,7 @@ impl Signals {
     }
 }
 
-/// The main run as it goes by.
+/// Collects the main run.
 #[derive(Debug)]
 pub struct Study {
     loaded: Loaded,
@@ -96,25 +87,24 @@ pub struct Study {
 /// A simulation that is compared with the main run.
 #[derive(Debug, Clone)]
 pub struct Variant {
-    /// What it is, for legends.
+    /// Name for legends.
     pub name: &'static str,
-    /// Its signals.
     pub signals: Signals,
-    /// Its summary.
     pub summary: Summary,
 }
 
-/// How a sensor sees the gas.
+/// Response of a sensor to the gas temperature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SensorVerdict {
     /// Amplitude at the stroke's frequency, relative to the gas \[-\].
     pub gain: f64,
     /// Delay at the stroke's frequency \[s\].
     pub delay_s: f64,
-    /// Best correlation with the gas temperature, the reading moved back by up to half a period \[-\].
+    /// Highest correlation with the gas temperature, the reading moved back by up to half a period
+    /// \[-\].
     pub correlation: f64,
-    /// Share of friction heat in what the reading does \[-\]: RMS of the difference that friction
-    /// heat makes, against that and the RMS of what happens without it.
+    /// Fraction of friction heat in the reading \[-\]: RMS of the difference that friction heat
+    /// makes, over the sum of that and the RMS of the reading's changes without it.
     pub friction_share: f64,
     /// Rise over the run, mean of the last stroke \[K\].
     pub rise_k: f64,
@@ -123,20 +113,16 @@ pub struct SensorVerdict {
 /// A statement of the report, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
-    /// What is stated.
     pub what: &'static str,
-    /// The figure, with its unit.
+    /// Figure with its unit.
     pub figure: String,
-    /// What it has to be.
     pub target: &'static str,
-    /// Whether it is.
     pub holds: bool,
 }
 
-/// Everything that the report says.
+/// Content of the report.
 #[derive(Debug, Clone)]
 pub struct Findings {
-    /// The main run.
     pub signals: Signals,
     /// Period of the working cycle \[s\].
     pub period_s: f64,
@@ -146,24 +132,21 @@ pub struct Findings {
     pub model_correlation: f64,
     /// The foil in the gas.
     pub gas_sensor: SensorVerdict,
-    /// The sensor in the wall.
     pub wall_sensor: SensorVerdict,
     /// The muscle without air moving under its insulation.
     pub still_air: Signals,
-    /// By how much its sensor rises, mean of the last stroke \[K\].
+    /// Rise of its sensor, mean of the last stroke \[K\].
     pub still_air_rise_k: f64,
     /// Temperature bounds: adiabatic, constant coefficient, isothermal (one zone, full balance).
     pub bounds: Vec<Variant>,
     /// The paper's reduced equations: (6), (8), (9).
     pub reduced: Vec<Variant>,
-    /// The books over the last stroke.
+    /// Ledger of the last stroke.
     pub stroke: Ledger,
-    /// Every statement, checked.
     pub checks: Vec<Check>,
 }
 
 impl Study {
-    /// Nothing yet.
     pub fn new(loaded: &Loaded) -> Self {
         Self { loaded: loaded.clone(), signals: Signals::default() }
     }
@@ -173,10 +156,10 @@ impl Study {
         self.signals.add(row);
     }
 
-    /// Runs what the main run is compared with, and draws the conclusions.
+    /// Runs the variants that are compared with the main run, and evaluates the checks.
     ///
     /// # Errors
-    /// When one of the comparisons cannot be run.
+    /// When one of the variants cannot be run.
     pub fn finish(self, summary: &Summary) -> Result<Findings, RunError> {
         let period_s = self.loaded.plant.drive.period_s;
         let ratio = self.loaded.plant.gas.heat_capacity_ratio;
@@ -188,8 +171,8 @@ impl Study {
         let paper = |alpha_in: f64, alpha_out: f64, alpha: f64| {
             let mut variant = self.loaded.with_model(PlantModel::Paper);
             variant.plant.paper = Paper { alpha_in, alpha_out, alpha };
-            // Eq. (6) compresses what flows in at the temperature inside: it goes far above what a
-            // sensor for this muscle would show.
+            // Eq. (6) compresses the inflow at the inside temperature, which goes far beyond the
+            // range of a sensor for this muscle.
             for scenario in [&mut variant.plant, &mut variant.believed] {
                 scenario.sensor.pressure.range_pa *= 3.0;
             }
@@ -213,7 +196,7 @@ impl Study {
             ("eq. (8), isothermal", paper(1.0, 1.0, 1.0)),
             ("eq. (9), blended", paper(blend.alpha_in, blend.alpha_out, blend.alpha)),
         ];
-        // Independent runs: side by side on whatever cores there are.
+        // Independent runs, in parallel.
         let results: Vec<Result<Variant, RunError>> = thread::scope(|scope| {
             let handles: Vec<_> = variants
                 .into_iter()
@@ -314,7 +297,7 @@ fn rise_k(reading: &[f64], signals: &Signals, period_s: f64) -> f64 {
     mean(&reading[signals.last_stroke(period_s)]) - reading[0]
 }
 
-/// The statements of the report, each with its figure.
+/// Statements of the report with their figures.
 fn checks(findings: &Findings, summary: &Summary) -> Vec<Check> {
     let sensor = &summary.sensor_gas_k;
     let (foil, wall) = (&findings.gas_sensor, &findings.wall_sensor);

@@ -1,5 +1,5 @@
-//! The report of `thermyo reproduce`: the paper's figures, each with what the paper shows, what this
-//! shows, and where they differ.
+//! Report of `thermyo reproduce`: the paper's figures beside the simulated ones, and their
+//! differences.
 
 use super::{Findings, SensorVerdict, Signals, Variant};
 use crate::signals::mean;
@@ -13,10 +13,9 @@ use thermyo_setup::Loaded;
 
 const PASCAL_PER_KPA: f64 = 1e3;
 const ML_PER_M3: f64 = 1e6;
-/// Strokes that enlarged charts show.
+/// Strokes in enlarged charts.
 const DETAIL_STROKES: f64 = 2.0;
 
-/// The report.
 pub fn page(loaded: &Loaded, findings: &Findings, summary: &Summary) -> String {
     let lead = format!(
         "A pneumatic muscle lifts {:.0} N: {:.2} g/s of air in for {:.1} s, the same flow out for {:.1} s, \
@@ -443,7 +442,8 @@ fn plane(signals: &Signals, rows: &std::ops::Range<usize>) -> (Vec<f64>, Vec<f64
     )
 }
 
-/// Share of some rows in which the plant's gas lies between the isothermal and the adiabatic one.
+/// Fraction of some rows in which the plant's gas temperature lies between isothermal and
+/// adiabatic.
 fn share_between(findings: &Findings, rows: &std::ops::Range<usize>) -> f64 {
     let find = |name: &str| findings.bounds.iter().find(|variant| variant.name == name);
     let (Some(adiabatic), Some(isothermal)) = (find("adiabatic wall"), find("isothermal gas"))

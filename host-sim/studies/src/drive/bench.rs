@@ -14,12 +14,12 @@ pub struct LiveBench<'a> {
     board: &'a mut LiveBoard,
     name: &'a str,
     highest_pa: f64,
-    /// Whether the user wants to end it.
+    /// Returns whether the user wants to stop.
     wanted: &'a dyn Fn() -> bool,
 }
 
 impl<'a> LiveBench<'a> {
-    /// A board that is told configurations of this name.
+    /// `name` is the name of the configurations that the board gets.
     pub fn new(
         board: &'a mut LiveBoard,
         name: &'a str,

@@ -4,7 +4,7 @@
 //! profile --set points, a little ahead--> board --telemetry of every step--> trace, summary, page
 //! ```
 //!
-//! The core starts anew with the first set point, so that the record replays from its step 0 on.
+//! The core restarts with the first set point, so that the record replays from its step 0 on.
 
 mod bench;
 mod page;
@@ -32,10 +32,10 @@ use thermyo_setup::from_config::Said;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::SetPoints;
 
-/// A set point is sent that many steps before its time: so long it is on its way.
+/// Steps by which a set point is sent ahead of its time, to cover the delay of the link.
 const LEAD_STEPS: u64 = 5;
 
-/// Columns of a profile, and what they drive.
+/// Columns of a profile, and the drive of each.
 const PROFILES: [(&str, DriveKind); 4] = [
     ("pressure_pa", DriveKind::Pressure),
     ("contraction", DriveKind::Contraction),
@@ -43,27 +43,24 @@ const PROFILES: [(&str, DriveKind); 4] = [
     ("duty", DriveKind::Duty),
 ];
 
-/// Why a run ended before its time.
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
     /// The board cannot be used any more, or vents.
     #[error(transparent)]
     Board(#[from] BoardError),
-    /// The record cannot be written.
     #[error("the record cannot be written: {0}")]
     Output(io::Error),
 }
 
-/// How a run ended that nothing vented.
+/// End of a run without a venting fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ended {
-    /// At its time.
     Whole,
-    /// Before that, because it was wanted.
+    /// Stopped early by the user.
     Stopped,
 }
 
-/// What is going to be driven: the profile of a file, on the muscle that the board was configured with.
+/// Scenario to drive: the profile of a file, on the muscle that the board was configured with.
 ///
 /// # Errors
 /// [`InputError`] for a file that is neither a scenario nor a table with a set point.
@@ -101,7 +98,7 @@ pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
     above_ambient(file, &driven)?;
     driven.plant.run.log_every = 1;
     if driven.drive_profile.is_some() {
-        // Beside the scenario in the record's folder.
+        // The profile lies beside the scenario in the record's folder.
         driven.plant.drive.profile_csv = Some(PathBuf::from("profile.csv"));
     }
     driven.believed.run = driven.plant.run.clone();
@@ -109,7 +106,7 @@ pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
     Ok(driven)
 }
 
-/// No muscle holds less than the ambient pressure that the board is configured with.
+/// The set points must not be below the ambient pressure of the board's configuration.
 fn above_ambient(file: &Path, driven: &Loaded) -> Result<(), InputError> {
     let drive = &driven.plant.drive;
     let points = driven.drive_profile.as_ref().map_or_else(Vec::new, |of| of.points().to_vec());
@@ -127,11 +124,11 @@ fn above_ambient(file: &Path, driven: &Loaded) -> Result<(), InputError> {
     Err(InputError::file(file, problem))
 }
 
-/// Drives a board; every step of the muscle is shown to `each`. The board vents afterwards, whatever happens.
-/// `wanted` says when to end before the time.
+/// Drives a board and calls `each` with every step. The board vents afterwards in any case.
+/// `wanted` returns whether to stop early.
 ///
 /// # Errors
-/// [`DriveError`]; what vented is one.
+/// [`DriveError`], also where a fault vented.
 pub fn drive(
     board: &mut LiveBoard,
     driven: &Loaded,
@@ -140,7 +137,7 @@ pub fn drive(
 ) -> Result<Ended, DriveError> {
     board.telemetry_every(1)?;
     let outcome = along(board, driven, wanted, each);
-    // A line that is gone is told once.
+    // A lost link is reported only once.
     let stopped = board.stop().and_then(|()| board.telemetry_every(VIEW_DIVIDER));
     outcome.and_then(|ended| Ok(stopped.map(|()| ended)?))
 }
@@ -177,7 +174,8 @@ fn along(
         if let Some(sequence) = asked {
             board.check(sequence)?;
         }
-        // A host that was held up sends what acts now, not all that it has missed: the board takes no flood.
+        // After a delay the host sends only the current set point, not all that it has missed: they
+        // would flood the board.
         if board.is_behind() {
             continue;
         }

@@ -1,4 +1,4 @@
-//! The page of a run on a board.
+//! Page of a run on a board.
 
 use super::Driven;
 use model_core::SetPoint;
@@ -13,12 +13,12 @@ use thermyo_runs::run_report;
 use thermyo_runs::run_report::{RunReport, SummaryRow};
 use thermyo_setup::Loaded;
 
-/// Records what the page draws, in bounded memory.
+/// Records the page's data, in bounded memory.
 pub struct Drawn {
     series: Recorder,
-    /// Places of the columns that a board knows.
+    /// Indices of the columns that a board can fill.
     known: Vec<usize>,
-    /// What set points stood for, and whether that was always the same.
+    /// Controlled quantity of the set points, if it was the same in all steps.
     controlled: Option<Controlled>,
     mixed: bool,
 }
@@ -30,7 +30,6 @@ impl Default for Drawn {
 }
 
 impl Drawn {
-    /// Nothing yet.
     pub fn new() -> Self {
         let unknown = [
             "volume_m3",
@@ -48,7 +47,6 @@ impl Drawn {
         Self { series: Recorder::new(&names), known, controlled: None, mixed: false }
     }
 
-    /// One step more.
     pub fn add(&mut self, row: &Row) {
         let controlled = match row.telemetry.set_point {
             SetPoint::Pressure { .. } => Some(Controlled::Pressure),
@@ -58,7 +56,7 @@ impl Drawn {
         self.mixed |=
             controlled.is_some() && self.controlled.is_some_and(|of| Some(of) != controlled);
         self.controlled = self.controlled.or(controlled);
-        // What is no set point of a loop is not drawn as one.
+        // Only the set point of a closed loop is drawn.
         let set_point = if controlled.is_some() { row.set_point } else { f64::NAN };
         let cells = Row { set_point, ..*row }.cells();
         let known: Vec<f64> = self.known.iter().map(|&i| cells[i]).collect();
@@ -66,7 +64,6 @@ impl Drawn {
     }
 }
 
-/// The page.
 pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> String {
     let faulted = Faulted(&summary.core);
     let stopped = if summary.stopped_of_s.is_some() { "Stopped by Ctrl-C: " } else { "" };
@@ -113,7 +110,7 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         scenario_toml: &thermyo_setup::render(driven),
         tiles: faulted.tiles().chain(control).chain(own).collect(),
         series: &drawn.series,
-        // No board measures flows.
+        // A board does not measure flows.
         drives_flow: false,
         measured: &[],
         summary: &rows,
@@ -143,7 +140,7 @@ mod tests {
         let config = core_config(&loaded.believed);
         let (mut gathered, mut drawn) = (Gathered::of_record(&loaded), Drawn::new());
         let mut observer = |row: &Row| {
-            // A board says no more than its telemetry.
+            // A board sends only telemetry.
             let row = board_trace::row(row.truth.time_s, &config, &row.telemetry);
             gathered.add(&row);
             drawn.add(&row);

@@ -1,4 +1,4 @@
-//! `summary.json` of a run on a board: what its sensors and its core say, without a plant's truth.
+//! `summary.json` of a run on a board: readings and estimates, without a plant's true values.
 
 use model_core::link::{Status, Timing};
 use serde::Serialize;
@@ -13,21 +13,19 @@ use thermyo_scenario::DriveKind;
 use thermyo_setup::Loaded;
 use thermyo_simulation::run::SetPoints;
 
-/// Everything that `summary.json` says of a run on a board.
+/// Content of `summary.json` of a run on a board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Driven {
     /// Time driven \[s\].
     pub duration_s: f64,
-    /// Time that was to be driven, where it was stopped before that \[s\].
+    /// Planned time, where the run was stopped early \[s\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_of_s: Option<f64>,
     /// Working strokes; 0 where the drive has no period.
     pub strokes: u64,
     /// The board's port.
     pub board: String,
-    /// What the configuration is called.
     pub config_name: String,
-    /// Its checksum.
     pub config_checksum: u32,
     /// Measured absolute pressure \[Pa\].
     pub pressure_pa: Range,
@@ -38,45 +36,46 @@ pub struct Driven {
     pub sensor_gas_k: Readings,
     /// Estimated gas temperature \[K\].
     pub estimate_k: Range,
-    /// What the core reports of itself.
+    /// Figures that the core reports.
     pub core: CoreFigures,
     /// Steps whose telemetry did not arrive.
     pub lost_steps: u64,
     /// How the steps were timed, since the board started.
     pub timing: TimingFigures,
-    /// How well the set point was held, where one was driven.
+    /// Tracking of the set point, where one was driven.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
-    /// Root-mean-square and largest difference to measured columns, where some were given.
+    /// Root-mean-square and largest difference to measured columns, where the scenario has some.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured: Option<BTreeMap<String, Difference>>,
 }
 
 impl Driven {
-    /// What was driven: "4.00 s", or "2.46 s of 4 s".
+    /// Driven time: "4.00 s", or "2.46 s of 4 s".
     pub fn driven(&self) -> String {
         let of = self.stopped_of_s.map_or_else(String::new, |of_s| format!(" of {of_s} s"));
         format!("{:.2} s{of}", self.duration_s)
     }
 }
 
-/// Gathers them.
+/// Collects the summary step by step.
 pub struct Gathered {
     accumulator: Accumulator,
     set_points: SetPoints,
     scenario: Loaded,
-    /// Of what moves \[m\].
+    /// Of a muscle or cylinder \[m\].
     rest_length_m: Option<f64>,
     estimate: Range,
     rows: u64,
-    /// The step that comes next, if none is lost; none at the beginning of a record that begins anywhere.
+    /// Number of the next step if none is lost; none at the start of a record that may begin at any
+    /// step.
     next_step: Option<u32>,
     lost_steps: u64,
     last_s: f64,
 }
 
 impl Gathered {
-    /// Nothing yet of a run, which begins at step 0.
+    /// For a run, which begins at step 0.
     pub fn new(driven: &Loaded, measured: Option<&Measured>) -> Self {
         Self {
             accumulator: Accumulator::new(driven.plant.run.duration_s, measured),
@@ -91,16 +90,15 @@ impl Gathered {
         }
     }
 
-    /// Nothing yet of a record that begins at any step.
+    /// For a record that may begin at any step.
     pub fn of_record(driven: &Loaded) -> Self {
         Self { next_step: None, ..Self::new(driven, None) }
     }
 
-    /// One step more.
     pub fn add(&mut self, row: &Row) {
         let estimate_k = f64::from(row.telemetry.estimate.gas_k);
         self.rows += 1;
-        // A board that starts anew counts from 0 again.
+        // A board that restarts counts from 0 again.
         let lost = self.next_step.and_then(|next| row.telemetry.step.checked_sub(next));
         self.lost_steps += u64::from(lost.unwrap_or_default());
         self.next_step = Some(row.telemetry.step.wrapping_add(1));
@@ -114,12 +112,11 @@ impl Gathered {
         self.accumulator.add(row, self.set_points.controlled(self.rest_length_m, row));
     }
 
-    /// Steps so far.
+    /// Number of steps so far.
     pub fn rows(&self) -> u64 {
         self.rows
     }
 
-    /// Closes the books.
     pub fn finish(self, port: &str, status: &Status, timing: &Timing) -> Driven {
         let scenario = &self.scenario.plant;
         let cycle =

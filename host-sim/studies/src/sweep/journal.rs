@@ -1,10 +1,11 @@
-//! Points that are done, kept in the folder of the results until all are there: a sweep that was killed goes on.
+//! Finished points, kept in the folder of the results until all are there, so that a killed sweep
+//! can continue.
 //!
 //! ```text
-//! DIR/unfinished-N/study.json      what it is of: only the same sweep goes on from it
+//! DIR/unfinished-N/study.json      label: only the same sweep continues from it
 //!                  scenario.toml   ... in full
 //!                  sweep.csv       a row per point that is done, in the order in which they were done
-//!                  begun.txt       a line per point that was begun; locked by whoever is at work
+//!                  begun.txt       a line per point that was begun; locked by the running process
 //! ```
 
 use super::study::Label;
@@ -21,10 +22,9 @@ const LABEL: &str = "study.json";
 const SCENARIO: &str = "scenario.toml";
 const TABLE: &str = "sweep.csv";
 const BEGUN: &str = "begun.txt";
-/// Points that a message names.
+/// Most points that a message lists.
 const MOST_NAMED: usize = 3;
 
-/// A sweep's folder while it runs. It stays until [`Journal::close`].
 #[derive(Debug)]
 pub struct Journal {
     out: OutputDir,
@@ -32,19 +32,19 @@ pub struct Journal {
     begun: Mutex<File>,
 }
 
-/// What was there already.
+/// State of the folder that was found.
 #[derive(Debug, Default)]
 pub struct Kept {
-    /// The points that were done.
+    /// Finished points.
     pub rows: Vec<Point>,
-    /// Those that were begun and not done when it ended.
+    /// Points that were begun but not finished when it ended.
     pub died: Vec<usize>,
-    /// Where the table is damaged: those points are run again.
+    /// Damage of the table: its points are run again.
     pub damage: Option<InputError>,
 }
 
 impl Kept {
-    /// What a user has to hear, if something was there.
+    /// Message to the user, if earlier points were found.
     pub fn text(&self, study: &Study) -> Option<String> {
         if self.rows.is_empty() && self.died.is_empty() && self.damage.is_none() {
             return None;
@@ -72,13 +72,13 @@ fn named(study: &Study, points: &[usize]) -> String {
 }
 
 impl Journal {
-    /// Goes on with what the folder has of this study, or begins.
+    /// Continues the folder's sweep of this study, or begins one.
     ///
     /// # Errors
-    /// When the folder cannot be written, or somebody else is at work on the same study in it.
+    /// When the folder cannot be written, or another process runs the same study in it.
     pub fn open(folder: &Path, study: &Study) -> Result<(Self, Kept), InputError> {
         let label = study.label();
-        // Of a folder whose label is damaged nothing is known: it is not this one.
+        // A folder with a damaged label belongs to an unknown study, not to this one.
         let same =
             |place: &PathBuf| read_label(place).is_ok_and(|found| found.as_ref() == Some(&label));
         if let Some(unfinished) = OutputDir::unfinished(folder).into_iter().find(same) {
@@ -93,7 +93,7 @@ impl Journal {
         out.text(SCENARIO, &study.scenario)?;
         out.text(TABLE, &table(study, &rows))?;
         let begun = lock(out.place())?;
-        // Last of all: a folder without it is nobody's.
+        // Written last: a folder without a label belongs to no study.
         out.text(LABEL, &study.label_text())?;
         let table = append(&out.place().join(TABLE))?;
         let journal = Self { out, table: Mutex::new(table), begun: Mutex::new(begun) };
@@ -112,44 +112,39 @@ impl Journal {
         let numbers = text.lines().filter_map(|line| line.parse::<usize>().ok()?.checked_sub(1));
         let died: BTreeSet<usize> = numbers.filter(|point| !done.contains(point)).collect();
         let mut out = OutputDir::reopen(folder, unfinished);
-        // Without a row that was cut.
+        // Drops a row that was cut.
         out.text(TABLE, &table(study, &rows))?;
         let table = append(&out.place().join(TABLE))?;
         let journal = Self { out, table: Mutex::new(table), begun: Mutex::new(begun) };
         Ok((journal, Kept { rows, died: died.into_iter().collect(), damage }))
     }
 
-    /// A point begins.
-    ///
-    /// # Errors
-    /// Those of the file.
+    /// Records that a point begins.
     pub fn begin(&self, point: usize) -> io::Result<()> {
         write(&self.begun, &format!("{}\n", point + 1))
     }
 
-    /// A point is done.
-    ///
-    /// # Errors
-    /// Those of the file.
+    /// Records a finished point.
     pub fn add(&self, study: &Study, row: &Point) -> io::Result<()> {
         write(&self.table, &(study.csv_row(row) + "\n"))
     }
 
-    /// Where it is until it is published.
+    /// Folder of the unfinished results.
     pub fn place(&self) -> &Path {
         self.out.place()
     }
 
-    /// The folder, all points being done: what is written there now is published with the rest.
+    /// Closes the journal when all points are done; files written into the folder now are published
+    /// with it.
     pub fn close(self) -> OutputDir {
-        // The others are closed before they move.
+        // The other files are closed before the folder moves.
         let Self { out, .. } = self;
         let _ = fs::remove_file(out.place().join(BEGUN));
         out
     }
 }
 
-/// One write: whoever is killed leaves whole lines, or the last one cut.
+/// A single write: a killed process leaves whole lines, or cuts only the last one.
 fn write(file: &Mutex<File>, line: &str) -> io::Result<()> {
     file.lock().unwrap_or_else(PoisonError::into_inner).write_all(line.as_bytes())
 }
@@ -159,17 +154,17 @@ fn append(file: &Path) -> Result<File, InputError> {
     opened.map_err(|error| InputError::output(file, &error))
 }
 
-/// Two at work in one folder would do everything twice.
+/// Two processes in one folder would do everything twice.
 fn lock(unfinished: &Path) -> Result<File, InputError> {
     let file = append(&unfinished.join(BEGUN))?;
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(InputError::file(unfinished, Problem::AtWork)),
-        // There are file systems without locks.
+        // Some file systems have no locks.
         Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
     }
 }
 
-/// What a folder's results are of; none where it does not say so.
+/// Label of a folder's results; none where there is none.
 fn read_label(folder: &Path) -> Result<Option<Label>, InputError> {
     let file = folder.join(LABEL);
     if !file.exists() {
@@ -184,7 +179,6 @@ fn damaged(label: &Path, why: &str) -> InputError {
     InputError::file(label, Problem::DamagedStudy(why.to_owned()))
 }
 
-/// Header and rows.
 fn table(study: &Study, rows: &[Point]) -> String {
     let mut text = study.csv_header() + "\n";
     for row in rows {
@@ -193,12 +187,10 @@ fn table(study: &Study, rows: &[Point]) -> String {
     text
 }
 
-/// A table as it was found.
 #[derive(Default)]
 struct Table {
-    /// The rows that are as they were written, and of this study, each once.
+    /// Intact rows of this study, each once.
     rows: Vec<Point>,
-    /// What is not.
     damage: Option<InputError>,
 }
 
@@ -233,47 +225,37 @@ impl Table {
     }
 }
 
-/// Why tables do not add up to one.
+/// Reason why folders cannot be merged.
 #[derive(Debug, thiserror::Error)]
 pub enum MergeError {
-    /// A folder without a sweep.
     #[error("--merge {0}: no folder of a sweep: it has no {LABEL}, nor has an unfinished-N in it")]
     NoSweep(String),
-    /// A folder of another sweep.
     #[error(
         "--merge {0}: not the same sweep as in {1}: program, scenario, --vary and --lhs must be the same"
     )]
     Other(String, String),
-    /// Two results of one point.
     #[error(
         "--merge {0}: point {1} has another result than in a folder before it: they cannot both be right"
     )]
     Conflict(String, usize),
-    /// Points that nobody has done.
     #[error(
         "{count} of {of} points are missing: {named}; run the shards again that are not finished"
     )]
     Missing {
-        /// How many.
+        /// Number of missing points.
         count: usize,
-        /// Of how many.
+        /// Number of all points.
         of: usize,
-        /// The first of them, with their values.
+        /// The first missing points with their values.
         named: String,
     },
-    /// A table that is not as it was written.
     #[error("{0}; run that shard again: what is whole is kept")]
     Damaged(InputError),
-    /// A file cannot be read.
     #[error(transparent)]
     Input(#[from] InputError),
 }
 
-/// All points of the whole sweep, in order, from the folders of its shards; those of a shard that did not end count
-/// too.
-///
-/// # Errors
-/// [`MergeError`], in one line.
+/// All points of the whole sweep, in order, from the folders of its shards, finished or not.
 pub fn merge(folders: &[PathBuf]) -> Result<(Study, Vec<Point>), MergeError> {
     let mut whole: Option<(Label, Study)> = None;
     let mut rows: BTreeMap<usize, Point> = BTreeMap::new();
@@ -288,7 +270,7 @@ pub fn merge(folders: &[PathBuf]) -> Result<(Study, Vec<Point>), MergeError> {
         }
         let mut used = false;
         for (place, mut label) in found {
-            // Any part of it.
+            // The label of the whole sweep, without a shard.
             label.shard.clear();
             if whole.is_none() {
                 let scenario = read_text(&place.join(SCENARIO))?;

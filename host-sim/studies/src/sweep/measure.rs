@@ -1,4 +1,4 @@
-//! One point of a sweep: a run, and how far off each way to know the gas temperature was.
+//! One point of a sweep: a run, and the error of each method for the gas temperature.
 
 use std::io;
 use thermyo_record::summary::Errors;
@@ -8,33 +8,32 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// The errors count from here on: the estimator needs time to learn, as in `thermyo evaluate` \[s\].
+/// Start of the errors' evaluation: the estimator needs time to learn, as in `thermyo evaluate`
+/// \[s\].
 const SETTLED_S: f64 = 10.0;
 
-/// From when on the errors of a run count \[s\]: 10 s, or the half of a run shorter than 20 s.
+/// Start of the errors' evaluation \[s\]: 10 s, or half of a run shorter than 20 s.
 pub fn settled_s(loaded: &Loaded) -> f64 {
     SETTLED_S.min(0.5 * loaded.plant.run.duration_s)
 }
 
-/// What one run gave.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Figures {
     /// Root-mean-square errors against the plant's gas temperature \[K\].
     pub rmse_k: Errors,
-    /// Share of the steps in which the truth lies within two stated standard deviations \[-\].
+    /// Fraction of the steps in which the true value lies within two stated standard deviations
+    /// \[-\].
     pub within_2sd: f64,
 }
 
-/// Runs a scenario with the core in this process; every step from `from_s` on counts \[s\]. `go_on` is asked at each.
-///
-/// # Errors
-/// As [`run::run`]; those of `go_on`.
+/// Runs a scenario with the core in this process; the errors count from `from_s` on \[s\]. `go_on`
+/// is called in each step, and its error ends the run.
 pub fn measure(
     mut loaded: Loaded,
     from_s: f64,
     go_on: &mut dyn FnMut() -> io::Result<()>,
 ) -> Result<Figures, RunError> {
-    // The observer is to see every step.
+    // The observer needs every step.
     loaded.plant.run.log_every = 1;
     let mut squares = [0.0; 4];
     let (mut steps, mut within) = (0_u64, 0_u64);

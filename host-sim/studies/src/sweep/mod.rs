@@ -5,8 +5,8 @@
 //! journals of shards --merge--> one table
 //! ```
 //!
-//! The values go into the scenario as if they stood in its file: defaults, rules and `[believed]`,
-//! which follows the plant where the file does not say otherwise, act on them.
+//! The values are set in the scenario's document, so that defaults, rules and `[believed]`, which
+//! follows the plant unless the file states otherwise, apply to them.
 
 mod journal;
 mod measure;
@@ -38,56 +38,37 @@ use thermyo_files::input::{InputError, Problem, read_text};
 use thermyo_scenario::Document;
 use thermyo_setup::{Loaded, assemble};
 
-/// Why a sweep does not start.
+/// Reason why a sweep does not start.
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
-    /// The scenario cannot be used as it is.
     #[error(transparent)]
     Scenario(#[from] InputError),
-    /// Nothing varies.
     #[error("--vary is missing: at least one key must be varied")]
     NoKey,
-    /// One key twice.
     #[error("{0}: {1} is varied twice")]
     Twice(String, String),
-    /// A grid needs to know how many values.
     #[error("{0}: must have a COUNT: KEY=FROM:TO:COUNT; or give --lhs N")]
     NoCount(String),
-    /// A hypercube says itself how many.
     #[error("{0}: with --lhs must have no COUNT: KEY=FROM:TO, KEY=FROM:TO:log or KEY=A,B,C")]
     Count(String),
-    /// A value that the key does not take.
     #[error("{0}: {1}")]
     Value(String, Problem),
-    /// A point at which the values do not fit each other or the rest of the scenario.
     #[error("{0}: at {1}: {2}")]
     Point(String, String, InputError),
-    /// There are more points than anybody would wait for.
     #[error("must be 1 to {MOST_POINTS} points: change the COUNT of a --vary, or --lhs")]
     TooLarge,
-    /// Nothing is left to do.
     #[error("--shard {shard}: there are {points} points, so that this shard has none")]
-    EmptyShard {
-        /// The shard.
-        shard: Shard,
-        /// Points of the whole sweep.
-        points: usize,
-    },
+    EmptyShard { shard: Shard, points: usize },
 }
 
-/// A sweep that can start: every point of it is a valid scenario.
 #[derive(Debug)]
 pub struct Sweep {
-    /// What is run.
     pub study: Study,
     document: Document,
 }
 
 impl Sweep {
     /// Reads the scenario and checks every point of the shard.
-    ///
-    /// # Errors
-    /// [`SweepError`], in one line.
     pub fn new(
         path: &Path,
         ranges: Vec<Range>,
@@ -100,11 +81,7 @@ impl Sweep {
         Ok(sweep)
     }
 
-    /// The same of a scenario that has been read; whether the values of a point fit each other is found out
-    /// when it is run.
-    ///
-    /// # Errors
-    /// As [`Sweep::new`].
+    /// For a scenario that has been read. The points are checked only when they run.
     pub fn of(
         document: Document,
         ranges: Vec<Range>,
@@ -129,8 +106,8 @@ impl Sweep {
         Ok(sweep)
     }
 
-    /// Whether the values fit each other at every point of the shard. Of the shard only: of a million points each of a
-    /// thousand machines would check all.
+    /// Checks that the values are consistent at every point of the shard. Only of the shard: for a
+    /// million points each of a thousand machines would check all.
     fn check(&self) -> Result<(), SweepError> {
         let own = self.study.own();
         let checked = parallel::map(&own, |point| self.assemble(*point).map(drop));
@@ -144,10 +121,9 @@ impl Sweep {
         Ok(())
     }
 
-    /// Runs these points on all cores; `begun` and `done` are shown each. Before, during and after each `go_on` is asked.
-    ///
-    /// # Errors
-    /// Those of `go_on`, `begun` and `done`. A point that fails is none: see [`Point::figures`].
+    /// Runs these points on all cores; `begun` and `done` are called for each. `go_on` is called
+    /// before, during and after each point, and its error ends the work. A point that fails is no
+    /// error: see [`Point::figures`].
     pub fn run(
         &self,
         points: &[usize],
@@ -159,7 +135,7 @@ impl Sweep {
             go_on()?;
             begun(*point)?;
             let row = self.point(*point, &mut || go_on());
-            // What was stopped on its way is no result.
+            // A run that was stopped early is no result.
             go_on()?;
             done(&row)?;
             Ok(row)
@@ -167,7 +143,8 @@ impl Sweep {
         rows.into_iter().collect()
     }
 
-    /// Runs one point. Whatever goes wrong with it stands in it, errors of `go_on`, which is asked at each step, too.
+    /// Runs one point. Its errors are part of the result, those of `go_on`, which is called in each
+    /// step, too.
     pub fn point(&self, point: usize, go_on: &mut dyn FnMut() -> io::Result<()>) -> Point {
         let failed = |settled_s, seed, failure: String| {
             let failure = failure.replace(['\n', '\r'], " ");
@@ -178,7 +155,7 @@ impl Sweep {
             Err(error) => return failed(f64::NAN, 0, error.to_string()),
         };
         let (settled_s, seed) = (settled_s(&loaded), loaded.plant.run.seed);
-        // A point that brings the program down would take the others with it.
+        // A panic at one point must not lose the others.
         match catch_unwind(AssertUnwindSafe(|| measure::measure(loaded, settled_s, go_on))) {
             Ok(Ok(figures)) => Point { point, seed, settled_s, figures: Ok(figures) },
             Ok(Err(error)) => failed(settled_s, seed, error.to_string()),
@@ -196,7 +173,6 @@ impl Sweep {
     }
 }
 
-/// The message of a panic.
 fn said(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message")

@@ -1,4 +1,4 @@
-//! What a sweep gave: the table, the figures, and what follows from them.
+//! Results of a sweep: table, figures and conclusions.
 
 use super::reach::{Lines, Reach};
 use super::ways::{BARE, ESTIMATE, WAYS, Way};
@@ -7,11 +7,10 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::number::significant;
 
-/// What a sweep gave.
 #[derive(Debug)]
 pub struct Outcome<'a> {
     pub(super) study: &'a Study,
-    /// The points that were run, in their order.
+    /// Points that were run, in order.
     pub rows: Vec<Point>,
 }
 
@@ -20,25 +19,24 @@ pub struct Outcome<'a> {
 pub struct Summary {
     /// Points of the whole sweep.
     pub points: usize,
-    /// Which part of it was run.
+    /// Shard of the sweep.
     pub shard: String,
-    /// Points that were run.
     pub run: usize,
-    /// Of those, how many failed.
+    /// Number of failed points among them.
     pub failed: usize,
-    /// The varied keys and their values; of a grid the last one's changes from point to point.
+    /// The varied keys and their values; in a grid the last key changes from point to point.
     pub varied: Vec<Range>,
-    /// Seed of the Latin hypercube; none of a grid.
+    /// Seed of the Latin hypercube; none for a grid.
     pub lhs_seed: Option<u64>,
-    /// The root-mean-square error that is asked for \[K\].
+    /// Limit of the root-mean-square error \[K\].
     pub within_k: f64,
     /// By column of `sweep.csv`: smallest and largest error \[K\], points within `within_k`.
     pub errors: BTreeMap<&'static str, Extent>,
-    /// Smallest and largest share of time within two stated standard deviations \[-\].
+    /// Smallest and largest fraction of time within two stated standard deviations \[-\].
     pub estimate_within_2sd: [Option<f64>; 2],
-    /// What follows, in words.
+    /// Conclusion in words.
     pub conclusion: String,
-    /// Keys that change nothing.
+    /// Keys without effect on any figure.
     pub without_effect: Vec<String>,
 }
 
@@ -49,18 +47,17 @@ pub struct Extent {
     pub min_k: Option<f64>,
     /// Largest \[K\].
     pub max_k: Option<f64>,
-    /// Points within the error that is asked for.
+    /// Number of points within the limit.
     pub within: usize,
 }
 
 impl<'a> Outcome<'a> {
-    /// Of points in any order.
+    /// `rows` may be in any order.
     pub fn new(study: &'a Study, mut rows: Vec<Point>) -> Self {
         rows.sort_by_key(|row| row.point);
         Self { study, rows }
     }
 
-    /// `sweep.csv`.
     pub fn csv(&self) -> String {
         let mut text = self.study.csv_header() + "\n";
         for row in &self.rows {
@@ -70,7 +67,6 @@ impl<'a> Outcome<'a> {
         text
     }
 
-    /// The figures that a script reads.
     pub fn summary(&self, within_k: f64) -> Summary {
         let extent = |(_, column, error): &Way| {
             let errors: Vec<f64> = self.figures().map(|figures| error(&figures.rmse_k)).collect();
@@ -93,7 +89,7 @@ impl<'a> Outcome<'a> {
         }
     }
 
-    /// How many points failed, and why the first did.
+    /// Number of failed points, and the reason of the first failure.
     pub fn failed(&self) -> Option<String> {
         let failed = || self.rows.iter().filter_map(|row| Some((row, row.figures.as_ref().err()?)));
         let (row, failure) = failed().next()?;
@@ -108,7 +104,7 @@ impl<'a> Outcome<'a> {
         self.rows.iter().filter_map(|row| row.figures.as_ref().ok())
     }
 
-    /// What each point of the whole grid gave; nothing where it was not run, or diverged.
+    /// Figures of each point of the whole grid; none where it was not run, or diverged.
     fn grid(&self) -> Vec<Option<&Figures>> {
         let mut grid = vec![None; self.study.points()];
         for row in &self.rows {
@@ -117,19 +113,19 @@ impl<'a> Outcome<'a> {
         grid
     }
 
-    /// Errors over the whole grid \[K\]; not a number where there are none.
+    /// Errors over the whole grid \[K\]; NaN where there are none.
     pub(super) fn errors_k(&self, way: usize) -> Vec<f64> {
         let error = |figures: Option<&Figures>| figures.map(|figures| WAYS[way].2(&figures.rmse_k));
         self.grid().into_iter().map(|figures| error(figures).unwrap_or(f64::NAN)).collect()
     }
 
-    /// The key along which a limit is looked for: the first one with several values.
+    /// The key along which a limit is searched: the first one with several values.
     pub(super) fn main_key(&self) -> usize {
         let several = |range: &Range| range.values.len() > 1;
         self.study.ranges().iter().position(several).unwrap_or(0)
     }
 
-    /// The points of each line along a key, by the values of the others.
+    /// The points of each line along a key, ordered by the other keys.
     pub(super) fn lines(&self, key: usize) -> Vec<Vec<usize>> {
         let counts: Vec<usize> =
             self.study.ranges().iter().map(|range| range.values.len()).collect();
@@ -140,7 +136,7 @@ impl<'a> Outcome<'a> {
             .collect()
     }
 
-    /// Where along the main key the errors are within a limit, line by line.
+    /// Range of the main key in which the errors are within a limit, line by line.
     pub(super) fn reaches(&self, way: usize, within_k: f64) -> Vec<Reach> {
         let key = self.main_key();
         let range = &self.study.ranges()[key];
@@ -180,7 +176,7 @@ impl<'a> Outcome<'a> {
         )
     }
 
-    /// In how many points bare sensor and estimate are good enough.
+    /// Number of points in which bare sensor and estimate are within the limit.
     fn shares(&self, within_k: f64) -> String {
         let of = |way: usize| {
             let errors = self.figures().map(|figures| WAYS[way].2(&figures.rmse_k));
@@ -216,7 +212,6 @@ impl<'a> Outcome<'a> {
     }
 }
 
-/// Smallest and largest, if there are any.
 pub(super) fn ends(values: impl Iterator<Item = f64> + Clone) -> [Option<f64>; 2] {
     [values.clone().reduce(f64::min), values.reduce(f64::max)]
 }

@@ -13,14 +13,13 @@ use thermyo_report::heatmap::{Heatmap, Style};
 use thermyo_report::page::{Page, Section, Table, Tile};
 use thermyo_report::scale::{Spacing, data_range};
 
-/// Colours of the ways, as in the report of a run.
+/// Colours of the methods, as in the report of a run.
 const COLOURS: [Colour; 4] = [Colour::Vermillion, Colour::Orange, Colour::Green, Colour::Blue];
-/// Points that a cloud shows, evenly chosen.
+/// Most points of a scatter chart, evenly chosen.
 const MOST_DOTS: usize = 2000;
-/// From this ratio on, the errors' scale is logarithmic.
+/// Ratio from which on the errors' scale is logarithmic.
 const WIDE: f64 = 5.0;
 
-/// The page.
 pub fn page(outcome: &Outcome, within_k: f64) -> String {
     let study = outcome.study;
     let conclusion = outcome.conclusion(within_k);
@@ -48,13 +47,11 @@ fn tiles(outcome: &Outcome, within_k: f64) -> Vec<Tile> {
     vec![tile(BARE, "Bare sensor in the gas"), tile(ESTIMATE, "Estimate")]
 }
 
-/// The axis text of a key.
 fn axis(study: &Study, key: usize) -> String {
     let (name, unit) = (&study.ranges()[key].key, study.unit(key));
     if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
 }
 
-/// The x axis of a chart over a key.
 fn along(study: &Study, key: usize) -> Axis {
     let range = &study.ranges()[key];
     let axis = Axis::new(&range.key, study.unit(key)).words(&range.words);
@@ -103,7 +100,7 @@ fn clouds(outcome: &Outcome, within_k: f64) -> Section {
     })
 }
 
-/// Errors of all ways over one key.
+/// Errors of all methods over one key.
 fn lines(outcome: &Outcome, within_k: f64) -> Figure {
     let study = outcome.study;
     let key = outcome.main_key();
@@ -127,7 +124,7 @@ fn lines(outcome: &Outcome, within_k: f64) -> Figure {
     )
 }
 
-/// Maps of bare sensor and estimate on one colour scale, other keys held in their places.
+/// Maps of bare sensor and estimate on one colour scale, with the other keys fixed.
 fn pair(
     outcome: &Outcome,
     (x, y): (usize, usize),
@@ -185,7 +182,7 @@ fn pair(
     ]
 }
 
-/// A line of a table per line of the grid along the main key: where each way is good enough.
+/// Table with a row per line of the grid along the main key: where each method is within the limit.
 fn limits(outcome: &Outcome, within_k: f64) -> Section {
     let study = outcome.study;
     let main = outcome.main_key();
@@ -198,7 +195,7 @@ fn limits(outcome: &Outcome, within_k: f64) -> Section {
     let section = Section::new("Limits");
     let interpolated = "Limits are interpolated between the points of the grid.";
     if others.is_empty() {
-        // A single line: the ways are what sets the rows apart.
+        // With a single line, the methods distinguish the rows.
         let rows = WAYS
             .iter()
             .zip(&reaches)

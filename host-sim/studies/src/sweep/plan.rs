@@ -1,4 +1,4 @@
-//! Which values a sweep gives its keys: the product of all of them, or a Latin hypercube.
+//! Points of a sweep: the product of all values, or a Latin hypercube.
 
 use super::SweepError;
 use super::range::{MOST_POINTS, Range};
@@ -7,22 +7,20 @@ use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use thermyo_scenario::schema;
 use thermyo_scenario::schema::Allowed;
 
-/// A Latin hypercube: each key's range has as many parts of equal probability as there are points, and a point in
-/// each of them (McKay, Beckman, Conover, Technometrics 21, 1979).
+/// Latin hypercube: each key's range is divided into as many equally probable parts as there are
+/// points, with a point in each (McKay, Beckman, Conover, Technometrics 21, 1979).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Latin {
-    /// How many points.
     pub points: usize,
     /// Seed of the generator that pairs the parts of the keys.
     pub seed: u64,
 }
 
-/// The values of every point.
 #[derive(Debug)]
 pub(super) struct Plan {
     pub(super) ranges: Vec<Range>,
     pub(super) latin: Option<Latin>,
-    /// Of a hypercube: by key, then by point.
+    /// For a hypercube: by key, then by point.
     drawn: Vec<Vec<f64>>,
 }
 
@@ -58,7 +56,6 @@ impl Plan {
         Ok(Self { ranges, latin, drawn })
     }
 
-    /// How many points there are.
     pub(super) fn points(&self) -> usize {
         match self.latin {
             Some(latin) => latin.points,
@@ -66,7 +63,7 @@ impl Plan {
         }
     }
 
-    /// Place of a grid's point in each range; the last key's value changes from point to point.
+    /// Index of a grid's point in each range; the last key changes from point to point.
     pub(super) fn places(&self, mut point: usize) -> Vec<usize> {
         let mut places = vec![0; self.ranges.len()];
         for (place, range) in places.iter_mut().zip(&self.ranges).rev() {
@@ -76,7 +73,7 @@ impl Plan {
         places
     }
 
-    /// The values of a point, by key.
+    /// Values of a point, by key.
     pub(super) fn values(&self, point: usize) -> Vec<f64> {
         if self.latin.is_some() {
             return self.drawn.iter().map(|values| values[point]).collect();
@@ -84,7 +81,8 @@ impl Plan {
         self.ranges.iter().zip(self.places(point)).map(|(range, i)| range.values[i]).collect()
     }
 
-    /// Whether it can be drawn as lines or maps: a grid of at most three keys that change, all of them numbers.
+    /// It can be drawn as lines or maps: a grid with at most three varying keys, all of them
+    /// numbers.
     pub(super) fn is_map(&self) -> bool {
         let mut changing = self.ranges.iter().filter(|range| range.values.len() > 1);
         let numbers = changing.clone().all(|range| range.words.is_empty());
@@ -92,12 +90,11 @@ impl Plan {
     }
 }
 
-/// The values of one key, point by point.
 fn draw(range: &Range, key: usize, Latin { points, seed }: Latin) -> Vec<f64> {
     let path = range.key.strip_prefix("believed.").unwrap_or(&range.key);
     let whole =
         schema::key(path).is_some_and(|(_, key)| matches!(key.allowed, Allowed::Whole { .. }));
-    // A stream of its own, so that a key more does not change the others.
+    // A separate stream, so that an additional key does not change the others.
     let mut generator = Xoshiro256PlusPlus::seed_from_u64(seed);
     (0..key).for_each(|_| generator.jump());
     let mut unit = || (generator.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
@@ -107,7 +104,7 @@ fn draw(range: &Range, key: usize, Latin { points, seed }: Latin) -> Vec<f64> {
         parts.swap(last, (unit() * (last + 1) as f64) as usize);
     }
     let within = |part: usize| (part as f64 + unit()) / points as f64;
-    // What was rounded up to 1 belongs to the last part all the same.
+    // A value that was rounded up to 1 belongs to the last part.
     parts
         .into_iter()
         .map(within)
@@ -146,14 +143,14 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_says_everything() {
+    fn a_seed_determines_all_values() {
         let values = |texts: &[&str], seed| {
             let plan = plan(texts, 10, seed);
             (0..10).map(|point| plan.values(point)[0]).collect::<Vec<f64>>()
         };
         assert_eq!(values(&["a.b=0:1"], 1), values(&["a.b=0:1", "c.d=0:1"], 1));
         assert_ne!(values(&["a.b=0:1"], 1), values(&["a.b=0:1"], 2));
-        // The same on every machine, and with every version.
+        // The same on every machine and in every version.
         assert_eq!(values(&["a.b=0:1"], 1)[0], 0.413_429_378_204);
     }
 }

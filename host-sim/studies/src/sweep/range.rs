@@ -1,4 +1,4 @@
-//! What a sweep varies: `--vary KEY=FROM:TO:COUNT`, `KEY=FROM:TO`, `KEY=A,B,C`.
+//! Ranges of a sweep: `--vary KEY=FROM:TO:COUNT`, `KEY=FROM:TO`, `KEY=A,B,C`.
 
 use serde::Serialize;
 use std::fmt;
@@ -14,30 +14,30 @@ pub const MOST_POINTS: usize = 10_000_000;
 /// A key and the values that it takes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Range {
-    /// Whole path of the key, such as `sensor.gas.time_constant_s`.
+    /// Full path of the key, such as `sensor.gas.time_constant_s`.
     pub key: String,
-    /// The values, rising; of words their places, from 0; of an interval its two ends.
+    /// The values, rising; for words their indices, from 0; for an interval its two ends.
     pub values: Vec<f64>,
-    /// The words, of a key that takes no numbers, or of whole numbers with more digits than a value has.
+    /// The words, for a key without numbers, or for integers with more digits than f64 holds.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<String>,
-    /// Whether they are a fixed ratio apart, and not a fixed difference.
+    /// The values have a fixed ratio, not a fixed difference.
     pub logarithmic: bool,
-    /// Whether everything between the two ends is meant.
+    /// The range contains everything between its two ends.
     #[serde(skip)]
     pub interval: bool,
-    /// As the user wrote it.
+    /// Text as the user wrote it.
     #[serde(skip)]
     written: String,
 }
 
 impl Range {
-    /// How the key's axis is drawn.
+    /// Spacing of the key's axis.
     pub fn spacing(&self) -> Spacing {
         if self.logarithmic { Spacing::Log } else { Spacing::Linear }
     }
 
-    /// As the user wrote it, behind `--vary`.
+    /// The range as written behind `--vary`.
     pub fn written(&self) -> &str {
         &self.written
     }
@@ -58,10 +58,10 @@ impl Range {
         }
     }
 
-    /// Gives the key one of the values.
+    /// Sets the key to one of the values.
     ///
     /// # Errors
-    /// Where it does not take it.
+    /// Where the key does not allow it.
     pub fn set(&self, document: &mut Document, value: f64) -> Result<(), Problem> {
         match self.words.get(value as usize) {
             Some(word) => document.set_word(&self.key, word),
@@ -69,7 +69,7 @@ impl Range {
         }
     }
 
-    /// The value so far along the range, from 0 to below 1, for a key that takes whole numbers only, or all.
+    /// Value at a fraction of the range, 0 to below 1; `whole` rounds it to an integer.
     pub fn along(&self, along: f64, whole: bool) -> f64 {
         let [from, to] = match self.values[..] {
             [from, to] if self.interval => [from, to],
@@ -89,39 +89,31 @@ impl fmt::Display for Range {
     }
 }
 
-/// Why a text is no range. Each says what is allowed.
+/// Reason why a text is no range. Each message states what is allowed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RangeError {
-    /// The parts are not all there.
     #[error(
         "must be KEY=FROM:TO:COUNT, or KEY=FROM:TO:COUNT:log for a fixed ratio between values; KEY=A,B,C; or, with \
          --lhs, KEY=FROM:TO or KEY=FROM:TO:log"
     )]
     Form,
-    /// A limit is no number.
     #[error("{0} = \"{1}\": must be a number")]
     NoNumber(&'static str, String),
-    /// A whole number between which and the next there is none to count with.
+    /// An integer beyond 2^53: f64 does not hold its neighbours.
     #[error(
         "{0} = \"{1}\": has too many digits for a range, beyond 2^53: name each value, KEY=A,B,C"
     )]
     TooManyDigits(&'static str, String),
-    /// The count is none.
     #[error("COUNT = \"{0}\": must be a whole number from 1 to {MOST_POINTS}")]
     NoCount(String),
-    /// One value between different limits.
     #[error("COUNT = 1 takes one value: FROM must equal TO")]
     OneValue,
-    /// Several values between limits that do not rise.
     #[error("FROM must be below TO, or COUNT 1")]
     NotRising,
-    /// No ratio leads from one limit to the other.
     #[error("FROM must be above 0 in a logarithmic range")]
     NotPositive,
-    /// Values that do not rise.
     #[error("numbers of a list must rise")]
     NotSorted,
-    /// A value twice.
     #[error("\"{0}\" is there twice")]
     Repeated(String),
 }
@@ -211,13 +203,13 @@ fn listed(text: &str, key: &str, list: &str) -> Result<Range, RangeError> {
     Ok(Range { key, values, words, logarithmic: false, interval: false, written })
 }
 
-/// Whether a number has every digit that is written; a seed may have more.
+/// f64 holds every digit of the number as written; a seed may have more.
 fn keeps(text: &str, number: f64) -> bool {
     text.parse::<i128>().map_or(true, |whole| whole == number as i128)
 }
 
 /// To 12 significant digits: 0.3 and not 0.30000000000000004, and the same value on every machine,
-/// whatever the last bit of its power function.
+/// independent of the last bit of its power function.
 fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
@@ -249,7 +241,7 @@ mod tests {
         assert_eq!(range.text(1.5), "1.5");
     }
 
-    /// Seeds, say.
+    /// For example seeds.
     #[test]
     fn whole_numbers_keep_every_digit() {
         let range: Range = "run.seed=9007199254740995,9007199254740997".parse().unwrap();
@@ -289,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_range_says_what_would_be() {
+    fn invalid_ranges_state_the_allowed_form() {
         for (text, message) in [
             ("a.b", "KEY=FROM:TO:COUNT"),
             ("=1:2:3", "KEY=FROM:TO:COUNT"),

@@ -1,35 +1,30 @@
-//! Where along a key an error stays within a limit: "below 0.21 s".
+//! Range of a key in which an error stays within a limit: "below 0.21 s".
 
 use thermyo_files::number::short;
 use thermyo_report::scale::Spacing;
 
-/// Lines up to that many are named by their values.
+/// Most lines that are named by their values.
 const MOST_NAMED: usize = 3;
 
-/// Where along one key's values an error is within its limit.
+/// Range of one key in which an error is within its limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reach {
-    /// At every value.
     Everywhere,
-    /// At none.
     Nowhere,
     /// Up to this value, interpolated.
     Below(f64),
     /// From this value on, interpolated.
     Above(f64),
-    /// At some, with gaps between.
+    /// At some values, with gaps between.
     Some {
-        /// At how many.
         reached: usize,
-        /// Of how many.
         of: usize,
     },
-    /// No value has been run.
     Unknown,
 }
 
 impl Reach {
-    /// Of errors at rising values; errors that are not finite have not been run.
+    /// `errors` belong to rising `values`; an error that is not finite stands for a missing run.
     pub fn new(values: &[f64], errors: &[f64], limit: f64, spacing: Spacing) -> Self {
         let run: Vec<(f64, f64)> = values
             .iter()
@@ -58,7 +53,7 @@ impl Reach {
         }
     }
 
-    /// For a cell of a table, with the key's unit.
+    /// Text for a cell of a table, with the key's unit.
     pub fn text(&self, unit: &str) -> String {
         match self {
             Self::Everywhere => "everywhere".to_owned(),
@@ -71,19 +66,19 @@ impl Reach {
     }
 }
 
-/// Lines along one key, and what sets them apart.
+/// Lines along one key, distinguished by another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines<'a> {
     /// The key along which they run, and its unit.
     pub key: (&'a str, &'a str),
-    /// Where along each of them an error is within its limit.
+    /// Range of each line.
     pub reaches: Vec<Reach>,
     /// The other key, and its value on each line; none where several others change.
     pub other: Option<(&'a str, Vec<f64>)>,
 }
 
 impl Lines<'_> {
-    /// What they have in common, as the end of a sentence: "with lag below 0.4 to 0.6 s".
+    /// Summary of all lines as the end of a sentence: "with lag below 0.4 to 0.6 s".
     pub fn text(&self) -> String {
         let (key, unit) = self.key;
         let known = self.chosen(|reach| *reach != Reach::Unknown);
@@ -138,7 +133,7 @@ impl Lines<'_> {
         }
     }
 
-    /// " at position 0.1 and 0.9", of so many lines that have been run.
+    /// " at position 0.1 and 0.9"; `of` is the number of lines that have been run.
     fn place(&self, lines: &[usize], of: usize) -> String {
         match &self.other {
             Some((name, values)) if lines.len() <= MOST_NAMED => {

@@ -15,8 +15,8 @@ impl Shard {
     /// The whole grid.
     pub const WHOLE: Self = Self { index: 0, of: 1 };
 
-    /// Whether it has a point of the grid, counted from 0. Neighbours take about equally long, so
-    /// that every shard does.
+    /// The shard has this point of the grid, counted from 0. Neighbouring points take about equally
+    /// long, so all shards do.
     pub fn has(self, point: usize) -> bool {
         point % self.of == self.index
     }

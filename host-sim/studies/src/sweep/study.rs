@@ -1,4 +1,4 @@
-//! What a sweep runs: enough to tell two sweeps apart, and to read and write the rows of either.
+//! Study of a sweep: identifies it, and reads and writes its rows.
 
 use super::plan::{Latin, Plan};
 use super::ways::WAYS;
@@ -10,25 +10,25 @@ use thermyo_scenario::schema;
 use thermyo_scenario::schema::Allowed;
 use thermyo_setup::Loaded;
 
-/// What is run, and which part of it.
+/// Scenario, plan and shard of a sweep.
 #[derive(Debug)]
 pub struct Study {
     plan: Plan,
     pub(super) shard: Shard,
-    /// What its scenario is called.
+    /// Name of the scenario.
     pub name: String,
-    /// The scenario without the varied keys' values, every default filled in.
+    /// The scenario without the varied keys' values, with all defaults.
     pub scenario: String,
     checksum: String,
 }
 
-/// `study.json`: what a folder of results is of.
+/// Content of `study.json`: the label of a results folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Label {
     /// Version of the program.
     thermyo: String,
     scenario: String,
-    /// Of the scenario, and of the tables that it names.
+    /// Checksum of the scenario and of its tables.
     scenario_checksum: String,
     vary: Vec<String>,
     lhs_points: Option<usize>,
@@ -36,16 +36,16 @@ pub(super) struct Label {
     pub(super) shard: String,
 }
 
-/// One point, run.
+/// Result of one point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// Its number in the whole sweep, from 0.
     pub point: usize,
     /// `run.seed` of its run.
     pub seed: u64,
-    /// From when on its errors count \[s\].
+    /// Start of the errors' evaluation \[s\].
     pub settled_s: f64,
-    /// What it gave; or why it failed.
+    /// Figures, or the reason of the failure.
     pub figures: Result<Figures, String>,
 }
 
@@ -58,7 +58,7 @@ impl Study {
         Self { plan, shard, name, scenario, checksum: format!("{:016x}", checksum.0) }
     }
 
-    /// The study that a label is of, and its scenario's text.
+    /// Restores the study from a label and its scenario's text.
     pub(super) fn of_label(label: &Label, scenario: String) -> Result<Self, SweepError> {
         let ranges = label.vary.iter().map(|text| text.parse());
         let ranges = ranges.collect::<Result<_, _>>().map_err(|_| SweepError::NoKey)?;
@@ -81,17 +81,14 @@ impl Study {
         }
     }
 
-    /// `study.json`.
     pub fn label_text(&self) -> String {
         serde_json::to_string_pretty(&self.label()).expect("plain data") + "\n"
     }
 
-    /// The keys that vary.
     pub fn ranges(&self) -> &[Range] {
         &self.plan.ranges
     }
 
-    /// The hypercube, if it is one.
     pub fn latin(&self) -> Option<Latin> {
         self.plan.latin
     }
@@ -101,7 +98,6 @@ impl Study {
         self.plan.points()
     }
 
-    /// The points of its shard.
     pub fn own(&self) -> Vec<usize> {
         (0..self.points()).filter(|point| self.shard.has(*point)).collect()
     }
@@ -125,7 +121,7 @@ impl Study {
         each.collect::<Vec<_>>().join(", ")
     }
 
-    /// Unit of a key's values, as the SI writes it; empty for a ratio or a number of things.
+    /// SI unit of a key's values; empty for a ratio or a count.
     pub(super) fn unit(&self, key: usize) -> &'static str {
         let path = &self.ranges()[key].key;
         let path = path.strip_prefix("believed.").unwrap_or(path);
@@ -144,7 +140,7 @@ impl Study {
         all.chain(last).collect::<Vec<&str>>().join(",")
     }
 
-    /// Number and values of a point, as its row begins.
+    /// Number and values of a point, the first cells of its row.
     fn csv_start(&self, point: usize) -> String {
         let mut text = (point + 1).to_string();
         for (range, value) in self.ranges().iter().zip(self.values(point)) {
@@ -179,7 +175,7 @@ impl Study {
         text + "," + &checksum.to_string()
     }
 
-    /// Of a row, of what the columns are, and of the scenario that was run.
+    /// Checksum of a row with header and scenario.
     fn row_checksum(&self, row: &str) -> u64 {
         let mut checksum = Checksum::default();
         write!(checksum, "{}\n{}\n{row}", self.checksum, self.csv_header())
@@ -187,7 +183,7 @@ impl Study {
         checksum.0
     }
 
-    /// The point of such a row; none where it is damaged, or of another study.
+    /// Parses such a row; none where it is damaged, or of another study.
     pub(super) fn read_row(&self, line: &str) -> Option<Point> {
         let point = line.split(',').next()?.parse::<usize>().ok()?.checked_sub(1)?;
         if point >= self.points() {
@@ -195,7 +191,7 @@ impl Study {
         }
         let (row, _) = line.rsplit_once(',')?;
         let rest = row.strip_prefix(&self.csv_start(point))?.strip_prefix(',')?;
-        // The failure is the last cell, and may have commas of its own.
+        // The failure is the last cell, and may contain commas.
         let cells: Vec<&str> = rest.splitn(WAYS.len() + 4, ',').collect();
         let [seed, settled_s, gas, wall, model, estimate, within, failure] = cells[..] else {
             return None;
@@ -216,12 +212,11 @@ impl Study {
             Err(unquoted(failure)?)
         };
         let row = Point { point, seed: seed.parse().ok()?, settled_s: number(settled_s)?, figures };
-        // Of what was cut or altered not even the checksum reads back to itself.
+        // A row that was cut or altered does not match its checksum.
         (self.csv_row(&row) == line).then_some(row)
     }
 }
 
-/// A text as a cell.
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
 }

@@ -1,11 +1,10 @@
-//! The ways to know the gas temperature that a sweep compares.
+//! Methods for the gas temperature that a sweep compares.
 
 use thermyo_record::summary::Errors;
 
-/// A way to know the gas temperature: name, column of `sweep.csv`, error.
+/// Method for the gas temperature: name, column of `sweep.csv`, error.
 pub(super) type Way = (&'static str, &'static str, fn(&Errors) -> f64);
 
-/// The ways that are compared.
 pub(super) const WAYS: [Way; 4] = [
     ("bare sensor in the gas", "sensor_gas_rmse_k", |errors| errors.sensor_gas),
     ("bare sensor in the wall", "sensor_wall_rmse_k", |errors| errors.sensor_wall),

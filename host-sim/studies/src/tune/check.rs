@@ -1,4 +1,4 @@
-//! The same short motion before and after: whether the tuned values move the muscle better.
+//! The same short motion before and after tuning.
 
 use super::experiment::{Bench, Record, record};
 use serde::Serialize;
@@ -9,50 +9,46 @@ use thermyo_simulation::run::RunError;
 
 /// Rest before the sine \[s\].
 const BEFORE_S: f64 = 1.0;
-/// Frequency of the sine \[Hz\], and how many periods; the first, in which it sets in, is not counted.
+/// Frequency of the sine \[Hz\], and number of periods; the first one does not count.
 const SINE_HZ: f64 = 0.5;
 const PERIODS: f64 = 3.0;
-/// Amplitude of sine and steps, share of the contractions that were tried \[-\].
+/// Amplitude of sine and steps, as a fraction of the tested contractions \[-\].
 const AMPLITUDE: f64 = 0.3;
-/// How long each step is held, and the last part of it that counts as rest \[s\].
+/// Duration of each step, and of its last part, which counts as rest \[s\].
 const HOLD_S: f64 = 1.5;
 const REST_S: f64 = 0.4;
-/// An error within this share of a step counts as settled \[-\].
+/// An error within this fraction of a step counts as settled \[-\].
 const SETTLED: f64 = 0.05;
-/// The stroke that errors are a share of, as in `thermyo evaluate control` \[-\].
+/// The stroke to which errors are relative, as in `thermyo evaluate control` \[-\].
 const STROKE: f64 = 0.3;
 
-/// How the muscle followed.
+/// Tracking figures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Figures {
-    /// Error to a slow sine, RMS, of a stroke of 30 % \[%\].
+    /// RMS error of a slow sine, in percent of a stroke of 30 % \[%\].
     pub sine_rms_percent: f64,
     /// Larger of the errors after the two steps, of the same stroke \[%\].
     pub rest_error_percent: f64,
     /// Until the error stays within 5 % of the step, the slower of the two \[s\].
     pub settled_s: f64,
-    /// Beyond the set point, share of the step, the larger of the two \[%\].
+    /// Overshoot as a fraction of the step, the larger of the two \[%\].
     pub overshoot_percent: f64,
 }
 
-/// One check, with what is drawn of it.
+/// One check with its chart's data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checked {
-    /// The figures.
     pub figures: Figures,
     /// Time \[s\], set point and contraction \[-\].
     pub points: Vec<(f64, f64, f64)>,
 }
 
-/// How long that takes \[s\].
+/// Duration of a check \[s\].
 pub fn duration_s() -> f64 {
     BEFORE_S + PERIODS / SINE_HZ + 2.0 * HOLD_S
 }
 
-/// Moves the muscle within contractions that were tried.
-///
-/// # Errors
-/// When the run could not be finished.
+/// Moves the muscle within `contractions` that the experiment has reached.
 pub fn check(
     loaded: &Loaded,
     [from, to]: [f64; 2],

@@ -1,4 +1,5 @@
-//! The experiment: pressures only, by the core's own pressure loop, which knows its limits.
+//! The experiment: set points of pressure only, by the core's own pressure loop, which keeps its
+//! limits.
 //!
 //! ```text
 //! rest | slow ramps | fast ramps | steps                  | vent
@@ -6,7 +7,7 @@
 //!      |            |            | closing on the set point
 //! ```
 //!
-//! Nothing but telemetry is looked at: what any board gives.
+//! Only telemetry is used, so that it works on any board.
 
 use super::Refusal;
 use model_core::config::{Config, Load};
@@ -22,39 +23,38 @@ use thermyo_simulation::board::{Board, BoardError};
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Highest absolute pressure of an experiment where none is stated \[Pa\].
+/// Default of the highest absolute pressure of an experiment \[Pa\].
 pub const HIGHEST_PA: f64 = 4.0e5;
-/// Share of the supply's pressure that is used: beyond it the inlet passes little \[-\].
+/// Used fraction of the supply's pressure: beyond it the inlet passes little \[-\].
 const SUPPLY_SHARE: f64 = 0.85;
-/// Share of the pressure at which the supervisor vents \[-\].
+/// Used fraction of the pressure at which the supervisor vents \[-\].
 const LIMIT_SHARE: f64 = 0.9;
-/// Contractions between which the configured muscle is moved, either way, if its stroke is long enough \[-\].
+/// Contractions between which the configured muscle moves, if its stroke is long enough \[-\].
 const CONTRACTIONS: [f64; 2] = [0.03, 0.28];
-/// Shares of a shorter stroke \[-\].
+/// The same as fractions of a shorter stroke \[-\].
 const OF_STROKE: [f64; 2] = [0.1, 0.8];
-/// Least width of them \[-\].
+/// Least difference of the two contractions \[-\].
 const LEAST_WIDTH: f64 = 0.06;
-/// Rest before and after, in which noise is measured and the muscle vented \[s\].
+/// Rest before and after, for measuring noise and for venting \[s\].
 const REST_S: f64 = 1.5;
-/// Contraction per time of slow and fast ramps, and how often they go up and down \[1/s\].
+/// Contraction per time of slow and fast ramps, and the number of each \[1/s\].
 const RAMPS: [(f64, u32); 2] = [(0.05, 2), (0.2, 4)];
 /// Rest at the ends of a ramp \[s\].
 const DWELL_S: f64 = 0.3;
-/// Steps up, and as many down.
+/// Number of steps up, and of steps down.
 const STEPS: u32 = 5;
-/// How long each is held \[s\].
+/// Duration of each step \[s\].
 const STEP_S: f64 = 0.7;
-/// Lower end of the steps, as a share of the range of pressures: the outlet passes little below.
+/// Lower end of the steps, as a fraction of the range of pressures: the outlet passes little below.
 const STEP_FROM: f64 = 0.15;
-/// Points of a ramp are that far apart \[s\].
+/// Distance of a ramp's points \[s\].
 const POINT_S: f64 = 0.02;
 
-/// What is known of one step of the core.
+/// Data of one step of the core.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Record {
     /// Number of the step.
     pub step: u32,
-    /// Time \[s\].
     pub time_s: f64,
     /// The set point, in the drive's unit.
     pub set_point: f64,
@@ -66,18 +66,18 @@ pub struct Record {
     pub gas_k: f64,
     /// Estimated wall temperature \[K\].
     pub wall_k: f64,
-    /// Inlet's share of the PWM period \[-\].
+    /// Duty of the inlet \[-\].
     pub inlet: f64,
-    /// Outlet's share of the PWM period \[-\].
+    /// Duty of the outlet \[-\].
     pub outlet: f64,
-    /// Faults that hold.
+    /// Active faults.
     pub faults: Faults,
 }
 
 impl Record {
     fn new(telemetry: &Telemetry, step_s: f64) -> Self {
         let Telemetry { step, pressure_pa, length_m, estimate, command, faults, .. } = telemetry;
-        // What acts, not what was planned: over a line a set point may come late.
+        // The active set point: over a link it may arrive late.
         let (_, set_point, _) = kind_and_values(telemetry.set_point);
         Self {
             step: *step,
@@ -94,22 +94,15 @@ impl Record {
     }
 }
 
-/// What an experiment is carried out on: a board with a simulated muscle, or with one of its own.
+/// Board on which an experiment runs: with a simulated muscle, or with one of its own.
 pub trait Bench {
-    /// Drives a scenario from its beginning to its end; the telemetry of every step is shown.
-    ///
-    /// # Errors
-    /// When the run could not be finished.
+    /// Runs a scenario from start to end and calls `each` with the telemetry of every step.
     fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError>;
 
-    /// Vents.
-    ///
-    /// # Errors
-    /// When the board does not answer.
     fn vent(&mut self, config: &Config) -> Result<(), BoardError>;
 }
 
-/// A board that is given the samples of a simulated muscle, step by step.
+/// A board that gets the samples of a simulated muscle, step by step.
 pub struct Simulated<'a>(pub &'a mut dyn Board);
 
 impl Bench for Simulated<'_> {
@@ -127,9 +120,6 @@ impl Bench for Simulated<'_> {
 }
 
 /// Runs a set-point profile and records every step.
-///
-/// # Errors
-/// When the run could not be finished.
 pub fn record(
     loaded: &Loaded,
     kind: DriveKind,
@@ -145,31 +135,28 @@ pub fn record(
     Ok(records)
 }
 
-/// One ramp.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ramp {
-    /// From its start to the end of the rest after it \[s\].
+    /// From the start to the end of the following rest \[s\].
     pub time_s: Range<f64>,
-    /// Whether the pressure rises.
     pub rises: bool,
 }
 
-/// What is going to be done.
+/// Plan of the experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Lowest and highest set point \[Pa\].
     pub pressures_pa: [f64; 2],
-    /// Contractions that the configured muscle has there \[-\].
+    /// Contractions of the configured muscle at these pressures \[-\].
     pub contractions: [f64; 2],
     /// Set points over time \[s, Pa\].
     pub profile: Vec<(f64, f64)>,
-    /// When the muscle rests, before it moves \[s\].
+    /// Rest before the motion \[s\].
     pub rest_s: Range<f64>,
-    /// When it is moved evenly \[s\].
+    /// Even motion \[s\].
     pub ramps_s: Range<f64>,
-    /// One by one.
     pub ramps: Vec<Ramp>,
-    /// When the pressure is stepped \[s\].
+    /// Steps of the pressure \[s\].
     pub steps_s: Range<f64>,
 }
 
@@ -185,10 +172,10 @@ pub fn configured(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
 }
 
 impl Plan {
-    /// The experiment for the core's configuration, at no more than `highest_pa`.
+    /// The experiment for the core's configuration, up to `highest_pa`.
     ///
     /// # Errors
-    /// Where the pressures that are allowed do not move the configured muscle.
+    /// Where the allowed pressures do not move the configured muscle.
     pub fn new(config: &Config, highest_pa: f64) -> Result<Self, Refusal> {
         let (chamber, load_n) = configured(config)?;
         let supply_pa = f64::from(config.supply.pressure_pa);
@@ -200,7 +187,7 @@ impl Plan {
         let pressure_pa = |contraction: f64| {
             let length_m = rest_m * (1.0 - (sign * contraction) as f32);
             let gauge_pa = chamber.gauge_pressure_for_force_pa(load_n as f32, length_m);
-            // 0 where the muscle holds no load at all.
+            // 0 where the muscle cannot hold the load.
             if gauge_pa > 0.0 {
                 f64::from(config.ambient.pressure_pa + gauge_pa)
             } else {
@@ -264,7 +251,6 @@ impl Plan {
     }
 }
 
-/// A profile that grows.
 struct Profile {
     points: Vec<(f64, f64)>,
 }
@@ -287,7 +273,7 @@ impl Profile {
     }
 }
 
-/// The records of a stretch of time.
+/// Records within an interval of time.
 pub fn during<'a>(records: &'a [Record], time_s: &Range<f64>) -> &'a [Record] {
     let from = records.partition_point(|record| record.time_s < time_s.start);
     let to = records.partition_point(|record| record.time_s < time_s.end);

@@ -1,4 +1,4 @@
-//! The table: every value before and after, how sure it is, and why some were kept.
+//! Table of the values before and after, their errors, and the reasons why some were kept.
 
 use super::check::{Checked, Figures};
 use super::experiment::Record;
@@ -13,34 +13,31 @@ use thermyo_scenario::schema::limits;
 use thermyo_scenario::{PlantModel, number};
 use thermyo_setup::Loaded;
 
-/// Relative difference up to which two errors on the check's sine are as good as each other \[-\].
+/// Relative difference up to which two errors on the check's sine count as equal \[-\].
 const EQUAL: f64 = 0.1;
 
-/// One value.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Parameter {
-    /// Path of its key.
     pub path: &'static str,
-    /// What the core was configured with \[unit\].
+    /// Value in the core's configuration before tuning \[unit\].
     pub before: f64,
-    /// What it is configured with from now on \[unit\].
+    /// Value after tuning \[unit\].
     pub after: f64,
     /// Standard error \[unit\]; none where the value was kept or follows from a bound.
     pub standard_error: Option<f64>,
-    /// Unit.
     pub unit: &'static str,
-    /// Where it comes from, or why it was kept.
+    /// Source of the value, or the reason why it was kept.
     pub remark: String,
 }
 
-/// What parameters are made of.
+/// Inputs of the parameters.
 pub(super) struct Parts<'a> {
     pub configured: &'a Loaded,
     pub force: &'a Force,
     pub tunable: Tunable,
     /// Inlet and outlet.
     pub steps: [Steps; 2],
-    /// Whether the valves take time to switch.
+    /// The valves have a switching time.
     pub switching: bool,
     pub switch_time_s: Option<Measure>,
     pub delay_s: Measure,
@@ -74,12 +71,16 @@ impl Parts<'_> {
 
     /// Every value, in the order of the table.
     pub fn parameters(&self) -> Vec<Parameter> {
-        let Self { force, gains, .. } = self;
-        let [inlet, outlet] = &self.steps;
+        let mut all = self.friction();
+        all.extend(self.chamber());
+        all.extend(self.valves());
+        all.extend(self.controller());
+        all
+    }
+
+    fn friction(&self) -> Vec<Parameter> {
+        let force = self.force;
         let full = self.configured.believed.plant.model == PlantModel::Full;
-        let area = force.area_scale;
-        let (area_key, power) = self.tunable.area[0];
-        let configured = self.before(area_key);
         let mut all = vec![
             self.measured("friction.force_n", force.coulomb_n, "half of the hysteresis"),
             match force.softening_per_k {
@@ -105,7 +106,14 @@ impl Parts<'_> {
             let why = "friction builds up within a few steps of the length's code";
             all.push(self.kept("friction.presliding_stiffness_n_m", why));
         }
-        all.extend([
+        all
+    }
+
+    fn chamber(&self) -> [Parameter; 2] {
+        let area = self.force.area_scale;
+        let (area_key, power) = self.tunable.area[0];
+        let configured = self.before(area_key);
+        [
             self.measured(
                 area_key,
                 Measure {
@@ -117,17 +125,21 @@ impl Parts<'_> {
                     significant(area.value, 4)
                 ),
             ),
-            self.measured(self.tunable.stiffness, force.stiffness_n_m, "force over the way"),
-            self.measured(
-                "valve.conductance_m3_s_pa",
-                inlet.conductance.between(outlet.conductance),
-                &format!(
-                    "inlet {}, outlet {}",
-                    significant(inlet.conductance.value, 4),
-                    significant(outlet.conductance.value, 4)
-                ),
+            self.measured(self.tunable.stiffness, self.force.stiffness_n_m, "force over the way"),
+        ]
+    }
+
+    fn valves(&self) -> Vec<Parameter> {
+        let [inlet, outlet] = &self.steps;
+        let mut all = vec![self.measured(
+            "valve.conductance_m3_s_pa",
+            inlet.conductance.between(outlet.conductance),
+            &format!(
+                "inlet {}, outlet {}",
+                significant(inlet.conductance.value, 4),
+                significant(outlet.conductance.value, 4)
             ),
-        ]);
+        )];
         if self.switching {
             let switch_s = self
                 .switch_time_s
@@ -143,8 +155,13 @@ impl Parts<'_> {
             let remark = "delay less half of the switching; with the sensor's lag";
             all.push(self.measured("valve.dead_time_s", dead_s, remark));
         }
+        all
+    }
+
+    fn controller(&self) -> [Parameter; 6] {
+        let gains = self.gains;
         let twice = "2 (half a PWM period + delay)";
-        all.extend([
+        [
             self.measured("controller.pressure_loop_s", gains.loop_s, twice),
             self.measured("controller.length_loop_s", gains.loop_s, twice),
             self.measured("controller.pressure_reset_s", gains.reset_s, "20 times the loop's"),
@@ -163,8 +180,7 @@ impl Parts<'_> {
                 gains.contraction_dead_zone,
                 "as configured, at least 3 standard deviations of the noise",
             ),
-        ]);
-        all
+        ]
     }
 }
 
@@ -174,23 +190,19 @@ impl Parameter {
     }
 }
 
-/// How the muscle followed with the values before and after.
+/// Tracking with the values before and after.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Check {
-    /// With what was configured.
     pub before: Figures,
-    /// With the tuned values.
     pub after: Figures,
 }
 
-/// `summary.json` of a tuning.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
     /// Length of the experiment \[s\].
     pub duration_s: f64,
     /// Highest pressure in it \[Pa\].
     pub highest_pa: f64,
-    /// Every value.
     pub parameters: Vec<Parameter>,
     /// From the pin to half of the opening, of the outlet \[s\].
     pub delay_s: f64,
@@ -198,13 +210,12 @@ pub struct Findings {
     pub pressure_noise_pa: f64,
     /// Noise of one reading of the length \[m\].
     pub length_noise_m: f64,
-    /// What the balance of forces leaves, RMS \[N\].
+    /// RMS residual of the balance of forces \[N\].
     pub force_rms_n: f64,
     /// Friction over its standard error \[-\].
     pub signal_to_noise: f64,
-    /// The same short motion with both.
     pub check: Check,
-    /// Whether the sine is followed closer than before, by a tenth at least.
+    /// The error of the sine has fallen by at least a tenth.
     pub improved: bool,
 }
 
@@ -231,12 +242,11 @@ impl Findings {
         }
     }
 
-    /// The value of a path after tuning.
     pub fn value(&self, path: &str) -> Option<&Parameter> {
         self.parameters.iter().find(|parameter| parameter.path == path)
     }
 
-    /// How the muscle follows the check's sine with the tuned values, in words.
+    /// Rating of the check's sine with the tuned values.
     pub fn word(&self) -> &'static str {
         let Check { before, after } = self.check;
         if self.improved {
@@ -248,7 +258,7 @@ impl Findings {
         }
     }
 
-    /// What the check says.
+    /// Result of the check in words.
     pub fn verdict(&self) -> String {
         let Check { before, after } = self.check;
         let figures = |f: &Figures| {
@@ -262,7 +272,6 @@ impl Findings {
         format!("check: the sine is followed {word}\n  before: {before}\n  after:  {after}")
     }
 
-    /// For a terminal.
     pub fn text(&self) -> String {
         let width = self.parameters.iter().map(|p| p.path.len()).max().unwrap_or(0);
         let mut text = format!(
@@ -284,7 +293,7 @@ impl Findings {
     }
 }
 
-/// Four digits, as TOML would have them.
+/// Four digits, in TOML's notation.
 fn plain(value: f64) -> String {
     if value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
         let digits = (3 - value.abs().max(1e-300).log10().floor() as i32).clamp(0, 9) as usize;

@@ -7,9 +7,9 @@
 //! P_g A(L) = (1/s) (load + K(x)) + (k_b/s) x + (F/s) f(T_w) sgn v + (c/s) f(T_w) v
 //! ```
 //!
-//! linear in what stands before the load, the way, the direction and the speed. The load is what a
-//! scale says and is taken as configured, and with it K, what is elastic beside k_b: a spring's preload, the part of a
-//! bladder that fills. f is the configured softening at the estimated wall temperature.
+//! linear in the coefficients of load, contraction, direction and speed. The load has been weighed
+//! and is taken as configured, and with it K, the elastic force beside k_b: a spring's preload, the
+//! saturating part of a bladder. f is the configured softening at the estimated wall temperature.
 
 use super::Refusal;
 use super::experiment::{Plan, Record, configured, during};
@@ -17,52 +17,50 @@ use super::regression::{Measure, least_squares};
 use model_core::config::Config;
 use model_core::physics::chamber::{Chamber, ChamberConfig};
 
-/// Stretches over which records are averaged \[s\]: two tenths of a period of the load on its gas
-/// spring, ten of the ADC's steps at the slow ramp.
+/// Intervals over which records are averaged \[s\]: two tenths of a period of the load on its gas
+/// spring, ten LSBs of the ADC on the slow ramp.
 const BIN_S: f64 = 0.05;
-/// Slower is not sliding \[m/s\]: above the Stribeck speeds of braided sleeves.
+/// Least speed of sliding \[m/s\]: above the Stribeck speeds of braided sleeves.
 const SLIDING_M_S: f64 = 0.006;
-/// Largest difference of the ways in two neighbouring stretches to their mean, relative \[-\].
+/// Largest deviation of the motion in two neighbouring intervals from their mean, relative \[-\].
 const EVEN: f64 = 0.25;
-/// Way after a turn within which friction still builds up \[m\].
+/// Motion after a reversal within which friction still builds up \[m\].
 const TURN_M: f64 = 0.004;
 /// Distance from the rest length within which the load may lie on its stop \[m\].
 const STOP_M: f64 = 0.003;
-/// Least span of wall temperature that tells softening from scatter \[K\]: at 1 %/K a tenth of the
-/// friction.
+/// Least span of wall temperature at which softening can be told from scatter \[K\]: at 1 %/K a
+/// tenth of the friction.
 const SOFTENING_SPAN_K: f64 = 10.0;
-/// Largest standard error of a value that is adopted, relative to it \[-\].
+/// Largest relative standard error of an adopted value \[-\].
 const LARGEST_ERROR: f64 = 0.5;
 /// Least ratio of friction to its standard error.
 pub const LEAST_SIGNAL: f64 = 20.0;
 
-/// What even motion tells.
+/// Results of even motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Force {
     /// Force area and volume of the braid, over the configured ones \[-\].
     pub area_scale: Measure,
-    /// Stiffness of what is elastic, bladder or spring \[N/m\].
+    /// Stiffness of bladder or spring \[N/m\].
     pub stiffness_n_m: Measure,
     /// Coulomb friction at the reference temperature \[N\].
     pub coulomb_n: Measure,
-    /// Viscous friction at the reference temperature \[N s/m\]; where it stands out of the scatter.
+    /// Viscous friction at the reference temperature \[N s/m\]; where it exceeds the scatter.
     pub viscous_n_s_m: Option<Measure>,
     /// Softening \[1/K\]; where the wall's temperature changed enough.
     pub softening_per_k: Option<Measure>,
     /// Estimated wall temperatures, lowest and highest \[K\].
     pub wall_k: [f64; 2],
-    /// Root mean square of what is left \[N\].
+    /// Root mean square of the residuals \[N\].
     pub rms_n: f64,
-    /// What was fitted.
     pub points: Vec<Point>,
 }
 
-/// One stretch of even motion.
+/// One interval of even motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Time of its middle \[s\].
     pub time_s: f64,
-    /// Contraction \[-\].
     pub contraction: f64,
     /// Speed of contraction \[m/s\].
     pub speed_m_s: f64,
@@ -72,7 +70,7 @@ pub struct Point {
     pub residual_n: f64,
 }
 
-/// Means over one stretch of time.
+/// Means over one interval.
 #[derive(Debug, Clone, Copy)]
 struct Bin {
     time_s: f64,
@@ -112,7 +110,7 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
             turned_m = bin.length_m;
         }
         before = speed_m_s;
-        // From stretch to stretch about the same way: no mass is accelerated, nothing is turning.
+        // Similar motion in neighbouring intervals: no acceleration, no reversal.
         let ways_m = [earlier.length_m - bin.length_m, bin.length_m - later.length_m];
         let mean_m = speed_m_s * BIN_S;
         let steady = ways_m.iter().all(|way_m| (way_m / mean_m - 1.0).abs() < EVEN);
@@ -127,7 +125,7 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
 /// Fits the balance of forces to the ramps.
 ///
 /// # Errors
-/// When too little slid evenly, or friction does not stand out of the scatter.
+/// When there is too little even sliding, or friction does not exceed the scatter.
 pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Refusal> {
     let (chamber, load_n) = configured(config)?;
     let rest_m = f64::from(chamber.rest_length_m());
@@ -136,11 +134,11 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         ChamberConfig::Cylinder(cylinder) => cylinder.spring_stiffness_n_m,
         ChamberConfig::Vessel(_) | ChamberConfig::Table(_) => 0.0,
     };
-    // With what is elastic and configured.
+    // Load and configured elastic force.
     let held_n = |bin: &Bin| {
         let elastic_n = f64::from(chamber.force_n(0.0, bin.length_m as f32));
         let held_n = load_n - elastic_n - f64::from(stiffness_n_m) * (rest_m - bin.length_m);
-        // The core's force is rounded: without load and preload nothing is left of it to fit.
+        // The core's force is rounded: without load and preload there is nothing to fit.
         if held_n.abs() < 1.0e-3 { 0.0 } else { held_n }
     };
     let ambient_pa = f64::from(config.ambient.pressure_pa);
@@ -222,7 +220,8 @@ mod tests {
     use model_core::Faults;
 
     /// Records of a muscle that slides evenly up and down, faster every second time, while its wall
-    /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is configured with 1 %/K.
+    /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is configured with
+    /// 1 %/K.
     fn records(plan: &Plan, config: &Config, hottest_k: f64) -> Vec<Record> {
         let (chamber, load_n) = configured(config).unwrap();
         let rest_m = f64::from(chamber.rest_length_m());

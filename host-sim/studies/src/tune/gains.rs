@@ -6,11 +6,12 @@
 //! theta = T/2 + d     half of a PWM period (a pulse acts in its middle, on average) and the valve's delay
 //! ```
 //!
-//! for which SIMC (Skogestad, J. Process Control 13, 2003) with its tightest robust choice
-//! tau_c = theta asks for K = 1/(tau_c + theta): an error is closed in 2 theta, at a gain margin of 3 and
-//! a phase margin of 61 degrees. The integrals only have to carry what drifts (heat to the wall, the
-//! load), and stay [`INTEGRAL`] times slower, where they cost 3 degrees of phase. The load that is learnt
-//! moves the length by its gas spring, stiffest near the rest length: in one reset time there.
+//! for which SIMC (Skogestad, J. Process Control 13, 2003) with its tightest robust choice tau_c =
+//! theta asks for K = 1/(tau_c + theta): an error is closed in 2 theta, at a gain margin of 3 and a
+//! phase margin of 61 degrees. The integrals only have to remove drifts (heat to the wall, the
+//! load), and are [`INTEGRAL`] times slower, where they cost 3 degrees of phase. The load
+//! disturbance estimate moves the length by the gas spring, which is stiffest near the rest length:
+//! it is designed for one reset time there.
 
 use super::experiment::Record;
 use super::regression::Measure;
@@ -19,20 +20,18 @@ use model_core::physics::chamber::{AnyChamber, Chamber};
 
 /// Reset time over the loop's time: 1/20 rad of phase at its corner \[-\].
 const INTEGRAL: f64 = 20.0;
-/// Dead zones are no narrower than that many standard deviations of the sensor \[-\].
+/// Least dead zone in standard deviations of the sensor \[-\].
 const DEVIATIONS: f64 = 3.0;
 
 /// Standard deviations of single readings at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
-    /// Pressure \[Pa\].
     pub pressure_pa: f64,
-    /// Length \[m\].
     pub length_m: f64,
 }
 
 impl Noise {
-    /// From neighbours' differences, so that a drift does not count.
+    /// From differences of neighbours, so that a drift does not count.
     pub fn new(resting: &[Record]) -> Self {
         let deviation = |of: fn(&Record) -> f64| {
             let pairs = resting.len().saturating_sub(1).max(1) as f64;
@@ -44,7 +43,7 @@ impl Noise {
     }
 }
 
-/// What the gains follow from.
+/// Inputs of the gains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Basis {
     /// The valves' delay \[s\].
@@ -53,32 +52,31 @@ pub struct Basis {
     pub area_scale: Measure,
     /// Noise at rest.
     pub noise: Noise,
-    /// Smallest contraction of the stroke that was tried: there the gas spring is stiffest \[-\].
+    /// Smallest contraction of the tested stroke, where the gas spring is stiffest \[-\].
     pub smallest: f64,
 }
 
-/// The gains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoopGains {
     /// Time in which both loops close an error \[s\].
     pub loop_s: Measure,
     /// Reset time of the pressure loop's integral \[s\].
     pub reset_s: Measure,
-    /// Load learnt per error and time: the gas spring's stiffness in one reset time \[N/(m s)\].
+    /// Load learnt per error and time: the gas spring's stiffness over one reset time \[N/(m s)\].
     pub load_gain_n_m_s: Measure,
-    /// Pressure error left alone \[Pa\].
+    /// Largest ignored error of the pressure \[Pa\].
     pub pressure_dead_zone_pa: f64,
-    /// Length error left alone, share of the rest length \[-\].
+    /// Largest ignored error of the length, as a fraction of the rest length \[-\].
     pub contraction_dead_zone: f64,
 }
 
 impl LoopGains {
-    /// For the muscle and valves of `config`, which has been tuned.
+    /// For the muscle and valves of `config`, which contains the tuned values.
     pub fn new(basis: &Basis, config: &Config, chamber: &AnyChamber) -> Self {
         let configured = &config.controller;
         let period_s = f64::from(config.pwm_period_steps) * f64::from(config.step_s);
         let twice = basis.delay_s.scaled(2.0, period_s);
-        // Within less than one period nothing can be closed.
+        // No loop can be faster than one period.
         let loop_s = Measure { value: twice.value.max(period_s), ..twice };
         let reset_s = loop_s.scaled(INTEGRAL, 0.0);
         let stiffness_n_m = gas_spring_n_m(config, chamber, basis.smallest);
@@ -99,8 +97,8 @@ impl LoopGains {
     }
 }
 
-/// Stiffness of the loaded muscle on its enclosed gas \[N/m\]: k P A^2/V and what it has at constant
-/// pressure.
+/// Stiffness of the loaded muscle on its enclosed gas \[N/m\]: k P A^2/V plus the stiffness at
+/// constant pressure.
 fn gas_spring_n_m(config: &Config, chamber: &AnyChamber, contraction: f64) -> f64 {
     let Load::Isotonic { force_n } = config.load else { return 0.0 };
     let length_m = chamber.rest_length_m() * (1.0 - contraction as f32);

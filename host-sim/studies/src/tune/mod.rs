@@ -1,4 +1,4 @@
-//! `thermyo tune`: a short experiment on a board, and from it friction, force area, valves and gains.
+//! `thermyo tune`: friction, force area, valves and gains from a short experiment on a board.
 //!
 //! ```text
 //! configured scenario --experiment--> records --force--> friction, bladder, force area and volume
@@ -6,8 +6,8 @@
 //!                                                  --gains--> controller     --check--> before, after
 //! ```
 //!
-//! Only telemetry is looked at, so that a board with a muscle of its own can be tuned as a simulated
-//! one. What the core believes is changed, never the plant. `docs/background/tuning.md` tells the whole.
+//! Only telemetry is used, so that a board with a muscle of its own can be tuned like a simulated
+//! one. Only the core's configuration changes, never the plant. See `docs/background/tuning.md`.
 
 mod check;
 mod experiment;
@@ -40,19 +40,19 @@ use thermyo_simulation::board::Board;
 use thermyo_simulation::run::RunError;
 use valve::{Direction, Gas};
 
-/// Largest error of the pressure on the ramps, RMS, share of its range: the loop follows.
+/// Largest RMS error of the pressure on the ramps, as a fraction of its range.
 const LARGEST_ERROR: f64 = 0.05;
-/// The highest pressure counts as reached within this share of the range.
+/// The highest pressure counts as reached within this fraction of the range.
 const REACHED: f64 = 0.05;
-/// Least motion, share of the rest length.
+/// Least motion, as a fraction of the rest length.
 const LEAST_MOTION: f64 = 0.05;
-/// A check that follows worse than before by this factor, and worse than [`WORSE_PERCENT`], says that
-/// the tuned values are wrong.
+/// The tuned values are wrong if the check's error grows by more than this factor, and exceeds
+/// [`WORSE_PERCENT`].
 const WORSE: f64 = 1.5;
 /// See [`WORSE`]; RMS error of the sine in percent of the stroke.
 const WORSE_PERCENT: f64 = 1.0;
 
-/// A highest pressure that the configured muscle is never given.
+/// The requested highest pressure lies outside of the limits.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "a highest pressure of {asked_pa:?} Pa: must be from {least_pa} Pa (ambient) to {most_pa} Pa (the supply, or \
@@ -67,10 +67,7 @@ pub struct OutOfReach {
     most_pa: f32,
 }
 
-/// Highest pressure of the experiment: [`HIGHEST_PA`] where none is asked for \[Pa\].
-///
-/// # Errors
-/// [`OutOfReach`]
+/// Highest pressure of the experiment, [`HIGHEST_PA`] by default \[Pa\].
 pub fn highest_pa(config: &Config, asked_pa: Option<f64>) -> Result<f64, OutOfReach> {
     let Some(asked_pa) = asked_pa else { return Ok(HIGHEST_PA) };
     let least_pa = config.ambient.pressure_pa;
@@ -82,31 +79,22 @@ pub fn highest_pa(config: &Config, asked_pa: Option<f64>) -> Result<f64, OutOfRe
     }
 }
 
-/// Why nothing was tuned, though it could be tried.
+/// Reason why the experiment or its data cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// The load is a length.
     #[error(
         "load.kind = \"isometric\": nothing moves, so that friction cannot be seen; tune with the load \
          that is going to be moved"
     )]
     NothingMoves,
-    /// What is allowed does not move the configured muscle.
     #[error(
         "the configured muscle needs {:.0} kPa to move by 9 % against its load, and at most {:.0} kPa are \
          allowed (--max-pressure, 85 % of the supply, 90 % of the sensor's limit)",
         needed_pa / 1e3, highest_pa / 1e3
     )]
-    NoRange {
-        /// What is allowed \[Pa\].
-        highest_pa: f64,
-        /// What is needed \[Pa\].
-        needed_pa: f64,
-    },
-    /// A sensor failed, or the emergency stop was pressed.
+    NoRange { highest_pa: f64, needed_pa: f64 },
     #[error("faults during the experiment: {0}")]
     Faulty(Faults),
-    /// The pressure stayed below what was asked for.
     #[error(
         "the pressure reached {:.0} kPa where {:.0} kPa were asked for: the supply is too low, or the \
          valve too small",
@@ -118,7 +106,6 @@ pub enum Refusal {
         /// Highest set point \[Pa\].
         asked_pa: f64,
     },
-    /// The pressure did not follow.
     #[error(
         "the pressure loop does not follow the ramps: {:.1} kPa RMS from the set point, at most {:.1} kPa \
          are allowed",
@@ -127,10 +114,8 @@ pub enum Refusal {
     LoopOpen {
         /// RMS error \[Pa\].
         rms_pa: f64,
-        /// What is allowed \[Pa\].
         limit_pa: f64,
     },
-    /// The muscle hardly moved.
     #[error(
         "the muscle moved by {:.1} mm on a ramp, at least {:.1} mm are needed: is the load too heavy, or \
          the length sensor stuck?",
@@ -139,19 +124,16 @@ pub enum Refusal {
     NotMoved {
         /// Smallest span of the measured length on a ramp \[m\].
         moved_m: f64,
-        /// What is needed \[m\].
         needed_m: f64,
     },
-    /// Too little of the motion was even.
     #[error(
         "the balance of forces cannot be fitted to the {points} stretches of 50 ms in which the muscle \
          slid evenly: they are too few or too alike, or the configured load is 0"
     )]
     TooFew {
-        /// Stretches.
+        /// Intervals of even motion.
         points: usize,
     },
-    /// Friction is lost in scatter.
     #[error(
         "too noisy: friction stands out of the scatter by {signal:.1} standard errors, at least \
          {:.0} are needed (residual force {rms_n:.1} N RMS)",
@@ -163,25 +145,12 @@ pub enum Refusal {
         /// RMS residual \[N\].
         rms_n: f64,
     },
-    /// No step opened a valve fully.
     #[error(
         "no step kept the {valve} open for 30 ms: it is too large for this muscle to tell its conductance"
     )]
-    NoSteps {
-        /// Which one.
-        valve: &'static str,
-    },
-    /// A value that no scenario may have.
+    NoSteps { valve: &'static str },
     #[error("{path} came out as {value:.4e}: must be {allowed}")]
-    OutOfRange {
-        /// The key.
-        path: &'static str,
-        /// What came out.
-        value: f64,
-        /// What is allowed.
-        allowed: String,
-    },
-    /// The check says that the values are wrong.
+    OutOfRange { path: &'static str, value: f64, allowed: String },
     #[error(
         "with the tuned values the muscle follows worse: {after:.2} % of the stroke RMS on the check's \
          sine, {before:.2} % before"
@@ -194,16 +163,12 @@ pub enum Refusal {
     },
 }
 
-/// Why there is no result.
 #[derive(Debug, thiserror::Error)]
 pub enum TuneError {
-    /// The scenario cannot be tuned.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// A run ended before its time.
     #[error("{0}")]
     Run(RunError),
-    /// The data is not good enough.
     #[error(transparent)]
     Refused(#[from] Refusal),
 }
@@ -214,12 +179,9 @@ impl From<RunError> for TuneError {
     }
 }
 
-/// What a tuning gives.
 #[derive(Debug)]
 pub struct Tuned {
-    /// The figures.
     pub findings: Findings,
-    /// The scenario, the core configured with the tuned values.
     pub scenario: Loaded,
     records: Vec<Record>,
     plan: Plan,
@@ -228,15 +190,12 @@ pub struct Tuned {
     after: Checked,
 }
 
-/// How long the checks take that follow the experiment \[s\].
+/// Duration of the checks after the experiment \[s\].
 pub fn checks_s() -> f64 {
     2.0 * check::duration_s()
 }
 
 /// [`tune_on`] a board with a simulated muscle.
-///
-/// # Errors
-/// [`TuneError`]
 pub fn tune(
     loaded: &Loaded,
     file: &Path,
@@ -246,11 +205,8 @@ pub fn tune(
     tune_on(loaded, file, highest_pa, &mut Simulated(board))
 }
 
-/// Runs the experiment for a scenario, fits, and checks. `file` is what messages call the scenario;
-/// no more than `highest_pa` is asked for. The board is left venting.
-///
-/// # Errors
-/// [`TuneError`]
+/// Runs the experiment for a scenario, up to `highest_pa`, fits the values and checks them. `file`
+/// names the scenario in messages. The board vents afterwards.
 pub fn tune_on(
     loaded: &Loaded,
     file: &Path,
@@ -305,12 +261,12 @@ fn tried(
         |direction, valve| gas.steps(&records, &plan, direction).ok_or(Refusal::NoSteps { valve });
     let [inlet, outlet] = [steps(Direction::In, "inlet")?, steps(Direction::Out, "outlet")?];
     let conductances = [inlet.conductance.value, outlet.conductance.value];
-    // Every other plant has ideal valves, and the core is configured so.
+    // Every other plant has ideal valves, and so has the core's configuration.
     let switching = loaded.believed.plant.model == PlantModel::Full;
     let switch_time_s =
         switching.then(|| gas.switch_time_s(&records, &plan, conductances)).flatten();
-    // Of the outlet: while the inlet opens, the regulator behind it gives way, which looks like a
-    // shorter delay.
+    // The outlet's delay: while the inlet opens, the supply behind the regulator falls, which looks
+    // like a shorter delay.
     let delay_s = outlet.delay_s;
     let basis = Basis {
         delay_s,
@@ -342,7 +298,7 @@ fn tried(
     Ok(Tuned { findings, scenario, records, plan, force, before, after })
 }
 
-/// Whether the records can be fitted at all; the contractions that were reached.
+/// Checks that the records can be fitted; returns the contractions reached.
 fn good_enough(records: &[Record], plan: &Plan, rest_m: f64) -> Result<[f64; 2], Refusal> {
     let faults = records.iter().fold(Faults::NONE, |all, record| all.with(record.faults));
     if faults != Faults::NONE {
@@ -362,7 +318,7 @@ fn good_enough(records: &[Record], plan: &Plan, rest_m: f64) -> Result<[f64; 2],
     if rms_pa > limit_pa {
         return Err(Refusal::LoopOpen { rms_pa, limit_pa });
     }
-    // On every ramp: a length that is stuck for a while only would look like friction.
+    // On every ramp: a length that is stuck for part of the time would look like friction.
     let needed_m = LEAST_MOTION * rest_m;
     for ramp in &plan.ramps {
         let [shortest_m, longest_m] = lengths_m(during(records, &ramp.time_s));
@@ -384,7 +340,7 @@ fn lengths_m(records: &[Record]) -> [f64; 2] {
         })
 }
 
-/// The chamber with the force area that was found.
+/// The chamber with the fitted force area.
 fn with_force(loaded: &Loaded, force: &Force, tunable: &Tunable) -> Loaded {
     let mut other = loaded.clone();
     let scaled = tunable.area.iter().filter_map(|(path, power)| {
@@ -394,7 +350,7 @@ fn with_force(loaded: &Loaded, force: &Force, tunable: &Tunable) -> Loaded {
     other
 }
 
-/// Tells the core the values.
+/// Configures the core with the values.
 fn adopt(scenario: &mut Loaded, parameters: &[Parameter]) -> Result<(), Refusal> {
     for Parameter { path, after, .. } in parameters {
         let allowed = limits(path);
@@ -405,7 +361,7 @@ fn adopt(scenario: &mut Loaded, parameters: &[Parameter]) -> Result<(), Refusal>
     }
     let values = || parameters.iter().map(|parameter| (parameter.path, parameter.after));
     scenario.believed = with_numbers(&scenario.believed, values());
-    // The controller is the core's own: it has no truth to differ from.
+    // The plant has no gains: only the core's configuration changes.
     let gains = values().filter(|(path, _)| path.starts_with("controller."));
     scenario.plant = with_numbers(&scenario.plant, gains);
     Ok(())

@@ -1,5 +1,5 @@
-//! `report.html` of a tuning: the hysteresis and what was fitted to it, a step of the pressure, the
-//! check before and after.
+//! `report.html` of a tuning: hysteresis and fit, a step of the pressure, the check before and
+//! after.
 
 use super::experiment::during;
 use super::force::Point;
@@ -10,11 +10,10 @@ use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::figure::Figure;
 use thermyo_report::page::{Page, Section, Table, Tile};
 
-/// What a chart of one step of the pressure shows before and after it \[s\].
+/// Time that a chart shows before and after a step of the pressure \[s\].
 const STEP_BEFORE_S: f64 = 0.05;
 const STEP_AFTER_S: f64 = 0.3;
 
-/// The page.
 pub fn page(tuned: &Tuned, title: &str) -> String {
     let findings = &tuned.findings;
     let lead = format!(
@@ -118,7 +117,7 @@ fn valves(tuned: &Tuned) -> Section {
         .filter(|pair| (pair[1].set_point - pair[0].set_point).abs() > 1e3)
         .map(|pair| pair[1].time_s)
         .collect();
-    // The last of either direction: the muscle has warmed to its work.
+    // The last step in either direction, when the muscle has warmed up.
     let last = &jumps[jumps.len().saturating_sub(2)..];
     let figures = last.iter().map(|jump_s| step(tuned, *jump_s)).collect();
     Section::new("Valves").figures(figures)
@@ -174,7 +173,6 @@ fn check_figure(tuned: &Tuned) -> Figure {
     )
 }
 
-/// The check before and after.
 pub fn check_chart(tuned: &Tuned) -> Chart {
     let (before, after) = (&tuned.before.points, &tuned.after.points);
     let time: Vec<f64> = after.iter().map(|point| point.0).collect();

@@ -1,24 +1,20 @@
-//! Linear least squares with standard errors that know of correlated residuals.
+//! Linear least squares with standard errors that account for correlated residuals.
 
 use nalgebra::{DMatrix, DVector};
 pub use thermyo_identify::correlation_rows;
 
-/// Smallest eigenvalue of the scaled normal matrix: below it a combination of the coefficients
-/// changes nothing that was measured.
+/// Smallest eigenvalue of the scaled normal matrix: below it the measurements do not determine some
+/// combination of the coefficients.
 const SINGULAR: f64 = 1e-9;
 
-/// A value with its standard error, in one unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measure {
-    /// The value.
     pub value: f64,
-    /// Its standard error.
     pub error: f64,
 }
 
 impl Measure {
-    /// The middle of two measures of one quantity; its error is no less than half of what they
-    /// differ by.
+    /// Mean of two measures of one quantity; its error is at least half of their difference.
     pub fn between(self, other: Self) -> Self {
         let half = 0.5 * (self.value - other.value).abs();
         Self {
@@ -27,12 +23,11 @@ impl Measure {
         }
     }
 
-    /// The measure of this quantity times a known factor, plus a known term.
+    /// The measure of a linear function of this quantity.
     pub fn scaled(self, factor: f64, term: f64) -> Self {
         Self { value: factor * self.value + term, error: factor.abs() * self.error }
     }
 
-    /// The difference to an independent measure.
     pub fn less(self, other: Self) -> Self {
         Self { value: self.value - other.value, error: self.error.hypot(other.error) }
     }
@@ -47,11 +42,11 @@ pub struct Fit<const N: usize> {
     pub residuals: Vec<f64>,
 }
 
-/// Fits y = sum of coefficient times column to rows of (columns, y); none where the rows are fewer
-/// than twice the coefficients, or leave a combination of them open.
+/// Fits y = sum of coefficient times column to rows of (columns, y); none where there are fewer
+/// rows than twice the coefficients, or the rows do not determine them all.
 ///
 /// The covariance is s^2 t (X'X)^-1: s^2 the mean square of the residuals, t their integrated
-/// autocorrelation time in rows, since what a model leaves out goes on from row to row.
+/// autocorrelation time in rows, since model errors persist from row to row.
 pub fn least_squares<const N: usize>(rows: &[([f64; N], f64)]) -> Option<Fit<N>> {
     if rows.len() < 2 * N {
         return None;
@@ -81,7 +76,7 @@ pub fn least_squares<const N: usize>(rows: &[([f64; N], f64)]) -> Option<Fit<N>>
 }
 
 impl<const N: usize> Fit<N> {
-    /// What follows from the coefficients by `of`, its error by the gradient.
+    /// A function `of` the coefficients, with its error by the gradient.
     pub fn measure(&self, of: impl Fn(&[f64; N]) -> f64) -> Measure {
         let gradient = DVector::from_fn(N, |i, _| {
             let step = 1e-3 * self.covariance[(i, i)].sqrt().max(f64::MIN_POSITIVE);
@@ -127,12 +122,12 @@ mod tests {
                 (ratio.value - 2.0 / 3.0).abs() > 2.0 * ratio.error
             })
             .count();
-        // 4.6 % of a normal distribution; what is estimated from the residuals adds some.
+        // 4.6 % of a normal distribution; estimating the deviation from the residuals adds some.
         assert!((0.01..0.10).contains(&(outside as f64 / f64::from(fits))), "{outside}");
     }
 
     #[test]
-    fn what_the_rows_leave_open_has_no_fit() {
+    fn undetermined_coefficients_have_no_fit() {
         let same: Vec<_> = (0..9).map(|i| ([f64::from(i), 2.0 * f64::from(i)], 1.0)).collect();
         assert_eq!(least_squares(&same), None);
         let nothing: Vec<_> = (0..9).map(|i| ([f64::from(i), 0.0], 1.0)).collect();
@@ -141,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn what_disagrees_is_no_more_certain_than_its_difference() {
+    fn measures_that_disagree_are_no_more_certain_than_their_difference() {
         let one = Measure { value: 1.0, error: 0.1 };
         let close = one.between(Measure { value: 1.02, error: 0.1 });
         assert!((close.value - 1.01).abs() < 1e-12 && (close.error - 0.0707).abs() < 1e-3);

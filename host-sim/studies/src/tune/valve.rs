@@ -1,15 +1,15 @@
 //! Conductance and delay of the valves, from steps of the pressure that open them fully, and the
 //! switching time from the short pulses of the ramps.
 //!
-//! The gas mass by eq. (1), m = P V/(R T) with T estimated, has to be what ISO 6358 lets through:
+//! The gas mass by eq. (1), m = P V/(R T) with T estimated, has to match the flow by ISO 6358:
 //!
 //! ```text
 //! m(t) - m(0) = C W(t) - C d w(t)        w: flow per conductance, W: its integral since the pin rose
-//! m(end) - m(start) = C sum w o(pulse)   o: what a pulse opens, pulse^2/t_s below t_s
+//! m(end) - m(start) = C sum w o(pulse)   o: open time of a pulse, pulse^2/t_s below t_s
 //! ```
 //!
-//! The first gives C and the delay d: dead time and half of the switching time, and what the pressure
-//! sensor lags. The second gives the switching time t_s, over whole ramps of short pulses.
+//! The first gives C and the delay d: dead time, half of the switching time, and the lag of the
+//! pressure sensor. The second gives the switching time t_s, over whole ramps of short pulses.
 
 use super::experiment::{Plan, Record, during};
 use super::regression::{Measure, least_squares};
@@ -18,27 +18,24 @@ use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::physics::gas::Reservoir;
 use model_core::physics::valve::Valve;
 
-/// After the pin rose, the poppet is open for certain \[s\].
+/// Time after the edge of the pin from which on the poppet is certainly open \[s\].
 const OPEN_S: f64 = 0.008;
-/// The delay is looked for up to here: later, a supply that gives way would look like one \[s\].
+/// Longest delay of the search \[s\]: a longer one would be confused with a falling supply.
 const DELAY_UNTIL_S: f64 = 0.025;
-/// A step has to keep its valve open for that long \[s\].
+/// Least time for which a step has to keep its valve open \[s\].
 const LEAST_OPEN_S: f64 = 0.03;
-/// Share of what the pulses' length promises that has to be lost in switching, for a ramp to tell
-/// the switching time \[-\].
+/// Least fraction of the pulses' length lost in switching from which a ramp determines the
+/// switching time \[-\].
 const LEAST_LOSS: f64 = 0.05;
 
-/// A direction of flow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// From the supply.
     In,
-    /// To ambient.
     Out,
 }
 
 impl Direction {
-    /// That valve's share of the PWM period \[-\].
+    /// Duty of that valve \[-\].
     fn share(self, record: &Record) -> f64 {
         match self {
             Self::In => record.inlet,
@@ -47,7 +44,7 @@ impl Direction {
     }
 }
 
-/// What the steps tell of one valve.
+/// Valve parameters from the steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Steps {
     /// Sonic conductance, with tube and regulator \[m3/(s Pa)\].
@@ -56,7 +53,7 @@ pub struct Steps {
     pub delay_s: Measure,
 }
 
-/// The gas in the muscle and what the valves let through, step by step.
+/// Gas in the muscle and flow through the valves, step by step.
 #[derive(Debug, Clone, Copy)]
 pub struct Gas<'a> {
     config: &'a Config,
@@ -64,7 +61,7 @@ pub struct Gas<'a> {
 }
 
 impl<'a> Gas<'a> {
-    /// With the tuned chamber.
+    /// `chamber` has the tuned values.
     pub fn new(config: &'a Config, chamber: &'a AnyChamber) -> Self {
         Self { config, chamber }
     }
@@ -123,8 +120,8 @@ impl<'a> Gas<'a> {
         })
     }
 
-    /// Switching time, from the ramps whose pulses are short enough to tell; none where too few are.
-    /// `conductances` are those inwards and outwards.
+    /// Switching time, from the ramps with short enough pulses; none where there are too few.
+    /// `conductances` are those of inlet and outlet.
     pub fn switch_time_s(
         &self,
         records: &[Record],
@@ -143,7 +140,8 @@ impl<'a> Gas<'a> {
                 } else {
                     (Direction::Out, conductances[1])
                 };
-                // Openings are given at the start of a period, which the core counts from its first step.
+                // Openings are set at the start of a period, which the core counts from its first
+                // step.
                 let pulses: Vec<(f64, f64)> = records
                     .iter()
                     .filter(|record| (record.step as usize).is_multiple_of(period_steps))
@@ -160,7 +158,7 @@ impl<'a> Gas<'a> {
     }
 }
 
-/// The switching time \[s\] with which the pulses (length, flow) move that mass.
+/// Switching time \[s\] with which the pulses (length, flow) move that mass.
 fn switching_s(pulses: &[(f64, f64)], change_kg: f64, period_s: f64) -> Option<f64> {
     let moved_kg = |switch_s: f64| -> f64 {
         let opening = |pulse_s: f64| {
@@ -168,7 +166,7 @@ fn switching_s(pulses: &[(f64, f64)], change_kg: f64, period_s: f64) -> Option<f
         };
         pulses.iter().map(|(pulse_s, flow)| flow * opening(*pulse_s)).sum::<f64>().abs()
     };
-    // Long pulses lose nothing, whatever the switching time.
+    // Long pulses lose nothing, at any switching time.
     if change_kg.abs() > (1.0 - LEAST_LOSS) * moved_kg(0.0) {
         return None;
     }
@@ -187,7 +185,7 @@ fn switching_s(pulses: &[(f64, f64)], change_kg: f64, period_s: f64) -> Option<f
     Some(low_s)
 }
 
-/// Mean of repeated values, and its standard error by their scatter; of three at least.
+/// Mean of repeated values, and its standard error from their scatter; at least three are needed.
 fn scatter(values: &[f64]) -> Option<Measure> {
     let count = values.len() as f64;
     if values.len() < 3 {
