@@ -1,14 +1,14 @@
 //! Everything that the core is configured with before it starts, and what each value may be.
 
-use crate::math::{SMALLEST, absolute, limit};
-use crate::parameter::{Parameter, parameters};
+use crate::math::limit;
+use crate::parameter::{ConfigError, Parameter, parameters, within};
 use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::{Heat, Wall};
 use crate::physics::leak::Leak;
 use crate::physics::valve::Valve;
-use crate::sensing::Sensors;
+use crate::sensing::{Sensing, Sensors};
 
 /// Fixed step of the core.
 pub const STEP_S: Parameter = Parameter {
@@ -198,33 +198,6 @@ impl Default for Config {
     }
 }
 
-/// A value that the core cannot work with.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize))]
-pub struct ConfigError {
-    /// The key of the scenario that says it; in brackets what the core makes of it, where that is another
-    /// number. Empty without the feature `keys`.
-    pub field: &'static str,
-    /// What it is.
-    pub value: f32,
-    /// Smallest value allowed.
-    pub minimum: f32,
-    /// Largest value allowed.
-    pub maximum: f32,
-}
-
-impl core::fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let Self { field, value, minimum, maximum } = self;
-        if is_too_small(*value) {
-            return write!(f, "{field} = {value:e}: must be 0, or {SMALLEST:e} or more in size");
-        }
-        write!(f, "{field} = {value}: must be from {minimum} to {maximum}")
-    }
-}
-
-impl core::error::Error for ConfigError {}
-
 impl Config {
     /// Highest absolute pressure that a set point is followed to, a twentieth of the gauge pressure
     /// below the limit: what overshoots on the way there does not trip it \[Pa\].
@@ -235,6 +208,11 @@ impl Config {
     /// From the working limit to the one at which the muscle vents \[Pa\].
     pub fn pressure_margin_pa(&self) -> f32 {
         0.05 * (self.pressure_limit_pa - self.ambient.pressure_pa)
+    }
+
+    /// The configured sensors, before their first reading.
+    pub fn sensing(&self) -> Sensing {
+        Sensing::new(&self.sensors, self.step_s, self.ambient.pressure_pa)
     }
 
     /// Checks every value.
@@ -279,35 +257,10 @@ impl Config {
     }
 }
 
-/// A key, where somebody reads it.
-pub(crate) const fn named(key: &'static str) -> &'static str {
-    if cfg!(feature = "keys") { key } else { "" }
-}
-
-/// So close to zero that a processor which flushes subnormal numbers could compute other bits.
-fn is_too_small(value: f32) -> bool {
-    // Not a comparison with zero: such a processor takes a subnormal number for one.
-    absolute(value) < SMALLEST && value.to_bits() << 1 != 0
-}
-
-/// Not inlined: some eighty calls.
-#[inline(never)]
-pub(crate) fn within(
-    field: &'static str,
-    value: f32,
-    minimum: f32,
-    maximum: f32,
-) -> Result<(), ConfigError> {
-    if value >= minimum && value <= maximum && !is_too_small(value) {
-        Ok(())
-    } else {
-        Err(ConfigError { field: named(field), value, minimum, maximum })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::SMALLEST;
 
     #[test]
     fn the_default_holds() {

@@ -1,7 +1,5 @@
 //! What crosses the border of the core in every step: raw codes in, duties out.
 
-use crate::control::{Mode, SetPoint};
-
 /// Conversions of the 12-bit ADC that are added up into one code.
 pub const OVERSAMPLING: u16 = 8;
 /// Largest code: eight conversions of 4095.
@@ -302,6 +300,80 @@ pub struct Estimate {
     pub heat_scale: f32,
     /// Lag of the gas sensor \[s\].
     pub sensor_lag_s: f32,
+}
+
+/// What the core is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+pub enum Mode {
+    /// Startup check: the core vents and tests the sensors.
+    Judging,
+    /// Inlet closed, outlet open.
+    Vent,
+    /// Fixed openings.
+    Duty,
+    /// A mass flow, constant or in the paper's cycle.
+    MassFlow,
+    /// The pressure loop acts.
+    Pressure,
+    /// The pressure is where it should be.
+    PressureHeld,
+    /// The contraction loop acts.
+    Contraction,
+    /// The muscle is where it should be.
+    ContractionHeld,
+}
+
+impl Mode {
+    /// Every mode and its name; a mode's index here is its number in a trace.
+    pub const NAMES: [(Self, &'static str); 8] = [
+        (Self::Judging, "judging the sensors"),
+        (Self::Vent, "vent"),
+        (Self::Duty, "duty"),
+        (Self::MassFlow, "mass flow"),
+        (Self::Pressure, "pressure"),
+        (Self::PressureHeld, "pressure, held"),
+        (Self::Contraction, "contraction"),
+        (Self::ContractionHeld, "contraction, held"),
+    ];
+}
+
+/// The quantity that the core is asked to reach; see [`crate::Core::set`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+pub enum SetPoint {
+    /// Inlet closed, outlet open.
+    #[default]
+    Vent,
+    /// Fixed openings, as fractions of the PWM period.
+    Duty {
+        /// Inlet open, 0 to 1 \[-\].
+        inlet: f32,
+        /// Outlet open, 0 to 1 \[-\].
+        outlet: f32,
+    },
+    /// A mass flow into the muscle, negative out of it \[kg/s\].
+    MassFlow {
+        /// Flow, -1 to 1 \[kg/s\].
+        flow_kg_s: f32,
+    },
+    /// The paper's working cycle: half of the period in, half out.
+    MassFlowCycle {
+        /// Flow in either direction, 0 to 1 \[kg/s\].
+        flow_kg_s: f32,
+        /// Period, four PWM periods to a day \[s\].
+        period_s: f32,
+    },
+    /// An absolute pressure \[Pa\].
+    Pressure {
+        /// Pressure, 0 to the configured limit \[Pa\].
+        pressure_pa: f32,
+    },
+    /// A contraction, as a fraction of the rest length, negative beyond it \[-\].
+    Contraction {
+        /// Contraction, within what the chamber can have \[-\].
+        contraction: f32,
+    },
 }
 
 /// Everything that one step leaves behind.

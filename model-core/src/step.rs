@@ -1,13 +1,14 @@
 //! The core: one [`Sample`] in, one [`Telemetry`] with its [`Command`] out, once per fixed step.
 
-use crate::config::{Config, ConfigError, Load};
-use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, SetPointField, Target};
+use crate::config::{Config, Load};
+use crate::control::{Controller, Feedback, SetPointError, SetPointField, Target};
 use crate::estimation::{Estimator, Measurement, Openings};
 use crate::math::limit;
+use crate::parameter::ConfigError;
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
 use crate::safety::watch::{EMPTY, Watch};
-use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
+use crate::sample::{Command, Duty, Faults, Mode, Sample, SetPoint, Telemetry};
 use crate::sensing::{Reading, Sensing};
 
 /// Model, estimator, controller and supervisor of one muscle.
@@ -55,7 +56,7 @@ impl Core {
         Ok(Self {
             config: *config,
             chamber: AnyChamber::new(&config.chamber),
-            sensing: Sensing::new(config),
+            sensing: config.sensing(),
             supervisor: Supervisor::new(config, true),
             estimator: Estimator::new(config),
             controller: Controller::new(config),
@@ -609,7 +610,7 @@ mod tests {
         let muscle = AnyChamber::new(&Config::default().chamber);
         let mut estimator = Estimator::new(&Config::default());
         let sensors = Sensors::default();
-        let mut sensing = Sensing::new(&Config::default());
+        let mut sensing = Config::default().sensing();
         let wide_pa = sensors.adc.half_width(sensors.pressure.resolution_pa());
         let wide_m = sensors.adc.half_width(sensors.length.resolution_m());
         for step in 0..300_u16 {

@@ -32,7 +32,9 @@ mod set_point;
 pub mod valve_drive;
 
 pub use self::port::Feedback;
-pub use self::set_point::{SetPoint, SetPointError, SetPointField, Target, contractions};
+pub use crate::sample::{Mode, SetPoint};
+
+pub use self::set_point::{SetPointError, SetPointField, Target, contractions};
 
 use self::contraction::{Contracting, ContractionLoop, Gains};
 use self::cycle::{Cycle, Strokes};
@@ -43,42 +45,6 @@ use crate::control::valve_drive::FlowDrive;
 use crate::math::limit;
 use crate::physics::chamber::Chamber;
 use crate::sample::{Command, Duty};
-
-/// What the core is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub enum Mode {
-    /// After a start: it vents and judges the sensors.
-    Judging,
-    /// Inlet closed, outlet open.
-    Vent,
-    /// Fixed openings.
-    Duty,
-    /// A mass flow, constant or in the paper's cycle.
-    MassFlow,
-    /// The pressure loop acts.
-    Pressure,
-    /// The pressure is where it should be.
-    PressureHeld,
-    /// The contraction loop acts.
-    Contraction,
-    /// The muscle is where it should be.
-    ContractionHeld,
-}
-
-impl Mode {
-    /// Every mode and its name; a mode's number in a trace is its place here.
-    pub const NAMES: [(Self, &'static str); 8] = [
-        (Self::Judging, "judging the sensors"),
-        (Self::Vent, "vent"),
-        (Self::Duty, "duty"),
-        (Self::MassFlow, "mass flow"),
-        (Self::Pressure, "pressure"),
-        (Self::PressureHeld, "pressure, held"),
-        (Self::Contraction, "contraction"),
-        (Self::ContractionHeld, "contraction, held"),
-    ];
-}
 
 /// The loop that is closed, if one is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,9 +82,9 @@ impl Controller {
     /// A controller that vents.
     ///
     /// ```
-    /// use model_core::control::{Controller, Feedback, SetPoint, Target};
+    /// use model_core::control::{Controller, Feedback, Target};
     /// use model_core::physics::chamber::AnyChamber;
-    /// use model_core::{Config, Duty, Estimate};
+    /// use model_core::{Config, Duty, Estimate, SetPoint};
     ///
     /// let config = Config::default();
     /// let muscle = AnyChamber::new(&config.chamber);

@@ -82,10 +82,9 @@ fn left_k2(error_k: f32, lag_s: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
 
     fn agreement() -> Agreement {
-        Agreement::new(3.0, &StepCounts::new(&Config::default()))
+        Agreement::new(3.0, &StepCounts::new(0.001))
     }
 
     fn share_after(innovation_k: Option<f32>, intervals: usize) -> f32 {

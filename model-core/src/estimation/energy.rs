@@ -134,10 +134,9 @@ impl Energy {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
 
     fn at_rest(energy_j: f32) -> Energy {
-        Energy::new(energy_j, Averaging::new(&StepCounts::new(&Config::default()), 10))
+        Energy::new(energy_j, Averaging::new(&StepCounts::new(0.001), 10))
     }
 
     const EXACT: Uncertainty = Uncertainty::Noise(0.0);

@@ -11,10 +11,11 @@
 
 pub mod arbiter;
 
-use crate::config::{Config, ConfigError};
-use crate::control::{SetPoint, SetPointError};
+use crate::config::Config;
+use crate::control::SetPointError;
+use crate::parameter::ConfigError;
 use crate::safety::supervisor::FirstFailure;
-use crate::sample::{Sample, Telemetry};
+use crate::sample::{Sample, SetPoint, Telemetry};
 use cobs::{DecodeResult, DecoderState};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::de::DeserializeOwned;
@@ -524,10 +525,9 @@ fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Mode;
     use crate::physics::chamber::table::{MOST_ROWS, Row};
     use crate::physics::chamber::{ChamberConfig, Table};
-    use crate::sample::{AdcCode, Command, Duty, Estimate, Faults};
+    use crate::sample::{AdcCode, Command, Duty, Estimate, Faults, Mode};
     use crate::sensing::Sensors;
     use crate::sensing::gas::{GasElement, Max31865};
     use crate::sensing::pressure::{Mpr, PressurePart};

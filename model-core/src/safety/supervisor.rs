@@ -36,7 +36,7 @@ use crate::config::Config;
 use crate::math::is_above;
 use crate::sample::{Faults, Sample};
 use crate::sensing::{Readings, Validity};
-use crate::step_counts::StepCounts;
+use crate::step_counts::{StepCounts, timeout_steps};
 
 /// What a missed step adds to the count of late ones; a step takes 1 away.
 const LATE_WEIGHT: u16 = 20;
@@ -109,6 +109,8 @@ impl From<&Sample> for BoardState {
 struct Limits {
     pressure_pa: f32,
     counts: StepCounts,
+    /// Steps of silence after which the link is lost; `None`: it is never lost.
+    silent_steps: Option<u32>,
     configured: bool,
     /// The gas sensor is a digital part.
     digital_gas: bool,
@@ -121,7 +123,7 @@ pub struct Supervisor {
     latched: Faults,
     present: Faults,
     first: Option<FirstFailure>,
-    judging_steps: u16,
+    startup_steps: u16,
     pressure_trusted: bool,
     overpressure_steps: u16,
     impossible_length_steps: u16,
@@ -139,19 +141,22 @@ impl Supervisor {
     /// assert_eq!(Supervisor::new(&Config::default(), true).venting(), Faults::NONE);
     /// ```
     pub fn new(config: &Config, configured: bool) -> Self {
-        let counts = StepCounts::new(config);
+        let counts = StepCounts::new(config.step_s);
+        let timeout_s = config.link.timeout_s;
+        let silent_steps = (timeout_s > 0.0).then(|| timeout_steps(timeout_s, config.step_s));
         let digital_gas = config.sensors.gas_element.is_digital();
         Self {
             limits: Limits {
                 pressure_pa: config.pressure_limit_pa,
                 counts,
+                silent_steps,
                 configured,
                 digital_gas,
             },
             latched: Faults::NONE,
             present: Faults::NONE,
             first: None,
-            judging_steps: counts.judging_steps,
+            startup_steps: counts.startup_steps,
             pressure_trusted: false,
             overpressure_steps: 0,
             impossible_length_steps: 0,
@@ -164,7 +169,7 @@ impl Supervisor {
     /// everything that it has counted and latched, and the sensors are judged again.
     pub fn after_restart(&self, other: &Self) -> Self {
         let limits = other.limits;
-        Self { limits, judging_steps: limits.counts.judging_steps, silent_steps: 0, ..*self }
+        Self { limits, startup_steps: limits.counts.startup_steps, silent_steps: 0, ..*self }
     }
 
     /// Takes over what was latched before the board restarted.
@@ -185,14 +190,14 @@ impl Supervisor {
 
     /// Whether the sensors are still being judged, after the last step.
     pub fn judging(&self) -> bool {
-        self.judging_steps > 0
+        self.startup_steps > 0
     }
 
     /// Looks at the inputs of one step; returns the faults that hold.
     pub fn step(&mut self, board: &BoardState, readings: &Readings, activity: Activity) -> Faults {
         let Activity { driven, step, found, impossible_length } = activity;
         let Readings { pressure, length, gas } = readings;
-        self.judging_steps = self.judging_steps.saturating_sub(1);
+        self.startup_steps = self.startup_steps.saturating_sub(1);
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
         self.overpressure_steps =
@@ -203,7 +208,7 @@ impl Supervisor {
         let missed = u16::from(board.missed_steps).saturating_mul(LATE_WEIGHT);
         self.late = self.late.saturating_sub(1).saturating_add(missed).min(LATEST);
         self.pressure_trusted = pressure.validity == Validity::Valid;
-        let StepCounts { patience_steps, silent_steps, .. } = self.limits.counts;
+        let Limits { counts: StepCounts { patience_steps, .. }, silent_steps, .. } = self.limits;
         let length_lost =
             length.validity != Validity::Valid || self.impossible_length_steps >= patience_steps;
         let present = found
@@ -288,7 +293,7 @@ mod tests {
     impl Bench {
         fn new(config: &Config) -> Self {
             Self {
-                sensing: Sensing::new(config),
+                sensing: config.sensing(),
                 supervisor: Supervisor::new(config, true),
                 flowing: false,
             }

@@ -185,7 +185,7 @@ impl Watch {
             Load::Isotonic { force_n } => Some((force_n, 2.0 * config.friction.force_n)),
             Load::Isometric { .. } => None,
         };
-        let counts = StepCounts::new(config);
+        let counts = StepCounts::new(config.step_s);
         Self {
             limits: Limits {
                 window_s: f32::from(counts.interval_steps) * config.step_s,

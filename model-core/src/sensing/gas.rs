@@ -12,8 +12,7 @@ pub use super::max31865::Max31865;
 pub use super::ntc::Ntc;
 use super::part::Limits;
 pub use super::pt1000::Pt1000;
-use crate::config::ConfigError;
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters};
 
 parameters! {
     /// The gas sensor, whatever its element is.

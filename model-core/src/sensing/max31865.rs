@@ -6,9 +6,8 @@
 use super::gas::{Curve, Element};
 use super::part::Limits;
 use super::platinum::{platinum_resistance_ohm, platinum_temperature_k};
-use crate::config::{ConfigError, within};
 use crate::math::limit;
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters, within};
 
 parameters! {
     /// Platinum resistor on a MAX31865. It is lost when it reads outside of its range.

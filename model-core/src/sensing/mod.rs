@@ -28,7 +28,7 @@ use self::health::{Health, Stillness};
 use self::length::LengthSensor;
 use self::part::Part;
 use self::pressure::{PressurePart, PressureSensor};
-use crate::config::{Config, ConfigError};
+use crate::parameter::ConfigError;
 use crate::sample::{AdcCode, OVERSAMPLING, Sample};
 use crate::step_counts::StepCounts;
 
@@ -177,25 +177,25 @@ pub struct Sensing {
 }
 
 impl Sensing {
-    /// Works the constants out.
+    /// Sensing without any reading; [`Config::sensing`](crate::Config::sensing) calls it. A digital
+    /// pressure sensor reads `ambient_pa` until its first conversion arrives.
     ///
     /// ```
-    /// use model_core::sensing::Sensing;
     /// use model_core::{AdcCode, Config, Sample};
     ///
-    /// let mut sensing = Sensing::new(&Config::default());
+    /// let mut sensing = Config::default().sensing();
     /// let readings = sensing.read(&Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757)), false);
     /// assert!((0.2..0.31).contains(&readings.length.value));
     /// ```
     #[cold] // Once at a start: as small as can be.
-    pub fn new(config: &Config) -> Self {
-        let Sensors { adc, pressure, length, gas, gas_element, pressure_part } = &config.sensors;
+    pub fn new(sensors: &Sensors, step_s: f32, ambient_pa: f32) -> Self {
+        let Sensors { adc, pressure, length, gas, gas_element, pressure_part } = sensors;
         let part = pressure_part.part();
-        let patience_steps = StepCounts::new(config).patience_steps;
+        let patience_steps = StepCounts::new(step_s).patience_steps;
         // Without the gas temperature the model goes on, so that it is well until it is known to be lost.
         let limits = gas_element.part();
         let latency_s = limits.as_ref().map_or(0.0, |part| part.latency_s);
-        let gas_part = limits.map(|part| Part::new(&part, config.step_s, Validity::Valid));
+        let gas_part = limits.map(|part| Part::new(&part, step_s, Validity::Valid));
         // What a step of a digital part hides, beside its noise.
         let step_k = if gas_part.is_some() { gas_element.resolution_k() } else { 0.0 };
         Self {
@@ -206,10 +206,9 @@ impl Sensing {
                 sensor: pressure_part.calibrated(pressure),
                 wide: adc.half_width(pressure.resolution_pa()),
                 health: Health::new(if part.is_some() { part::PATIENCE } else { patience_steps }),
-                // None yet: nothing that could be taken for gas.
                 part: part.map(|part| {
-                    let part = Part::new(&part, config.step_s, Validity::Suspect);
-                    (part, config.ambient.pressure_pa)
+                    let part = Part::new(&part, step_s, Validity::Suspect);
+                    (part, ambient_pa)
                 }),
             },
             length: Channel {
@@ -224,7 +223,7 @@ impl Sensing {
             gas_noise_k2: gas.noise_k * gas.noise_k + step_k * step_k / 12.0,
             gas_conversions: if gas_part.is_some() { 1.0 } else { f32::from(OVERSAMPLING) },
             gas_codes: CodeSum::default(),
-            gas_latency_steps: latency_s / config.step_s,
+            gas_latency_steps: latency_s / step_s,
             gas_ages: 0,
             gas_code: None,
             gas_moved: false,
@@ -339,7 +338,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn sensing(sensors: Sensors) -> Sensing {
-        Sensing::new(&Config { sensors, ..Config::default() })
+        Sensing::new(&sensors, 0.001, 101_325.0)
     }
 
     fn straight() -> Sensors {

@@ -10,9 +10,8 @@
 use super::adc::{Characteristic, Point};
 use super::gas::{Curve, Element};
 use super::pt1000::ratio_to_resistance;
-use crate::config::ConfigError;
 use crate::math::{limit, ln};
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters};
 
 parameters! {
     /// NTC thermistor in a divider.

@@ -4,8 +4,7 @@
 use super::adc::{Characteristic, Point};
 use super::calibration::{Calibrated, Calibration};
 use super::part::Limits;
-use crate::config::ConfigError;
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters};
 use crate::sample::OVERSAMPLING;
 
 /// What linearising the converter leaves, in codes of 12 bit.

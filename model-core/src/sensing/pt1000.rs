@@ -3,8 +3,7 @@
 use super::adc::{Characteristic, Point};
 use super::gas::{Curve, Element};
 use super::platinum::{platinum_resistance_ohm, platinum_temperature_k};
-use crate::config::{ConfigError, within};
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters, within};
 
 parameters! {
     /// Pt1000 in a half bridge, amplified so that this range takes 5 to 95 % of the reference.

@@ -23,8 +23,8 @@
 //! looked for. From there Newton's steps come down to it, never past it: `STEPS` of them cannot fail.
 
 use super::Chamber;
-use crate::config::{ConfigError, within};
 use crate::math::{exp, limit, sqrt};
+use crate::parameter::{ConfigError, within};
 use core::f32::consts::PI;
 
 /// Newton's steps to a length; see above.

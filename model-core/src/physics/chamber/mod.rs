@@ -31,8 +31,8 @@ pub use self::cylinder::Cylinder;
 pub use self::table::Table;
 pub use self::vessel::Vessel;
 
-use crate::config::ConfigError;
 use crate::math::{absolute, limit};
+use crate::parameter::ConfigError;
 
 /// How far off a length sensor may be, share of the rest length \[-\].
 const SENSOR_OFF: f32 = 0.05;

@@ -3,8 +3,8 @@
 //! dV/dL, the effective area, is continuous and never turns its sign.
 
 use super::Chamber;
-use crate::config::{ConfigError, within};
 use crate::math::{limit, sqrt};
+use crate::parameter::{ConfigError, within};
 use core::f32::consts::PI;
 
 /// Rows of a table, at most.
