@@ -3,7 +3,7 @@
 //! The chip gives R/R_ref in 15 bits (data sheet 19-6478, "ADC code = (R_RTD x 2^15)/R_REF"), here every 20 ms: its filter
 //! is that for 50 Hz.
 
-use super::gas::{Curve, Element};
+use super::element::{Curve, Element};
 use super::part::Limits;
 use super::platinum::{platinum_resistance_ohm, platinum_temperature_k};
 use crate::math::limit;

@@ -10,6 +10,7 @@
 
 pub mod adc;
 pub mod calibration;
+mod element;
 pub mod gas;
 mod health;
 pub mod length;

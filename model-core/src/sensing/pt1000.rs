@@ -1,7 +1,7 @@
 //! Pt1000 in a half bridge, behind an amplifier. The circuit is in `docs/reference/board.md`.
 
 use super::adc::{Characteristic, Point};
-use super::gas::{Curve, Element};
+use super::element::{Curve, Element};
 use super::platinum::{platinum_resistance_ohm, platinum_temperature_k};
 use crate::parameter::{ConfigError, parameters, within};
 
