@@ -218,55 +218,24 @@ impl Controller {
                 return self.drive.flow(config, given_kg, muscle);
             }
             SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
-                let (mut active, elapsed_steps) = match self.active {
-                    ActiveLoop::Cycle(active) => (active, self.elapsed_steps),
-                    _ => (Cycle::new(port.gas_mass_kg()), 0),
-                };
                 let strokes = Strokes { flow_kg_s, period_s, step_s: config.step_s };
-                let coming_steps = config.pwm_period_steps;
-                let mass_kg = active.period(&strokes, &port, elapsed_steps, coming_steps);
-                self.active = ActiveLoop::Cycle(active);
-                Some(mass_kg)
+                Some(self.cycle_mass_kg(config, &port, &strokes))
             }
             SetPoint::Pressure { pressure_pa } => {
-                self.limited = pressure_pa > self.working_limit_pa;
-                let pressure_pa = limit(pressure_pa, 0.0, self.working_limit_pa);
-                let mut active = match self.active {
-                    ActiveLoop::Pressure(active) => active,
-                    _ => PressureLoop::new(feedback),
-                };
-                let change_m3 = self.volume_change_m3(chamber, feedback);
-                let mass_kg = active.period(config, feedback, &port, change_m3, pressure_pa);
-                self.active = ActiveLoop::Pressure(active);
-                mass_kg
+                self.pressure_mass_kg(config, chamber, feedback, &port, pressure_pa)
             }
-            SetPoint::Contraction { contraction } => {
-                let force_n = match config.load {
-                    Load::Isotonic { force_n } if chamber.moves() => force_n,
-                    _ => return self.drive.direct(Command::VENT),
-                };
-                let mut active = match self.active {
-                    ActiveLoop::Contraction(active) => active,
-                    _ => ContractionLoop::new(
-                        config,
-                        &self.gains,
-                        chamber,
-                        feedback,
-                        force_n,
-                        self.softening,
-                    ),
-                };
-                let wanted = Contracting {
-                    contraction,
-                    load_n: force_n,
-                    softening: self.softening,
-                    most_pa: self.working_limit_pa,
-                };
-                let mass_kg = active.period(config, chamber, feedback, &port, &wanted);
-                self.limited = active.limited();
-                self.active = ActiveLoop::Contraction(active);
-                mass_kg
-            }
+            SetPoint::Contraction { contraction } => match config.load {
+                Load::Isotonic { force_n } if chamber.moves() => {
+                    let wanted = Contracting {
+                        contraction,
+                        load_n: force_n,
+                        softening: self.softening,
+                        most_pa: self.working_limit_pa,
+                    };
+                    self.contraction_mass_kg(config, chamber, feedback, &port, &wanted)
+                }
+                _ => return self.drive.direct(Command::VENT),
+            },
         };
         match mass_kg {
             Some(mass_kg) => {
@@ -277,8 +246,66 @@ impl Controller {
         }
     }
 
-    /// `wanted_kg`, or what of it one period may bring before the pressure is at the working limit, if
-    /// the volume stays as it is \[kg\].
+    /// Mass of the working cycle in the coming period \[kg\].
+    fn cycle_mass_kg(&mut self, config: &Config, port: &Port, strokes: &Strokes) -> f32 {
+        let (mut active, elapsed_steps) = match self.active {
+            ActiveLoop::Cycle(active) => (active, self.elapsed_steps),
+            _ => (Cycle::new(port.gas_mass_kg()), 0),
+        };
+        let mass_kg = active.period(strokes, port, elapsed_steps, config.pwm_period_steps);
+        self.active = ActiveLoop::Cycle(active);
+        mass_kg
+    }
+
+    /// Mass that the pressure loop asks for \[kg\]; `None` to rest.
+    fn pressure_mass_kg(
+        &mut self,
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        port: &Port,
+        pressure_pa: f32,
+    ) -> Option<f32> {
+        self.limited = pressure_pa > self.working_limit_pa;
+        let pressure_pa = limit(pressure_pa, 0.0, self.working_limit_pa);
+        let mut active = match self.active {
+            ActiveLoop::Pressure(active) => active,
+            _ => PressureLoop::new(feedback),
+        };
+        let change_m3 = self.volume_change_m3(chamber, feedback);
+        let mass_kg = active.period(config, feedback, port, change_m3, pressure_pa);
+        self.active = ActiveLoop::Pressure(active);
+        mass_kg
+    }
+
+    /// Mass that the contraction loop asks for \[kg\]; `None` to rest.
+    fn contraction_mass_kg(
+        &mut self,
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        port: &Port,
+        wanted: &Contracting,
+    ) -> Option<f32> {
+        let mut active = match self.active {
+            ActiveLoop::Contraction(active) => active,
+            _ => ContractionLoop::new(
+                config,
+                &self.gains,
+                chamber,
+                feedback,
+                wanted.load_n,
+                wanted.softening,
+            ),
+        };
+        let mass_kg = active.period(config, chamber, feedback, port, wanted);
+        self.limited = active.limited();
+        self.active = ActiveLoop::Contraction(active);
+        mass_kg
+    }
+
+    /// `wanted_kg`, limited to the mass that brings the pressure to the working limit at the present
+    /// volume \[kg\].
     fn limited_kg(&mut self, port: &Port, wanted_kg: f32) -> f32 {
         if !(wanted_kg > 0.0) {
             return wanted_kg;
