@@ -32,19 +32,19 @@ pub struct Config {
     pub ambient: Ambient,
     /// The supply behind the inlet valve.
     pub supply: Supply,
-    /// What holds the gas.
+    /// The chamber, which holds the gas.
     pub chamber: ChamberConfig,
-    /// What it leaks.
+    /// Leakage of the chamber.
     pub leak: Leak,
     /// Heat transfer.
     pub heat: Heat,
-    /// What holds the gas in, as a heat capacity.
+    /// The wall, as a heat capacity.
     pub wall: Wall,
-    /// Friction of what moves.
+    /// Friction of the moving end.
     pub friction: Friction,
-    /// What the chamber moves, or is held by.
+    /// The load, or a fixed length.
     pub load: Load,
-    /// What moves with the chamber's end \[kg\].
+    /// Mass that moves with the chamber's end \[kg\].
     pub moving_mass_kg: f32,
     /// Inlet and outlet valve.
     pub valve: Valve,
@@ -58,7 +58,7 @@ pub struct Config {
     pub controller: ControllerConfig,
     /// Above this absolute pressure the supervisor vents \[Pa\].
     pub pressure_limit_pa: f32,
-    /// The line to the host.
+    /// The link to the host.
     pub link: LinkConfig,
 }
 
@@ -91,13 +91,13 @@ impl From<Supply> for Reservoir {
 }
 
 parameters! {
-    /// Line between host and board.
+    /// Link between host and board.
     "link": LinkConfig {
         timeout_s: 0.5, "s", 0.0 to 3600.0, "silence of the host after which the board vents; 0: it goes on alone";
     }
 }
 
-/// What the chamber moves, or is held by.
+/// The load that the chamber moves, or the length at which it is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum Load {
@@ -115,7 +115,7 @@ pub enum Load {
 
 parameters! {
     /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
-    /// `docs/reference/estimator-keys.md` says how each is found.
+    /// `docs/reference/estimator-keys.md` states how each is found.
     "estimator": EstimatorConfig {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
         gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
@@ -130,20 +130,20 @@ parameters! {
 }
 
 impl EstimatorConfig {
-    /// What a lag \[s\] leaves of an error of the gas around the foil, which lasts for a second \[-\].
+    /// Fraction of a one-second error of the gas around the element that passes a lag \[s\] \[-\].
     pub fn left_by_lag(lag_s: f32) -> f32 {
         const ERROR_S: f32 = 1.0;
         ERROR_S / (lag_s + ERROR_S)
     }
 
-    /// What that lag leaves of [`Self::place_error_k`] in the reading \[K\].
+    /// Error that [`Self::place_error_k`] causes in the reading through that lag \[K\].
     pub fn reading_bias_k(&self, lag_s: f32) -> f32 {
         self.place_error_k * Self::left_by_lag(lag_s)
     }
 }
 
 parameters! {
-    /// Controller tuning; `docs/reference/controller-keys.md` says how each is found.
+    /// Controller tuning; `docs/reference/controller-keys.md` states how each is found.
     "controller": ControllerConfig {
         pressure_loop_s: 0.014, "s", 0.001 to 10.0, "time in which the pressure loop closes an error";
         pressure_reset_s: 0.3, "s", 0.01 to 10000.0, "reset time of the pressure loop's integral";

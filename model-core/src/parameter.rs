@@ -6,13 +6,13 @@
 //! One line in the `parameters!` of its table. Its name ends in the unit; the table's path and its name are
 //! the key that a user writes, and what an error calls it. A key of `[estimator]` or `[controller]` is in the
 //! scenario with that; `docs/reference/estimator-keys.md` and `docs/reference/controller-keys.md` have a row for each, which a test compares.
-//! For the other tables the scenario says which of the core's parameters it takes: `declare.rs` in `host-sim`
+//! For the other tables the scenario lists the core's parameters that it takes: `declare.rs` in `host-sim`
 //! has the rest of this list. The bytes of the configuration on the wire change: raise `PROTOCOL` in
 //! `link` and pin the new ones there.
 
 use crate::math::{SMALLEST, absolute};
 
-/// What is known of a parameter.
+/// Declaration of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
     /// Its name within its table.
@@ -25,11 +25,11 @@ pub struct Parameter {
     pub minimum: f64,
     /// Largest value allowed.
     pub maximum: f64,
-    /// What it means.
+    /// Meaning, as documents print it.
     pub meaning: &'static str,
 }
 
-/// What a value may be, under the key that a user writes.
+/// Allowed range of a value, under the key that a user writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limit {
     key: &'static str,
@@ -103,7 +103,7 @@ pub(crate) fn within(
     }
 }
 
-/// Declares a table of parameters: the struct, `Default`, `PARAMETERS` for whoever prints them, and
+/// Declares a table of parameters: the struct, `Default`, `PARAMETERS` for printing, and
 /// `check`, whose errors name the key that a user writes. On the wire a table is its values, in order; in a
 /// file it is a table of keys, of which each may be left out.
 macro_rules! parameters {
@@ -219,7 +219,7 @@ pub(crate) mod wire {
         }
     }
 
-    /// What a file leaves out stays what it is.
+    /// A key that the file leaves out keeps its value.
     pub fn read<'de, D: Deserializer<'de>, T: Table>(
         deserializer: D,
         values: &mut [f32],

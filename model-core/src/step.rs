@@ -52,7 +52,7 @@ struct Action {
 
 impl Core {
     /// A core that vents until it has judged its sensors and is given a set point. It is
-    /// [armed](Self::arm), for whoever makes a core in a program of his own drives it.
+    /// [armed](Self::arm), because a program that creates a core also drives it.
     ///
     /// ```
     /// use model_core::{Config, Core, SetPoint};
@@ -87,7 +87,7 @@ impl Core {
         })
     }
 
-    /// The core of a board that nobody has configured: it has the default one, and vents
+    /// The core of a board without a configuration: it has the default one, and vents
     /// until it is [restarted](Self::restart_as) as one that is configured, and armed.
     ///
     /// ```
@@ -107,7 +107,7 @@ impl Core {
         Ok(Self { supervisor, armed_pa: None, ..Self::new(&config)? })
     }
 
-    /// Starts anew as `other`, with its configuration and, where the core is armed, its set point. The
+    /// Restarts as `other`, with its configuration and, where the core is armed, its set point. The
     /// supervisor stays: what is latched is latched, what it has counted counts, and the sensors are judged
     /// again. So does the arming, as far as the new configuration allows.
     pub fn restart_as(&mut self, other: Self) {
@@ -222,7 +222,7 @@ impl Core {
         Ok(())
     }
 
-    /// What the core is to do.
+    /// The set point.
     pub fn set_point(&self) -> SetPoint {
         self.controller.target().set_point()
     }
@@ -643,7 +643,7 @@ mod tests {
     }
 
     /// The openings that a sample has seen are those of the step before, and what a pulse moves after
-    /// its duty comes for one PWM period. An estimator that is told so by hand says the same.
+    /// its duty comes for one PWM period. An estimator with the same inputs set by hand agrees.
     #[test]
     fn the_estimator_is_told_of_the_openings_that_a_sample_has_seen() {
         let start = Sample::new(AdcCode(11_538), AdcCode(16_200), AdcCode(20_500));
@@ -765,7 +765,7 @@ mod tests {
         assert_eq!(core.set(HALF), Ok(()));
     }
 
-    /// Whoever lost his board has it again by arming it; what else is latched stays.
+    /// After a lost link, arming is enough; other latched faults stay.
     #[test]
     fn a_lost_link_is_forgotten_by_arming() {
         let mut core = judged_core(&Config::default(), CLOSED, &HEALTHY);

@@ -25,12 +25,12 @@ const CALM_PERIODS: u8 = 5;
 const HYSTERESIS: f32 = 2.0;
 /// A reference that needs longer than this for a dead zone is at rest \[s\].
 const STILL_S: f32 = 0.1;
-/// What an error at rest counts more while the loop learns, in dead zones \[-\].
+/// Addition to an error at rest while the loop learns, in dead zones \[-\].
 const STICKING: f32 = 2.0;
 /// Closer than this to either end of its lengths the load may lie on a stop \[m\].
 const STOP_M: f32 = 3.0e-4;
 
-/// What the configuration makes of the period, worked out once: divisions are dear without an FPU.
+/// Coefficients of a period, computed once because divisions are slow without an FPU.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gains {
     /// Backward Euler of the reference, x'' = w^2 (target - x) - 2 w (x' - target'): what a period keeps of
@@ -131,14 +131,14 @@ pub struct ContractionLoop {
     limited: bool,
 }
 
-/// What the loop is to reach.
+/// Goal of the loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contracting {
     /// Share of the rest length \[-\].
     pub contraction: f32,
     /// Configured load \[N\].
     pub load_n: f32,
-    /// What the estimated wall temperature makes of friction \[-\].
+    /// Factor of the estimated wall temperature on friction \[-\].
     pub softening: f32,
     /// Highest pressure to go to \[Pa\].
     pub most_pa: f32,

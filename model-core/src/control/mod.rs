@@ -72,7 +72,7 @@ pub struct Controller {
     elapsed_steps: u32,
     /// Steps until the PWM period ends.
     remaining_steps: u16,
-    /// What the estimated wall temperature makes of friction \[-\].
+    /// Factor of the estimated wall temperature on friction \[-\].
     softening: f32,
     /// Measured length at the start of the last period \[m\].
     length_m: f32,
@@ -127,7 +127,7 @@ impl Controller {
         }
     }
 
-    /// What it is to do.
+    /// The accepted set point.
     pub fn target(&self) -> Target {
         self.target
     }
@@ -152,7 +152,7 @@ impl Controller {
         self.limited
     }
 
-    /// What the controller is doing.
+    /// Mode of the controller.
     pub fn mode(&self) -> Mode {
         match (self.target.set_point(), &self.active) {
             (SetPoint::Vent, _) => Mode::Vent,
@@ -316,7 +316,7 @@ impl Controller {
         limit(wanted_kg, 0.0, most_kg)
     }
 
-    /// What the volume has changed by over the last period, eq. (11) \[m3\].
+    /// Change of the volume over the last period, eq. (11) \[m3\].
     fn volume_change_m3(&self, chamber: &impl Chamber, feedback: &Feedback) -> f32 {
         let moved_m = feedback.length_m - self.length_m;
         // The first period after a start has no length to compare with.

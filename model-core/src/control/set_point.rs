@@ -1,4 +1,4 @@
-//! What the core is asked to do, and what of it it takes.
+//! Set points: which of them the core accepts, and its errors for the others.
 
 use crate::config::{Config, Load};
 use crate::math::{SMALLEST, absolute};
@@ -58,7 +58,7 @@ pub enum SetPointError {
     Range {
         /// Which one.
         field: SetPointField,
-        /// What it is, in the unit of its key.
+        /// The refused value, in the unit of its key.
         value: f32,
         /// Smallest value allowed.
         minimum: f32,
@@ -67,7 +67,7 @@ pub enum SetPointError {
     },
     /// Faults that vent hold, or are latched.
     Faults(Faults),
-    /// Nobody has armed the core since it started or last vented by a fault.
+    /// The core has not been armed since it started or since a fault last made it vent.
     NotArmed,
 }
 

@@ -5,7 +5,7 @@
 //! A file beside this one, with the element's parameters, its [`Element`] and its [`Curve`], and its line in
 //! `elements!` below. In `host-sim` the plant's side of it: a file in `simulation/elements/` with its line
 //! there, and in `scenario/tables/sensors.rs` its word and its table. `docs/reference/board.md` has a row for each.
-//! One that is read over a bus says so by `DIGITAL` and its [`Element::part`]; the firmware's side is `firmware/src/parts.rs`.
+//! One that is read over a bus sets `DIGITAL` and its [`Element::part`]; the firmware's side is `firmware/src/parts.rs`.
 //! A new element comes last, and raises `PROTOCOL` in `link`: boards of the one before do not know it.
 
 pub use super::element::{Curve, Element};

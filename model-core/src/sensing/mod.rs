@@ -1,4 +1,4 @@
-//! From raw codes to readings in SI: what is known of the converter and of the sensors, and nowhere else.
+//! From raw codes to readings in SI. All knowledge of converter and sensors is here.
 //!
 //! ```text
 //! Sample --adc: linearised code--> sensor: value, calibrated --health: lost?--> Readings
@@ -45,9 +45,9 @@ pub struct Sensors {
     pub length: LengthSensor,
     /// Gas temperature.
     pub gas: GasSensor,
-    /// What the gas sensor is.
+    /// Element of the gas sensor.
     pub gas_element: GasElement,
-    /// What the pressure sensor is.
+    /// Type of the pressure sensor.
     pub pressure_part: PressurePart,
 }
 
@@ -69,7 +69,7 @@ impl Sensors {
 /// How far a reading may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Validity {
-    /// As it is.
+    /// Without reservation.
     Valid,
     /// Not now; it may be a disturbance.
     Suspect,
@@ -90,7 +90,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// One that says what it means.
+    /// A valid reading without a wide code.
     ///
     /// ```
     /// use model_core::sensing::Reading;
@@ -197,7 +197,7 @@ impl Sensing {
         let limits = gas_element.part();
         let latency_s = limits.as_ref().map_or(0.0, |part| part.latency_s);
         let gas_part = limits.map(|part| Part::new(&part, step_s, Validity::Valid));
-        // What a step of a digital part hides, beside its noise.
+        // Quantization of a digital converter, beside its noise.
         let step_k = if gas_part.is_some() { gas_element.resolution_k() } else { 0.0 };
         Self {
             linearisation: Linearisation::new(adc),
@@ -231,8 +231,7 @@ impl Sensing {
         }
     }
 
-    /// What it goes on with after the core was started anew as one with `other`: what it knows of the
-    /// lines' health.
+    /// The sensing of a core that restarts with `other`: it keeps the health of the channels.
     pub fn after_restart(&self, other: &Self) -> Self {
         let mut next = *other;
         next.pressure.health = self.pressure.health.with_patience_of(&other.pressure.health);
@@ -299,7 +298,7 @@ impl Sensing {
         self.gas.at(self.ideal(self.gas_part.is_some(), code))
     }
 
-    /// What the gas sensor has said last; `None`: nothing yet.
+    /// Last reading of the gas sensor; `None` before the first.
     pub fn last_gas(&self) -> Option<GasReading> {
         self.gas_code.map(|code| GasReading {
             value_k: self.gas_k(code),
@@ -309,7 +308,7 @@ impl Sensing {
         })
     }
 
-    /// Mean of what the gas sensor has said since the last one; `None`: nothing.
+    /// Mean of the gas sensor's readings since the last mean; `None` without a reading.
     pub fn take_gas(&mut self) -> Option<GasReading> {
         let codes = core::mem::take(&mut self.gas_codes);
         let moved = core::mem::take(&mut self.gas_moved);
@@ -383,7 +382,7 @@ mod tests {
         }
     }
 
-    /// Gain and offset turn what a sensor says into what is true.
+    /// Gain and offset turn a sensor's value into the true one.
     #[test]
     fn a_calibration_puts_a_sensor_right() {
         let mut sensors = straight();

@@ -103,7 +103,7 @@ impl Cubic {
     }
 }
 
-/// What lies between two rows.
+/// The interval between two rows.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Segment {
     start_m: f32,
