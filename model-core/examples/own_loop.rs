@@ -1,9 +1,8 @@
 //! A loop of one's own on a PC: the core holds 2.5 bar in a simulated muscle. Whoever has another plant, or
 //! a real one, puts it in the place of `muscle`.
 
-use model_core::physics::model::Model;
+use model_core::forward_model::Model;
 use model_core::sample::CODE_MAX;
-use model_core::sensing::Sensing;
 use model_core::{AdcCode, Config, Core, Sample, SetPoint};
 
 /// The first code that reads at least `value`.
@@ -18,7 +17,7 @@ fn code(value: f32, reading: impl Fn(AdcCode) -> f32) -> AdcCode {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let config = Config::default();
-    let sensing = Sensing::new(&config);
+    let sensing = config.sensing();
     let mut core = Core::new(&config)?;
     core.set(SetPoint::Pressure { pressure_pa: 2.5e5 })?;
     let (supply, ambient) = (config.supply, config.ambient);

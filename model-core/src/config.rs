@@ -1,14 +1,14 @@
 //! Everything that the core is configured with before it starts, and what each value may be.
 
-use crate::math::{SMALLEST, absolute, limit};
-use crate::parameter::{Parameter, parameters};
+use crate::math::limit;
+use crate::parameter::{ConfigError, Parameter, parameters, within};
 use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::{Heat, Wall};
 use crate::physics::leak::Leak;
 use crate::physics::valve::Valve;
-use crate::sensing::Sensors;
+use crate::sensing::{Sensing, Sensors};
 
 /// Fixed step of the core.
 pub const STEP_S: Parameter = Parameter {
@@ -32,19 +32,19 @@ pub struct Config {
     pub ambient: Ambient,
     /// The supply behind the inlet valve.
     pub supply: Supply,
-    /// What holds the gas.
+    /// The chamber, which holds the gas.
     pub chamber: ChamberConfig,
-    /// What it leaks.
+    /// Leakage of the chamber.
     pub leak: Leak,
     /// Heat transfer.
     pub heat: Heat,
-    /// What holds the gas in, as a heat capacity.
+    /// The wall, as a heat capacity.
     pub wall: Wall,
-    /// Friction of what moves.
+    /// Friction of the moving end.
     pub friction: Friction,
-    /// What the chamber moves, or is held by.
+    /// The load, or a fixed length.
     pub load: Load,
-    /// What moves with the chamber's end \[kg\].
+    /// Mass that moves with the chamber's end \[kg\].
     pub moving_mass_kg: f32,
     /// Inlet and outlet valve.
     pub valve: Valve,
@@ -58,7 +58,7 @@ pub struct Config {
     pub controller: ControllerConfig,
     /// Above this absolute pressure the supervisor vents \[Pa\].
     pub pressure_limit_pa: f32,
-    /// The line to the host.
+    /// The link to the host.
     pub link: LinkConfig,
 }
 
@@ -91,13 +91,13 @@ impl From<Supply> for Reservoir {
 }
 
 parameters! {
-    /// Line between host and board.
+    /// Link between host and board.
     "link": LinkConfig {
         timeout_s: 0.5, "s", 0.0 to 3600.0, "silence of the host after which the board vents; 0: it goes on alone";
     }
 }
 
-/// What the chamber moves, or is held by.
+/// The load that the chamber moves, or the length at which it is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub enum Load {
@@ -115,7 +115,7 @@ pub enum Load {
 
 parameters! {
     /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
-    /// `docs/reference/estimator-keys.md` says how each is found.
+    /// `docs/reference/estimator-keys.md` states how each is found.
     "estimator": EstimatorConfig {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
         gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
@@ -130,20 +130,20 @@ parameters! {
 }
 
 impl EstimatorConfig {
-    /// What a lag \[s\] leaves of an error of the gas around the foil, which lasts for a second \[-\].
+    /// Fraction of a one-second error of the gas around the element that passes a lag \[s\] \[-\].
     pub fn left_by_lag(lag_s: f32) -> f32 {
         const ERROR_S: f32 = 1.0;
         ERROR_S / (lag_s + ERROR_S)
     }
 
-    /// What that lag leaves of [`Self::place_error_k`] in the reading \[K\].
+    /// Error that [`Self::place_error_k`] causes in the reading through that lag \[K\].
     pub fn reading_bias_k(&self, lag_s: f32) -> f32 {
         self.place_error_k * Self::left_by_lag(lag_s)
     }
 }
 
 parameters! {
-    /// Controller tuning; `docs/reference/controller-keys.md` says how each is found.
+    /// Controller tuning; `docs/reference/controller-keys.md` states how each is found.
     "controller": ControllerConfig {
         pressure_loop_s: 0.014, "s", 0.001 to 10.0, "time in which the pressure loop closes an error";
         pressure_reset_s: 0.3, "s", 0.01 to 10000.0, "reset time of the pressure loop's integral";
@@ -198,33 +198,6 @@ impl Default for Config {
     }
 }
 
-/// A value that the core cannot work with.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize))]
-pub struct ConfigError {
-    /// The key of the scenario that says it; in brackets what the core makes of it, where that is another
-    /// number. Empty without the feature `keys`.
-    pub field: &'static str,
-    /// What it is.
-    pub value: f32,
-    /// Smallest value allowed.
-    pub minimum: f32,
-    /// Largest value allowed.
-    pub maximum: f32,
-}
-
-impl core::fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let Self { field, value, minimum, maximum } = self;
-        if is_too_small(*value) {
-            return write!(f, "{field} = {value:e}: must be 0, or {SMALLEST:e} or more in size");
-        }
-        write!(f, "{field} = {value}: must be from {minimum} to {maximum}")
-    }
-}
-
-impl core::error::Error for ConfigError {}
-
 impl Config {
     /// Highest absolute pressure that a set point is followed to, a twentieth of the gauge pressure
     /// below the limit: what overshoots on the way there does not trip it \[Pa\].
@@ -235,6 +208,11 @@ impl Config {
     /// From the working limit to the one at which the muscle vents \[Pa\].
     pub fn pressure_margin_pa(&self) -> f32 {
         0.05 * (self.pressure_limit_pa - self.ambient.pressure_pa)
+    }
+
+    /// The configured sensors, before their first reading.
+    pub fn sensing(&self) -> Sensing {
+        Sensing::new(&self.sensors, self.step_s, self.ambient.pressure_pa)
     }
 
     /// Checks every value.
@@ -279,35 +257,10 @@ impl Config {
     }
 }
 
-/// A key, where somebody reads it.
-pub(crate) const fn named(key: &'static str) -> &'static str {
-    if cfg!(feature = "keys") { key } else { "" }
-}
-
-/// So close to zero that a processor which flushes subnormal numbers could compute other bits.
-fn is_too_small(value: f32) -> bool {
-    // Not a comparison with zero: such a processor takes a subnormal number for one.
-    absolute(value) < SMALLEST && value.to_bits() << 1 != 0
-}
-
-/// Not inlined: some eighty calls.
-#[inline(never)]
-pub(crate) fn within(
-    field: &'static str,
-    value: f32,
-    minimum: f32,
-    maximum: f32,
-) -> Result<(), ConfigError> {
-    if value >= minimum && value <= maximum && !is_too_small(value) {
-        Ok(())
-    } else {
-        Err(ConfigError { field: named(field), value, minimum, maximum })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::SMALLEST;
 
     #[test]
     fn the_default_holds() {

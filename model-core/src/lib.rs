@@ -28,6 +28,7 @@
 pub mod config;
 pub mod control;
 pub mod estimation;
+pub mod forward_model;
 #[cfg(feature = "link")]
 pub mod link;
 pub mod math;
@@ -39,7 +40,8 @@ pub mod sensing;
 mod step;
 pub mod step_counts;
 
-pub use config::{Config, ConfigError};
-pub use control::{SetPoint, SetPointError};
-pub use sample::{AdcCode, Command, Duty, Estimate, Faults, Sample, Telemetry};
+pub use config::Config;
+pub use control::SetPointError;
+pub use parameter::ConfigError;
+pub use sample::{AdcCode, Command, Duty, Estimate, Faults, Mode, Sample, SetPoint, Telemetry};
 pub use step::Core;

@@ -6,13 +6,13 @@
 //! One line in the `parameters!` of its table. Its name ends in the unit; the table's path and its name are
 //! the key that a user writes, and what an error calls it. A key of `[estimator]` or `[controller]` is in the
 //! scenario with that; `docs/reference/estimator-keys.md` and `docs/reference/controller-keys.md` have a row for each, which a test compares.
-//! For the other tables the scenario says which of the core's parameters it takes: `declare.rs` in `host-sim`
+//! For the other tables the scenario lists the core's parameters that it takes: `declare.rs` in `host-sim`
 //! has the rest of this list. The bytes of the configuration on the wire change: raise `PROTOCOL` in
 //! `link` and pin the new ones there.
 
-use crate::config::{ConfigError, named, within};
+use crate::math::{SMALLEST, absolute};
 
-/// What is known of a parameter.
+/// Declaration of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
     /// Its name within its table.
@@ -25,11 +25,11 @@ pub struct Parameter {
     pub minimum: f64,
     /// Largest value allowed.
     pub maximum: f64,
-    /// What it means.
+    /// Meaning, as documents print it.
     pub meaning: &'static str,
 }
 
-/// What a value may be, under the key that a user writes.
+/// Allowed range of a value, under the key that a user writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limit {
     key: &'static str,
@@ -50,7 +50,60 @@ pub(crate) fn check(values: &[f32], limits: &[Limit]) -> Result<(), ConfigError>
     })
 }
 
-/// Declares a table of parameters: the struct, `Default`, `PARAMETERS` for whoever prints them, and
+/// A value that the core cannot work with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize))]
+pub struct ConfigError {
+    /// Key of the scenario, with the converted quantity in brackets where the value is converted.
+    /// Empty without the feature `keys`.
+    pub field: &'static str,
+    /// The refused value.
+    pub value: f32,
+    /// Smallest value allowed.
+    pub minimum: f32,
+    /// Largest value allowed.
+    pub maximum: f32,
+}
+
+impl core::fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { field, value, minimum, maximum } = self;
+        if is_too_small(*value) {
+            return write!(f, "{field} = {value:e}: must be 0, or {SMALLEST:e} or more in size");
+        }
+        write!(f, "{field} = {value}: must be from {minimum} to {maximum}")
+    }
+}
+
+impl core::error::Error for ConfigError {}
+
+/// The key, or nothing in an image that has no room for keys.
+pub(crate) const fn named(key: &'static str) -> &'static str {
+    if cfg!(feature = "keys") { key } else { "" }
+}
+
+/// A processor that flushes subnormal numbers could compute other bits from such a value.
+fn is_too_small(value: f32) -> bool {
+    // A comparison with zero would hold there for a subnormal number too.
+    absolute(value) < SMALLEST && value.to_bits() << 1 != 0
+}
+
+/// Not inlined: it has some eighty calls.
+#[inline(never)]
+pub(crate) fn within(
+    field: &'static str,
+    value: f32,
+    minimum: f32,
+    maximum: f32,
+) -> Result<(), ConfigError> {
+    if value >= minimum && value <= maximum && !is_too_small(value) {
+        Ok(())
+    } else {
+        Err(ConfigError { field: named(field), value, minimum, maximum })
+    }
+}
+
+/// Declares a table of parameters: the struct, `Default`, `PARAMETERS` for printing, and
 /// `check`, whose errors name the key that a user writes. On the wire a table is its values, in order; in a
 /// file it is a table of keys, of which each may be left out.
 macro_rules! parameters {
@@ -92,7 +145,7 @@ macro_rules! parameters {
             ///
             /// # Errors
             /// The first value that is not a number or lies outside of its range.
-            pub fn check(&self) -> Result<(), $crate::config::ConfigError> {
+            pub fn check(&self) -> Result<(), $crate::parameter::ConfigError> {
                 const LIMITS: &[$crate::parameter::Limit] = &[
                     $($crate::parameter::Limit::new(
                         concat!($table, ".", stringify!($name)),
@@ -166,7 +219,7 @@ pub(crate) mod wire {
         }
     }
 
-    /// What a file leaves out stays what it is.
+    /// A key that the file leaves out keeps its value.
     pub fn read<'de, D: Deserializer<'de>, T: Table>(
         deserializer: D,
         values: &mut [f32],

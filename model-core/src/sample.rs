@@ -1,6 +1,4 @@
-//! What crosses the border of the core in every step: raw codes in, duties out.
-
-use crate::control::{Mode, SetPoint};
+//! Inputs and outputs of a step: raw codes in, duties out.
 
 /// Conversions of the 12-bit ADC that are added up into one code.
 pub const OVERSAMPLING: u16 = 8;
@@ -8,13 +6,13 @@ pub const OVERSAMPLING: u16 = 8;
 pub const CODE_MAX: u16 = OVERSAMPLING * 4095;
 
 /// Sum of [`OVERSAMPLING`] conversions of one channel, 0 to [`CODE_MAX`]; of a digital part the last reading, 15
-/// bits, with a lowest bit that says whether it is [fresh](Self::is_fresh).
+/// bits, whose lowest bit marks whether it is [fresh](Self::is_fresh).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct AdcCode(pub u16);
 
 impl AdcCode {
-    /// The last reading of a digital part, 15 bits; 0 where the part says that it is broken. It is fresh in the
+    /// The last reading of a digital part, 15 bits; 0 where the sensor reports a failure. It is fresh in the
     /// one step in which it came.
     ///
     /// ```
@@ -89,7 +87,7 @@ impl Duty {
         Self((limited * f32::from(Self::FULL.0) + 0.5) as u16)
     }
 
-    /// Of the 50 000 ticks that a period has.
+    /// The duty in ticks; a period has 50 000.
     pub const fn ticks(self) -> u16 {
         self.0
     }
@@ -177,7 +175,7 @@ impl Command {
     }
 }
 
-/// What is wrong, one bit each. See [`crate::safety::supervisor`] for what follows from each.
+/// Faults, one bit each. [`crate::safety::supervisor`] lists what follows from each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 pub struct Faults(pub u16);
@@ -192,16 +190,16 @@ impl Faults {
     pub const PRESSURE_SENSOR: Self = Self(1 << 1);
     /// Pressure above the configured limit.
     pub const OVERPRESSURE: Self = Self(1 << 2);
-    /// The gas sensor's code lies at a rail, or stands still; a digital part is silent, or says that it is broken.
+    /// The gas sensor's code lies at a rail, or stands still; a digital sensor is silent or reports a failure.
     pub const GAS_SENSOR: Self = Self(1 << 3);
-    /// The length code lies at a rail, stands still, moves as no muscle can, or says what the muscle cannot
-    /// have.
+    /// The length code lies at a rail, stands still, moves as no muscle can, or is impossible for
+    /// the muscle.
     pub const LENGTH_SENSOR: Self = Self(1 << 4);
     /// The host has been silent for longer than `link.timeout_s`.
     pub const LINK_LOST: Self = Self(1 << 5);
     /// The board leaves out steps.
     pub const MISSED_STEPS: Self = Self(1 << 6);
-    /// The core runs on defaults: since the board started nobody has configured it.
+    /// The core runs on defaults: the board has not been configured since it started.
     pub const NOT_CONFIGURED: Self = Self(1 << 7);
     /// The host asks more than the board carries out.
     pub const LINK_FLOODED: Self = Self(1 << 8);
@@ -221,7 +219,7 @@ impl Faults {
     pub const NO_OUTFLOW: Self = Self(1 << 13);
     /// Pressure and length stand for a force that cannot be the load's: one of the two has drifted.
     pub const FORCE: Self = Self(1 << 14);
-    /// The gas sensor is a digital part and is lost: it is silent, says that it is broken, or reads what lies
+    /// The gas sensor is a digital part and is lost: it is silent, reports a failure, or reads what lies
     /// outside of its range.
     pub const GAS_LOST: Self = Self(1 << 15);
 
@@ -255,7 +253,7 @@ impl Faults {
         Self(self.0 | other.0)
     }
 
-    /// Those of `other` that are among them.
+    /// The faults that are also in `other`.
     pub const fn of(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
@@ -294,7 +292,7 @@ pub struct Estimate {
     pub valid: bool,
     /// Wall temperature \[K\].
     pub wall_k: f32,
-    /// What the sensor's element should have \[K\].
+    /// Predicted temperature of the sensor's element \[K\].
     pub sensor_k: f32,
     /// Gas mass \[kg\].
     pub mass_kg: f32,
@@ -302,6 +300,80 @@ pub struct Estimate {
     pub heat_scale: f32,
     /// Lag of the gas sensor \[s\].
     pub sensor_lag_s: f32,
+}
+
+/// Mode of the core.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+pub enum Mode {
+    /// Startup check: the core vents and tests the sensors.
+    Judging,
+    /// Inlet closed, outlet open.
+    Vent,
+    /// Fixed openings.
+    Duty,
+    /// A mass flow, constant or in the paper's cycle.
+    MassFlow,
+    /// The pressure loop acts.
+    Pressure,
+    /// The pressure is where it should be.
+    PressureHeld,
+    /// The contraction loop acts.
+    Contraction,
+    /// The muscle is where it should be.
+    ContractionHeld,
+}
+
+impl Mode {
+    /// Every mode and its name; a mode's index here is its number in a trace.
+    pub const NAMES: [(Self, &'static str); 8] = [
+        (Self::Judging, "judging the sensors"),
+        (Self::Vent, "vent"),
+        (Self::Duty, "duty"),
+        (Self::MassFlow, "mass flow"),
+        (Self::Pressure, "pressure"),
+        (Self::PressureHeld, "pressure, held"),
+        (Self::Contraction, "contraction"),
+        (Self::ContractionHeld, "contraction, held"),
+    ];
+}
+
+/// The quantity that the core is asked to reach; see [`crate::Core::set`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+pub enum SetPoint {
+    /// Inlet closed, outlet open.
+    #[default]
+    Vent,
+    /// Fixed openings, as fractions of the PWM period.
+    Duty {
+        /// Inlet open, 0 to 1 \[-\].
+        inlet: f32,
+        /// Outlet open, 0 to 1 \[-\].
+        outlet: f32,
+    },
+    /// A mass flow into the muscle, negative out of it \[kg/s\].
+    MassFlow {
+        /// Flow, -1 to 1 \[kg/s\].
+        flow_kg_s: f32,
+    },
+    /// The paper's working cycle: half of the period in, half out.
+    MassFlowCycle {
+        /// Flow in either direction, 0 to 1 \[kg/s\].
+        flow_kg_s: f32,
+        /// Period, four PWM periods to a day \[s\].
+        period_s: f32,
+    },
+    /// An absolute pressure \[Pa\].
+    Pressure {
+        /// Pressure, 0 to the configured limit \[Pa\].
+        pressure_pa: f32,
+    },
+    /// A contraction, as a fraction of the rest length, negative beyond it \[-\].
+    Contraction {
+        /// Contraction, within what the chamber can have \[-\].
+        contraction: f32,
+    },
 }
 
 /// Everything that one step leaves behind.
@@ -320,11 +392,11 @@ pub struct Telemetry {
     pub estimate: Estimate,
     /// The openings for this step.
     pub command: Command,
-    /// What the core is doing.
+    /// Mode of the core.
     pub mode: Mode,
     /// The set point asks for more than the core gives: it holds the pressure below its limit.
     pub limited: bool,
-    /// What the core is to do.
+    /// The set point.
     pub set_point: SetPoint,
     /// Faults that hold now or are latched.
     pub faults: Faults,

@@ -1,14 +1,15 @@
 //! The core: one [`Sample`] in, one [`Telemetry`] with its [`Command`] out, once per fixed step.
 
-use crate::config::{Config, ConfigError, Load};
-use crate::control::{Controller, Feedback, Mode, SetPoint, SetPointError, SetPointField, Target};
+use crate::config::{Config, Load};
+use crate::control::{Controller, Feedback, SetPointError, SetPointField, Target};
 use crate::estimation::{Estimator, Measurement, Openings};
 use crate::math::limit;
+use crate::parameter::ConfigError;
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
 use crate::safety::watch::{EMPTY, Watch};
-use crate::sample::{Command, Duty, Faults, Sample, Telemetry};
-use crate::sensing::{Reading, Sensing};
+use crate::sample::{Command, Duty, Faults, Mode, Sample, SetPoint, Telemetry};
+use crate::sensing::{Reading, Readings, Sensing};
 
 /// Model, estimator, controller and supervisor of one muscle.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,9 +35,24 @@ pub struct Core {
     armed_pa: Option<f32>,
 }
 
+/// The faults of a step, and what follows from them.
+struct Verdict {
+    faults: Faults,
+    venting: bool,
+    /// Measured length, or the one that the load implies without its sensor \[m\].
+    length_m: f32,
+}
+
+/// The outputs of the controller, or of the startup check.
+struct Action {
+    command: Command,
+    mode: Mode,
+    limited: bool,
+}
+
 impl Core {
     /// A core that vents until it has judged its sensors and is given a set point. It is
-    /// [armed](Self::arm), for whoever makes a core in a program of his own drives it.
+    /// [armed](Self::arm), because a program that creates a core also drives it.
     ///
     /// ```
     /// use model_core::{Config, Core, SetPoint};
@@ -55,7 +71,7 @@ impl Core {
         Ok(Self {
             config: *config,
             chamber: AnyChamber::new(&config.chamber),
-            sensing: Sensing::new(config),
+            sensing: config.sensing(),
             supervisor: Supervisor::new(config, true),
             estimator: Estimator::new(config),
             controller: Controller::new(config),
@@ -71,7 +87,7 @@ impl Core {
         })
     }
 
-    /// The core of a board that nobody has configured: it has the default one, and vents
+    /// The core of a board without a configuration: it has the default one, and vents
     /// until it is [restarted](Self::restart_as) as one that is configured, and armed.
     ///
     /// ```
@@ -91,7 +107,7 @@ impl Core {
         Ok(Self { supervisor, armed_pa: None, ..Self::new(&config)? })
     }
 
-    /// Starts anew as `other`, with its configuration and, where the core is armed, its set point. The
+    /// Restarts as `other`, with its configuration and, where the core is armed, its set point. The
     /// supervisor stays: what is latched is latched, what it has counted counts, and the sensors are judged
     /// again. So does the arming, as far as the new configuration allows.
     pub fn restart_as(&mut self, other: Self) {
@@ -206,7 +222,7 @@ impl Core {
         Ok(())
     }
 
-    /// What the core is to do.
+    /// The set point.
     pub fn set_point(&self) -> SetPoint {
         self.controller.target().set_point()
     }
@@ -223,28 +239,51 @@ impl Core {
         self.controller.set(Target::VENT);
     }
 
-    /// One step. While the sensors are judged ([`Mode::Judging`]) it vents, and neither estimates nor
-    /// counts: step 0 is the first after it.
+    /// One step. During the startup check ([`Mode::Judging`]) the core vents, and neither estimates nor
+    /// counts steps: step 0 is the first after the check.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
-        let driven = self.controller.driven();
+        let readings = self.sense(sample);
+        let verdict = self.judge(sample, &readings);
+        if self.supervisor.judging() {
+            self.follow(Command::VENT);
+            let action = Action { command: Command::VENT, mode: Mode::Judging, limited: false };
+            return self.report(sample, &verdict, action);
+        }
+        let command = self.control(sample, &verdict);
+        let implausible = self.estimate(sample, &readings, &verdict, command);
+        self.follow(command);
+        let faults = verdict.faults.with(implausible);
+        let (mode, limited) = (self.controller.mode(), self.controller.limited());
+        let action = Action { command, mode, limited };
+        let telemetry = self.report(sample, &Verdict { faults, ..verdict }, action);
+        self.step = self.step.wrapping_add(1);
+        telemetry
+    }
+
+    /// The raw codes as readings.
+    fn sense(&mut self, sample: &Sample) -> Readings {
         // A muscle that is not empty, and that a set point lets out.
-        let let_out = driven
+        let let_out = self.controller.driven()
             && !self.supervisor.judging()
             && self.command.outlet > Duty::ZERO
             && self.pressure_pa > EMPTY * self.config.ambient.pressure_pa;
         let readings = self.sensing.read(sample, self.inlet_steps > 0 || let_out);
-        let pressure_pa = readings.pressure.value;
-        self.pressure_pa = pressure_pa;
+        self.pressure_pa = readings.pressure.value;
+        readings
+    }
+
+    /// The faults of this step, and what follows from them for the length and for the set point.
+    fn judge(&mut self, sample: &Sample, readings: &Readings) -> Verdict {
         let read_m = readings.length.value;
         let activity = Activity {
-            driven,
+            driven: self.controller.driven(),
             step: self.step,
             found: core::mem::replace(&mut self.found, Faults::NONE),
             impossible_length: !self.chamber.can_have_length_m(read_m),
         };
-        let faults = self.supervisor.step(&sample.into(), &readings, activity);
-        let length_m = self.length_m(read_m, pressure_pa, faults);
-        // While the sensors are judged too: the set point that waits is forgotten like one that drives.
+        let faults = self.supervisor.step(&sample.into(), readings, activity);
+        let length_m = self.length_m(read_m, self.pressure_pa, faults);
+        // Also during the startup check: a set point that waits is dropped like one that drives.
         let venting = self.supervisor.venting() != Faults::NONE;
         if venting {
             self.controller.set(Target::VENT);
@@ -252,41 +291,45 @@ impl Core {
                 self.set_armed(None);
             }
         }
-        if self.supervisor.judging() {
-            self.follow(Command::VENT);
-            return Telemetry {
-                step: self.step,
-                sample: *sample,
-                pressure_pa,
-                length_m,
-                estimate: self.estimator.estimate(),
-                command: Command::VENT,
-                mode: Mode::Judging,
-                limited: false,
-                set_point: self.set_point(),
-                faults,
-            };
-        }
-        // While venting too: it counts the periods of the PWM, and the hardware goes on with them.
-        let wanted = self.controller.step(
-            &self.config,
-            &self.chamber,
-            &Feedback { pressure_pa, length_m, estimate: self.estimator.estimate() },
-            sample.missed_steps,
-        );
-        let command = if venting { Command::VENT } else { wanted };
+        Verdict { faults, venting, length_m }
+    }
+
+    /// The openings of this step.
+    fn control(&mut self, sample: &Sample, verdict: &Verdict) -> Command {
+        let feedback = Feedback {
+            pressure_pa: self.pressure_pa,
+            length_m: verdict.length_m,
+            estimate: self.estimator.estimate(),
+        };
+        // While venting too: the controller counts the PWM periods, which the hardware continues.
+        let wanted =
+            self.controller.step(&self.config, &self.chamber, &feedback, sample.missed_steps);
+        if verdict.venting { Command::VENT } else { wanted }
+    }
+
+    /// Feeds the estimator and the plausibility monitor; returns the gas sensor's fault where its
+    /// readings contradict the model.
+    fn estimate(
+        &mut self,
+        sample: &Sample,
+        readings: &Readings,
+        verdict: &Verdict,
+        command: Command,
+    ) -> Faults {
+        let Verdict { faults, length_m, .. } = *verdict;
         let turned = core::mem::replace(&mut self.turned, command.turns(self.command));
-        if !faults.intersects(Faults::GAS_SENSOR) {
+        let gas_lost = faults.intersects(Faults::GAS_SENSOR);
+        if !gas_lost {
             self.sensing.add_gas(sample.gas);
         }
         let gas = if self.estimator.ends_interval() {
             self.sensing.take_gas()
-        } else if self.estimator.starts() && !faults.intersects(Faults::GAS_SENSOR) {
+        } else if self.estimator.starts() && !gas_lost {
             self.sensing.last_gas()
         } else {
             None
         };
-        // The gas that this sample has seen went through the openings of the step before.
+        // The sample shows gas that went through the openings of the step before.
         let measurement = Measurement {
             pressure: self.supervisor.pressure_trusted().then_some(readings.pressure),
             length: Reading { value: length_m, ..readings.length },
@@ -304,23 +347,22 @@ impl Core {
             let length_m = (!faults.intersects(Faults::LENGTH_SENSOR)).then_some(length_m);
             self.found = self.watch.add(&self.chamber, &balance, length_m);
         }
-        let implausible = self.estimator.sensor_implausible();
-        let faults = if implausible { faults.with(Faults::GAS_SENSOR) } else { faults };
-        self.follow(command);
-        let telemetry = Telemetry {
+        Faults::GAS_SENSOR.when(self.estimator.sensor_implausible())
+    }
+
+    fn report(&self, sample: &Sample, verdict: &Verdict, action: Action) -> Telemetry {
+        Telemetry {
             step: self.step,
             sample: *sample,
-            pressure_pa,
-            length_m,
+            pressure_pa: self.pressure_pa,
+            length_m: verdict.length_m,
             estimate: self.estimator.estimate(),
-            command,
-            mode: self.controller.mode(),
-            limited: self.controller.limited(),
+            command: action.command,
+            mode: action.mode,
+            limited: action.limited,
             set_point: self.set_point(),
-            faults,
-        };
-        self.step = self.step.wrapping_add(1);
-        telemetry
+            faults: verdict.faults,
+        }
     }
 
     /// Takes these openings for the ones of this step.
@@ -601,7 +643,7 @@ mod tests {
     }
 
     /// The openings that a sample has seen are those of the step before, and what a pulse moves after
-    /// its duty comes for one PWM period. An estimator that is told so by hand says the same.
+    /// its duty comes for one PWM period. An estimator with the same inputs set by hand agrees.
     #[test]
     fn the_estimator_is_told_of_the_openings_that_a_sample_has_seen() {
         let start = Sample::new(AdcCode(11_538), AdcCode(16_200), AdcCode(20_500));
@@ -609,7 +651,7 @@ mod tests {
         let muscle = AnyChamber::new(&Config::default().chamber);
         let mut estimator = Estimator::new(&Config::default());
         let sensors = Sensors::default();
-        let mut sensing = Sensing::new(&Config::default());
+        let mut sensing = Config::default().sensing();
         let wide_pa = sensors.adc.half_width(sensors.pressure.resolution_pa());
         let wide_m = sensors.adc.half_width(sensors.length.resolution_m());
         for step in 0..300_u16 {
@@ -723,7 +765,7 @@ mod tests {
         assert_eq!(core.set(HALF), Ok(()));
     }
 
-    /// Whoever lost his board has it again by arming it; what else is latched stays.
+    /// After a lost link, arming is enough; other latched faults stay.
     #[test]
     fn a_lost_link_is_forgotten_by_arming() {
         let mut core = judged_core(&Config::default(), CLOSED, &HEALTHY);

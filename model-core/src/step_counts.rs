@@ -1,6 +1,5 @@
 //! Time in steps: the one place where seconds become steps.
 
-use crate::config::Config;
 use crate::math::limit;
 
 /// Counts that follow from the step's length. A figure in the core's documentation that is given in steps
@@ -14,11 +13,9 @@ pub struct StepCounts {
     pub patience_steps: u16,
     /// Steps after a start for which the muscle vents, whatever is asked, 50 ms: a line that is shorted,
     /// beyond the limit or noisy shows by then.
-    pub judging_steps: u16,
+    pub startup_steps: u16,
     /// Steps after the valves have shut in which corrections of the energy still count as flow: 25 ms.
     pub late_steps: u16,
-    /// Steps of silence after which the link is lost; none: it never is.
-    pub silent_steps: Option<u32>,
     /// Steps over which the energy is averaged while both valves are shut: 0.1 s. Longer, and the errors
     /// of the heat would show.
     pub shut_steps: u16,
@@ -37,29 +34,25 @@ pub struct StepCounts {
 }
 
 impl StepCounts {
-    /// Of a checked configuration.
+    /// Counts for the checked step of the core \[s\].
     ///
     /// ```
-    /// use model_core::Config;
     /// use model_core::step_counts::StepCounts;
     ///
-    /// assert_eq!(StepCounts::new(&Config::default()).interval_steps, 20);
+    /// assert_eq!(StepCounts::new(0.001).interval_steps, 20);
     /// ```
-    pub fn new(config: &Config) -> Self {
+    pub fn new(step_s: f32) -> Self {
         // Whole numbers: on a processor without floating point they take a tenth of the time.
-        let step_ns = (config.step_s * 1.0e9 + 0.5) as u32;
+        let step_ns = (step_s * 1.0e9 + 0.5) as u32;
         let steps = |time_ms: u32, least| count(1_000_000 * time_ms, step_ns, least);
         let interval_steps = steps(20, 10);
         let interval_us = u32::from(interval_steps) * (step_ns / 1000);
         let intervals = |time_ms: u32| count(1000 * time_ms, interval_us, 1);
-        let timeout_s = config.link.timeout_s;
-        let silent = || timeout_steps(timeout_s, config.step_s);
         Self {
             interval_steps,
             patience_steps: steps(10, 3),
-            judging_steps: steps(50, 50),
+            startup_steps: steps(50, 50),
             late_steps: steps(25, 2),
-            silent_steps: (timeout_s > 0.0).then(silent),
             shut_steps: steps(100, 2),
             stirring_steps: steps(5, 1),
             tenth_intervals: intervals(100),
@@ -89,13 +82,12 @@ mod tests {
 
     #[test]
     fn a_millisecond_makes_the_documented_counts() {
-        let counts = StepCounts::new(&Config::default());
+        let counts = StepCounts::new(0.001);
         assert_eq!(
-            [counts.interval_steps, counts.patience_steps, counts.judging_steps],
+            [counts.interval_steps, counts.patience_steps, counts.startup_steps],
             [20, 10, 50]
         );
         assert_eq!([counts.late_steps, counts.shut_steps, counts.stirring_steps], [25, 100, 5]);
-        assert_eq!(counts.silent_steps, Some(500));
         let intervals = [
             counts.tenth_intervals,
             counts.half_second_intervals,
@@ -110,12 +102,12 @@ mod tests {
     #[test]
     fn other_steps_take_as_long() {
         for step_s in [1.0e-4_f32, 2.5e-4, 5.0e-4, 2.0e-3, 0.01, 0.1] {
-            let counts = StepCounts::new(&Config { step_s, ..Config::default() });
+            let counts = StepCounts::new(step_s);
             let interval_s = f32::from(counts.interval_steps) * step_s;
             for (steps, time_s, least) in [
                 (counts.interval_steps, 0.02, 10),
                 (counts.patience_steps, 0.01, 3),
-                (counts.judging_steps, 0.05, 50),
+                (counts.startup_steps, 0.05, 50),
                 (counts.late_steps, 0.025, 2),
                 (counts.shut_steps, 0.1, 2),
                 (counts.stirring_steps, 0.005, 1),

@@ -544,7 +544,7 @@ impl Board for EmulatedBoard {
         self.send(HostCommand::Start(set_point));
         let inputs = self.inputs;
         self.exchange(&inputs)?;
-        self.judging_steps = StepCounts::new(config).judging_steps;
+        self.judging_steps = StepCounts::new(config.step_s).startup_steps;
         self.restarted = false;
         Ok(())
     }

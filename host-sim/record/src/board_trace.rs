@@ -4,7 +4,6 @@
 use crate::sinks::Sinks;
 use crate::trace::{COLUMNS, Row, cells_text};
 use model_core::link::Status;
-use model_core::sensing::Sensing;
 use model_core::{Config, SetPoint, Telemetry};
 use std::fs::File;
 use std::io::{self, Write};
@@ -68,7 +67,7 @@ pub fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
             wall_temperature_k: unknown,
             ..Truth::default()
         },
-        sensor_gas_k: f64::from(Sensing::new(config).gas_k(telemetry.sample.gas)),
+        sensor_gas_k: f64::from(config.sensing().gas_k(telemetry.sample.gas)),
         sensor_wall_k: unknown,
         model_k: unknown,
         model_sensor_k: unknown,

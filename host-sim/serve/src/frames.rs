@@ -1,7 +1,6 @@
 //! Telemetry for the pages: thinned, in small parcels.
 
 use model_core::control::Mode;
-use model_core::sensing::Sensing;
 use model_core::{Config, SetPoint, Telemetry};
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -111,7 +110,7 @@ fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
         (time_s * 1e4).round() / 1e4,
         *pressure_pa,
         *length_m,
-        Sensing::new(config).gas_k(sample.gas),
+        config.sensing().gas_k(sample.gas),
         estimate.gas_k,
         estimate.gas_sd_k,
         estimate.wall_k,

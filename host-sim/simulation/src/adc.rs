@@ -290,7 +290,6 @@ impl VirtualAdc {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use model_core::sensing::Sensing;
     use thermyo_compute::math;
     use thermyo_setup::core_config::core_config;
 
@@ -358,8 +357,8 @@ mod tests {
         (sensor.pressure.noise_pa, sensor.length.noise_m) = (0.0, 0.0);
         scenario.adc.wide_code_lsb = 0.0;
         let mut adc = VirtualAdc::new(&scenario);
-        let sensing = Sensing::new(&core_config(&scenario));
-        let straight = Sensing::new(&core_config(&Scenario::default()));
+        let sensing = core_config(&scenario).sensing();
+        let straight = core_config(&Scenario::default()).sensing();
         let mut bent_pa: f64 = 0.0;
         for i in 1..50 {
             let share = f64::from(i) / 50.0;

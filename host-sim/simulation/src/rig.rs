@@ -110,7 +110,7 @@ pub struct Reader {
 impl Reader {
     /// That of a configuration.
     pub fn new(config: &Config) -> Self {
-        Self { sensing: Sensing::new(config), chamber: AnyChamber::new(&config.chamber) }
+        Self { sensing: config.sensing(), chamber: AnyChamber::new(&config.chamber) }
     }
 
     /// Absolute pressure \[Pa\] and length \[m\]; once per step.

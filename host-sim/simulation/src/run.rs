@@ -7,7 +7,7 @@
 use crate::board::{Board, BoardError, BoardStep};
 use crate::rig::{MeanFlows, Rig};
 use model_core::control::Mode;
-use model_core::physics::model::Model;
+use model_core::forward_model::Model;
 use model_core::{ConfigError, Sample, SetPoint, Telemetry};
 use std::collections::VecDeque;
 use std::fmt;

@@ -1,7 +1,6 @@
 //! `thermyo board PORT calibrate`, also on the page of `thermyo serve`: gain and offset of a sensor
 //! from two points with a reference reading.
 
-use model_core::sensing::Sensing;
 use model_core::{Config, Sample};
 
 /// A sensor that can be calibrated.
@@ -72,7 +71,7 @@ impl Sensor {
             Self::Pressure => sensors.pressure.range_pa,
             Self::Length => sensors.length.range_m,
             Self::Gas => {
-                let sensing = Sensing::new(&uncalibrated(config));
+                let sensing = uncalibrated(config).sensing();
                 let at = |code| sensing.gas_k(model_core::AdcCode(code));
                 at(31_122) - at(1_638)
             }
@@ -81,7 +80,7 @@ impl Sensor {
 
     /// Mean of the uncalibrated readings.
     pub fn reading(self, config: &Config, samples: &[Sample]) -> Result<f64, Implausible> {
-        let sensing = Sensing::new(&uncalibrated(config));
+        let sensing = uncalibrated(config).sensing();
         let readings = samples.iter().map(|sample| {
             f64::from(match self {
                 Self::Pressure => sensing.pressure_pa(sample.pressure),
@@ -273,7 +272,7 @@ mod tests {
             assert!(seen[READINGS - 1].is_some());
         }
         let (config, shifts) = guide.calibrated().unwrap().unwrap();
-        let sensing = Sensing::new(&config);
+        let sensing = config.sensing();
         for (code, reference, shift) in [(16_380, 0.201, shifts[0]), (20_475, 0.257, shifts[1])] {
             let length_m = f64::from(sensing.length_m(AdcCode(code)));
             assert!((length_m - reference).abs() < 1e-5, "{length_m} where {reference} is read");

@@ -21,7 +21,7 @@ const CLOSES: f32 = 0.2;
 const PARTS: f32 = 65_536.0;
 const PART_BITS: u32 = 16;
 
-/// What a working cycle is to be.
+/// Parameters of a working cycle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Strokes {
     /// Flow in either direction \[kg/s\].

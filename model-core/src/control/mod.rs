@@ -32,7 +32,9 @@ mod set_point;
 pub mod valve_drive;
 
 pub use self::port::Feedback;
-pub use self::set_point::{SetPoint, SetPointError, SetPointField, Target, contractions};
+pub use crate::sample::{Mode, SetPoint};
+
+pub use self::set_point::{SetPointError, SetPointField, Target, contractions};
 
 use self::contraction::{Contracting, ContractionLoop, Gains};
 use self::cycle::{Cycle, Strokes};
@@ -43,42 +45,6 @@ use crate::control::valve_drive::FlowDrive;
 use crate::math::limit;
 use crate::physics::chamber::Chamber;
 use crate::sample::{Command, Duty};
-
-/// What the core is doing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub enum Mode {
-    /// After a start: it vents and judges the sensors.
-    Judging,
-    /// Inlet closed, outlet open.
-    Vent,
-    /// Fixed openings.
-    Duty,
-    /// A mass flow, constant or in the paper's cycle.
-    MassFlow,
-    /// The pressure loop acts.
-    Pressure,
-    /// The pressure is where it should be.
-    PressureHeld,
-    /// The contraction loop acts.
-    Contraction,
-    /// The muscle is where it should be.
-    ContractionHeld,
-}
-
-impl Mode {
-    /// Every mode and its name; a mode's number in a trace is its place here.
-    pub const NAMES: [(Self, &'static str); 8] = [
-        (Self::Judging, "judging the sensors"),
-        (Self::Vent, "vent"),
-        (Self::Duty, "duty"),
-        (Self::MassFlow, "mass flow"),
-        (Self::Pressure, "pressure"),
-        (Self::PressureHeld, "pressure, held"),
-        (Self::Contraction, "contraction"),
-        (Self::ContractionHeld, "contraction, held"),
-    ];
-}
 
 /// The loop that is closed, if one is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,7 +72,7 @@ pub struct Controller {
     elapsed_steps: u32,
     /// Steps until the PWM period ends.
     remaining_steps: u16,
-    /// What the estimated wall temperature makes of friction \[-\].
+    /// Factor of the estimated wall temperature on friction \[-\].
     softening: f32,
     /// Measured length at the start of the last period \[m\].
     length_m: f32,
@@ -116,9 +82,9 @@ impl Controller {
     /// A controller that vents.
     ///
     /// ```
-    /// use model_core::control::{Controller, Feedback, SetPoint, Target};
+    /// use model_core::control::{Controller, Feedback, Target};
     /// use model_core::physics::chamber::AnyChamber;
-    /// use model_core::{Config, Duty, Estimate};
+    /// use model_core::{Config, Duty, Estimate, SetPoint};
     ///
     /// let config = Config::default();
     /// let muscle = AnyChamber::new(&config.chamber);
@@ -162,7 +128,7 @@ impl Controller {
         }
     }
 
-    /// What it is to do.
+    /// The accepted set point.
     pub fn target(&self) -> Target {
         self.target
     }
@@ -187,7 +153,7 @@ impl Controller {
         self.limited
     }
 
-    /// What the controller is doing.
+    /// Mode of the controller.
     pub fn mode(&self) -> Mode {
         match (self.target.set_point(), &self.active) {
             (SetPoint::Vent, _) => Mode::Vent,
@@ -253,55 +219,24 @@ impl Controller {
                 return self.drive.flow(config, given_kg, muscle);
             }
             SetPoint::MassFlowCycle { flow_kg_s, period_s } => {
-                let (mut active, elapsed_steps) = match self.active {
-                    ActiveLoop::Cycle(active) => (active, self.elapsed_steps),
-                    _ => (Cycle::new(port.gas_mass_kg()), 0),
-                };
                 let strokes = Strokes { flow_kg_s, period_s, step_s: config.step_s };
-                let coming_steps = config.pwm_period_steps;
-                let mass_kg = active.period(&strokes, &port, elapsed_steps, coming_steps);
-                self.active = ActiveLoop::Cycle(active);
-                Some(mass_kg)
+                Some(self.cycle_mass_kg(config, &port, &strokes))
             }
             SetPoint::Pressure { pressure_pa } => {
-                self.limited = pressure_pa > self.working_limit_pa;
-                let pressure_pa = limit(pressure_pa, 0.0, self.working_limit_pa);
-                let mut active = match self.active {
-                    ActiveLoop::Pressure(active) => active,
-                    _ => PressureLoop::new(feedback),
-                };
-                let change_m3 = self.volume_change_m3(chamber, feedback);
-                let mass_kg = active.period(config, feedback, &port, change_m3, pressure_pa);
-                self.active = ActiveLoop::Pressure(active);
-                mass_kg
+                self.pressure_mass_kg(config, chamber, feedback, &port, pressure_pa)
             }
-            SetPoint::Contraction { contraction } => {
-                let force_n = match config.load {
-                    Load::Isotonic { force_n } if chamber.moves() => force_n,
-                    _ => return self.drive.direct(Command::VENT),
-                };
-                let mut active = match self.active {
-                    ActiveLoop::Contraction(active) => active,
-                    _ => ContractionLoop::new(
-                        config,
-                        &self.gains,
-                        chamber,
-                        feedback,
-                        force_n,
-                        self.softening,
-                    ),
-                };
-                let wanted = Contracting {
-                    contraction,
-                    load_n: force_n,
-                    softening: self.softening,
-                    most_pa: self.working_limit_pa,
-                };
-                let mass_kg = active.period(config, chamber, feedback, &port, &wanted);
-                self.limited = active.limited();
-                self.active = ActiveLoop::Contraction(active);
-                mass_kg
-            }
+            SetPoint::Contraction { contraction } => match config.load {
+                Load::Isotonic { force_n } if chamber.moves() => {
+                    let wanted = Contracting {
+                        contraction,
+                        load_n: force_n,
+                        softening: self.softening,
+                        most_pa: self.working_limit_pa,
+                    };
+                    self.contraction_mass_kg(config, chamber, feedback, &port, &wanted)
+                }
+                _ => return self.drive.direct(Command::VENT),
+            },
         };
         match mass_kg {
             Some(mass_kg) => {
@@ -312,8 +247,66 @@ impl Controller {
         }
     }
 
-    /// `wanted_kg`, or what of it one period may bring before the pressure is at the working limit, if
-    /// the volume stays as it is \[kg\].
+    /// Mass of the working cycle in the coming period \[kg\].
+    fn cycle_mass_kg(&mut self, config: &Config, port: &Port, strokes: &Strokes) -> f32 {
+        let (mut active, elapsed_steps) = match self.active {
+            ActiveLoop::Cycle(active) => (active, self.elapsed_steps),
+            _ => (Cycle::new(port.gas_mass_kg()), 0),
+        };
+        let mass_kg = active.period(strokes, port, elapsed_steps, config.pwm_period_steps);
+        self.active = ActiveLoop::Cycle(active);
+        mass_kg
+    }
+
+    /// Mass that the pressure loop asks for \[kg\]; `None` to rest.
+    fn pressure_mass_kg(
+        &mut self,
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        port: &Port,
+        pressure_pa: f32,
+    ) -> Option<f32> {
+        self.limited = pressure_pa > self.working_limit_pa;
+        let pressure_pa = limit(pressure_pa, 0.0, self.working_limit_pa);
+        let mut active = match self.active {
+            ActiveLoop::Pressure(active) => active,
+            _ => PressureLoop::new(feedback),
+        };
+        let change_m3 = self.volume_change_m3(chamber, feedback);
+        let mass_kg = active.period(config, feedback, port, change_m3, pressure_pa);
+        self.active = ActiveLoop::Pressure(active);
+        mass_kg
+    }
+
+    /// Mass that the contraction loop asks for \[kg\]; `None` to rest.
+    fn contraction_mass_kg(
+        &mut self,
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        port: &Port,
+        wanted: &Contracting,
+    ) -> Option<f32> {
+        let mut active = match self.active {
+            ActiveLoop::Contraction(active) => active,
+            _ => ContractionLoop::new(
+                config,
+                &self.gains,
+                chamber,
+                feedback,
+                wanted.load_n,
+                wanted.softening,
+            ),
+        };
+        let mass_kg = active.period(config, chamber, feedback, port, wanted);
+        self.limited = active.limited();
+        self.active = ActiveLoop::Contraction(active);
+        mass_kg
+    }
+
+    /// `wanted_kg`, limited to the mass that brings the pressure to the working limit at the present
+    /// volume \[kg\].
     fn limited_kg(&mut self, port: &Port, wanted_kg: f32) -> f32 {
         if !(wanted_kg > 0.0) {
             return wanted_kg;
@@ -324,7 +317,7 @@ impl Controller {
         limit(wanted_kg, 0.0, most_kg)
     }
 
-    /// What the volume has changed by over the last period, eq. (11) \[m3\].
+    /// Change of the volume over the last period, eq. (11) \[m3\].
     fn volume_change_m3(&self, chamber: &impl Chamber, feedback: &Feedback) -> f32 {
         let moved_m = feedback.length_m - self.length_m;
         // The first period after a start has no length to compare with.

@@ -1,9 +1,9 @@
-//! What the loops see, and what they work with: readings, and the gas that a pulse moves.
+//! Inputs of the loops: readings, and the gas that a pulse moves.
 
 use crate::physics::gas::Reservoir;
 use crate::sample::Estimate;
 
-/// What the controller acts on.
+/// Measured and estimated inputs of the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feedback {
     /// Measured absolute pressure \[Pa\].

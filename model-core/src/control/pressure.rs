@@ -109,7 +109,7 @@ mod tests {
         }
     }
 
-    /// What a period at this pressure moves \[Pa\] for a set point.
+    /// Pressure change of one period at this pressure \[Pa\] for a set point.
     fn moved_pa(active: &mut PressureLoop, port: &Port, set_point_pa: f32) -> Option<f32> {
         active
             .period(&Config::default(), &feedback(port.pressure_pa), port, 0.0, set_point_pa)
@@ -136,7 +136,7 @@ mod tests {
         let in_flight = Port { in_flight_kg: 3000.0 * KG_PER_PA, ..port(3.0e5) };
         close(moved_pa(&mut started.clone(), &in_flight, 3.2e5), GAIN * 2.0e4 - 3000.0);
         assert!(moved_pa(&mut started.clone(), &in_flight, 3.0e5).is_some(), "no rest in flight");
-        // What the volume has grown by is filled up: k P dV/V.
+        // The growth of the volume is filled up: k P dV/V.
         let moved_kg = started.clone().period(
             &Config::default(),
             &feedback(3.0e5),

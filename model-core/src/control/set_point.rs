@@ -1,9 +1,9 @@
-//! What the core is asked to do, and what of it it takes.
+//! Set points: which of them the core accepts, and its errors for the others.
 
 use crate::config::{Config, Load};
 use crate::math::{SMALLEST, absolute};
 use crate::physics::chamber::Chamber;
-use crate::sample::Faults;
+use crate::sample::{Faults, SetPoint};
 
 /// PWM periods in a working cycle, at least: two a stroke, and a thousandth less for rounding. Fewer
 /// show no flow.
@@ -12,44 +12,6 @@ const LEAST_PERIODS: f32 = 3.996;
 const LONGEST_CYCLE_S: f32 = 86_400.0;
 /// Largest mass flow \[kg/s\]: hundreds of times what the valves of a muscle pass.
 const LARGEST_FLOW_KG_S: f32 = 1.0;
-
-/// What the core is asked to do. [`crate::Core::set`] says what it takes.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub enum SetPoint {
-    /// Inlet closed, outlet open.
-    #[default]
-    Vent,
-    /// Fixed openings, as shares of the PWM period.
-    Duty {
-        /// Inlet open, 0 to 1 \[-\].
-        inlet: f32,
-        /// Outlet open, 0 to 1 \[-\].
-        outlet: f32,
-    },
-    /// A mass flow into the muscle, negative out of it \[kg/s\].
-    MassFlow {
-        /// Flow, -1 to 1 \[kg/s\].
-        flow_kg_s: f32,
-    },
-    /// The paper's working cycle: half of the period in, half out.
-    MassFlowCycle {
-        /// Flow in either direction, 0 to 1 \[kg/s\].
-        flow_kg_s: f32,
-        /// Period, four PWM periods to a day \[s\].
-        period_s: f32,
-    },
-    /// An absolute pressure \[Pa\].
-    Pressure {
-        /// Pressure, 0 to the configured limit \[Pa\].
-        pressure_pa: f32,
-    },
-    /// A contraction, as a fraction of the rest length, negative beyond it \[-\].
-    Contraction {
-        /// Contraction, within what the chamber can have \[-\].
-        contraction: f32,
-    },
-}
 
 /// A value of a set point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,7 +58,7 @@ pub enum SetPointError {
     Range {
         /// Which one.
         field: SetPointField,
-        /// What it is, in the unit of its key.
+        /// The refused value, in the unit of its key.
         value: f32,
         /// Smallest value allowed.
         minimum: f32,
@@ -105,7 +67,7 @@ pub enum SetPointError {
     },
     /// Faults that vent hold, or are latched.
     Faults(Faults),
-    /// Nobody has armed the core since it started or last vented by a fault.
+    /// The core has not been armed since it started or since a fault last made it vent.
     NotArmed,
 }
 
@@ -142,8 +104,8 @@ impl Target {
     /// `set_point` for a core of this configuration, and its chamber.
     ///
     /// ```
-    /// use model_core::control::{SetPoint, Target};
-    /// use model_core::Config;
+    /// use model_core::control::Target;
+    /// use model_core::{Config, SetPoint};
     /// use model_core::physics::chamber::AnyChamber;
     ///
     /// let config = Config::default();

@@ -14,7 +14,7 @@ const AGREEMENT_K: f32 = 0.36;
 /// Readings that disagree count for no more than such an error: the covariance is cautious, and what they
 /// teach is uncertain by itself (`update_deviation`) \[K\].
 const DISAGREEMENT_K: f32 = 0.14;
-/// What innovations keep of the ADC's steps on a perfect model, a quarter of a code \[K\].
+/// Part of the ADC's LSB that stays in the innovations of a perfect model, a quarter of a code \[K\].
 const FLOOR_K: f32 = 0.004;
 
 /// Running measure of the innovations.
@@ -82,10 +82,9 @@ fn left_k2(error_k: f32, lag_s: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
 
     fn agreement() -> Agreement {
-        Agreement::new(3.0, &StepCounts::new(&Config::default()))
+        Agreement::new(3.0, &StepCounts::new(0.001))
     }
 
     fn share_after(innovation_k: Option<f32>, intervals: usize) -> f32 {

@@ -78,7 +78,7 @@ impl Coefficients {
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
         let tuning = &config.estimator;
-        let counts = StepCounts::new(config);
+        let counts = StepCounts::new(config.step_s);
         let interval_s = f32::from(counts.interval_steps) * config.step_s;
         let sensors = &config.sensors;
         let lag_s = sensors.gas.time_constant_s;

@@ -1,4 +1,4 @@
-//! The gas's internal energy, between what the balance predicts and what pressure and length say.
+//! The gas's internal energy, between the prediction of the balance and the measurement by pressure and length.
 //!
 //! While a valve is open, what is measured more than predicted came in by flow, and is followed as a
 //! trend. Once both are shut, the energy is the running mean of what is measured about what is predicted,
@@ -23,7 +23,7 @@ pub struct Averaging {
 }
 
 impl Averaging {
-    /// With those times.
+    /// Averaging with these step counts.
     pub fn new(counts: &StepCounts, pwm_period_steps: u16) -> Self {
         Self {
             late_steps: counts.late_steps,
@@ -72,7 +72,7 @@ impl Energy {
         self.closed_steps < self.averaging.late_steps
     }
 
-    /// What averaging leaves of the variance of one measured energy \[-\].
+    /// Fraction of one measured energy's variance that remains after averaging \[-\].
     pub fn noise_left(&self) -> f32 {
         // While both are shut: less, the longer.
         const SHUT: f32 = 0.2;
@@ -134,10 +134,9 @@ impl Energy {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
 
     fn at_rest(energy_j: f32) -> Energy {
-        Energy::new(energy_j, Averaging::new(&StepCounts::new(&Config::default()), 10))
+        Energy::new(energy_j, Averaging::new(&StepCounts::new(0.001), 10))
     }
 
     const EXACT: Uncertainty = Uncertainty::Noise(0.0);
@@ -201,7 +200,7 @@ mod tests {
         }
         assert!(!energy.flowing());
         assert!((12.9..13.0).contains(&energy.energy_j()), "{}", energy.energy_j());
-        // Within a wide code a shut muscle's reading says nothing.
+        // Within a wide code a shut muscle's reading carries no information.
         assert_eq!(energy.step(13.0, 20.0, Uncertainty::WideCode(8.0), SHUT), 0.0);
     }
 }

@@ -16,7 +16,7 @@
 //! No valve needs to be calibrated; that a valve is open is known from the duty. Noise is
 //! averaged where that costs no delay (`trend.rs`, `energy.rs`).
 //!
-//! What drifts, the slow Pt sensor corrects: T_s' = (T_h - T_s)/tau, T_h' = (T - T_h)/tau_h.
+//! The slow Pt sensor corrects drift: T_s' = (T_h - T_s)/tau, T_h' = (T - T_h)/tau_h.
 //!
 //! | state | error carried in the covariance |
 //! |---|---|
@@ -77,7 +77,7 @@ const LEAST_KG: f32 = 1.0e-9;
 const COLDEST_K: f32 = 100.0;
 const HOTTEST_K: f32 = 1000.0;
 
-/// What the estimator needs to know of one step.
+/// Inputs of the estimator for one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
     /// Measured absolute pressure \[Pa\]; `None` while the sensor is not to be trusted.
@@ -87,7 +87,7 @@ pub struct Measurement {
     /// What the gas sensor has said, where the estimator [starts](Estimator::starts) or an interval
     /// [ends](Estimator::ends_interval): the mean over it. `None`: nothing to be trusted.
     pub gas: Option<GasReading>,
-    /// What the valves are driven to.
+    /// State of the valves.
     pub openings: Openings,
     /// The controller works in this step: what can wait, waits.
     pub busy: bool,
@@ -117,7 +117,7 @@ impl Openings {
     }
 }
 
-/// What an interval's pressures and lengths say of the gas, whatever the valves were asked.
+/// Gas balance of an interval, from pressures and lengths alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Balance {
     /// Gas that came in over the interval, share of what is there, whatever heat transfer and leak were
@@ -305,7 +305,7 @@ impl Estimator {
             && positive.iter().all(|x| is_within(*x, f32::MIN_POSITIVE, f32::MAX))
     }
 
-    /// Starts anew from nothing: whatever made the state what nothing can be is forgotten.
+    /// Starts again after the state has become impossible.
     fn heal(&mut self) {
         let ambient_k = self.coefficients.ambient.temperature_k;
         self.gas_k = ambient_k;
@@ -319,7 +319,7 @@ impl Estimator {
     }
 
     /// Without pressure there is nothing to go by. A few disturbed steps are left out; after ten
-    /// milliseconds the estimate is unknown, and starts anew when the pressure is back.
+    /// milliseconds the estimate is unknown, and starts again when the pressure is back.
     fn wait(&mut self) {
         // The interval goes on, in phase with the valves' period, and counts for nothing.
         self.interval.void = true;
@@ -334,7 +334,7 @@ impl Estimator {
         }
     }
 
-    /// Forgets everything: the next step with a pressure starts anew.
+    /// Forgets everything: the next step with a pressure starts again.
     fn give_up(&mut self) {
         self.started = false;
         let Coefficients { lag_s, counts, .. } = self.coefficients;
@@ -454,7 +454,7 @@ impl Estimator {
         leaked_j
     }
 
-    /// What leaks in a step at that pressure \[Pa\].
+    /// Mass that leaks in a step at that pressure \[Pa\].
     fn set_leak(&mut self, pressure_pa: f32) {
         if !self.coefficients.leaks {
             return;

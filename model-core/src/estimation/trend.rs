@@ -36,7 +36,7 @@ const OPEN_STEPS: usize = FOLLOWED.len() - 1;
 pub enum Uncertainty {
     /// By noise, of that size at most.
     Noise(f32),
-    /// By half of a code that the converter makes too wide: within it the reading says nothing.
+    /// Half the width of a code that the converter makes too wide: within it the true value is unknown.
     WideCode(f32),
 }
 
@@ -50,7 +50,7 @@ impl Uncertainty {
     }
 }
 
-/// What the valves let expect of a step.
+/// Flow that the valves let expect in a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FlowState {
     /// The openings have changed: here begins another line.
@@ -83,7 +83,7 @@ impl Trend {
     /// At rest.
     pub const REST: Self = Self { rate: 0.0, steady_steps: 0 };
 
-    /// What averaging leaves of the variance of one reading \[-\]: its share in the value.
+    /// Fraction of one reading's variance that remains after averaging \[-\].
     pub fn noise_left(&self) -> f32 {
         shares(self.steady_steps.min(OPEN_STEPS)).0
     }

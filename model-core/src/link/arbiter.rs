@@ -34,7 +34,7 @@ pub struct Arbiter<const LINES: usize> {
     settling_steps: u8,
 }
 
-/// What is known of a line.
+/// State of a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Line {
     /// A request has come since the last step.
@@ -52,14 +52,14 @@ pub struct Ticket {
     stops: u32,
 }
 
-/// What a step has to know.
+/// Link inputs of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Turn {
     /// The host that is obeyed has asked something since the last step.
     pub heard: bool,
     /// A stop has come since the last step.
     pub stop: bool,
-    /// Each line that has nothing to read is to say so: [`Arbiter::silent`].
+    /// [`Arbiter::silent`] is called for each link that has nothing to read.
     pub ask: bool,
 }
 

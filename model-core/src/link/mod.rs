@@ -1,4 +1,4 @@
-//! What board and host say to each other, over a serial line or USB.
+//! Messages between board and host, over a UART or USB.
 //!
 //! A frame is one message in postcard's encoding, its CRC-32 (ISO-HDLC, little end first), both
 //! together stuffed by COBS, and a zero byte. COBS leaves no zero inside a frame, so that a receiver
@@ -11,10 +11,11 @@
 
 pub mod arbiter;
 
-use crate::config::{Config, ConfigError};
-use crate::control::{SetPoint, SetPointError};
+use crate::config::Config;
+use crate::control::SetPointError;
+use crate::parameter::ConfigError;
 use crate::safety::supervisor::FirstFailure;
-use crate::sample::{Sample, Telemetry};
+use crate::sample::{Sample, SetPoint, Telemetry};
 use cobs::{DecodeResult, DecoderState};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::de::DeserializeOwned;
@@ -41,11 +42,11 @@ static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 pub struct Request {
     /// Comes back with the reply.
     pub sequence: u8,
-    /// What is asked.
+    /// The command of the request.
     pub command: HostCommand,
 }
 
-/// What the host can ask.
+/// Commands of the host.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // One at a time, in a static buffer.
 pub enum HostCommand {
@@ -56,9 +57,9 @@ pub enum HostCommand {
     BootLoader,
     /// The configuration in use: [`Answer::Config`].
     ReadConfig,
-    /// A whole new configuration, without a name: the core starts anew with it, vents, and is not armed.
+    /// A whole new configuration, without a name: the core restarts with it, vents, and is not armed.
     Configure(Config),
-    /// The core starts anew with its configuration, as armed as it is; the next step is step 0.
+    /// The core restarts with its configuration, as armed as it is; the next step is step 0.
     Start(SetPoint),
     /// Another set point, from the step on that the reply names.
     Set(SetPoint),
@@ -72,7 +73,7 @@ pub enum HostCommand {
     Timing,
     /// Why the board started last: [`Answer::LastReset`].
     LastReset,
-    /// What vented first: [`Answer::FirstFailure`].
+    /// The first venting fault: [`Answer::FirstFailure`].
     FirstFailure,
     /// The host is there; nothing is answered.
     Alive,
@@ -85,15 +86,15 @@ pub enum HostCommand {
         /// \[Pa\]
         most_pa: Option<f32>,
     },
-    /// What changes rarely: [`Answer::Status`].
+    /// The status: [`Answer::Status`].
     Status,
-    /// What the configuration in use is called.
+    /// The name of the configuration in use.
     Name(Name),
     /// Keeps the configuration in use, with its name, over the loss of power.
     Save,
     /// Forgets what was saved.
     Forget,
-    /// What happened, the last event first: the one of this number, from 0 on. [`Answer::Event`].
+    /// The event of this number, counted from 0 for the last one: [`Answer::Event`].
     History(u8),
 }
 
@@ -101,7 +102,7 @@ pub enum HostCommand {
 pub type Message = MessageWith<Config>;
 /// An answer and what it belongs to.
 pub type Reply = ReplyWith<Config>;
-/// What the board can answer.
+/// Answers of the board.
 pub type Answer = AnswerWith<Config>;
 
 /// [`Message`], its configuration as a `C`, of which no more is asked than the same encoding: a board with little
@@ -113,14 +114,14 @@ pub enum MessageWith<C> {
     Telemetry(Telemetry),
     /// Answer to the request of the same sequence number.
     Reply(ReplyWith<C>),
-    /// What changes rarely: whenever it does, and twice a second.
+    /// The status, at each change and twice a second.
     Status(Status),
 }
 
 /// [`Reply`] in a [`MessageWith`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ReplyWith<C> {
-    /// That of the request.
+    /// Number of the request.
     pub sequence: u8,
     /// The answer.
     pub answer: AnswerWith<C>,
@@ -145,9 +146,9 @@ pub enum AnswerWith<C> {
     Timing(Timing),
     /// Why the board started last.
     LastReset(LastReset),
-    /// What vented first since faults were last cleared, before the last restart included.
+    /// The first venting fault since faults were last cleared, also before the last restart.
     FirstFailure(Option<FirstFailure>),
-    /// What changes rarely.
+    /// Status of the board.
     Status(Status),
     /// What happened; nothing before the first event that is remembered.
     Event(Option<Event>),
@@ -158,7 +159,7 @@ pub enum AnswerWith<C> {
 #[non_exhaustive]
 pub enum Refusal {
     /// A value of the configuration is out of its range: which one, in the order in which
-    /// [`Config::check`] looks, is what that function says on the host.
+    /// [`Config::check`] looks, has the message of that function on the host.
     Config,
     /// The board runs at a step of its own, this one \[us\].
     Step {
@@ -174,7 +175,7 @@ pub enum Refusal {
     NoHostSamples,
     /// The set point: which value, and what is allowed, or what vents.
     SetPoint(SetPointError),
-    /// Nobody has configured the board since it started.
+    /// The board has not been configured since it started.
     NotConfigured,
     /// This board has no place where it could keep a configuration.
     NoStore,
@@ -248,7 +249,7 @@ pub struct Version {
     pub hil: bool,
 }
 
-/// What a configuration is called: up to 24 bytes of UTF-8, zeros behind them.
+/// Name of a configuration: up to 24 bytes of UTF-8, zeros behind them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Name([u8; 24]);
 
@@ -276,12 +277,12 @@ impl Name {
     }
 }
 
-/// What changes rarely.
+/// Status of the board.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Status {
     /// Number of the step from which on this holds.
     pub step: u32,
-    /// Restarts of the board that nobody asked for, since power came.
+    /// Restarts of the board without a request, since power came.
     pub restarts: u32,
     /// Starts of the core since the board started: with each of them its steps count from 0 again.
     pub starts: u32,
@@ -289,7 +290,7 @@ pub struct Status {
     pub config_checksum: u32,
     /// Where that comes from.
     pub config_source: ConfigSource,
-    /// What it is called.
+    /// Name of the configuration.
     pub config_name: Name,
     /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: the board is not armed.
     pub armed_pa: Option<f32>,
@@ -329,7 +330,7 @@ pub enum Event {
     Vented(FirstFailure),
 }
 
-/// What tells a configuration from every other one: the CRC-32 of its encoding.
+/// Identifies a configuration: the CRC-32 of its encoding.
 // Compiled where it is called: for a board's flash that is for size, as its other encodings of a configuration are.
 #[inline]
 pub fn checksum(config: &Config) -> u32 {
@@ -386,26 +387,26 @@ pub enum LastReset {
     Power,
     /// The watchdog was not fed; what control was doing then.
     Watchdog {
-        /// What control was doing.
+        /// Activity of the control task.
         phase: Phase,
     },
     /// The firmware panicked.
     Panic {
         /// Line of the source.
         line: u32,
-        /// What control was doing.
+        /// Activity of the control task.
         phase: Phase,
     },
     /// The processor met a fault.
     HardFault {
         /// Address of the instruction.
         address: u32,
-        /// What control was doing.
+        /// Activity of the control task.
         phase: Phase,
     },
 }
 
-/// What the control task does.
+/// Activity of the control task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
     /// Before its first step.
@@ -524,10 +525,9 @@ fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Mode;
     use crate::physics::chamber::table::{MOST_ROWS, Row};
     use crate::physics::chamber::{ChamberConfig, Table};
-    use crate::sample::{AdcCode, Command, Duty, Estimate, Faults};
+    use crate::sample::{AdcCode, Command, Duty, Estimate, Faults, Mode};
     use crate::sensing::Sensors;
     use crate::sensing::gas::{GasElement, Max31865};
     use crate::sensing::pressure::{Mpr, PressurePart};

@@ -43,7 +43,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A slip of the configuration that says e^140 leaves a number.
+    /// A configuration mistake that gives e^140 leaves a number.
     #[test]
     fn no_wall_stiffens_friction_without_end() {
         let friction = Friction { softening_per_k: -0.2, ..crate::Config::default().friction };

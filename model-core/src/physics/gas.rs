@@ -49,7 +49,7 @@ impl Gas {
     }
 }
 
-/// What the reduced equations need to know of the gas volume at one instant.
+/// State of the gas volume at one instant, for the reduced equations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GasVolume {
     /// Absolute pressure P \[Pa\].

@@ -1,4 +1,4 @@
-//! What leaks from the chamber to ambient all the time: fittings, and the bladder. The law is the valves',
+//! Permanent leakage from the chamber to ambient, through fittings and bladder. The law is the valves',
 //! ISO 6358.
 
 use crate::parameter::parameters;
@@ -6,7 +6,7 @@ use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::valve::Valve;
 
 parameters! {
-    /// What the chamber leaks; `thermyo identify` finds it from a hold.
+    /// Leakage of the chamber; `thermyo identify` finds it from a hold.
     "leak": Leak {
         conductance_m3_s_pa: 0.0, "m3/(s Pa)", 0.0 to 1.0e-3, "sonic conductance C at ANR (ISO 6358) from the gas to ambient; 0: nothing leaks";
         critical_ratio: 0.3, "", 0.01 to 0.99, "critical pressure ratio b";

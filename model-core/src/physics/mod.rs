@@ -1,4 +1,4 @@
-//! What the gas, its chamber and the valves do: equations, without any thought of sensors or set points.
+//! Equations of the gas, its chamber and the valves, without sensors or set points.
 
 pub mod balance;
 pub mod chamber;
@@ -6,5 +6,4 @@ pub mod friction;
 pub mod gas;
 pub mod heat;
 pub mod leak;
-pub mod model;
 pub mod valve;

@@ -1,4 +1,4 @@
-//! What is broken, and what must vent because of it.
+//! Faults, and venting because of them.
 
 pub mod supervisor;
 pub mod watch;

@@ -1,4 +1,4 @@
-//! What may run and what must vent.
+//! The supervisor decides from all faults whether the muscle must vent.
 //!
 //! | fault | detected | consequence |
 //! |---|---|---|
@@ -10,9 +10,9 @@
 //! | gas sensor at a rail | at once | shown while it lasts; the estimator goes on without it |
 //! | gas sensor noisier than its lag allows | ten jerks within forty steps | the same |
 //! | gas sensor's code stands still | when its element must have moved | the same |
-//! | gas sensor contradicts the model | by five deviations over half a second | shown for ten seconds; the one that is further from ambient is wrong: the sensor is left out, or the estimator starts anew |
+//! | gas sensor contradicts the model | by five deviations over half a second | shown for ten seconds; the one that is further from ambient is wrong: the sensor is left out, or the estimator starts again |
 //! | digital gas part silent | for its `timeout_s` | vent, latched: its bus is broken, and what else is there may be too |
-//! | ... says that it is broken, or reads outside of its range | twice in a row | vent, latched; once is shown |
+//! | ... reports that it is broken, or reads outside of its range | twice in a row | vent, latched; once is shown |
 //! | digital pressure part silent, at a rail | the same | vent, latched |
 //! | length sensor at a rail | at once | shown while it lasts; length from pressure and load |
 //! | length sensor noisier than a muscle can move | ten jerks within forty steps | the same |
@@ -20,8 +20,8 @@
 //! | a length that the muscle cannot have: 5 % beyond its rest length, or below its shortest | for 10 ms | the same |
 //! | link lost | no request of the host for `link.timeout_s`, while a set point holds | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
-//! | not configured | at the start of a board that nobody has configured | vent until it is configured |
-//! | gas gained, burst, no inflow, no outflow, force | as [`crate::safety::watch`] says | vent, latched |
+//! | not configured | at the start of a board without a configuration | vent until it is configured |
+//! | gas gained, burst, no inflow, no outflow, force | as in [`crate::safety::watch`] | vent, latched |
 //! | leak | the same | shown for ten seconds |
 //! | link flooded | the board drops requests | shown while it lasts |
 //!
@@ -36,9 +36,9 @@ use crate::config::Config;
 use crate::math::is_above;
 use crate::sample::{Faults, Sample};
 use crate::sensing::{Readings, Validity};
-use crate::step_counts::StepCounts;
+use crate::step_counts::{StepCounts, timeout_steps};
 
-/// What a missed step adds to the count of late ones; a step takes 1 away.
+/// Count that a missed step adds; each step takes 1 away.
 const LATE_WEIGHT: u16 = 20;
 /// Count from which a board is too late: five missed steps together. And the most that is counted.
 const TOO_LATE: u16 = 5 * LATE_WEIGHT;
@@ -71,20 +71,20 @@ pub struct FirstFailure {
     pub step: u32,
 }
 
-/// What the core is doing while a step's inputs are looked at.
+/// State of the core when a step's inputs are checked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Activity {
     /// A set point other than to vent holds.
     pub driven: bool,
     /// Number of the step.
     pub step: u32,
-    /// What the watch has found.
+    /// Faults that the plausibility monitor has found.
     pub found: Faults,
     /// The length reads what the muscle cannot have.
     pub impossible_length: bool,
 }
 
-/// What the board tells of itself.
+/// Inputs of a step that describe the board itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BoardState {
     /// The emergency stop line is open or low.
@@ -104,11 +104,13 @@ impl From<&Sample> for BoardState {
     }
 }
 
-/// What the configuration makes of the supervisor.
+/// Limits that follow from the configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Limits {
     pressure_pa: f32,
     counts: StepCounts,
+    /// Steps of silence after which the link is lost; `None`: it is never lost.
+    silent_steps: Option<u32>,
     configured: bool,
     /// The gas sensor is a digital part.
     digital_gas: bool,
@@ -121,7 +123,7 @@ pub struct Supervisor {
     latched: Faults,
     present: Faults,
     first: Option<FirstFailure>,
-    judging_steps: u16,
+    startup_steps: u16,
     pressure_trusted: bool,
     overpressure_steps: u16,
     impossible_length_steps: u16,
@@ -139,19 +141,22 @@ impl Supervisor {
     /// assert_eq!(Supervisor::new(&Config::default(), true).venting(), Faults::NONE);
     /// ```
     pub fn new(config: &Config, configured: bool) -> Self {
-        let counts = StepCounts::new(config);
+        let counts = StepCounts::new(config.step_s);
+        let timeout_s = config.link.timeout_s;
+        let silent_steps = (timeout_s > 0.0).then(|| timeout_steps(timeout_s, config.step_s));
         let digital_gas = config.sensors.gas_element.is_digital();
         Self {
             limits: Limits {
                 pressure_pa: config.pressure_limit_pa,
                 counts,
+                silent_steps,
                 configured,
                 digital_gas,
             },
             latched: Faults::NONE,
             present: Faults::NONE,
             first: None,
-            judging_steps: counts.judging_steps,
+            startup_steps: counts.startup_steps,
             pressure_trusted: false,
             overpressure_steps: 0,
             impossible_length_steps: 0,
@@ -160,11 +165,11 @@ impl Supervisor {
         }
     }
 
-    /// What it goes on with after the core was started anew as one with the supervisor `other`:
+    /// The supervisor after the core restarts with the supervisor `other`; it keeps
     /// everything that it has counted and latched, and the sensors are judged again.
     pub fn after_restart(&self, other: &Self) -> Self {
         let limits = other.limits;
-        Self { limits, judging_steps: limits.counts.judging_steps, silent_steps: 0, ..*self }
+        Self { limits, startup_steps: limits.counts.startup_steps, silent_steps: 0, ..*self }
     }
 
     /// Takes over what was latched before the board restarted.
@@ -185,14 +190,14 @@ impl Supervisor {
 
     /// Whether the sensors are still being judged, after the last step.
     pub fn judging(&self) -> bool {
-        self.judging_steps > 0
+        self.startup_steps > 0
     }
 
     /// Looks at the inputs of one step; returns the faults that hold.
     pub fn step(&mut self, board: &BoardState, readings: &Readings, activity: Activity) -> Faults {
         let Activity { driven, step, found, impossible_length } = activity;
         let Readings { pressure, length, gas } = readings;
-        self.judging_steps = self.judging_steps.saturating_sub(1);
+        self.startup_steps = self.startup_steps.saturating_sub(1);
         let count =
             |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
         self.overpressure_steps =
@@ -203,7 +208,7 @@ impl Supervisor {
         let missed = u16::from(board.missed_steps).saturating_mul(LATE_WEIGHT);
         self.late = self.late.saturating_sub(1).saturating_add(missed).min(LATEST);
         self.pressure_trusted = pressure.validity == Validity::Valid;
-        let StepCounts { patience_steps, silent_steps, .. } = self.limits.counts;
+        let Limits { counts: StepCounts { patience_steps, .. }, silent_steps, .. } = self.limits;
         let length_lost =
             length.validity != Validity::Valid || self.impossible_length_steps >= patience_steps;
         let present = found
@@ -288,7 +293,7 @@ mod tests {
     impl Bench {
         fn new(config: &Config) -> Self {
             Self {
-                sensing: Sensing::new(config),
+                sensing: config.sensing(),
                 supervisor: Supervisor::new(config, true),
                 flowing: false,
             }
@@ -430,7 +435,7 @@ mod tests {
             assert!(!must_vent(&supervisor));
         }
         supervisor.step(&HEALTHY, 7.5e5, IDLE);
-        assert!(!must_vent(&supervisor), "both counters start anew");
+        assert!(!must_vent(&supervisor), "both counters start again");
         for _ in 1..PATIENCE_STEPS {
             supervisor.step(&HEALTHY, 7.5e5, IDLE);
         }
@@ -577,7 +582,7 @@ mod tests {
         }
     }
 
-    /// A restart takes the limits of the new configuration, and gives the host its time anew.
+    /// A restart takes the limits of the new configuration, and restarts the host's time.
     #[test]
     fn a_restart_takes_the_new_limits() {
         let pressure_limit_pa = 3.0e5;

@@ -1,4 +1,4 @@
-//! What the gas and the muscle do, against what valves and load can make of them.
+//! The plausibility monitor: gas and muscle against what valves and load can cause.
 //!
 //! Pressure and length tell, by the energy balance (3), how much gas came or went:
 //!
@@ -24,7 +24,7 @@
 //! neither makes gas missing nor gas too much.
 //!
 //! The believed conductance, its pulses and its supply may be wrong by a factor of four together.
-//! Drift of less than `FORGOTTEN_PER_S` is not told from what warms and cools with the day; where a
+//! Drift of less than `FORGOTTEN_PER_S` cannot be distinguished from what warms and cools with the day; where a
 //! valve is driven, of less than `FORGOTTEN_DRIVEN_PER_S`.
 //!
 //! And the force that pressure and length stand for is that of the load, give or take a factor of three
@@ -58,10 +58,10 @@ pub const EMPTY: f32 = 1.15;
 /// Part of the rest length near either stop that is left out, and the way in a window that is no rest \[-\].
 const NEAR_STOP: f32 = 0.02;
 const AT_REST: f32 = 0.002;
-/// What the force law may be wrong by, share of the force at the rest length \[-\].
+/// Error allowed to the force law, fraction of the force at the rest length \[-\].
 const LAW: f32 = 0.15;
 
-/// What the configuration makes of it, worked out once.
+/// Constants that follow from the configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Limits {
     window_s: f32,
@@ -93,7 +93,7 @@ impl Limits {
     }
 }
 
-/// What is known of one valve.
+/// State of one valve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Side {
     /// Ticks for which it was driven in this window.
@@ -102,9 +102,9 @@ struct Side {
     driven: bool,
     /// ... and in the one before.
     driven_before: bool,
-    /// What it must have passed and what did not come of it, share of the gas \[-\].
+    /// Gas that the valve must have passed and that is missing, as a fraction of the gas \[-\].
     missing: f32,
-    /// What it is asked for, smoothed \[1/s\].
+    /// Requested flow, smoothed \[1/s\].
     asked_per_s: f32,
 }
 
@@ -143,7 +143,7 @@ impl Side {
         self.missing = limit(self.missing + missing, 0.0, 1.0);
     }
 
-    /// Whether so much is missing that it has a cause; it is counted anew from there.
+    /// Whether so much is missing that it has a cause; the count starts again from there.
     fn trips(&mut self) -> bool {
         let trips = self.missing > TRIP;
         if trips {
@@ -159,14 +159,14 @@ pub struct Watch {
     limits: Limits,
     inlet: Side,
     outlet: Side,
-    /// What the gas loses while the outlet is shut, smoothed \[1/s\].
+    /// Loss of gas while the outlet is shut, smoothed \[1/s\].
     lost_per_s: f32,
     length_m: f32,
     impossible_windows: u16,
     leak_windows: u16,
     /// The last window had no length to be trusted.
     blind: bool,
-    /// What the last window has found.
+    /// Faults found by the last window.
     found: Faults,
 }
 
@@ -185,7 +185,7 @@ impl Watch {
             Load::Isotonic { force_n } => Some((force_n, 2.0 * config.friction.force_n)),
             Load::Isometric { .. } => None,
         };
-        let counts = StepCounts::new(config);
+        let counts = StepCounts::new(config.step_s);
         Self {
             limits: Limits {
                 window_s: f32::from(counts.interval_steps) * config.step_s,
@@ -220,7 +220,7 @@ impl Watch {
 
     /// Takes the balance of one interval of the estimator; returns what the one before has found, each
     /// fault once but for a leak, which is shown for a while. `length_m`: measured, `None` where it is not
-    /// trusted, and with it the volume: such an interval says nothing, nor does the one before it, in
+    /// trusted, and with it the volume: such an interval is not used, nor does the one before it, in
     /// which the length broke, nor the one after it, in which the volume comes back.
     pub fn add(
         &mut self,
@@ -298,7 +298,7 @@ impl Watch {
         };
     }
 
-    /// What has passed its limit.
+    /// Faults whose limit is passed.
     fn findings(&mut self) -> Faults {
         let mut found = Faults::NONE;
         if self.inlet.trips() {
@@ -373,7 +373,7 @@ mod tests {
             self.watch.add(&self.chamber, &balance, length_m)
         }
 
-        /// What so many windows find.
+        /// Faults found in so many windows.
         fn windows(&mut self, count: u32, command: Command, balance: Balance) -> Faults {
             (0..count).fold(Faults::NONE, |found, _| {
                 found.with(self.window(command, balance, Some(STILL_M)))
@@ -641,7 +641,7 @@ mod tests {
         assert_eq!(force_found(1.02 * most_n, gauge_pa, LENGTH_M), windows);
     }
 
-    /// On its stops the load says nothing: 100 mbar do not hold 300 N, and need not there.
+    /// On a stop the load cannot be checked: 100 mbar do not hold 300 N, and need not there.
     #[test]
     fn the_force_on_a_stop_is_not_judged() {
         let muscle = AnyChamber::new(&Config::default().chamber);
@@ -669,7 +669,7 @@ mod tests {
     }
 
     /// An impossible force has to last: what is possible in between counts against it, and a length
-    /// that is not trusted starts anew.
+    /// that is not trusted starts again.
     #[test]
     fn an_impossible_force_has_to_last() {
         let found_after = |between: u16, length_m: Option<f32>, pressure_pa: f32| {
@@ -689,7 +689,7 @@ mod tests {
         };
         assert_eq!(found_after(20, Some(LENGTH_M), 2.0e5), 1, "possible for as long");
         assert_eq!(found_after(20, Some(0.2999), 6.0e5), 0, "there, and back again");
-        assert_eq!(found_after(20, None, 6.0e5), 0, "without a length it starts anew");
+        assert_eq!(found_after(20, None, 6.0e5), 0, "without a length it starts again");
     }
 
     #[test]

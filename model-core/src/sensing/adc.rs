@@ -30,7 +30,7 @@ const MOST_HALVES: usize = 9;
 
 /// Undoes erratum RP2040-E11. Four codes swallow `wide_code_lsb` of input each, and with the
 /// curve's ends where they belong it is steeper by as much in between: an error of up to 4.5 LSB,
-/// or at 120 kPa almost 1 % of the pressure. A wide code itself says no more than that the input
+/// or at 120 kPa almost 1 % of the pressure. A wide code itself only shows that the input
 /// lies in it, and is read as its middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linearisation {
@@ -127,7 +127,7 @@ impl CodeSum {
     }
 }
 
-/// What a sensor says at a share of the reference.
+/// Value of a sensor at a fraction of the reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Share of the reference \[-\].
@@ -180,7 +180,7 @@ impl Characteristic {
         self.offset + self.slope * ideal_code
     }
 
-    /// What one code of 12 bit is worth.
+    /// Width of a 12-bit code.
     pub fn per_code(&self) -> f32 {
         self.slope * f32::from(OVERSAMPLING)
     }
@@ -201,7 +201,7 @@ mod tests {
             }
             let code = AdcCode((read * 8.0).round() as u16);
             let ideal = Linearisation::new(&Adc::default()).ideal(code);
-            // What rounds to a wide code is read as its middle too.
+            // A value that rounds to a wide code is also read as its middle.
             let allowed = if is_wide(code) { 4.45 } else { 0.0 } + 0.1;
             prop_assert!((f64::from(ideal) / 8.0 - input).abs() < allowed, "{ideal} for {input}");
         }

@@ -1,5 +1,5 @@
-//! What puts a sensor right: value = gain (reading + correction) + offset. Two points give gain and offset; what
-//! is bent between them, as the five points of a calibration certificate say it, is the correction.
+//! Calibration: value = gain (reading + correction) + offset. Two points give gain and offset; what
+//! is bent between them, as the five points of a calibration certificate state it, is the correction.
 
 use super::adc::Characteristic;
 use crate::math::limit;
@@ -7,7 +7,7 @@ use crate::math::limit;
 /// Corrections at a quarter, half and three quarters of a sensor's range, as shares of it; at both ends there is none.
 pub type Corrections = [f32; 3];
 
-/// What puts a sensor right.
+/// Calibration of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Calibration {
     /// Factor \[-\].
@@ -25,7 +25,7 @@ pub struct Calibrated {
     bend: Option<Bend>,
 }
 
-/// What a correction adds.
+/// A point of the correction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bend {
     /// Quarters of the range over codes.

@@ -5,15 +5,15 @@
 //! A file beside this one, with the element's parameters, its [`Element`] and its [`Curve`], and its line in
 //! `elements!` below. In `host-sim` the plant's side of it: a file in `simulation/elements/` with its line
 //! there, and in `scenario/tables/sensors.rs` its word and its table. `docs/reference/board.md` has a row for each.
-//! One that is read over a bus says so by `DIGITAL` and its [`Element::part`]; the firmware's side is `firmware/src/parts.rs`.
+//! One that is read over a bus sets `DIGITAL` and its [`Element::part`]; the firmware's side is `firmware/src/parts.rs`.
 //! A new element comes last, and raises `PROTOCOL` in `link`: boards of the one before do not know it.
 
+pub use super::element::{Curve, Element};
 pub use super::max31865::Max31865;
 pub use super::ntc::Ntc;
 use super::part::Limits;
 pub use super::pt1000::Pt1000;
-use crate::config::ConfigError;
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters};
 
 parameters! {
     /// The gas sensor, whatever its element is.
@@ -26,42 +26,10 @@ parameters! {
     }
 }
 
-/// What senses the gas temperature.
-pub trait Element {
-    /// Its constants, worked out.
-    type Curve: Curve;
-
-    /// Checks every value.
-    ///
-    /// # Errors
-    /// The first value that is not a number or lies outside of its range.
-    fn check_ranges(&self) -> Result<(), ConfigError>;
-
-    /// What it makes of codes.
-    fn curve(&self) -> Self::Curve;
-
-    /// What one code of 12 bit is worth, of a digital part one of its own, mean over its range \[K\].
-    fn resolution_k(&self) -> f32;
-
-    /// Whether it is a part that is read over a bus, at its own rate.
-    const DIGITAL: bool = false;
-
-    /// What is known of such a part; none where the element is on the converter.
-    fn part(&self) -> Option<Limits> {
-        None
-    }
-}
-
-/// Temperature over codes.
-pub trait Curve {
-    /// Temperature \[K\] at an ideal code; finite at any.
-    fn at_k(&self, ideal_code: f32) -> f32;
-}
-
 /// Lists the elements.
 macro_rules! elements {
     ($($(#[$attribute:meta])* $element:ident,)*) => {
-        /// What senses the gas temperature.
+        /// The element that senses the gas temperature.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
         #[non_exhaustive]
@@ -90,21 +58,21 @@ macro_rules! elements {
                 }
             }
 
-            /// What one code of 12 bit is worth, of a digital part one of its own, mean over its range \[K\].
+            /// Mean width of a 12-bit code over the range, or of a digital converter's own code \[K\].
             pub fn resolution_k(&self) -> f32 {
                 match self {
                     $(Self::$element(element) => element.resolution_k(),)*
                 }
             }
 
-            /// What is known of a digital part; none where the element is on the converter.
+            /// Limits of the digital converter; none where the element is on the board's converter.
             pub(super) fn part(&self) -> Option<Limits> {
                 match self {
                     $(Self::$element(element) => element.part(),)*
                 }
             }
 
-            /// Whether it is a part that is read over a bus, at its own rate.
+            /// Whether it is read over a bus, at the converter's own rate.
             pub fn is_digital(&self) -> bool {
                 match self {
                     $(Self::$element(_) => <$element as Element>::DIGITAL,)*

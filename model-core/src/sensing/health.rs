@@ -12,18 +12,18 @@ pub const FROZEN_CODES: u16 = 60;
 /// A change of the change from code to code beyond this is a jerk: 2 % of the range. The gas of a
 /// muscle behind a fast valve makes a fifth of it.
 const JERK: i32 = (CODE_MAX / 50) as i32;
-/// What a jerk adds to the count of a noisy line; a code without one takes 1 away.
+/// Count that a jerk adds for a noisy channel; a code without one takes 1 away.
 const JERK_WEIGHT: u16 = 4;
 /// Count from which a line is noisy, ten jerks, and the most that is counted.
 const NOISY: u16 = 40;
 const MOST_NOISY: u16 = 60;
 
-/// What may be seen of a line in a step.
+/// How long a channel may be frozen in its present state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stillness {
     /// Gas flows: a code that stands still is a frozen one.
     Suspicious,
-    /// Nothing moves, or the sensor is slow: it says nothing.
+    /// Nothing moves, or the sensor is slow: a frozen code proves nothing.
     Usual,
     /// The code is so wide that a healthy line stands still in it.
     Wide,

@@ -29,7 +29,7 @@ impl LengthSensor {
         Calibrated::new(line, self.range_m, calibration)
     }
 
-    /// What one code of 12 bit is worth \[m\]. Eight conversions are summed, so that the noise of a reading is
+    /// Width of a 12-bit code \[m\]. Eight conversions are summed, so that the noise of a reading is
     /// less.
     pub fn resolution_m(&self) -> f32 {
         self.gain * (self.range_m / (0.9 * 4096.0))

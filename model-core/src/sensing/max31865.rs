@@ -3,12 +3,11 @@
 //! The chip gives R/R_ref in 15 bits (data sheet 19-6478, "ADC code = (R_RTD x 2^15)/R_REF"), here every 20 ms: its filter
 //! is that for 50 Hz.
 
-use super::gas::{Curve, Element};
+use super::element::{Curve, Element};
 use super::part::Limits;
 use super::platinum::{platinum_resistance_ohm, platinum_temperature_k};
-use crate::config::{ConfigError, within};
 use crate::math::limit;
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters, within};
 
 parameters! {
     /// Platinum resistor on a MAX31865. It is lost when it reads outside of its range.
@@ -47,12 +46,12 @@ impl Element for Max31865 {
     }
 
     fn resolution_k(&self) -> f32 {
-        // Of 15 bits, by the slope at 25 degC.
+        // One of 15 bits, by the slope at 25 degC.
         self.reference_ohm / (32_768.0 * 3.879e-3 * self.zero_ohm)
     }
 
     fn part(&self) -> Option<Limits> {
-        // Its first conversion takes 63 ms, once it is told to convert.
+        // The first conversion takes 63 ms after the command to convert.
         let first_s = self.timeout_s.max(0.2);
         let codes = self.code(self.lowest_k)..=self.code(self.highest_k);
         // Half of its 20 ms, and of the step in which it comes.

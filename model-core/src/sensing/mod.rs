@@ -1,4 +1,4 @@
-//! From raw codes to readings in SI: what is known of the converter and of the sensors, and nowhere else.
+//! From raw codes to readings in SI. All knowledge of converter and sensors is here.
 //!
 //! ```text
 //! Sample --adc: linearised code--> sensor: value, calibrated --health: lost?--> Readings
@@ -10,6 +10,7 @@
 
 pub mod adc;
 pub mod calibration;
+mod element;
 pub mod gas;
 mod health;
 pub mod length;
@@ -28,7 +29,7 @@ use self::health::{Health, Stillness};
 use self::length::LengthSensor;
 use self::part::Part;
 use self::pressure::{PressurePart, PressureSensor};
-use crate::config::{Config, ConfigError};
+use crate::parameter::ConfigError;
 use crate::sample::{AdcCode, OVERSAMPLING, Sample};
 use crate::step_counts::StepCounts;
 
@@ -44,9 +45,9 @@ pub struct Sensors {
     pub length: LengthSensor,
     /// Gas temperature.
     pub gas: GasSensor,
-    /// What the gas sensor is.
+    /// Element of the gas sensor.
     pub gas_element: GasElement,
-    /// What the pressure sensor is.
+    /// Type of the pressure sensor.
     pub pressure_part: PressurePart,
 }
 
@@ -68,7 +69,7 @@ impl Sensors {
 /// How far a reading may be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Validity {
-    /// As it is.
+    /// Without reservation.
     Valid,
     /// Not now; it may be a disturbance.
     Suspect,
@@ -89,7 +90,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// One that says what it means.
+    /// A valid reading without a wide code.
     ///
     /// ```
     /// use model_core::sensing::Reading;
@@ -177,26 +178,26 @@ pub struct Sensing {
 }
 
 impl Sensing {
-    /// Works the constants out.
+    /// Sensing without any reading; [`Config::sensing`](crate::Config::sensing) calls it. A digital
+    /// pressure sensor reads `ambient_pa` until its first conversion arrives.
     ///
     /// ```
-    /// use model_core::sensing::Sensing;
     /// use model_core::{AdcCode, Config, Sample};
     ///
-    /// let mut sensing = Sensing::new(&Config::default());
+    /// let mut sensing = Config::default().sensing();
     /// let readings = sensing.read(&Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757)), false);
     /// assert!((0.2..0.31).contains(&readings.length.value));
     /// ```
     #[cold] // Once at a start: as small as can be.
-    pub fn new(config: &Config) -> Self {
-        let Sensors { adc, pressure, length, gas, gas_element, pressure_part } = &config.sensors;
+    pub fn new(sensors: &Sensors, step_s: f32, ambient_pa: f32) -> Self {
+        let Sensors { adc, pressure, length, gas, gas_element, pressure_part } = sensors;
         let part = pressure_part.part();
-        let patience_steps = StepCounts::new(config).patience_steps;
+        let patience_steps = StepCounts::new(step_s).patience_steps;
         // Without the gas temperature the model goes on, so that it is well until it is known to be lost.
         let limits = gas_element.part();
         let latency_s = limits.as_ref().map_or(0.0, |part| part.latency_s);
-        let gas_part = limits.map(|part| Part::new(&part, config.step_s, Validity::Valid));
-        // What a step of a digital part hides, beside its noise.
+        let gas_part = limits.map(|part| Part::new(&part, step_s, Validity::Valid));
+        // Quantization of a digital converter, beside its noise.
         let step_k = if gas_part.is_some() { gas_element.resolution_k() } else { 0.0 };
         Self {
             linearisation: Linearisation::new(adc),
@@ -206,10 +207,9 @@ impl Sensing {
                 sensor: pressure_part.calibrated(pressure),
                 wide: adc.half_width(pressure.resolution_pa()),
                 health: Health::new(if part.is_some() { part::PATIENCE } else { patience_steps }),
-                // None yet: nothing that could be taken for gas.
                 part: part.map(|part| {
-                    let part = Part::new(&part, config.step_s, Validity::Suspect);
-                    (part, config.ambient.pressure_pa)
+                    let part = Part::new(&part, step_s, Validity::Suspect);
+                    (part, ambient_pa)
                 }),
             },
             length: Channel {
@@ -224,15 +224,14 @@ impl Sensing {
             gas_noise_k2: gas.noise_k * gas.noise_k + step_k * step_k / 12.0,
             gas_conversions: if gas_part.is_some() { 1.0 } else { f32::from(OVERSAMPLING) },
             gas_codes: CodeSum::default(),
-            gas_latency_steps: latency_s / config.step_s,
+            gas_latency_steps: latency_s / step_s,
             gas_ages: 0,
             gas_code: None,
             gas_moved: false,
         }
     }
 
-    /// What it goes on with after the core was started anew as one with `other`: what it knows of the
-    /// lines' health.
+    /// The sensing of a core that restarts with `other`: it keeps the health of the channels.
     pub fn after_restart(&self, other: &Self) -> Self {
         let mut next = *other;
         next.pressure.health = self.pressure.health.with_patience_of(&other.pressure.health);
@@ -299,7 +298,7 @@ impl Sensing {
         self.gas.at(self.ideal(self.gas_part.is_some(), code))
     }
 
-    /// What the gas sensor has said last; `None`: nothing yet.
+    /// Last reading of the gas sensor; `None` before the first.
     pub fn last_gas(&self) -> Option<GasReading> {
         self.gas_code.map(|code| GasReading {
             value_k: self.gas_k(code),
@@ -309,7 +308,7 @@ impl Sensing {
         })
     }
 
-    /// Mean of what the gas sensor has said since the last one; `None`: nothing.
+    /// Mean of the gas sensor's readings since the last mean; `None` without a reading.
     pub fn take_gas(&mut self) -> Option<GasReading> {
         let codes = core::mem::take(&mut self.gas_codes);
         let moved = core::mem::take(&mut self.gas_moved);
@@ -339,7 +338,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn sensing(sensors: Sensors) -> Sensing {
-        Sensing::new(&Config { sensors, ..Config::default() })
+        Sensing::new(&sensors, 0.001, 101_325.0)
     }
 
     fn straight() -> Sensors {
@@ -383,7 +382,7 @@ mod tests {
         }
     }
 
-    /// Gain and offset turn what a sensor says into what is true.
+    /// Gain and offset turn a sensor's value into the true one.
     #[test]
     fn a_calibration_puts_a_sensor_right() {
         let mut sensors = straight();

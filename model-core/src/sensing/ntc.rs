@@ -8,11 +8,10 @@
 //! curve: 1/beta = B + 3 C ln^2 R_25, square = 3 C ln R_25, cube = C.
 
 use super::adc::{Characteristic, Point};
-use super::gas::{Curve, Element};
+use super::element::{Curve, Element};
 use super::pt1000::ratio_to_resistance;
-use crate::config::ConfigError;
 use crate::math::{limit, ln};
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters};
 
 parameters! {
     /// NTC thermistor in a divider.

@@ -10,14 +10,14 @@ use core::ops::RangeInclusive;
 /// disturbance of the bus.
 pub const PATIENCE: u16 = 2;
 
-/// What is known of a part.
+/// Limits of a digital sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limits {
     /// Silence after which it is lost \[s\].
     pub timeout_s: f32,
     /// Time that its first reading may take \[s\].
     pub first_s: f32,
-    /// Age of what a reading says when it comes \[s\].
+    /// Age of a reading when it arrives \[s\].
     pub latency_s: f32,
     /// Codes that it may give.
     pub codes: RangeInclusive<u16>,

@@ -4,11 +4,10 @@
 use super::adc::{Characteristic, Point};
 use super::calibration::{Calibrated, Calibration};
 use super::part::Limits;
-use crate::config::ConfigError;
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters};
 use crate::sample::OVERSAMPLING;
 
-/// What linearising the converter leaves, in codes of 12 bit.
+/// Error that remains after linearising the converter, in 12-bit codes.
 const LINEARITY_LSB: f32 = 0.25;
 
 parameters! {
@@ -32,7 +31,7 @@ parameters! {
     }
 }
 
-/// What gives the pressure.
+/// Type of the pressure sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -65,7 +64,7 @@ impl PressurePart {
         *self != Self::Ratiometric
     }
 
-    /// What is known of a digital part.
+    /// Limits of a digital sensor.
     pub(super) fn part(&self) -> Option<Limits> {
         match self {
             Self::Ratiometric => None,
@@ -109,7 +108,7 @@ impl PressurePart {
 }
 
 impl PressureSensor {
-    /// What one code of 12 bit is worth \[Pa\].
+    /// Width of a 12-bit code \[Pa\].
     pub fn resolution_pa(&self) -> f32 {
         self.gain * (self.range_pa / (0.8 * 4096.0))
     }

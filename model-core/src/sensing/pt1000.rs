@@ -1,10 +1,9 @@
 //! Pt1000 in a half bridge, behind an amplifier. The circuit is in `docs/reference/board.md`.
 
 use super::adc::{Characteristic, Point};
-use super::gas::{Curve, Element};
+use super::element::{Curve, Element};
 use super::platinum::{platinum_resistance_ohm, platinum_temperature_k};
-use crate::config::{ConfigError, within};
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters, within};
 
 parameters! {
     /// Pt1000 in a half bridge, amplified so that this range takes 5 to 95 % of the reference.

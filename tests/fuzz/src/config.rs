@@ -3,7 +3,8 @@
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
 use model_core::Config;
-use model_core::config::{ConfigError, Load};
+use model_core::ConfigError;
+use model_core::config::Load;
 use model_core::link::MAX_FRAME;
 use model_core::physics::chamber::table::{MOST_ROWS, Row};
 use model_core::physics::chamber::{ChamberConfig, Cylinder, Table, Vessel};

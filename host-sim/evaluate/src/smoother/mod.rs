@@ -18,7 +18,6 @@ mod trend;
 use self::trend::Reading;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::sample::OVERSAMPLING;
-use model_core::sensing::Sensing;
 use model_core::sensing::adc::Adc;
 use model_core::{AdcCode, Config, Duty, Faults, Telemetry};
 use thermyo_identify::core_model::{
@@ -58,7 +57,7 @@ pub struct Best {
 pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
     let Some(first) = run.first() else { return Best::default() };
     let model = Model::new(config);
-    let mut sensing = Sensing::new(config);
+    let mut sensing = config.sensing();
     let known = known(config, run);
     let reading_k = f64::from(sensing.gas_k(first.sample.gas));
     let initial =

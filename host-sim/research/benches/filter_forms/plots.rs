@@ -39,7 +39,7 @@ fn error(full: &Loaded, nominal: &Recording) -> Chart {
         thinned(telemetry.iter().map(move |t| sign * 2.0 * f64::from(t.estimate.gas_sd_k)))
     };
     let minus = |values: Vec<f64>| thinned(values.iter().zip(truth_k).map(|(a, b)| a - b));
-    let sensing = model_core::sensing::Sensing::new(&core_config(&full.believed));
+    let sensing = core_config(&full.believed).sensing();
     let bare = telemetry.iter().map(|t| f64::from(sensing.gas_k(t.sample.gas)));
     let (errors, smoother_errors) = (minus(estimate().collect()), minus(smoothed));
     let time = seconds(errors.len());

@@ -23,7 +23,6 @@ mod tests {
 
     use crate::adc::VirtualAdc;
     use model_core::AdcCode;
-    use model_core::sensing::Sensing;
     use thermyo_setup::core_config::core_config;
 
     /// Two descriptions of one circuit: what the plant makes of a temperature, the core makes that
@@ -37,7 +36,7 @@ mod tests {
             );
             let loaded = thermyo_setup::parse(&text, "elements".as_ref()).unwrap();
             let config = core_config(&loaded.believed);
-            let (sensing, mut adc) = (Sensing::new(&config), VirtualAdc::new(&loaded.plant));
+            let (sensing, mut adc) = (config.sensing(), VirtualAdc::new(&loaded.plant));
             let step_k = f64::from(config.sensors.gas_element.resolution_k());
             for kelvin in 280..=320 {
                 let sensor_gas_k = f64::from(kelvin) + 0.3;

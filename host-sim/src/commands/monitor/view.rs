@@ -4,7 +4,6 @@ use super::{Session, Shown, Status};
 use crossterm::terminal;
 use model_core::control::Mode;
 use model_core::link::LastReset;
-use model_core::sensing::Sensing;
 use model_core::{Faults, SetPoint};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
@@ -111,7 +110,7 @@ pub fn figures(session: &Session) -> Option<String> {
         faults => faults.to_string(),
     };
     let estimate = &telemetry.estimate;
-    let reading_k = Sensing::new(&session.config()).gas_k(telemetry.sample.gas);
+    let reading_k = session.config().sensing().gas_k(telemetry.sample.gas);
     let remark = if estimate.valid { "" } else { " (not to be relied on)" };
     let timing = session.timing().map_or(String::new(), |timing| {
         format!(

@@ -23,8 +23,8 @@
 //! looked for. From there Newton's steps come down to it, never past it: `STEPS` of them cannot fail.
 
 use super::Chamber;
-use crate::config::{ConfigError, within};
 use crate::math::{exp, limit, sqrt};
+use crate::parameter::{ConfigError, within};
 use core::f32::consts::PI;
 
 /// Newton's steps to a length; see above.
@@ -164,7 +164,7 @@ pub struct Muscle {
     pub rest_length_m: f32,
     /// Stiffness of the bladder against contraction \[N/m\].
     pub bladder_stiffness_n_m: f32,
-    /// What the bladder holds back with once it is full, K1 \[N\].
+    /// Force of the bladder once it saturates, K1 \[N\].
     pub bladder_saturation_n: f32,
     /// Strain over which it fills, e1 \[-\].
     pub bladder_strain: f32,
@@ -327,7 +327,7 @@ impl Chamber for Geometry {
         (self.thread_squared_m2 - 3.0 * braid_m * braid_m) * self.per_4_pi_n2
     }
 
-    /// Of the braided part: pi D l.
+    /// Surface of the braided length: pi D l.
     fn surface_m2(&self, length_m: f32) -> f32 {
         PI * self.diameter_m(length_m) * self.braid_m(length_m)
     }

@@ -109,9 +109,6 @@ impl Chamber for Piston {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Config, Load};
-    use crate::physics::chamber::ChamberConfig;
-    use crate::physics::model::Model;
     use proptest::prelude::*;
 
     fn both() -> [Piston; 2] {
@@ -153,29 +150,6 @@ mod tests {
         let cylinder = Piston::from(configured);
         assert_eq!(cylinder.length_for_force_m(3.0e5, -374.0), cylinder.longest_m());
         assert_eq!(cylinder.length_for_force_m(3.0e5, -376.0), cylinder.shortest_m());
-    }
-
-    /// Closed, from 2 bar and 150 mm of gas to a third of it: P V^k without heat, P V with a wall that
-    /// takes all of it.
-    #[test]
-    fn compression_is_isentropic_or_isothermal() {
-        for (inner_w_m2_k, exponent, bound) in [(0.0, 1.4, 2e-4), (1.0e5, 1.0, 2e-3)] {
-            let mut config = Config {
-                chamber: ChamberConfig::Cylinder(Cylinder::default()),
-                load: Load::Isotonic { force_n: -100.0 },
-                ..Config::default()
-            };
-            config.heat.inner_w_m2_k = inner_w_m2_k;
-            config.wall.heat_capacity_j_k = 1.0e6;
-            let mut model = Model::new(&config, 2.0e5, 298.0, 0.34).unwrap();
-            for step in 1..=3000_u16 {
-                model.step(0.0, 0.0, Some(0.34 - 0.08 / 3000.0 * f32::from(step)));
-            }
-            let volume_m3 = |way: f64| 2.0e-5 + 1.25e-3 * way;
-            let expected_pa = 2.0e5 * (volume_m3(0.09) / volume_m3(0.01)).powf(exponent);
-            let pressure_pa = f64::from(model.pressure_pa());
-            assert!((pressure_pa / expected_pa - 1.0).abs() < bound, "{pressure_pa} {expected_pa}");
-        }
     }
 
     proptest! {

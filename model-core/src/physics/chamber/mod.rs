@@ -31,8 +31,8 @@ pub use self::cylinder::Cylinder;
 pub use self::table::Table;
 pub use self::vessel::Vessel;
 
-use crate::config::ConfigError;
 use crate::math::{absolute, limit};
+use crate::parameter::ConfigError;
 
 /// How far off a length sensor may be, share of the rest length \[-\].
 const SENSOR_OFF: f32 = 0.05;
@@ -106,7 +106,7 @@ pub trait Chamber {
 /// statically; the order is that of the bytes on the link.
 macro_rules! chambers {
     ($($(#[$meaning:meta])* $name:ident: $configured:ty => $chamber:ty,)*) => {
-        /// What the core is configured with of its chamber.
+        /// Configuration of the chamber.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
         pub enum ChamberConfig {

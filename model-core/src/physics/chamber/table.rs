@@ -3,8 +3,8 @@
 //! dV/dL, the effective area, is continuous and never turns its sign.
 
 use super::Chamber;
-use crate::config::{ConfigError, within};
 use crate::math::{limit, sqrt};
+use crate::parameter::{ConfigError, within};
 use core::f32::consts::PI;
 
 /// Rows of a table, at most.
@@ -103,7 +103,7 @@ impl Cubic {
     }
 }
 
-/// What lies between two rows.
+/// The interval between two rows.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Segment {
     start_m: f32,

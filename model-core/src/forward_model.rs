@@ -4,8 +4,9 @@
 //! wall and from there to ambient, friction heat, and the lag of the sensor. It runs on mass flows
 //! alone, without a measurement to correct it: what Fig. 5 calls "model".
 
-use crate::config::{Config, ConfigError, Load};
+use crate::config::{Config, Load};
 use crate::math::limit;
+use crate::parameter::ConfigError;
 use crate::physics::balance::{Exchange, GasState};
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::heat::lag_step;
@@ -26,7 +27,7 @@ impl Model {
     ///
     /// ```
     /// use model_core::Config;
-    /// use model_core::physics::model::Model;
+    /// use model_core::forward_model::Model;
     ///
     /// let model = Model::new(&Config::default(), 2.0e5, 298.0, 0.28)?;
     /// assert!((model.pressure_pa() / 2.0e5 - 1.0).abs() < 1.0e-5);
@@ -155,6 +156,7 @@ impl Model {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::chamber::{ChamberConfig, Cylinder};
 
     #[test]
     fn working_cycle_swings_warms_and_closes() {
@@ -175,5 +177,28 @@ mod tests {
         assert!((270.0..295.0).contains(&low) && (302.0..330.0).contains(&high), "{low} {high}");
         assert!((298.1..303.0).contains(&model.wall_k()), "{}", model.wall_k());
         assert!((model.length_m() - 0.3).abs() < 0.01, "back at rest: {}", model.length_m());
+    }
+
+    /// A closed cylinder goes from 2 bar and 150 mm of gas to a third of it: P V^k is constant
+    /// without heat, P V where the wall takes all of the heat.
+    #[test]
+    fn compression_of_a_cylinder_is_isentropic_or_isothermal() {
+        for (inner_w_m2_k, exponent, bound) in [(0.0, 1.4, 2e-4), (1.0e5, 1.0, 2e-3)] {
+            let mut config = Config {
+                chamber: ChamberConfig::Cylinder(Cylinder::default()),
+                load: Load::Isotonic { force_n: -100.0 },
+                ..Config::default()
+            };
+            config.heat.inner_w_m2_k = inner_w_m2_k;
+            config.wall.heat_capacity_j_k = 1.0e6;
+            let mut model = Model::new(&config, 2.0e5, 298.0, 0.34).unwrap();
+            for step in 1..=3000_u16 {
+                model.step(0.0, 0.0, Some(0.34 - 0.08 / 3000.0 * f32::from(step)));
+            }
+            let volume_m3 = |way: f64| 2.0e-5 + 1.25e-3 * way;
+            let expected_pa = 2.0e5 * (volume_m3(0.09) / volume_m3(0.01)).powf(exponent);
+            let pressure_pa = f64::from(model.pressure_pa());
+            assert!((pressure_pa / expected_pa - 1.0).abs() < bound, "{pressure_pa} {expected_pa}");
+        }
     }
 }
