@@ -3,19 +3,19 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-static WANTED: AtomicBool = AtomicBool::new(false);
+static REQUESTED: AtomicBool = AtomicBool::new(false);
 
 /// Says it; whether it had been said before.
-pub fn want() -> bool {
-    WANTED.swap(true, Ordering::Relaxed)
+pub fn request() -> bool {
+    REQUESTED.swap(true, Ordering::Relaxed)
 }
 
 /// Takes it back: for the next piece of work.
-pub fn forget() {
-    WANTED.store(false, Ordering::Relaxed);
+pub fn reset() {
+    REQUESTED.store(false, Ordering::Relaxed);
 }
 
 /// Whether it has been said since.
-pub fn wanted() -> bool {
-    WANTED.load(Ordering::Relaxed)
+pub fn is_requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
 }

@@ -30,7 +30,7 @@ pub fn nominal() -> Result<Loaded, InputError> {
 /// What all jobs gave; where they were stopped ([`thermyo_compute::stop`]) what the finished ones gave.
 fn finished<R, E>(results: impl IntoIterator<Item = Result<R, E>>) -> Result<Vec<R>, E> {
     let results = results.into_iter();
-    if stop::wanted() { Ok(results.flatten().collect()) } else { results.collect() }
+    if stop::is_requested() { Ok(results.flatten().collect()) } else { results.collect() }
 }
 
 /// One line of the table.

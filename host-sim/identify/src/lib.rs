@@ -127,7 +127,7 @@ pub fn identify(
     problem.residuals(&own).map_err(|failed| without(failed, &[]))?;
 
     let ends = problem.search(watch);
-    if stop::wanted() {
+    if stop::is_requested() {
         return Err(stopped(&problem, &ends));
     }
     let best = best(&ends);
@@ -143,7 +143,7 @@ pub fn identify(
         first += observed.points.len();
     }
     let covariance = covariance_inside(&problem, &best.place, &misfits);
-    if stop::wanted() {
+    if stop::is_requested() {
         // Its differences are of predictions that ended early.
         return Err(stopped(&problem, &ends));
     }

@@ -110,7 +110,7 @@ pub struct Braid {
 impl Configuration {
     /// What a board has; `own`: see there.
     pub fn new(config: &Config, status: &Status, own: Option<String>) -> Self {
-        let said = from_config::say(config).ok();
+        let said = from_config::to_scenario(config).ok();
         let chamber = said.and_then(|said| chamber::of(&said.scenario.believed));
         let braid = match &config.chamber {
             ChamberConfig::Muscle(muscle) => Some(Braid {

@@ -19,7 +19,7 @@ use thermyo_scenario::{
 
 /// A scenario for a configuration.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Said {
+pub struct ConfigScenario {
     /// As `thermyo check` prints it.
     pub scenario: Loaded,
     /// Read again, it gives that very configuration.
@@ -30,7 +30,7 @@ pub struct Said {
 ///
 /// # Errors
 /// For a configuration that no scenario may have.
-pub fn say(config: &Config) -> Result<Said, InputError> {
+pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
     let origin = Path::new("the board's configuration");
     let Some(plant) = scenario(config) else {
         let problem = Problem::NotAllowed {
@@ -44,7 +44,7 @@ pub fn say(config: &Config) -> Result<Said, InputError> {
         Loaded { believed: plant.clone(), plant, volume_profile: None, drive_profile: None };
     let scenario = parse(&render(&loaded), origin)?;
     let exact = core_config(&scenario.believed) == *config;
-    Ok(Said { scenario, exact })
+    Ok(ConfigScenario { scenario, exact })
 }
 
 /// `None` for a chamber whose dimensions a scenario has in other words.
@@ -193,7 +193,7 @@ mod tests {
              [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",
         ] {
             let config = core_config(&parse(text, Path::new("scenario")).unwrap().believed);
-            let said = say(&config).unwrap();
+            let said = to_scenario(&config).unwrap();
             let back = core_config(&said.scenario.believed);
             assert_eq!(back, config, "{text}");
             assert!(said.exact);

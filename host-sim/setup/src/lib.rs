@@ -6,17 +6,17 @@
 
 #![warn(clippy::disallowed_methods)]
 
-mod check;
 pub mod core_config;
 pub mod from_config;
 mod load;
 mod loaded;
+mod render;
 mod rules;
-mod sense;
 mod tree;
+mod warnings;
 
-pub use check::render;
 pub use load::{assemble, load, load_with_warnings, parse, parse_alone, parse_with_warnings};
 pub use loaded::Loaded;
+pub use render::render;
 pub use rules::{OBSERVABLE, highest_pa};
-pub use sense::warnings;
+pub use warnings::warnings;

@@ -2,7 +2,7 @@
 
 use super::loaded::Loaded;
 use super::rules;
-use super::sense::warnings;
+use super::warnings::warnings;
 use std::path::{Path, PathBuf};
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};

@@ -104,7 +104,7 @@ pub fn run(
     let started = (!cfg!(target_family = "wasm")).then(Instant::now);
     let mut run = Run::start(loaded, board, measured)?;
     while run.step(board, observer)? {
-        if stop::wanted() {
+        if stop::is_requested() {
             return Err(RunError::Stopped);
         }
     }
@@ -128,7 +128,7 @@ pub struct Run {
     step_flows: MeanFlows,
     /// Steps whose telemetry has not come back: none in this process, one behind a line.
     waiting: VecDeque<Waiting>,
-    count: Count,
+    alignment: StepAlignment,
     step: u64,
     steps: u64,
 }
@@ -169,7 +169,7 @@ impl Run {
             flows,
             step_flows: flows,
             waiting: VecDeque::new(),
-            count: Count::STARTED,
+            alignment: StepAlignment::STARTED,
             step: 0,
             steps: scenario.run.steps(),
             rig,
@@ -243,7 +243,7 @@ impl Run {
 
     /// What the board has made of a step.
     fn take(&mut self, telemetry: Telemetry, observer: &mut dyn Observer) -> Result<(), RunError> {
-        let reported = self.count.step_of(&telemetry, self.step);
+        let reported = self.alignment.step_of(&telemetry, self.step);
         while self.waiting.front().is_some_and(|front| front.step < reported) {
             self.waiting.pop_front();
         }
@@ -322,14 +322,14 @@ struct Waiting {
 
 /// Which step of the run a telemetry is of.
 #[derive(Debug, Clone, Copy)]
-struct Count {
+struct StepAlignment {
     /// Step of the run that is the board's step 0; none while a board that has restarted judges its sensors.
     zero: Option<u64>,
     /// Steps by which telemetry comes late.
     late: u64,
 }
 
-impl Count {
+impl StepAlignment {
     const STARTED: Self = Self { zero: Some(0), late: 0 };
 
     fn step_of(&mut self, telemetry: &Telemetry, now: u64) -> u64 {

@@ -135,7 +135,7 @@ fn typed() -> Receiver<String> {
 /// Looks after the board until `done`, which sees the telemetry's step and sample.
 fn wait(board: &mut LiveBoard, mut done: impl FnMut(u32, &Sample) -> bool) -> Result<(), Failure> {
     loop {
-        if interrupt::wanted() {
+        if interrupt::is_requested() {
             return Err(BoardError::Interrupted.into());
         }
         let Some(telemetry) = board.poll()? else { continue };

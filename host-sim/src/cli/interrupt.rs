@@ -9,8 +9,8 @@ use signal_hook::{
 };
 use std::io;
 use std::sync::Once;
-pub(super) use thermyo_compute::stop::wanted;
-use thermyo_compute::stop::{forget, want};
+pub(super) use thermyo_compute::stop::is_requested;
+use thermyo_compute::stop::{request, reset};
 
 static INSTALLED: Once = Once::new();
 
@@ -27,13 +27,13 @@ pub(super) fn watch() {
             std::thread::spawn(move || {
                 signals.forever().for_each(|signal| match signal {
                     // A terminal that is closed sends it more than once: shell and kernel each do.
-                    SIGHUP => drop(want()),
+                    SIGHUP => drop(request()),
                     _ => pressed(),
                 });
             });
         }
     });
-    forget();
+    reset();
 }
 
 /// Whether SIGHUP is ignored, as `nohup` sets it, and so to be left alone. Linux tells it; elsewhere it is left alone.
@@ -46,12 +46,12 @@ fn ignores_hangup() -> bool {
 }
 
 fn pressed() {
-    if want() {
+    if request() {
         std::process::exit(STOPPED.into());
     }
 }
 
-/// [`wanted`] for those who write rows: an error of the kind `Interrupted`.
+/// [`is_requested`] for those who write rows: an error of the kind `Interrupted`.
 pub(super) fn check() -> io::Result<()> {
-    if wanted() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
+    if is_requested() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
 }

@@ -105,7 +105,7 @@ fn watch(
     let mut written = 0;
     loop {
         session.poll()?;
-        if stop::wanted() {
+        if stop::is_requested() {
             return Ok(Ended::Stopped);
         }
         if session.configurations().len() > written {
@@ -114,7 +114,7 @@ fn watch(
                 serde_json::to_string_pretty(session.configurations()).expect("plain data") + "\n";
             out.text("config.json", &json)?;
             // A configuration that no scenario may have is in the other file all the same.
-            if let Ok(said) = from_config::say(&session.config()) {
+            if let Ok(said) = from_config::to_scenario(&session.config()) {
                 out.text("scenario.toml", &thermyo_setup::render(&said.scenario))?;
             }
         }

@@ -1,8 +1,8 @@
 //! A scenario as `thermyo check` prints it: every key, its value, and what it may be.
 
 use super::loaded::Loaded;
-use super::sense::{model_is_unused, unused_tables};
 use super::tree::{same, tree, value};
+use super::warnings::{model_is_unused, unused_tables};
 use std::fmt::Write;
 use thermyo_scenario::Scenario;
 use thermyo_scenario::schema::{Allowed, DIMENSIONS, FAULTS, Key, TABLES, Table};
