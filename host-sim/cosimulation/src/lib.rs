@@ -16,7 +16,6 @@ pub mod variables;
 /// What a unit has in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// The plant.
     Plant,
     /// The plant and the core that drives it.
     WithCore,

@@ -20,7 +20,6 @@ const TOLERANCE: f64 = 1e-3;
 /// Why the importer does not get what it asks for.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    /// The scenario cannot be used.
     #[error(transparent)]
     Input(#[from] InputError),
     /// It makes no plant.
@@ -63,17 +62,13 @@ pub enum ModelError {
     /// A value that is out of its range.
     #[error("{name} = {value}: must be {allowed}")]
     Value {
-        /// Name of the variable.
         name: &'static str,
-        /// Its value.
         value: f64,
-        /// What it may be.
         allowed: String,
     },
     /// There is no such variable of that type, or it is not one to be set now.
     #[error("value reference {reference}: no {what}")]
     Reference {
-        /// The reference.
         reference: u32,
         /// What it is not.
         what: &'static str,
@@ -164,7 +159,6 @@ impl Model {
         })
     }
 
-    /// What it is.
     pub fn kind(&self) -> Kind {
         self.kind
     }
@@ -175,9 +169,6 @@ impl Model {
     }
 
     /// As it was before anything was asked or given.
-    ///
-    /// # Errors
-    /// As [`Model::new`].
     pub fn reset(&mut self) -> Result<(), ModelError> {
         *self = Self::new(self.loaded.clone(), self.kind)?;
         Ok(())
@@ -209,15 +200,11 @@ impl Model {
         Ok(())
     }
 
-    /// Time \[s\].
     pub fn time_s(&self) -> f64 {
         self.start_s + self.running.steps as f64 * self.loaded.plant.run.step_s
     }
 
     /// A number.
-    ///
-    /// # Errors
-    /// [`ModelError::Reference`]
     pub fn number(&self, reference: u32) -> Result<f64, ModelError> {
         match (reference, self.kind) {
             (TIME, _) => return Ok(self.time_s()),
@@ -235,9 +222,6 @@ impl Model {
     }
 
     /// Gives a number.
-    ///
-    /// # Errors
-    /// [`ModelError::Reference`], [`ModelError::Value`]
     pub fn set_number(&mut self, reference: u32, value: f64) -> Result<(), ModelError> {
         let allowed = |name, allowed: &str| {
             Err(ModelError::Value { name, value, allowed: allowed.to_owned() })
@@ -261,10 +245,6 @@ impl Model {
         Ok(())
     }
 
-    /// A truth value.
-    ///
-    /// # Errors
-    /// [`ModelError::Reference`]
     pub fn switch(&self, reference: u32) -> Result<bool, ModelError> {
         match (reference, self.kind) {
             (SECOND, Kind::WithCore) => Ok(self.inputs.follow_scenario),
@@ -273,9 +253,6 @@ impl Model {
     }
 
     /// Gives a truth value, before the first step.
-    ///
-    /// # Errors
-    /// [`ModelError::Reference`]
     pub fn set_switch(&mut self, reference: u32, value: bool) -> Result<(), ModelError> {
         match (reference, self.kind, self.started) {
             (SECOND, Kind::WithCore, false) => self.inputs.follow_scenario = value,

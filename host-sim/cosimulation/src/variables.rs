@@ -9,7 +9,6 @@ use thermyo_record::units::{Unit, unit_of};
 pub struct Variable {
     /// Its name; of an output, the column of `trace.csv`.
     pub name: &'static str,
-    /// What it is.
     pub description: &'static str,
     /// Who gives its value, and when.
     pub role: Role,
@@ -18,13 +17,11 @@ pub struct Variable {
 /// Who gives a variable's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// Time.
     Time,
     /// The importer, before the start: a truth value.
     Parameter,
     /// The importer, between two steps.
     Input,
-    /// The plant.
     Plant,
     /// The board, once per step.
     Sampled,

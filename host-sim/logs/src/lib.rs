@@ -11,7 +11,6 @@ use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_record::sinks::Sinks;
 
-/// Name of the file.
 const MCAP: &str = "trace.mcap";
 
 /// The user's wishes.

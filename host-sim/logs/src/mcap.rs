@@ -18,7 +18,6 @@ const LONGEST_WAIT: Duration = Duration::from_millis(500);
 /// Bytes of a chunk from which on the next one begins: a hundred rows or so.
 const CHUNK: u64 = 1 << 17;
 
-/// One file.
 pub struct McapLog<W: Write + Seek = File> {
     writer: Writer<W>,
     channels: Vec<Channel>,
@@ -27,7 +26,6 @@ pub struct McapLog<W: Write + Seek = File> {
     handed_over: Instant,
 }
 
-/// A topic in the file.
 struct Channel {
     id: u16,
     /// Places of its cells in a row, and their names.
@@ -36,9 +34,6 @@ struct Channel {
 
 impl<W: Write + Seek> McapLog<W> {
     /// Begins with the topics and their schemas.
-    ///
-    /// # Errors
-    /// Those of `out`.
     pub fn new(out: W) -> io::Result<Self> {
         // Without seeking a chunk is gathered in memory and written at once.
         let options = WriteOptions::new()

@@ -56,7 +56,6 @@ impl fmt::Display for StreamTo {
     }
 }
 
-/// The socket.
 #[derive(Debug)]
 pub struct Stream {
     socket: UdpSocket,
@@ -66,9 +65,6 @@ pub struct Stream {
 
 impl Stream {
     /// Opens it. Nobody has to listen yet.
-    ///
-    /// # Errors
-    /// Those of the system: there is no way to that address.
     pub fn open(to: &StreamTo) -> io::Result<Self> {
         let any: SocketAddr = match to.address {
             SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),

@@ -20,7 +20,6 @@ pub struct Topic {
 /// Name of the column that every topic has.
 pub const TIME: &str = "time_s";
 
-/// Every topic.
 pub const TOPICS: [Topic; 5] = [
     Topic {
         name: "/muscle",

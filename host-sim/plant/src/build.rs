@@ -19,9 +19,6 @@ pub fn build(
 
 /// The plant of a scenario without its valves or nozzle: its [`Actuation`] is mass flows \[kg/s\], the
 /// inflow at the supply's temperature. What moves is always lumped, or the paper's.
-///
-/// # Errors
-/// As [`build`].
 pub fn build_driven_by_flows(
     scenario: &Scenario,
     volume_profile: Option<Profile>,

@@ -39,7 +39,6 @@ use thermyo_scenario::Scenario;
 /// What acts on the plant during one step: the share of the step that each valve is driven, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Actuation {
-    /// Inlet valve.
     pub inlet: f64,
     /// Outlet valve. A normally open valve is driven to close; this is already its opening.
     pub outlet: f64,

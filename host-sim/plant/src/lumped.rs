@@ -211,9 +211,6 @@ pub struct Lumped<C> {
 
 impl<C: Chamber + Copy> Lumped<C> {
     /// The lumped plant of a scenario with that chamber.
-    ///
-    /// # Errors
-    /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
         let rest_length = chamber.rest_length();
         let pull = Pull::new(scenario, chamber);

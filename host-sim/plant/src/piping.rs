@@ -8,9 +8,7 @@ use thermyo_scenario::Scenario;
 /// What is broken in the plant. The default is nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Disturbance {
-    /// Inlet valve.
     pub inlet: Travel,
-    /// Outlet valve.
     pub outlet: Travel,
     /// Sonic conductance of a hole from the gas to ambient, at ANR \[m3/(s Pa)\]; no larger than the
     /// largest of the scenario, which sets the integration's step. Its critical ratio is the valves'.
@@ -88,7 +86,6 @@ impl Piping {
         self.ambient
     }
 
-    /// Whether there is a hole.
     pub fn is_holed(&self) -> bool {
         self.broken.leak_m3_s_pa > 0.0
     }

@@ -10,7 +10,6 @@ const STANDARD_GRAVITY: f64 = 9.80665;
 /// The static side of what moves: chamber and load.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pull<C> {
-    /// The chamber.
     pub chamber: C,
     /// Lengths at which stops carry the load \[m\].
     pub stops: [f64; 2],

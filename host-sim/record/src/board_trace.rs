@@ -123,9 +123,6 @@ pub struct Recorder<W: Write = File> {
 
 impl<W: Write> Recorder<W> {
     /// Into anything that takes bytes.
-    ///
-    /// # Errors
-    /// Those of `out`.
     pub fn new(out: W) -> io::Result<Self> {
         let header = every_column().join(",");
         let out = Rows::new(out, &header)?;
@@ -139,9 +136,6 @@ impl<W: Write> Recorder<W> {
     }
 
     /// One row, as it was written; an empty `status` leaves its columns empty.
-    ///
-    /// # Errors
-    /// Those of `out`.
     pub fn write(
         &mut self,
         config: &Config,
@@ -174,27 +168,18 @@ impl<W: Write> Recorder<W> {
     }
 
     /// Rows that have waited long enough are in the file.
-    ///
-    /// # Errors
-    /// Those of `out`.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
         self.out.hand_over_in_time()?;
         self.beside.hand_over_in_time()
     }
 
     /// Everything is in the file.
-    ///
-    /// # Errors
-    /// Those of `out`.
     pub fn hand_over(&mut self) -> io::Result<()> {
         self.out.hand_over()?;
         self.beside.hand_over()
     }
 
     /// Everything is in `out`, and that is given back.
-    ///
-    /// # Errors
-    /// Those of `out`.
     pub fn finish(self) -> io::Result<W> {
         let out = self.out.finish()?;
         self.beside.finish()?;

@@ -6,37 +6,23 @@ use std::io;
 /// first; a run knows fewer of them. What nobody knows is NaN.
 pub trait Sink: Send {
     /// Takes one row.
-    ///
-    /// # Errors
-    /// Those of what is behind it.
     fn row(&mut self, cells: &[f64]) -> io::Result<()>;
 
     /// Hands over what has waited for long enough; for those who wait for the next row.
-    ///
-    /// # Errors
-    /// Those of what is behind it.
     fn hand_over_in_time(&mut self) -> io::Result<()> {
         Ok(())
     }
 
-    /// Hands over everything.
-    ///
-    /// # Errors
-    /// Those of what is behind it.
     fn hand_over(&mut self) -> io::Result<()> {
         Ok(())
     }
 
     /// No row follows.
-    ///
-    /// # Errors
-    /// Those of what is behind it.
     fn finish(self: Box<Self>) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// Any number of them.
 #[derive(Default)]
 pub struct Sinks(Vec<Box<dyn Sink>>);
 
@@ -47,33 +33,20 @@ impl Sinks {
     }
 
     /// Shows all of them a row.
-    ///
-    /// # Errors
-    /// The first one's.
     pub fn row(&mut self, cells: &[f64]) -> io::Result<()> {
         self.0.iter_mut().try_for_each(|sink| sink.row(cells))
     }
 
     /// Hands over what has waited for long enough.
-    ///
-    /// # Errors
-    /// The first one's.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
         self.0.iter_mut().try_for_each(|sink| sink.hand_over_in_time())
     }
 
-    /// Hands over everything.
-    ///
-    /// # Errors
-    /// The first one's.
     pub fn hand_over(&mut self) -> io::Result<()> {
         self.0.iter_mut().try_for_each(|sink| sink.hand_over())
     }
 
     /// No row follows.
-    ///
-    /// # Errors
-    /// The first one's.
     pub fn finish(self) -> io::Result<()> {
         self.0.into_iter().try_for_each(|sink| sink.finish())
     }

@@ -102,9 +102,7 @@ pub struct Summary {
 /// Range and mean of a quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Range {
-    /// Smallest.
     pub min: f64,
-    /// Largest.
     pub max: f64,
     /// Mean over the steps.
     pub mean: f64,
@@ -113,13 +111,9 @@ pub struct Range {
 /// Range and ends of a sensor's readings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Readings {
-    /// Smallest.
     pub min: f64,
-    /// Largest.
     pub max: f64,
-    /// At the start.
     pub first: f64,
-    /// At the end.
     pub last: f64,
 }
 
@@ -139,7 +133,6 @@ pub struct Errors {
 /// What the core reports of itself.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CoreFigures {
-    /// Steps run.
     pub steps: u64,
     /// Steps in which a sensor's code lay at a rail.
     pub saturations: u64,
@@ -155,7 +148,6 @@ pub struct CoreFigures {
     pub shown_s: Option<f64>,
 }
 
-/// Faults that do not vent.
 const SHOWN: Faults = Faults(!VENTING.0);
 
 /// Faults of a run of one kind.
@@ -221,9 +213,7 @@ impl Control {
 /// Difference to a measured column.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {
-    /// Root mean square.
     pub rmse: f64,
-    /// Largest.
     pub max: f64,
 }
 

@@ -72,7 +72,6 @@ pub const COMPARABLE: [&str; 20] = [
     "measured_length_m",
 ];
 
-/// One row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     /// The plant's truth; the flows in it are means since the row before.
@@ -165,9 +164,6 @@ pub fn cells_text(cells: impl IntoIterator<Item = f64>) -> String {
 
 impl<W: Write> TraceWriter<W> {
     /// Starts with the header.
-    ///
-    /// # Errors
-    /// What the writer answers.
     pub fn new(out: W) -> io::Result<Self> {
         let rows = Rows::new(out, &COLUMNS.join(","))?;
         Ok(Self { rows, beside: Sinks::default() })
@@ -179,19 +175,12 @@ impl<W: Write> TraceWriter<W> {
         Self { beside, ..self }
     }
 
-    /// Writes one row.
-    ///
-    /// # Errors
-    /// What the writer answers.
     pub fn write(&mut self, cells: &[f64; COLUMNS.len()]) -> io::Result<()> {
         self.rows.push(&cells_text(*cells))?;
         self.beside.row(cells)
     }
 
     /// Every row is where it belongs.
-    ///
-    /// # Errors
-    /// What the writer answers.
     pub fn finish(self) -> io::Result<()> {
         self.rows.finish().map(drop).and(self.beside.finish())
     }

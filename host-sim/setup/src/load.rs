@@ -31,17 +31,11 @@ pub fn load(path: &Path) -> Result<Loaded, InputError> {
 }
 
 /// Loads a scenario file, along with what it says that makes no sense: see [`warnings`].
-///
-/// # Errors
-/// As [`load`].
 pub fn load_with_warnings(path: &Path) -> Result<(Loaded, Vec<InputError>), InputError> {
     parse_with_warnings(&read_text(path)?, path)
 }
 
 /// As [`parse`], along with what the text says that makes no sense: see [`warnings`].
-///
-/// # Errors
-/// As [`load`].
 pub fn parse_with_warnings(
     text: &str,
     origin: &Path,
@@ -54,9 +48,6 @@ pub fn parse_with_warnings(
 
 /// Loads a scenario from its text; `origin` is what messages call it, and its folder is where CSV
 /// files are looked for.
-///
-/// # Errors
-/// As [`load`].
 pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     assemble(&Document::parse(text, origin)?)
 }
@@ -82,9 +73,6 @@ pub fn parse_alone(text: &str, origin: &Path) -> Result<Loaded, InputError> {
 }
 
 /// Fills in defaults, and applies the rules that tie keys together.
-///
-/// # Errors
-/// As [`load`].
 pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let Document { origin, plant: given, believed: overrides } = document;
     fault_rules::check_given(given).map_err(|found| blame(found, given, origin))?;

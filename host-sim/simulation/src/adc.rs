@@ -43,11 +43,8 @@ const PART_CODES: f64 = 32_768.0;
 /// The raw codes of one exchange step, each 0 to 32760, or as [`AdcCode::of_part`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Codes {
-    /// Absolute pressure.
     pub pressure: u16,
-    /// Gas temperature.
     pub gas: u16,
-    /// Muscle length.
     pub length: u16,
 }
 

@@ -12,21 +12,12 @@ pub trait Board {
     /// What it is, for summaries: "core", "emulated", "serial".
     fn name(&self) -> &'static str;
     /// Configures the core and gives the first set point. Steps count from 0 after it.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError>;
     /// Changes the set point, from the step after the next on: on a real board it arrives while that
     /// step is computed.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError>;
     /// One step: feeds the sample, returns what became of it. The first one after a start is fed until
     /// the core has judged its sensors: before a run begins the board has been on for a while.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError>;
     /// Restarts the board: it has forgotten its configuration and remembers what was latched. In the steps
     /// that follow it judges its sensors, and then counts from 0 again.
@@ -38,9 +29,6 @@ pub trait Board {
     }
 
     /// How the steps were timed, where that is not this process.
-    ///
-    /// # Errors
-    /// [`BoardError`]
     fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
         Ok(None)
     }
@@ -87,39 +75,31 @@ pub enum BoardError {
          XDG_CACHE_HOME to a folder that can be"
     )]
     NotUnpacked {
-        /// Where.
         folder: PathBuf,
-        /// What the system said.
         reason: String,
     },
     /// `npm ci` failed.
     #[error("`npm ci` failed; it needs npm and its registry: {message}")]
     Npm {
-        /// What it said.
         message: String,
     },
-    /// The firmware did not build.
     #[error("{message}")]
     Build {
-        /// The builder's message.
         message: String,
     },
     /// There is no file where the image should be.
     #[error("{path}: no such image: give the ELF or UF2 file that a build of the firmware left")]
     NoImage {
-        /// Where.
         path: PathBuf,
     },
     /// The emulator cannot run the image.
     #[error("{message}")]
     Image {
-        /// What it said.
         message: String,
     },
     /// The emulator ended.
     #[error("the emulated board stopped: {message}")]
     Emulator {
-        /// What it said.
         message: String,
     },
     /// The serial port cannot be opened.
@@ -128,9 +108,7 @@ pub enum BoardError {
          /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
     )]
     NoPort {
-        /// Name of the port.
         port: String,
-        /// What the system said.
         reason: String,
     },
     /// The user may not open the port.
@@ -139,13 +117,11 @@ pub enum BoardError {
          again (Arch: the group uucp)"
     )]
     NoPermission {
-        /// Name of the port.
         port: String,
     },
     /// Another program has the port.
     #[error("{port}: another program has it open: close that one, then try again")]
     Taken {
-        /// Name of the port.
         port: String,
     },
     /// The line to the board broke.
@@ -157,7 +133,6 @@ pub enum BoardError {
          and that this project's firmware is flashed"
     )]
     Silent {
-        /// What was asked.
         asked: &'static str,
     },
     /// The emulated board does not answer: there is no wiring to check.
@@ -166,7 +141,6 @@ pub enum BoardError {
          it afresh: thermyo board emulated plug"
     )]
     EmulatedSilent {
-        /// What was asked.
         asked: &'static str,
     },
     /// The board speaks another version of the protocol.
@@ -175,7 +149,6 @@ pub enum BoardError {
          firmware of the same version"
     )]
     Protocol {
-        /// Its version.
         board: u16,
     },
     /// The board samples its own inputs.
@@ -184,7 +157,6 @@ pub enum BoardError {
          built with `--features hil`"
     )]
     NotHil {
-        /// The chip.
         chip: Chip,
     },
     /// The board wants its samples from here.
@@ -193,7 +165,6 @@ pub enum BoardError {
          without the feature `hil`"
     )]
     Hil {
-        /// The chip.
         chip: Chip,
     },
     /// The configuration is one for the converter of another chip.
@@ -278,9 +249,6 @@ pub struct CoreBoard {
 
 impl CoreBoard {
     /// The core, once it has been started.
-    ///
-    /// # Errors
-    /// [`BoardError::NotStarted`]
     pub fn core(&mut self) -> Result<&mut Core, BoardError> {
         self.core.as_mut().ok_or(BoardError::NotStarted)
     }

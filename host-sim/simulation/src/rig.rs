@@ -19,9 +19,6 @@ pub struct Rig {
 
 impl Rig {
     /// That of a scenario.
-    ///
-    /// # Errors
-    /// As [`plant::build`].
     pub fn new(loaded: &Loaded) -> Result<Self, BuildError> {
         Ok(Self {
             plant: thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())?,
@@ -32,9 +29,6 @@ impl Rig {
 
     /// That of a scenario, behind the pins of a board that makes the pulses: each share given to
     /// [`Rig::advance`] is that of the step for which a valve was driven.
-    ///
-    /// # Errors
-    /// As [`plant::build`].
     pub fn behind_pins(loaded: &Loaded) -> Result<Self, BuildError> {
         let mut rig = Self::new(loaded)?;
         rig.plant.follow_pins();
@@ -48,18 +42,12 @@ impl Rig {
     }
 
     /// One step with these openings, each a share of the PWM period from 0 to 1.
-    ///
-    /// # Errors
-    /// As [`Plant::advance`].
     pub fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         self.plant.disturb(self.faults.disturbance(self.plant.truth().time_s));
         self.plant.advance(actuation)
     }
 
     /// Takes over a scenario's supply, load, heat transfer and sensors' lags: see [`Plant::retune`].
-    ///
-    /// # Errors
-    /// As [`Plant::retune`].
     pub fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
         self.plant.retune(scenario)
     }

@@ -91,9 +91,6 @@ impl<F: FnMut(&Row) -> io::Result<()>> Observer for F {
 }
 
 /// Runs a scenario on a board.
-///
-/// # Errors
-/// [`RunError`], with the run stopped where it was.
 pub fn run(
     loaded: &Loaded,
     board: &mut dyn Board,
@@ -178,9 +175,6 @@ impl Run {
     }
 
     /// One step; whether there is another one.
-    ///
-    /// # Errors
-    /// [`RunError`], with the run stopped where it was.
     pub fn step(
         &mut self,
         board: &mut dyn Board,
@@ -286,9 +280,6 @@ impl Run {
     }
 
     /// Closes the books, after so much time on the wall's clock \[s\].
-    ///
-    /// # Errors
-    /// [`RunError::Board`]
     pub fn finish(self, board: &mut dyn Board, wall_clock_s: f64) -> Result<Summary, RunError> {
         let Self { loaded, rig, drive, .. } = self;
         let scenario = &loaded.plant;
