@@ -1,4 +1,4 @@
-//! A scenario read and checked: the plant that it asks for, the configuration of the core, and the way back.
+//! A scenario read and checked: its plant, the configuration of the core, and the way back.
 //!
 //! ```text
 //! text --document: types, ranges--> entries --load: defaults, geometry, rules, CSV--> Loaded
