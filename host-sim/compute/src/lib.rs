@@ -1,4 +1,4 @@
-//! f64 functions that give the same bits on every machine, jobs on every core, and the request to end them.
+//! f64 functions that give the same bits on every machine, parallel jobs, and the stop request.
 
 #![warn(clippy::disallowed_methods)]
 

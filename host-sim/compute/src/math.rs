@@ -1,7 +1,7 @@
-//! Functions of f64 for whatever a run's trace depends on: plant, front end, scenario.
+//! f64 functions for everything that a trace depends on: plant, front end, scenario.
 //!
-//! The platform's own differ in the last bit from one libc, or browser, to the next, and so would traces. These are
-//! pure Rust, the same everywhere. What IEEE 754 rounds correctly, such as `sqrt` and `round`, is std's; the
-//! rest is refused by `clippy.toml`.
+//! The platform's functions differ in the last bit between libcs and browsers, and so would
+//! traces. These are pure Rust. Correctly rounded functions of IEEE 754, such as `sqrt` and
+//! `round`, are std's; `clippy.toml` refuses the rest.
 
 pub use libm::{acos, atan2, cbrt, cos, exp, expm1, hypot, log, pow, sin};

@@ -4,15 +4,14 @@ use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// Who is told how much there is to do, and how much of it is done.
+/// Receives the progress of jobs.
 pub trait Watch: Sync {
-    /// So many parts more.
+    /// `count` more parts are to be done.
     fn parts(&self, _count: usize) {}
-    /// One of them is done.
+    /// One part is done.
     fn done(&self) {}
 }
 
-/// Nobody.
 impl Watch for () {}
 
 /// [`map`], watched: each job is a part.
@@ -29,10 +28,10 @@ pub fn map_watched<J: Sync, R: Send>(
     })
 }
 
-/// What `work` makes of each job, in the order of the jobs.
+/// Results of `work`, in the order of the jobs.
 pub fn map<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
-    // Each thread takes the next job as soon as it is free: some take longer than others.
+    // Jobs take different times, so each thread takes the next job as soon as it is free.
     let worker = || {
         let mut done = Vec::new();
         loop {

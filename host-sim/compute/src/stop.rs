@@ -1,21 +1,20 @@
-//! The wish that what takes long ends before its time: Ctrl-C. A run, and whatever an identification simulates, look at it
-//! at every step, so that whoever waits for them can put away what is finished.
+//! The request to stop long work early, such as by Ctrl-C. Runs and identifications check it at
+//! every step, so that the caller can keep finished results.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-static WANTED: AtomicBool = AtomicBool::new(false);
+static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Says it; whether it had been said before.
-pub fn want() -> bool {
-    WANTED.swap(true, Ordering::Relaxed)
+/// Requests the stop. Returns whether it had been requested before.
+pub fn request() -> bool {
+    REQUESTED.swap(true, Ordering::Relaxed)
 }
 
-/// Takes it back: for the next piece of work.
-pub fn forget() {
-    WANTED.store(false, Ordering::Relaxed);
+/// Clears the request, for the next piece of work.
+pub fn reset() {
+    REQUESTED.store(false, Ordering::Relaxed);
 }
 
-/// Whether it has been said since.
-pub fn wanted() -> bool {
-    WANTED.load(Ordering::Relaxed)
+pub fn is_requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
 }

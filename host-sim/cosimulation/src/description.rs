@@ -12,11 +12,11 @@ use thermyo_setup::render;
 /// Name of the shared library with the interface.
 pub const LIBRARY: &str = "thermyo_fmu";
 
-/// What ties a description to the resources that it was made with.
+/// A token that ties a description to the resources that it was made with.
 pub fn token(model: &Model) -> String {
     let mut hasher = DefaultHasher::new();
     let mut scenario = model.scenario().clone();
-    // The tables lie elsewhere once they are unpacked.
+    // The tables' paths change when they are unpacked.
     for scenario in [&mut scenario.plant, &mut scenario.believed] {
         scenario.vessel.volume_csv = None;
         scenario.drive.profile_csv = None;
@@ -106,7 +106,7 @@ fn element(model: &Model, reference: u32, variable: &Variable) -> Result<String,
     ))
 }
 
-/// A variable's unit; the set point's is that of what the scenario's drive sets.
+/// A variable's unit; the set point has the unit of the scenario's drive.
 fn unit(model: &Model, variable: &Variable) -> Option<&'static Unit> {
     if variable.name != SET_POINT {
         return variable.unit();

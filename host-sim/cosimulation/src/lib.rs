@@ -2,31 +2,29 @@
 //!
 //! ```text
 //! modelDescription.xml   variables, units, the default experiment       description
-//! resources/             the scenario and the tables that it names      archive
+//! resources/             the scenario and its tables                     archive
 //! binaries/PLATFORM/     the C interface around the model, host-sim/fmu library
 //! ```
 //!
-//! Outputs are columns of `trace.csv`, the same to the bit. A unit is the [plant](Kind::Plant), whose valves the
-//! importer drives, or [plant and core](Kind::WithCore), which is what `thermyo run` runs.
+//! Outputs are columns of `trace.csv`, the same to the bit. A unit is the [plant](Kind::Plant),
+//! whose valves the importer drives, or [plant and core](Kind::WithCore), as in `thermyo run`.
 
 pub mod description;
 pub mod model;
 pub mod variables;
 
-/// What a unit has in it.
+/// Content of a unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// The plant.
     Plant,
     /// The plant and the core that drives it.
     WithCore,
 }
 
 impl Kind {
-    /// Both.
     pub const ALL: [Self; 2] = [Self::Plant, Self::WithCore];
 
-    /// Name of the scenario in the unit's resources: it says what the unit is.
+    /// Name of the scenario in the unit's resources, which gives the kind of the unit.
     pub fn scenario_file(self) -> &'static str {
         match self {
             Self::Plant => "plant.toml",

@@ -1,4 +1,4 @@
-//! The model behind a unit's interface: a scenario that goes on when it is asked to.
+//! The model behind a unit's interface: a scenario that is run on request.
 
 use super::Kind;
 use super::variables::{FIRST_INPUT, Role, SECOND, TIME, Variable, variables};
@@ -14,16 +14,15 @@ use thermyo_simulation::board::{Board, BoardError, BoardStep, CoreBoard};
 use thermyo_simulation::rig::{MeanFlows, Reader, Rig};
 use thermyo_simulation::run::SetPoints;
 
-/// Part of a step by which times may be off: what is left of sums of steps.
+/// Tolerance of times as a fraction of a step, for rounding errors of sums.
 const TOLERANCE: f64 = 1e-3;
 
-/// Why the importer does not get what it asks for.
+/// Why a request of the importer fails.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    /// The scenario cannot be used.
     #[error(transparent)]
     Input(#[from] InputError),
-    /// It makes no plant.
+    /// The plant cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
     /// The core refuses its configuration or a set point.
@@ -32,7 +31,7 @@ pub enum ModelError {
     /// The plant left the range of its equations.
     #[error(transparent)]
     Diverged(#[from] Diverged),
-    /// A step of another length.
+    /// A step of a wrong length.
     #[error(
         "a communication step of {asked_s} s: must be a whole number of steps of {step_s} s, at least one"
     )]
@@ -42,7 +41,7 @@ pub enum ModelError {
         /// The scenario's step \[s\].
         step_s: f64,
     },
-    /// A step from another time.
+    /// A step from a wrong time.
     #[error(
         "a step from {asked_s} s, and the time is {time_s} s: a unit cannot go back, or leave out time"
     )]
@@ -52,36 +51,28 @@ pub enum ModelError {
         /// The time \[s\].
         time_s: f64,
     },
-    /// A call before or after its time.
+    /// A call at the wrong time.
     #[error("{call}: must come {must}")]
     OutOfTurn {
-        /// What was called.
+        /// The call.
         call: &'static str,
-        /// When it may be.
+        /// When it is allowed.
         must: &'static str,
     },
-    /// A value that is out of its range.
+    /// A value out of range.
     #[error("{name} = {value}: must be {allowed}")]
-    Value {
-        /// Name of the variable.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it may be.
-        allowed: String,
-    },
-    /// There is no such variable of that type, or it is not one to be set now.
+    Value { name: &'static str, value: f64, allowed: String },
+    /// There is no such variable of that type, or it cannot be set now.
     #[error("value reference {reference}: no {what}")]
     Reference {
-        /// The reference.
         reference: u32,
-        /// What it is not.
+        /// The expected type.
         what: &'static str,
     },
 }
 
 impl ModelError {
-    /// Whether everything is as it was before, so that something else can be asked.
+    /// Whether nothing has changed, so that another request is possible.
     pub fn leaves_all(&self) -> bool {
         matches!(self, Self::StepSize { .. } | Self::Value { .. })
     }
@@ -99,7 +90,7 @@ pub struct Model {
     started: bool,
 }
 
-/// What the importer gives.
+/// Inputs from the importer.
 #[derive(Debug, Clone, Copy)]
 struct Inputs {
     duties: [f64; 2],
@@ -107,18 +98,18 @@ struct Inputs {
     follow_scenario: bool,
 }
 
-/// Plant and board, on their way.
+/// Plant and board in operation.
 struct Running {
     rig: Rig,
     flows: MeanFlows,
     driver: Driver,
     steps: u64,
-    /// The set point that the importer has given last.
+    /// The importer's last set point.
     given: f64,
     row: Row,
 }
 
-/// Who drives the valves.
+/// Where the valves' openings come from.
 enum Driver {
     /// The importer. The sensors are read as the core would.
     Importer(Box<Reader>),
@@ -130,7 +121,7 @@ enum Driver {
 }
 
 impl Model {
-    /// The unit whose resources are in a folder.
+    /// The unit with the resources in a folder.
     ///
     /// # Errors
     /// [`ModelError`], for a scenario that cannot be run.
@@ -147,7 +138,7 @@ impl Model {
     /// [`ModelError`], for a scenario that cannot be run.
     pub fn new(loaded: Loaded, kind: Kind) -> Result<Self, ModelError> {
         let inputs = Inputs {
-            // Without power the muscle vents.
+            // A muscle without power vents.
             duties: [0.0, 1.0],
             set_point: SetPoints::new(&loaded).value(0.0),
             follow_scenario: true,
@@ -164,29 +155,24 @@ impl Model {
         })
     }
 
-    /// What it is.
     pub fn kind(&self) -> Kind {
         self.kind
     }
 
-    /// Its scenario.
     pub fn scenario(&self) -> &Loaded {
         &self.loaded
     }
 
-    /// As it was before anything was asked or given.
-    ///
-    /// # Errors
-    /// As [`Model::new`].
+    /// Resets the unit.
     pub fn reset(&mut self) -> Result<(), ModelError> {
         *self = Self::new(self.loaded.clone(), self.kind)?;
         Ok(())
     }
 
-    /// The scenario's time zero in the importer's time \[s\].
+    /// Sets the scenario's time zero in the importer's time \[s\].
     ///
     /// # Errors
-    /// Once it steps: it would start over.
+    /// After the first step.
     pub fn begin_at(&mut self, start_s: f64) -> Result<(), ModelError> {
         if self.started {
             let call = "fmi3EnterInitializationMode";
@@ -199,25 +185,21 @@ impl Model {
         Ok(())
     }
 
-    /// From now on it steps.
+    /// Begins to step.
     ///
     /// # Errors
-    /// As [`Model::new`], for what was given since.
+    /// As [`Model::new`], for the values set since.
     pub fn start(&mut self) -> Result<(), ModelError> {
         self.running = Running::new(&self.loaded, self.kind, &self.inputs)?;
         self.started = true;
         Ok(())
     }
 
-    /// Time \[s\].
     pub fn time_s(&self) -> f64 {
         self.start_s + self.running.steps as f64 * self.loaded.plant.run.step_s
     }
 
-    /// A number.
-    ///
-    /// # Errors
-    /// [`ModelError::Reference`]
+    /// Reads a number.
     pub fn number(&self, reference: u32) -> Result<f64, ModelError> {
         match (reference, self.kind) {
             (TIME, _) => return Ok(self.time_s()),
@@ -234,10 +216,7 @@ impl Model {
             .ok_or(ModelError::Reference { reference, what: "number" })
     }
 
-    /// Gives a number.
-    ///
-    /// # Errors
-    /// [`ModelError::Reference`], [`ModelError::Value`]
+    /// Sets a number.
     pub fn set_number(&mut self, reference: u32, value: f64) -> Result<(), ModelError> {
         let allowed = |name, allowed: &str| {
             Err(ModelError::Value { name, value, allowed: allowed.to_owned() })
@@ -261,10 +240,7 @@ impl Model {
         Ok(())
     }
 
-    /// A truth value.
-    ///
-    /// # Errors
-    /// [`ModelError::Reference`]
+    /// Reads a Boolean.
     pub fn switch(&self, reference: u32) -> Result<bool, ModelError> {
         match (reference, self.kind) {
             (SECOND, Kind::WithCore) => Ok(self.inputs.follow_scenario),
@@ -272,10 +248,7 @@ impl Model {
         }
     }
 
-    /// Gives a truth value, before the first step.
-    ///
-    /// # Errors
-    /// [`ModelError::Reference`]
+    /// Sets a Boolean, before the first step.
     pub fn set_switch(&mut self, reference: u32, value: bool) -> Result<(), ModelError> {
         match (reference, self.kind, self.started) {
             (SECOND, Kind::WithCore, false) => self.inputs.follow_scenario = value,
@@ -287,7 +260,7 @@ impl Model {
         Ok(())
     }
 
-    /// Goes on from a time by a length of time \[s\].
+    /// Advances from a time by a duration \[s\].
     ///
     /// # Errors
     /// [`ModelError`]; see [`ModelError::leaves_all`].
@@ -348,14 +321,14 @@ impl Running {
         Ok(running)
     }
 
-    /// Takes the set point that the importer has given, if it is another one.
+    /// Takes the importer's set point, if it has changed.
     fn take(&mut self, inputs: &Inputs) -> Result<(), ModelError> {
         let Driver::Core { board, drive, .. } = &mut self.driver else { return Ok(()) };
         if inputs.follow_scenario || inputs.set_point == self.given {
             return Ok(());
         }
         match board.core()?.set(drive.of(inputs.set_point)) {
-            // What vents, vents: the output says why.
+            // Venting faults vent; the outputs have the reason.
             Ok(()) | Err(SetPointError::Faults(_)) => self.given = inputs.set_point,
             Err(error) => return Err(refused(BoardError::SetPoint(error), inputs)),
         }
@@ -393,7 +366,7 @@ impl Running {
         Ok(())
     }
 
-    /// What the board makes of a sample.
+    /// The board's output for a sample.
     fn read(&mut self, sample: Sample) {
         self.row.telemetry = match &mut self.driver {
             Driver::Importer(reader) => {
@@ -404,7 +377,7 @@ impl Running {
         };
     }
 
-    /// What the importer sees now.
+    /// The importer's current outputs.
     fn look(&mut self) {
         let elapsed_s = self.flows.elapsed_s(&self.rig);
         self.row.truth = self.rig.truth();
@@ -415,7 +388,7 @@ impl Running {
     }
 }
 
-/// A set point that is refused is the importer's, where it gives them.
+/// A refused set point is the importer's fault if the importer sets it.
 fn refused(error: BoardError, inputs: &Inputs) -> ModelError {
     match error {
         BoardError::SetPoint(SetPointError::Range { minimum, maximum, .. })

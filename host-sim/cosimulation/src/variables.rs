@@ -1,4 +1,4 @@
-//! The variables of a unit. A variable's reference is its place in the list.
+//! The variables of a unit. A variable's reference is its index in the list.
 
 use super::Kind;
 use thermyo_record::trace::COLUMNS;
@@ -7,24 +7,22 @@ use thermyo_record::units::{Unit, unit_of};
 /// One variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Variable {
-    /// Its name; of an output, the column of `trace.csv`.
+    /// Its name; for an output, the column of `trace.csv`.
     pub name: &'static str,
-    /// What it is.
+    /// Its meaning.
     pub description: &'static str,
-    /// Who gives its value, and when.
+    /// Where its value comes from.
     pub role: Role,
 }
 
-/// Who gives a variable's value.
+/// Where a variable's value comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// Time.
     Time,
-    /// The importer, before the start: a truth value.
+    /// The importer, before the start: a Boolean.
     Parameter,
     /// The importer, between two steps.
     Input,
-    /// The plant.
     Plant,
     /// The board, once per step.
     Sampled,
@@ -39,7 +37,7 @@ pub const SECOND: u32 = 2;
 
 const TIME_S: Variable = Variable { name: "time_s", description: "Time", role: Role::Time };
 
-/// What the importer gives to a plant.
+/// Inputs of a plant.
 const OPENINGS: [Variable; 2] = [
     input("duty_in", "Share of the PWM period for which the inlet is open, 0 to 1"),
     input("duty_out", "Share of the PWM period for which the outlet is open, 0 to 1"),
@@ -48,7 +46,7 @@ const OPENINGS: [Variable; 2] = [
 /// Name of the set point.
 pub const SET_POINT: &str = "set_point";
 
-/// What the importer gives to a core.
+/// Inputs of a core.
 const DRIVE: [Variable; 2] = [
     input(SET_POINT, "Set point of the scenario's drive, where follow_scenario is false"),
     Variable {
@@ -116,7 +114,7 @@ impl Variable {
         COLUMNS.iter().position(|name| *name == self.name)
     }
 
-    /// Its unit, which its name ends with; none of a ratio, a count or a flag.
+    /// The unit at the end of its name; none for a ratio, a count or a flag.
     pub fn unit(&self) -> Option<&'static Unit> {
         unit_of(self.name)
     }

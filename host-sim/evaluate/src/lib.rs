@@ -28,7 +28,7 @@ pub fn nominal() -> Result<Loaded, InputError> {
 /// ones.
 fn finished<R, E>(results: impl IntoIterator<Item = Result<R, E>>) -> Result<Vec<R>, E> {
     let results = results.into_iter();
-    if stop::wanted() { Ok(results.flatten().collect()) } else { results.collect() }
+    if stop::is_requested() { Ok(results.flatten().collect()) } else { results.collect() }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -66,7 +66,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     let mut lines = Vec::new();
     let mut add = |more: Result<Vec<CaseFigures>, TruthError>| match more {
         // A search that was stopped has no result.
-        _ if stop::wanted() => Ok(()),
+        _ if stop::is_requested() => Ok(()),
         Ok(more) => {
             lines.extend(more);
             Ok(())
@@ -83,7 +83,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     if discharge.exists() {
         add(air_discharge(&discharge, watch))?;
     }
-    if lines.is_empty() && !stop::wanted() {
+    if lines.is_empty() && !stop::is_requested() {
         return Err(InputError::file(folder, Problem::NoTruth).into());
     }
     Ok(lines)

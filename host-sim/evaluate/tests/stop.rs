@@ -20,13 +20,13 @@ struct After(AtomicUsize);
 impl Watch for After {
     fn done(&self) {
         if self.0.fetch_sub(1, Ordering::Relaxed) == 1 {
-            stop::want();
+            stop::request();
         }
     }
 }
 
 fn after(parts: usize) -> After {
-    stop::forget();
+    stop::reset();
     After(AtomicUsize::new(parts))
 }
 
@@ -47,7 +47,7 @@ fn finished_parts_are_kept() {
     let mut ignored = |_: &Row| Ok(());
     let ended = run::run(&loaded, &mut CoreBoard::default(), None, &mut ignored);
     assert!(matches!(ended, Err(RunError::Stopped)), "{ended:?}");
-    stop::forget();
+    stop::reset();
     let names = ["flow_in_kg_s", "flow_out_kg_s", "pressure_pa"];
     let mut columns =
         names.map(|name| Column { name: name.to_owned(), points: Vec::new(), lines: Vec::new() });
@@ -74,7 +74,7 @@ fn finished_parts_are_kept() {
         4,
         "{csv}"
     );
-    stop::forget();
+    stop::reset();
 
     // Stopped in the middle of one long simulation.
     let text = "[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
@@ -84,12 +84,12 @@ fn finished_parts_are_kept() {
     let columns = vec![Column { name: "pressure_pa".to_owned(), points, lines: Vec::new() }];
     let presser = std::thread::spawn(|| {
         std::thread::sleep(Duration::from_millis(300));
-        stop::want();
+        stop::request();
         Instant::now()
     });
     let ended = identify(&loaded, name, &Measured { columns }, Path::new("data.csv"), &());
     let waited = presser.join().unwrap().elapsed();
     assert!(matches!(ended, Err(IdentifyError::Stopped { finished: 0, .. })), "{ended:?}");
     assert!(waited < Duration::from_secs(1), "{waited:?}");
-    stop::forget();
+    stop::reset();
 }

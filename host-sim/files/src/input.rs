@@ -1,5 +1,4 @@
-//! What is wrong with a user's input, said in one line: file, line, key, value found, what is
-//! allowed.
+//! Faults of a user's input in one line: file, line, key, value found, allowed values.
 
 use super::shipped;
 use std::fmt;
@@ -7,37 +6,36 @@ use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// A file that cannot be used as it is. Its `Display` is one line:
+/// A file that cannot be used. Its `Display` is one line:
 /// `scenario.toml:12: muscle.zones = -3: must be a whole number from 1 to 64`.
 #[derive(Debug, thiserror::Error)]
 pub struct InputError {
     /// The file, as the user named it.
     pub file: PathBuf,
-    /// The line, from 1, where one is to blame.
+    /// The line, from 1, if the problem has one.
     pub line: Option<u64>,
-    /// What is wrong there. Boxed, so that a `Result` stays small.
+    /// The problem. Boxed, so that a `Result` stays small.
     pub problem: Box<Problem>,
 }
 
-/// What is wrong. The texts follow the file's name and the line.
+/// The problem. The texts follow the file's name and the line.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
-    /// The file does not exist.
     #[error("no such file")]
     NotFound,
-    /// A folder is not a file.
+    /// A folder in place of a file.
     #[error("is a folder; a file is needed")]
     IsFolder,
-    /// A file is no folder.
+    /// A file in place of a folder.
     #[error("is a file; a folder is needed")]
     IsFile,
-    /// Nothing that has an end and can be read twice.
+    /// A pipe or device: it has no end or cannot be read twice.
     #[error("is a pipe or a device; a regular file is needed")]
     NotRegular,
-    /// It would fill the memory.
+    /// Too large for the memory.
     #[error("has more than {most} bytes: must be at most {} MiB", most >> 20)]
     TooLarge {
-        /// Bytes that it may have.
+        /// Allowed bytes.
         most: u64,
     },
     /// The system refuses to read.
@@ -46,48 +44,43 @@ pub enum Problem {
     /// The system refuses to write.
     #[error("cannot be written: {0}")]
     Unwritable(String),
-    /// The file is there, and would be lost.
+    /// The file exists and would be overwritten.
     #[error("exists already, and is left as it is; give another name")]
     Exists,
-    /// Somebody else has it.
+    /// Another process has it.
     #[error("another thermyo is at work in it: wait for it, or choose another folder")]
     AtWork,
-    /// What a folder of a sweep says of itself.
+    /// The folder belongs to another sweep.
     #[error("says no sweep ({0}): run that shard again, into another folder")]
     DamagedStudy(String),
-    /// A line of a sweep's table that is not as it was written.
+    /// A damaged line in a sweep's table.
     #[error("{}", damaged_line(*more))]
     DamagedRow {
-        /// Lines below it that are damaged too.
+        /// Damaged lines below it.
         more: usize,
     },
-    /// A table whose columns are not those of the sweep beside it.
+    /// A table whose columns do not match the sweep beside it.
     #[error("is damaged, or an older program wrote it: the columns must be {columns}")]
-    OtherColumns {
-        /// Their names.
-        columns: String,
-    },
-    /// Bytes that are no text.
+    OtherColumns { columns: String },
+    /// Bytes that are not UTF-8.
     #[error("is not UTF-8 text")]
     NotUtf8,
-    /// Text of two bytes a letter, as spreadsheets save it by "Unicode text".
+    /// UTF-16 text, as spreadsheets save it by "Unicode text".
     #[error("is UTF-16 text: must be UTF-8")]
     Utf16,
-    /// The parser's own words.
+    /// The parser's message.
     #[error("not valid TOML: {0}")]
     Syntax(String),
-    /// A key that no table has.
+    /// An unknown key.
     #[error("unknown key {key}; {instead}")]
     UnknownKey {
-        /// Its whole path.
         key: String,
         /// What to write instead.
         instead: Instead,
     },
-    /// A table that no scenario has.
+    /// An unknown table.
     #[error("unknown table [{table}]; {instead}")]
     UnknownTable {
-        /// Its whole path.
         table: String,
         /// What to write instead.
         instead: Instead,
@@ -97,111 +90,92 @@ pub enum Problem {
     NotATable {
         /// The table's path.
         table: String,
-        /// What is there instead.
+        /// The value found instead.
         value: String,
     },
-    /// A value of the wrong type, out of range, or at odds with another one.
+    /// A value of the wrong type, out of range, or inconsistent with another one.
     #[error("{key} = {value}: must be {allowed}")]
     NotAllowed {
-        /// Its whole path.
         key: String,
-        /// As it is written in the file.
+        /// The value as written in the file.
         value: String,
-        /// What it may be.
         allowed: String,
     },
-    /// A key that takes no number, where one is given.
+    /// A key that does not take a number.
     #[error("{key} takes no number: it is {allowed}")]
-    NotANumber {
-        /// Its whole path.
-        key: String,
-        /// What it may be.
-        allowed: String,
-    },
-    /// A value that others make necessary.
+    NotANumber { key: String, allowed: String },
+    /// A missing value that others make necessary.
     #[error("{key} is missing: {why}")]
     Missing {
-        /// Its whole path.
         key: String,
-        /// What needs it.
+        /// The key that needs it.
         why: String,
     },
-    /// Something that the core is never configured with.
+    /// A key that the core does not have.
     #[error("{key}: the core does not know of it, so that it cannot believe otherwise")]
-    NotBelieved {
-        /// Its whole path.
-        key: String,
-    },
+    NotBelieved { key: String },
     /// A key names a file that cannot be opened.
     #[error("{key}: {file}")]
     Reference {
-        /// The key.
         key: String,
-        /// What is wrong with the file.
+        /// The problem of the file.
         file: InputError,
     },
-    /// A table of keys that nothing looks at.
+    /// A table that plant and core do not use.
     #[error("[{table}] is not used: {why}")]
     UnusedTable {
-        /// Its whole path.
         table: String,
-        /// The value that decides so.
+        /// The value that causes it.
         why: &'static str,
     },
-    /// A value that is allowed, and of which nothing good follows.
+    /// A valid value with an unwanted consequence.
     #[error("{key} = {value}: {why}")]
     NoSense {
-        /// Its whole path.
         key: String,
-        /// As it is written in the file.
+        /// The value as written in the file.
         value: String,
-        /// What follows.
+        /// The consequence.
         why: String,
     },
-    /// A table without its first line.
+    /// A table without its header.
     #[error("is empty; the first line must name the columns")]
     NoHeader,
     /// A table without rows.
     #[error("has no row below the names of the columns")]
     NoRows,
-    /// A first line that is no names.
+    /// A header without names.
     #[error("{found} in the first line: must be the names of the columns")]
     NotNames {
-        /// What stands there.
+        /// The line found.
         found: String,
     },
     /// A column without a name.
     #[error("column {position} has no name")]
     UnnamedColumn {
-        /// From 1.
+        /// Number of the column, from 1.
         position: usize,
     },
     /// Two columns of one name.
     #[error("column {column} appears twice")]
-    DuplicateColumn {
-        /// The name.
-        column: String,
-    },
-    /// A column that nothing is known about.
+    DuplicateColumn { column: String },
+    /// An unknown column.
     #[error("unknown column {column}; {instead}")]
     UnknownColumn {
-        /// The name.
         column: String,
         /// What to write instead.
         instead: Instead,
     },
-    /// A column that has to be there.
+    /// A missing column.
     #[error("column {column} is missing; the file has {there}")]
     MissingColumn {
-        /// The name.
         column: String,
-        /// The columns that the file has instead.
+        /// Columns of the file.
         there: String,
     },
-    /// A table of another kind, as spreadsheets of some countries write it.
+    /// A table with other separators, as spreadsheets of some countries write it.
     #[error("cells are separated by {found}: must be commas, and numbers need a decimal point")]
     Separator {
-        /// What stands between the cells.
+        /// The separator.
         found: &'static str,
     },
     /// A row with twice as many cells as there are columns.
@@ -209,13 +183,8 @@ pub enum Problem {
         "{found} cells in this row: must be {expected}, one per column; are these decimal commas? \
          Numbers need a decimal point"
     )]
-    DecimalCommas {
-        /// How many cells the row has.
-        found: usize,
-        /// How many columns there are.
-        expected: usize,
-    },
-    /// Times without anything measured.
+    DecimalCommas { found: usize, expected: usize },
+    /// Times without measured values.
     #[error("has no column to compare beside {time}; known here: {}", known.join(", "))]
     NothingToCompare {
         /// The column of times.
@@ -223,21 +192,17 @@ pub enum Problem {
         /// Columns that can be compared.
         known: Vec<String>,
     },
-    /// A column that is needed and says nothing.
+    /// A required column without any value.
     #[error("column {column} is missing, or empty in every row")]
-    NoValues {
-        /// The name.
-        column: String,
-    },
-    /// A column whose values cannot be used together.
+    NoValues { column: String },
+    /// A column with inconsistent values.
     #[error("column {column}: {why}")]
     UnusableColumn {
-        /// The name.
         column: String,
-        /// What they would have to be.
+        /// What they have to be.
         why: String,
     },
-    /// Less is measured than is asked for.
+    /// Fewer measured values than parameters.
     #[error("{points} measured values: must be more than the {parameters} parameters to fit")]
     TooFewPoints {
         /// Measured values in the columns that are compared.
@@ -245,10 +210,10 @@ pub enum Problem {
         /// Parameters to fit.
         parameters: usize,
     },
-    /// A record over time, where a static map is needed.
+    /// A record over time in place of a static map.
     #[error("is no static map: there is no other one to compare it with")]
     NoMap,
-    /// A static map that hardly pulls.
+    /// A static map with too few loaded readings.
     #[error(
         "{found} {} with a force above 1 % of the largest: must be at least {fewest}; {why}",
         if *found == 1 { "reading" } else { "readings" }
@@ -256,48 +221,41 @@ pub enum Problem {
     TooFewLoaded {
         /// Loaded readings.
         found: usize,
-        /// Fewest.
+        /// Smallest number.
         fewest: usize,
-        /// What they are for, or what to do.
+        /// Purpose of the readings, or advice.
         why: String,
     },
-    /// A muscle that would pull more while it contracts.
+    /// A muscle whose force would rise as it contracts.
     #[error(
         "column direction seems the wrong way round: friction would be {friction_n:.1} N. 1 is come to by \
          contracting, -1 by lengthening"
     )]
     Backwards {
-        /// What the readings say \[N\].
+        /// Force by the readings \[N\].
         friction_n: f64,
     },
-    /// A folder of what others have measured that has nothing of it.
+    /// A folder without the measurements that are needed.
     #[error(
         "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv or hyddown/air_discharge.csv in it; \
          docs/background/validation.md says where they are from"
     )]
     NoTruth,
-    /// A file that ends within a line: what it would have said cannot be known.
+    /// A file that ends within a line: the rest of the value is unknown.
     #[error("the last line has no end: it may be cut")]
     CutLine,
-    /// Quotation marks without an end: what is within may be the rest of the file.
+    /// Quotation marks without an end: they may enclose the rest of the file.
     #[error("a quotation mark is not closed")]
     OpenQuote,
-    /// A row that is longer or shorter than the first line.
+    /// A row that is longer or shorter than the header.
     #[error("{found} cells in this row: must be {expected}, one per column")]
-    CellCount {
-        /// How many cells the row has.
-        found: usize,
-        /// How many columns there are.
-        expected: usize,
-    },
+    CellCount { found: usize, expected: usize },
     /// A cell with a wrong value.
     #[error("column {column} = {value}: must be {allowed}")]
     Cell {
-        /// The column's name.
         column: String,
-        /// As it is written in the file.
+        /// The value as written in the file.
         value: String,
-        /// What it may be.
         allowed: String,
     },
 }
@@ -310,12 +268,12 @@ fn damaged_line(more: usize) -> String {
     }
 }
 
-/// What to write in place of an unknown name.
+/// Suggestion in place of an unknown name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Instead {
     /// Names that the user may have meant.
     Near(Vec<String>),
-    /// Nothing is near: all names that are possible in this place.
+    /// No similar name: all names that are possible here.
     Known(Vec<String>),
 }
 
@@ -330,17 +288,14 @@ impl fmt::Display for Instead {
 }
 
 impl InputError {
-    /// A problem of a whole file.
     pub fn file(file: &Path, problem: Problem) -> Self {
         Self { file: file.to_path_buf(), line: None, problem: Box::new(problem) }
     }
 
-    /// A problem of one line, counted from 1.
     pub fn line(file: &Path, line: u64, problem: Problem) -> Self {
         Self { file: file.to_path_buf(), line: Some(line), problem: Box::new(problem) }
     }
 
-    /// A folder that cannot be made.
     pub fn folder(path: &Path, error: &io::Error) -> Self {
         match path.ancestors().find(|part| part.exists()) {
             Some(there) if !there.is_dir() => Self::file(there, Problem::IsFile),
@@ -348,7 +303,6 @@ impl InputError {
         }
     }
 
-    /// A file that cannot be written.
     pub fn output(file: &Path, error: &io::Error) -> Self {
         Self::file(file, Problem::Unwritable(error.to_string()))
     }
@@ -364,12 +318,12 @@ impl fmt::Display for InputError {
     }
 }
 
-/// Most bytes of a table or a record: an hour of every step has some 1.3e9.
+/// Most bytes of a table or a record: an hour of every step has about 1.3e9.
 const LARGEST_TABLE: u64 = 2 << 30;
-/// Most bytes of a scenario or another text of keys.
+/// Most bytes of a scenario or another text file of keys.
 const LARGEST_TEXT: u64 = 16 << 20;
 
-/// Reads a whole table or record; of the [shipped] ones what the program has, where they are not there.
+/// Reads a whole table or record. A missing file that is [shipped] comes from the program.
 ///
 /// # Errors
 /// When it is missing, no regular file, larger than 2 GiB or unreadable.
@@ -377,7 +331,7 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
     read_at_most(path, LARGEST_TABLE)
 }
 
-/// Reads a whole text of keys, of 16 MiB at most, as [`read_bytes`]. A byte order mark at its start is dropped.
+/// Reads a whole text file of at most 16 MiB, as [`read_bytes`], without its byte order mark.
 ///
 /// # Errors
 /// As [`read_bytes`], and when it is not UTF-8.
@@ -407,7 +361,7 @@ fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>, InputError> {
             _ => Problem::Unreadable(error.to_string()),
         })
     };
-    // Before it is opened: opening a pipe waits until something is written to it.
+    // Checked before opening: opening a pipe waits until something is written to it.
     let about = fs::metadata(path).map_err(unreadable)?;
     if about.is_dir() {
         return Err(because(Problem::IsFolder));
@@ -419,14 +373,14 @@ fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>, InputError> {
         return Err(because(Problem::TooLarge { most }));
     }
     let mut bytes = Vec::with_capacity(about.len() as usize);
-    // It may grow while it is read.
+    // The file may grow while it is read.
     let read = File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
     read.map_err(unreadable)?;
     if bytes.len() as u64 > most { Err(because(Problem::TooLarge { most })) } else { Ok(bytes) }
 }
 
-/// Whether bytes are text of two bytes a letter: by their byte order mark, or because of the first two letters one byte
-/// each is zero, as of every Latin one.
+/// Whether bytes are UTF-16: they begin with a byte order mark, or one byte of each of the first
+/// two letters is zero, as in Latin text.
 pub fn is_utf16(bytes: &[u8]) -> bool {
     const UTF16_LE: [bool; 4] = [false, true, false, true];
     const UTF16_BE: [bool; 4] = [true, false, true, false];
@@ -437,18 +391,12 @@ pub fn is_utf16(bytes: &[u8]) -> bool {
     }
 }
 
-/// Whether there is no such file: what takes long asks before it begins.
-///
-/// # Errors
-/// When it exists.
+/// Checks that a file does not exist, before long work begins.
 pub fn is_new(path: &Path) -> Result<(), InputError> {
     if path.exists() { Err(InputError::file(path, Problem::Exists)) } else { Ok(()) }
 }
 
-/// Writes a file that does not exist yet, and the folder that it is in.
-///
-/// # Errors
-/// When it exists, or cannot be written.
+/// Writes a file that does not exist yet, and creates its folder.
 pub fn write_new(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     is_new(path)?;
     let mut options = std::fs::OpenOptions::new();
@@ -460,19 +408,19 @@ pub fn write_new(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputErro
     written.map_err(|error| InputError::output(path, &error))
 }
 
-/// The line, from 1, in which what follows `before` begins.
+/// The line, from 1, that begins after `before`.
 pub fn line_of(before: &[u8]) -> u64 {
     1 + before.iter().filter(|byte| **byte == b'\n').count() as u64
 }
 
-/// Where the lines of a text begin, so that many places in it are found without counting from its start each time.
+/// Starts of the lines of a text, so that finding many places needs no count from the start each
+/// time.
 #[derive(Debug)]
 pub struct Lines {
     starts: Vec<usize>,
 }
 
 impl Lines {
-    /// The lines of a text.
     pub fn of(text: &str) -> Self {
         let ends = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n');
         Self { starts: ends.map(|(end, _)| end + 1).collect() }
@@ -484,7 +432,7 @@ impl Lines {
     }
 }
 
-/// A piece of the user's text, fit to be quoted within one line of a message.
+/// A piece of the user's text, shortened for quoting in a one-line message.
 pub fn quoted(text: &str) -> String {
     const LONGEST: usize = 60;
     let mut quoted = String::new();
@@ -498,10 +446,10 @@ pub fn quoted(text: &str) -> String {
     quoted
 }
 
-/// The name among `known` that `word` may be a slip of: a few letters off, or the name without its
+/// The name among `known` that `word` may be a misspelling of: a few letters off, or without the
 /// unit.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Three letters in ten may be wrong; words of any length may have one wrong.
+    // Three letters in ten may be wrong, and at least one in words of any length.
     let most = (word.chars().count() * 3 / 10).max(1);
     let word = word.to_lowercase();
     known

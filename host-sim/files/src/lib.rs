@@ -1,4 +1,4 @@
-//! Files: CSV in, traces and summaries out, and what is wrong with either in one line.
+//! Files: CSV input, output of traces and summaries, and their errors in one line.
 
 pub mod input;
 pub mod number;

@@ -1,11 +1,11 @@
-//! Numbers as a reader wants them: few digits, units of a handy size, a real minus sign.
+//! Numbers for readers: few digits, units of a handy size, a typographic minus sign.
 
 use std::fmt::Write;
 
-/// Stands for a value that is not there.
+/// Shown for a missing value.
 pub const MISSING: &str = "–";
 
-/// In place of a unit: how many there are, a whole number.
+/// In place of a unit: a whole number.
 pub const COUNT: &str = "count";
 
 /// How an SI unit is shown.
@@ -38,7 +38,7 @@ const UNITS: [(&str, &str, Unit); 16] = [
 ];
 
 impl Unit {
-    /// No unit, nothing converted.
+    /// Without unit or conversion.
     pub const NONE: Self = Self { symbol: "", factor: 1.0 };
 
     /// The unit of a key or trace column, by its suffix: `pressure_pa` is shown in kPa.
@@ -69,7 +69,7 @@ pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
     }
 }
 
-/// An SI value of a column, such as a difference of two, with its unit: for a sentence.
+/// An SI value of a column with its unit, or a difference of two, for a sentence.
 pub fn of_column(value: f64, column: &str) -> String {
     let Unit { symbol, factor } = Unit::of_column(column);
     let text = significant(value * factor, 3);
@@ -96,7 +96,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     fixed(value, decimals)
 }
 
-/// Up to three significant digits, without zeros that say nothing: for the values of an axis.
+/// Up to three significant digits without trailing zeros, for the values of an axis.
 pub fn short(value: f64) -> String {
     let text = significant(value, 3);
     if text.contains('.') && !text.contains('×') {
@@ -106,7 +106,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// `value` with `decimals` digits after the point, thousands set apart from 10 000 on.
+/// `value` with `decimals` digits after the point; thousands are separated from 10 000 on.
 pub fn fixed(value: f64, decimals: usize) -> String {
     let plain = format!("{value:.decimals$}");
     let unsigned = plain.trim_start_matches('-');
@@ -125,7 +125,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
 
 /// A value and its standard error, to the error's second digit: `89.99 ± 0.12`, `(1.9996 ± 0.0021)×10⁻¹²`.
 ///
-/// Six digits of the value where there is no error to speak of.
+/// Six digits of the value where the error is missing or zero.
 pub fn with_error(value: f64, error: f64) -> String {
     let exponent = |x: f64| x.abs().log10().floor() as i32;
     if !(value.is_finite() && error.is_finite() && error > 0.0) {
@@ -154,7 +154,7 @@ pub fn power_of_ten(exponent: i32) -> String {
     out
 }
 
-/// A drawing's coordinate or length: one decimal, none where it is zero.
+/// A drawing's coordinate or length with one decimal, or none if that is zero.
 pub fn px(value: f64) -> String {
     let mut out = String::new();
     write!(out, "{value:.1}").expect("writing to a String");
@@ -231,7 +231,7 @@ mod tests {
         assert_eq!(quantity(20.0, "kg"), ("20.0".into(), "kg".into()));
         assert_eq!(quantity(0.0021, "kg"), ("2.10".into(), "g".into()));
         assert_eq!(quantity(12.0, "strokes"), ("12.0".into(), "strokes".into()));
-        // Ten minutes of steps, to the last one.
+        // Ten minutes of steps.
         assert_eq!(quantity(600_015.0, COUNT), ("600\u{202f}015".into(), String::new()));
         assert_eq!(quantity(6.0, COUNT), ("6".into(), String::new()));
     }

@@ -1,10 +1,10 @@
-//! The output folder of a command: results appear in it all at once, and none is ever overwritten,
-//! but the pages of `thermyo playground`.
+//! The output folder of a command. Results appear in it all at once, and none is overwritten,
+//! except the pages of `thermyo playground`.
 //!
 //! ```text
 //! DIR/                 the last result
-//! DIR/unfinished-N/    one that is being made, or whose program was killed: its trace is whole to the last row
-//! DIR/earlier-N/       what lay in DIR before
+//! DIR/unfinished-N/    an unfinished result; its trace is whole up to the last row
+//! DIR/earlier-N/       earlier content of DIR
 //! ```
 
 use crate::input::InputError;
@@ -12,7 +12,7 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// What any command leaves in its folder: the files of one result stay together.
+/// Files that any command writes: those of one result stay together.
 const RESULTS: [&str; 13] = [
     "summary.json",
     "report.html",
@@ -29,8 +29,8 @@ const RESULTS: [&str; 13] = [
     "map.svg",
 ];
 
-/// A folder that the results of one command go to. Until [`OutputDir::publish`] they lie in a folder
-/// of their own within it; dropped before that, nothing is left.
+/// The folder for the results of one command. Until [`OutputDir::publish`] they lie in a folder
+/// within it, which is removed if this is dropped first.
 #[derive(Debug)]
 pub struct OutputDir {
     path: PathBuf,
@@ -45,7 +45,7 @@ impl OutputDir {
     /// Opens the folder, creating it where it does not exist.
     ///
     /// # Errors
-    /// When it cannot be created or written: found out now, not after a long run.
+    /// When it cannot be created or written, so that a long run does not fail at its end.
     pub fn create(path: &Path) -> Result<Self, InputError> {
         let created: Vec<PathBuf> = path
             .ancestors()
@@ -68,7 +68,7 @@ impl OutputDir {
         }
     }
 
-    /// Folders within `path` that hold what is not finished, in order.
+    /// Folders within `path` with unfinished results, in order.
     pub fn unfinished(path: &Path) -> Vec<PathBuf> {
         let number = |entry: &fs::DirEntry| {
             let name = entry.file_name();
@@ -81,41 +81,35 @@ impl OutputDir {
         found.into_iter().map(|(_, folder)| folder).collect()
     }
 
-    /// Goes on with one of these folders, which stays until it is published.
+    /// Continues in an unfinished folder, which stays until it is published.
     pub fn reopen(path: &Path, unfinished: PathBuf) -> Self {
         let there = |name: &&str| unfinished.join(name).exists();
         let files = RESULTS.into_iter().filter(there).collect();
         Self { path: path.to_path_buf(), created: Vec::new(), unfinished, files, kept: true }
     }
 
-    /// Whatever happens, it stays.
+    /// Keeps the unfinished folder even if this is dropped.
     pub fn keep(&mut self) {
         self.kept = true;
     }
 
-    /// Where the results are until then.
+    /// The folder with the results before they are published.
     pub fn place(&self) -> &Path {
         &self.unfinished
     }
 
-    /// Where the results are going to be.
+    /// The folder with the results once they are published.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Begins a file.
-    ///
-    /// # Errors
-    /// When it cannot be made.
     pub fn file(&mut self, name: &'static str) -> Result<File, InputError> {
         self.add(name);
         File::create(self.unfinished.join(name)).map_err(|error| self.unwritable(name, &error))
     }
 
-    /// Writes a whole text, in place of one that this command has written there before, which stays until then.
-    ///
-    /// # Errors
-    /// When it cannot be written.
+    /// Writes a whole file. It replaces one that this command wrote before, which stays until
+    /// then.
     pub fn text(&mut self, name: &'static str, text: &str) -> Result<(), InputError> {
         self.add(name);
         let (new, whole) =
@@ -130,15 +124,15 @@ impl OutputDir {
         }
     }
 
-    /// A file of it that cannot be written, as the user has to hear it.
+    /// The error for a file of this folder that cannot be written.
     pub fn unwritable(&self, name: &str, error: &io::Error) -> InputError {
         InputError::output(&self.path.join(name), error)
     }
 
-    /// Puts the results where they belong. Says where an earlier result went that lay there.
+    /// Publishes the results. Returns where an earlier result was moved to.
     ///
     /// # Errors
-    /// When the disk refuses; both results are then still there.
+    /// When the system refuses; both results are then still there.
     pub fn publish(mut self) -> Result<Option<PathBuf>, InputError> {
         self.kept = true;
         let earlier = self.put_aside()?;
@@ -146,11 +140,7 @@ impl OutputDir {
         Ok(earlier)
     }
 
-    /// Puts the results where they belong, in place of earlier ones: for a folder that holds nothing that could not be
-    /// made again.
-    ///
-    /// # Errors
-    /// When the disk refuses.
+    /// Publishes the results in place of earlier ones, where these can be computed again.
     pub fn replace(mut self) -> Result<(), InputError> {
         self.kept = true;
         self.put()
@@ -161,12 +151,12 @@ impl OutputDir {
             fs::rename(self.unfinished.join(name), self.path.join(name))
                 .map_err(|error| self.unwritable(name, &error))?;
         }
-        // Whatever else lies there is not ours.
+        // Other files in the folder are the user's.
         let _ = fs::remove_dir(&self.unfinished);
         Ok(())
     }
 
-    /// Moves what an earlier command has left.
+    /// Moves the results of an earlier command.
     fn put_aside(&self) -> Result<Option<PathBuf>, InputError> {
         let plots = self.files.iter().filter(|name| !RESULTS.contains(name));
         let there = |name: &&&str| fs::symlink_metadata(self.path.join(name)).is_ok();
@@ -182,7 +172,7 @@ impl OutputDir {
         Ok(Some(earlier))
     }
 
-    /// Leaves what there is, unfinished, where it is: a record that nobody can make again.
+    /// Keeps the unfinished result: a record cannot be made again.
     pub fn leave(mut self) -> PathBuf {
         self.kept = true;
         self.unfinished.clone()
@@ -192,14 +182,14 @@ impl OutputDir {
 impl Drop for OutputDir {
     fn drop(&mut self) {
         if !self.kept {
-            // What cannot be removed stays; there is nobody to tell.
+            // A folder that cannot be removed stays: there is no way to report it from here.
             let _ = fs::remove_dir_all(&self.unfinished);
             remove_empty(&self.created);
         }
     }
 }
 
-/// Makes the first folder `NAME-1`, `NAME-2` ... that does not exist.
+/// Creates the first folder `NAME-1`, `NAME-2` ... that does not exist.
 fn new_folder(parent: &Path, name: &str) -> io::Result<PathBuf> {
     let mut number = 1_u64;
     loop {
@@ -211,7 +201,7 @@ fn new_folder(parent: &Path, name: &str) -> io::Result<PathBuf> {
     }
 }
 
-/// Removes folders, innermost first, as long as they are empty: anything in them is not ours.
+/// Removes folders, innermost first, as long as they are empty: their content would be the user's.
 fn remove_empty(folders: &[PathBuf]) {
     for folder in folders {
         if fs::remove_dir(folder).is_err() {
@@ -273,7 +263,7 @@ mod tests {
         result(&folder, &["summary.json"], "first");
         let mut failing = OutputDir::create(&folder).unwrap();
         failing.text("summary.json", "half").unwrap();
-        // Two at once do not meet.
+        // Two commands at once get two folders.
         let mut killed = OutputDir::create(&folder).unwrap();
         killed.text("trace.csv", "a\n1\n").unwrap();
         drop(failing);

@@ -1,16 +1,16 @@
-//! Rows of text on their way to a file: handed over whole and soon, so that whoever is killed leaves
-//! what he knew.
+//! Rows of text on their way to a file. They are handed over whole and soon, so that a killed
+//! program loses little.
 
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
-/// Rows wait no longer than that.
+/// Longest time that rows wait.
 const LONGEST_WAIT: Duration = Duration::from_millis(500);
-/// Bytes that wait for each other: one call of the system for some two hundred rows of a trace.
+/// Bytes that are gathered: one system call for about 200 rows of a trace.
 const MOST_WAITING: usize = 1 << 16;
 
-/// Gathers rows and hands them over. A file behind it never ends within a row, unless the disk is full
-/// or the system stops in the middle of a write.
+/// Gathers rows. The file never ends within a row, unless the disk is full or the system stops in
+/// the middle of a write.
 #[derive(Debug)]
 pub struct Rows<W: Write> {
     out: W,
@@ -19,10 +19,7 @@ pub struct Rows<W: Write> {
 }
 
 impl<W: Write> Rows<W> {
-    /// Begins with the names of the columns, and hands them over.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Writes the header at once.
     pub fn new(out: W, header: &str) -> io::Result<Self> {
         let waiting = Vec::with_capacity(MOST_WAITING);
         let mut rows = Self { out, waiting, handed_over: Instant::now() };
@@ -31,10 +28,7 @@ impl<W: Write> Rows<W> {
         Ok(rows)
     }
 
-    /// Takes one row, without its line's end.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Takes one row, without its line end.
     pub fn push(&mut self, row: &str) -> io::Result<()> {
         if self.waiting.len() + row.len() >= MOST_WAITING {
             self.hand_over()?;
@@ -44,10 +38,7 @@ impl<W: Write> Rows<W> {
         self.hand_over_in_time()
     }
 
-    /// Hands over what has waited long enough; for those who wait for the next row.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Hands over rows that have waited long enough; for callers that wait for the next row.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
         if self.handed_over.elapsed() < LONGEST_WAIT {
             return Ok(());
@@ -55,23 +46,16 @@ impl<W: Write> Rows<W> {
         self.hand_over()
     }
 
-    /// Hands over everything.
-    ///
-    /// # Errors
-    /// Those of `out`.
     pub fn hand_over(&mut self) -> io::Result<()> {
         self.handed_over = Instant::now();
         let written = self.out.write_all(&self.waiting);
-        // Where half of it was written, a second attempt would write that twice.
+        // If half of it was written, a second attempt would write that half twice.
         self.waiting.clear();
         written?;
         self.out.flush()
     }
 
-    /// Hands over everything, and gives back what it went to.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Hands over everything and returns the writer.
     pub fn finish(mut self) -> io::Result<W> {
         self.hand_over()?;
         Ok(self.out)
@@ -82,7 +66,7 @@ impl<W: Write> Rows<W> {
 mod tests {
     use super::*;
 
-    /// Keeps every write apart.
+    /// Records each write separately.
     #[derive(Default)]
     struct Writes(Vec<Vec<u8>>);
 

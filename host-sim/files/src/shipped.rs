@@ -1,9 +1,9 @@
-//! The repository's scenarios, for a program that is far from it.
+//! The repository's scenarios, built into the program.
 
 use std::ffi::OsStr;
 use std::path::{Component, Path};
 
-/// The files of its folder `scenarios/`.
+/// Files of the folder `scenarios/`.
 const FILES: [(&str, &str); 9] = [
     ("air_discharge.toml", include_str!("../../../scenarios/air_discharge.toml")),
     ("bellows.csv", include_str!("../../../scenarios/bellows.csv")),
@@ -16,10 +16,8 @@ const FILES: [(&str, &str); 9] = [
     ("static_map.toml", include_str!("../../../scenarios/static_map.toml")),
 ];
 
-/// One of them.
-///
 /// # Panics
-/// Where the repository has none of that name.
+/// If the repository has no file of that name.
 pub fn text(name: &str) -> &'static str {
     of_name(name.as_ref()).expect("the repository has that scenario")
 }
@@ -28,8 +26,8 @@ fn of_name(name: &OsStr) -> Option<&'static str> {
     FILES.iter().find(|(file, _)| name == *file).map(|(_, text)| *text)
 }
 
-/// What stands for a file that is not there: `scenarios/NAME`, seen from the working folder, where the repository
-/// has one of that name.
+/// The shipped file for `scenarios/NAME`, relative to the working folder, if the repository has
+/// one of that name.
 pub fn instead_of(path: &Path) -> Option<&'static str> {
     let folder = std::env::current_dir().ok();
     let path = folder.and_then(|folder| path.strip_prefix(folder).ok()).unwrap_or(path);

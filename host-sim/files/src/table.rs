@@ -9,27 +9,25 @@ use std::path::{Path, PathBuf};
 pub struct Table {
     file: PathBuf,
     columns: Vec<Column>,
-    /// The line of each row in the file.
+    /// Line of each row in the file.
     lines: Vec<u64>,
     damage: Option<Damage>,
 }
 
-/// One column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Its name.
     pub name: String,
-    /// Its cells, one per row.
+    /// Cells, one per row.
     pub cells: Vec<Option<f64>>,
 }
 
-/// Where a record ends before its file does, and why. Its `Display` is one line.
+/// Where a damaged record ends, and why. Its `Display` is one line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
-    /// File, line, and what is wrong there.
+    /// File, line and problem.
     what: String,
     rows: usize,
-    /// Lines after that one, but for blank ones.
+    /// Number of lines after that one, without blank ones.
     behind: usize,
 }
 
@@ -45,11 +43,11 @@ impl fmt::Display for Damage {
     }
 }
 
-/// A row that cannot be taken.
+/// A row that cannot be used.
 enum Bad {
-    /// It is no row.
+    /// It is not a row.
     Damage(Problem),
-    /// It is one, with a value that nobody can mean.
+    /// It is a row with an impossible value.
     Value(Problem),
 }
 
@@ -63,8 +61,8 @@ pub fn read_table(path: &Path) -> Result<Table, InputError> {
     Table::undamaged(Table::rows_of(&read_bytes(path)?, path)?)
 }
 
-/// Reads a CSV file that a program recorded, as [`read_table`]. What a power cut or a bad disk leaves
-/// of it is read up to the first line that is no row: see [`Table::damage`].
+/// Reads a CSV file that a program recorded, as [`read_table`]. A damaged file is read up to the
+/// first line that is not a row: see [`Table::damage`].
 ///
 /// # Errors
 /// As [`read_table`], but for damage only where no row precedes it.
@@ -72,7 +70,7 @@ pub fn read_record(path: &Path) -> Result<Table, InputError> {
     Table::parse_record(&read_bytes(path)?, path)
 }
 
-/// Reads a CSV file that a program recorded and that has to be whole: as [`read_record`], but damage is an error.
+/// As [`read_record`], but damage is an error.
 ///
 /// # Errors
 /// As [`read_table`], and for a last line without an end.
@@ -80,11 +78,12 @@ pub fn read_whole(path: &Path) -> Result<Table, InputError> {
     Table::undamaged(Table::recorded(&read_bytes(path)?, path)?)
 }
 
-/// Reads a CSV file that is a record, as [`read_record`], or what a hand has made, as [`read_table`]: its names of columns say
-/// so. What ends such a table is no power cut but a slip, and a last line without an end is a row.
+/// Reads a CSV file as [`read_record`] if its column names are those of a record, else as
+/// [`read_table`]: in a table made by hand a fault is a mistake, not a power cut, and a last line
+/// without an end is a row.
 ///
 /// # Errors
-/// As those.
+/// As [`read_record`] and [`read_table`].
 pub fn read_either(path: &Path, made_by_hand: fn(&Table) -> bool) -> Result<Table, InputError> {
     let bytes = read_bytes(path)?;
     let mut lines = bytes.split(|byte| *byte == b'\n');
@@ -97,10 +96,7 @@ pub fn read_either(path: &Path, made_by_hand: fn(&Table) -> bool) -> Result<Tabl
 }
 
 impl Table {
-    /// Reads a table's text; `file` is what messages call it.
-    ///
-    /// # Errors
-    /// As [`read_table`].
+    /// Parses a table; `file` is its name in messages.
     pub fn parse(text: &str, file: &Path) -> Result<Self, InputError> {
         Self::undamaged(Self::rows_of(text.as_bytes(), file)?)
     }
@@ -109,10 +105,7 @@ impl Table {
         damage.map_or_else(|| table.with_rows(), Err)
     }
 
-    /// Reads what can be read of a record; `file` is what messages call it.
-    ///
-    /// # Errors
-    /// As [`read_record`].
+    /// Parses as much of a record as can be read; `file` is its name in messages.
     pub fn parse_record(bytes: &[u8], file: &Path) -> Result<Self, InputError> {
         let (mut table, damage) = Self::recorded(bytes, file)?;
         let Some(damage) = damage else { return table.with_rows() };
@@ -129,9 +122,9 @@ impl Table {
         Ok(table)
     }
 
-    /// As [`Self::rows_of`], and a last line without an end is no row.
+    /// As [`Self::rows_of`], but a last line without an end is not a row.
     fn recorded(bytes: &[u8], file: &Path) -> Result<(Self, Option<InputError>), InputError> {
-        // A number cut short is still a number: a line counts once it has its end.
+        // A truncated number is still a number, so only a line with its end counts.
         let whole =
             bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
         let (whole, rest) = bytes.split_at(whole);
@@ -141,7 +134,7 @@ impl Table {
         Ok((table, damage.or(cut)))
     }
 
-    /// The rows up to the first line that is none, and what is wrong with that.
+    /// The rows up to the first line that is not one, and the problem of that line.
     fn rows_of(bytes: &[u8], file: &Path) -> Result<(Self, Option<InputError>), InputError> {
         if is_utf16(bytes) {
             return Err(InputError::file(file, Problem::Utf16));
@@ -169,7 +162,8 @@ impl Table {
                     table.add_header(&record).map_err(Bad::Value)
                 }
                 Ok(true) => table.add_row(&record, line),
-                // Rows may be of any length, and bytes in memory can be read: nothing else fails.
+                // Rows may have any length, and bytes in memory can be read: there is no other
+                // error.
                 Err(_) => Err(Bad::Damage(Problem::NotUtf8)),
             };
             match added {
@@ -200,7 +194,7 @@ impl Table {
         if first.starts_with('#') || record.iter().all(|name| name.parse::<f64>().is_ok()) {
             return Err(Problem::NotNames { found: quoted(first) });
         }
-        // Of a single column nothing can be read over time.
+        // A single column cannot be read over time.
         if record.len() == 1 && first.split_whitespace().count() > 1 {
             return Err(Problem::Separator { found: "blanks" });
         }
@@ -229,7 +223,7 @@ impl Table {
             };
             return Err(match blanks() {
                 Some(found) => Bad::Value(Problem::Separator { found }),
-                // Numbers alone, some of them in two cells.
+                // Only numbers, some of them split into two cells.
                 None if (expected + 1..=2 * expected).contains(&found)
                     && record.iter().all(|cell| cell.parse::<f64>().is_ok()) =>
                 {
@@ -266,27 +260,26 @@ impl Table {
         Ok(())
     }
 
-    /// Where the rows end before the file does; of [`read_record`].
+    /// Where a record of [`read_record`] ends before its file.
     pub fn damage(&self) -> Option<&Damage> {
         self.damage.as_ref()
     }
 
-    /// The columns, in order of the file.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// How many rows there are; at least one.
+    /// Number of rows, at least one.
     pub fn rows(&self) -> usize {
         self.lines.len()
     }
 
-    /// The line of a row in the file; rows count from zero.
+    /// Line of a row in the file; rows count from zero.
     pub fn line(&self, row: usize) -> u64 {
         self.lines.get(row).copied().unwrap_or_default()
     }
 
-    /// The cells of a column that has to be there.
+    /// Cells of a required column.
     ///
     /// # Errors
     /// When there is no such column.
@@ -301,10 +294,10 @@ impl Table {
         }
     }
 
-    /// The numbers of a column that has to be there in every row.
+    /// Numbers of a required column without empty cells.
     ///
     /// # Errors
-    /// When there is no such column, or a cell of it is empty.
+    /// When the column is missing, or one of its cells is empty.
     pub fn filled(&self, name: &str) -> Result<Vec<f64>, InputError> {
         self.column(name)?
             .iter()
@@ -313,12 +306,11 @@ impl Table {
             .collect()
     }
 
-    /// A problem with the names of the columns.
     pub fn header_error(&self, problem: Problem) -> InputError {
         InputError::file(&self.file, problem)
     }
 
-    /// A problem with one cell; rows count from zero.
+    /// The error for one cell; rows count from zero.
     pub fn cell_error(&self, row: usize, column: &str, allowed: &str) -> InputError {
         let cells = self.columns.iter().find(|known| known.name == column);
         let value = cells.and_then(|known| known.cells.get(row).copied().flatten());
@@ -331,7 +323,7 @@ impl Table {
     }
 }
 
-/// What separates the cells of a line instead of commas.
+/// The separator of a line that has no commas.
 fn other_separator(record: &csv::StringRecord) -> Option<&'static str> {
     [(';', "semicolons"), ('\t', "tabs"), ('|', "bars")]
         .into_iter()
@@ -339,7 +331,7 @@ fn other_separator(record: &csv::StringRecord) -> Option<&'static str> {
         .map(|(_, name)| name)
 }
 
-/// The first few names, fit to be quoted in a message.
+/// The first few names, for a message.
 fn quoted_list<'a>(names: impl Iterator<Item = &'a str>) -> String {
     const MOST: usize = 6;
     let mut names: Vec<String> = names.take(MOST + 1).map(quoted).collect();
@@ -349,14 +341,14 @@ fn quoted_list<'a>(names: impl Iterator<Item = &'a str>) -> String {
     names.join(", ")
 }
 
-/// Whether the record that begins at `start` ends only because the text does: within quotation marks.
+/// Whether the record that begins at `start` ends within quotation marks at the end of the text.
 fn open_to_the_end(text: &[u8], start: usize, end: &csv::Position) -> bool {
     let record = text.get(start..).unwrap_or_default();
     end.byte() as usize >= text.len()
         && record.iter().filter(|byte| **byte == b'"').count() % 2 == 1
 }
 
-/// Counts lines up to growing offsets.
+/// Line numbers at growing offsets.
 struct LineCounter<'a> {
     text: &'a [u8],
     offset: usize,
@@ -364,7 +356,7 @@ struct LineCounter<'a> {
 }
 
 impl LineCounter<'_> {
-    /// The line of the record that the reader has begun at `start`: it skips blank lines first.
+    /// Line of the record that begins at `start`; the reader skips blank lines first.
     fn of_record(&mut self, start: usize) -> u64 {
         let rest = self.text.get(start..).unwrap_or_default();
         let blank = rest.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
@@ -477,7 +469,7 @@ mod tests {
             let bytes: Vec<u8> = mark.iter().copied().chain(letters).collect();
             let message = "t.csv: is UTF-16 text: must be UTF-8".to_owned();
             assert_eq!(record(&bytes), Err(message.clone()));
-            // Without the mark it may be read as text.
+            // Without the mark it can be read as text.
             if let Ok(text) = str::from_utf8(&bytes) {
                 assert_eq!(parse(text), Err(message));
             }
@@ -493,7 +485,7 @@ mod tests {
     #[test]
     fn a_record_is_read_up_to_the_damage() {
         for (bytes, rows, behind, message) in [
-            // As a kill leaves it: the number may be the beginning of another.
+            // A killed program leaves this: the number may be truncated.
             (&b"a,b\n1,2\n3,4"[..], 1, 0, "t.csv:3: the last line has no end: it may be cut"),
             (b"a,b\n1,2\n3,4\n5", 2, 0, "t.csv:4: the last line has no end: it may be cut"),
             (
@@ -516,7 +508,7 @@ mod tests {
                 0,
                 "t.csv:3: column b = \\u{0}\\u{0}: must be a finite number",
             ),
-            // A block of zeros in place of what was written, to the end of the file.
+            // A block of zeros in place of the text, to the end of the file.
             (b"a,b\n1,2\n3,4\n\0\0\0\0", 2, 0, "t.csv:4: the last line has no end: it may be cut"),
             (
                 b"a,b\n1,2\n3,4\n\0\0\0\0\n",
@@ -524,9 +516,9 @@ mod tests {
                 0,
                 "t.csv:4: 1 cells in this row: must be 2, one per column",
             ),
-            // A quotation mark that swallows the rest.
+            // A quotation mark that encloses the rest.
             (b"a,b\n1,2\n3,\"4\n5,6\n7,8\n", 1, 2, "t.csv:3: a quotation mark is not closed"),
-            // What follows it may be cut.
+            // The text after it may be truncated.
             (b"a,b\n1,2\n3,\"\n", 1, 0, "t.csv:3: a quotation mark is not closed"),
         ] {
             let count = if rows == 1 { "1 row".to_owned() } else { format!("{rows} rows") };
@@ -538,7 +530,7 @@ mod tests {
             let said = format!("{message}; read up to there: {count}{behind}");
             assert_eq!(record(bytes), Ok((rows, Some(said))), "{}", bytes.escape_ascii());
         }
-        // Whoever fits to such a record knows how much of it he has.
+        // A fit to such a record reports how much of it was used.
         let behind = "t.csv:3: column b = x: must be a finite number; read up to there: 1 row, without the 3 lines \
                       behind it";
         assert_eq!(record(b"a,b\n1,2\n3,x\n5,6\n\n7,8\n9"), Ok((1, Some(behind.to_owned()))));
@@ -561,7 +553,7 @@ mod tests {
                 "t.csv:2: cells are separated by semicolons: must be commas, and numbers need a \
                  decimal point",
             ),
-            // A value that nobody can mean is no damage.
+            // An impossible value is not damage.
             (b"a,b\n1,2\n3,NaN\n", "t.csv:3: column b = NaN: must be a finite number"),
             (b"a,b\n1,2\n3,1e999\n", "t.csv:3: column b = 1e999: must be a finite number"),
         ] {

@@ -1,4 +1,4 @@
-//! An instance, and who is told what is wrong with it.
+//! An instance and its log.
 
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -13,18 +13,18 @@ use thermyo_cosimulation::model::{Model, ModelError};
 pub enum Status {
     /// Done.
     Ok = 0,
-    /// Not done, and everything is as it was.
+    /// Not done, without any effect.
     Discard = 2,
-    /// Not done, and it cannot go on.
+    /// Not done, and the instance cannot continue.
     Error = 3,
-    /// Nothing of the library can go on.
+    /// The whole library cannot continue.
     Fatal = 4,
 }
 
 /// `fmi3LogMessageCallback`.
 pub type LogMessage = unsafe extern "C" fn(*mut c_void, Status, *const c_char, *const c_char);
 
-/// The importer's ear.
+/// The importer's log callback.
 #[derive(Clone, Copy)]
 struct Log {
     environment: *mut c_void,
@@ -34,7 +34,7 @@ struct Log {
 impl Log {
     fn say(self, status: Status, text: &str) {
         let (Some(message), Ok(text)) = (self.message, CString::new(text)) else { return };
-        // Safety: the importer's own function, with what it wants to be told.
+        // Safety: the importer's own function with its own environment.
         unsafe { message(self.environment, status, c"logStatusError".as_ptr(), text.as_ptr()) };
     }
 }
@@ -46,7 +46,7 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// One from the unit's resources; null, and a message, where that cannot be.
+    /// An instance from the unit's resources; null, and a message, if that fails.
     ///
     /// # Safety
     /// Texts end with a zero byte, or are null.
@@ -79,20 +79,20 @@ impl Instance {
         }
     }
 
-    /// Says that there is no such thing here.
+    /// Logs that the unit does not support a function.
     pub fn refuse(&self, name: &str) -> Status {
         self.log.say(Status::Error, &format!("{name}: this unit has no such thing"));
         Status::Error
     }
 }
 
-/// What is left to say of a panic.
+/// The message after a panic.
 const BROKEN: &str = "the unit has failed; this is a mistake of it and not of its importer";
 
-/// Asks the model; says what is wrong.
+/// Runs a function of the model, and logs its error.
 ///
 /// # Safety
-/// The instance is one of this library, and nobody else uses it now.
+/// The instance is one of this library, and is not in use elsewhere.
 pub unsafe fn guarded(
     instance: *mut Instance,
     ask: impl FnOnce(&mut Model) -> Result<(), ModelError>,

@@ -1,7 +1,7 @@
 //! The C interface of FMI 3.0 co-simulation around [`thermyo_cosimulation::model::Model`].
 //!
-//! The names and signatures are those of `fmi3FunctionTypes.h`. Whatever is wrong is logged once, in one line, by the
-//! importer's callback; a panic does not leave the library.
+//! Names and signatures are those of `fmi3FunctionTypes.h`. Each error is logged once, in one
+//! line, by the importer's callback; a panic does not leave the library.
 
 #![allow(non_snake_case)]
 
@@ -18,7 +18,7 @@ pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Errors are logged in any case, and there is nothing else to log.
+/// Errors are always logged, and there are no other messages.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetDebugLogging(
     _instance: *mut Instance,
@@ -29,10 +29,10 @@ pub extern "C" fn fmi3SetDebugLogging(
     Status::Ok
 }
 
-/// Makes an instance from the unit's resources; null, and a message, where that cannot be.
+/// Makes an instance from the unit's resources; null, and a message, if that fails.
 ///
 /// # Safety
-/// As the standard says: texts end with a zero byte, or are null.
+/// As in the standard: texts end with a zero byte, or are null.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     _instance_name: *const c_char,
@@ -52,19 +52,19 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     unsafe { Instance::make(token, resources, environment, log) }
 }
 
-/// Takes an instance away.
+/// Frees an instance.
 ///
 /// # Safety
-/// The instance is one of this library, or null, and nobody uses it any more.
+/// The instance is one of this library, or null, and is not used afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3FreeInstance(instance: *mut Instance) {
     if !instance.is_null() {
-        // Safety: it was made by a box, and is the caller's to give back.
+        // Safety: it came from a box, and the caller owns it.
         drop(unsafe { Box::from_raw(instance) });
     }
 }
 
-/// Sets when the scenario begins. There is no tolerance to keep and no end to prepare for.
+/// Sets the start time. Tolerance and stop time have no effect.
 ///
 /// # Safety
 /// The instance is one of this library.
@@ -81,7 +81,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     unsafe { guarded(instance, |model| model.begin_at(start_s)) }
 }
 
-/// From now on it steps.
+/// Begins to step.
 ///
 /// # Safety
 /// The instance is one of this library.
@@ -91,13 +91,13 @@ pub unsafe extern "C" fn fmi3ExitInitializationMode(instance: *mut Instance) -> 
     unsafe { guarded(instance, thermyo_cosimulation::model::Model::start) }
 }
 
-/// Ends it; the last values can still be had.
+/// Ends the simulation; the last values can still be read.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3Terminate(_instance: *mut Instance) -> Status {
     Status::Ok
 }
 
-/// As it was when it was made.
+/// Resets the instance.
 ///
 /// # Safety
 /// The instance is one of this library.
@@ -107,10 +107,8 @@ pub unsafe extern "C" fn fmi3Reset(instance: *mut Instance) -> Status {
     unsafe { guarded(instance, thermyo_cosimulation::model::Model::reset) }
 }
 
-/// Numbers of the unit.
-///
 /// # Safety
-/// The instance is one of this library, and both arrays are as long as it is said.
+/// The instance is one of this library, and both arrays have the given lengths.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3GetFloat64(
     instance: *mut Instance,
@@ -127,8 +125,6 @@ pub unsafe extern "C" fn fmi3GetFloat64(
     }
 }
 
-/// Numbers for the unit.
-///
 /// # Safety
 /// As [`fmi3GetFloat64`].
 #[unsafe(no_mangle)]
@@ -148,8 +144,6 @@ pub unsafe extern "C" fn fmi3SetFloat64(
     }
 }
 
-/// Truth values of the unit.
-///
 /// # Safety
 /// As [`fmi3GetFloat64`].
 #[unsafe(no_mangle)]
@@ -168,8 +162,6 @@ pub unsafe extern "C" fn fmi3GetBoolean(
     }
 }
 
-/// Truth values for the unit.
-///
 /// # Safety
 /// As [`fmi3GetFloat64`].
 #[unsafe(no_mangle)]
@@ -189,10 +181,10 @@ pub unsafe extern "C" fn fmi3SetBoolean(
     }
 }
 
-/// Goes on by a whole number of the scenario's steps. Another length is discarded, and everything is as it was.
+/// Advances by a whole number of the scenario's steps. Another length is discarded without effect.
 ///
 /// # Safety
-/// The instance is one of this library; what is told can be written.
+/// The instance is one of this library; the output pointers can be written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3DoStep(
     instance: *mut Instance,
@@ -217,10 +209,10 @@ pub unsafe extern "C" fn fmi3DoStep(
     }
 }
 
-/// Writes what somebody wants to know.
+/// Writes an optional output.
 ///
 /// # Safety
-/// It is null, or can be written.
+/// The pointer is null, or can be written.
 unsafe fn tell<T>(place: *mut T, value: T) {
     if !place.is_null() {
         // Safety: the caller's.
@@ -231,7 +223,7 @@ unsafe fn tell<T>(place: *mut T, value: T) {
 /// References, and as many values: every variable is a scalar.
 ///
 /// # Safety
-/// The arrays are as long as it is said.
+/// The arrays have the given lengths.
 unsafe fn pairs<'a, V>(
     (references, count): (*const u32, usize),
     (values, value_count): (V, usize),
@@ -246,7 +238,7 @@ unsafe fn pairs<'a, V>(
     if count == 0 {
         return Ok((&[], values));
     }
-    // Safety: the caller's; nobody keeps it.
+    // Safety: the caller's; no reference is kept.
     Ok((unsafe { std::slice::from_raw_parts(references, count) }, values))
 }
 

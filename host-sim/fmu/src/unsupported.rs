@@ -1,5 +1,5 @@
-//! What the standard wants every library to have and this unit's description says that it has not. The arguments
-//! behind the first one are left where the caller has put them.
+//! Functions that the standard requires of every library and that this unit does not support, by
+//! its description. Only the first argument is read.
 
 use crate::instance::{Instance, Status};
 use std::ffi::c_void;
@@ -8,7 +8,7 @@ use std::ptr;
 macro_rules! unsupported {
     ($($name:ident)*) => {
         $(
-            /// There is no such thing in this unit.
+            /// Not supported by this unit.
             ///
             /// # Safety
             /// The instance is one of this library, or null.
@@ -44,13 +44,13 @@ unsupported! {
     fmi3GetOutputDerivatives fmi3ActivateModelPartition
 }
 
-/// This is no model to integrate.
+/// Model exchange is not supported.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateModelExchange() -> *mut c_void {
     ptr::null_mut()
 }
 
-/// Nor one to schedule.
+/// Scheduled execution is not supported.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateScheduledExecution() -> *mut c_void {
     ptr::null_mut()

@@ -113,7 +113,7 @@ impl Balance {
         let mut inflow_kg_s = 0.0;
         let mut readings = vec![(self.start_s, state[SENSOR])];
         for first in (0..known.len() - 1).step_by(INTERVAL_STEPS) {
-            if stop::wanted() {
+            if stop::is_requested() {
                 return Err(Failed::Stopped);
             }
             let last = (first + INTERVAL_STEPS).min(known.len() - 1);

@@ -106,7 +106,7 @@ impl Problem<'_> {
     }
 
     fn minimize(&self, start: &DVector<f64>) -> Option<End> {
-        if stop::wanted() {
+        if stop::is_requested() {
             return None;
         }
         let found = search::minimize(self, start.clone(), TOLERANCE, PATIENCE);

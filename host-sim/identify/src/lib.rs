@@ -122,7 +122,7 @@ pub fn identify(
     problem.residuals(&own).map_err(|failed| without(failed, &[]))?;
 
     let ends = problem.search(watch);
-    if stop::wanted() {
+    if stop::is_requested() {
         return Err(stopped(&problem, &ends));
     }
     let best = best(&ends);
@@ -138,7 +138,7 @@ pub fn identify(
         first += observed.points.len();
     }
     let covariance = covariance_inside(&problem, &best.place, &misfits);
-    if stop::wanted() {
+    if stop::is_requested() {
         // The differences used predictions that ended early.
         return Err(stopped(&problem, &ends));
     }

@@ -35,7 +35,7 @@ pub fn identify_table(
         let readings = Readings::of(table)?;
         let against = against.map(|other| readings.to_compare(other)).transpose()?;
         let found = static_map::identify(loaded, readings, against.as_ref(), config, data)?;
-        if stop::wanted() {
+        if stop::is_requested() {
             // The searches of a static map take a second and count as one part.
             return Err(IdentifyError::Stopped { finished: 0, starts: 1, csv: String::new() });
         }

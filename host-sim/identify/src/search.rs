@@ -76,7 +76,7 @@ struct Search<'a, P> {
 
 impl<P: LeastSquares> MPFitter for Search<'_, P> {
     fn eval(&mut self, place: &[f64], residuals: &mut [f64]) -> MPResult<()> {
-        if stop::wanted() {
+        if stop::is_requested() {
             return Err(MPError::Eval);
         }
         if self.place.as_slice() != place {

@@ -65,7 +65,7 @@ impl<'a> Experiment<'a> {
         let mut before = plant.truth();
         let mut row = 0;
         for step in 0..=steps {
-            if stop::wanted() {
+            if stop::is_requested() {
                 return Err(Failed::Stopped);
             }
             let now = plant.truth();

@@ -1,4 +1,4 @@
-//! What is recorded besides `trace.csv`.
+//! Records besides `trace.csv`.
 
 pub mod mcap;
 pub mod stream;
@@ -11,10 +11,9 @@ use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_record::sinks::Sinks;
 
-/// Name of the file.
 const MCAP: &str = "trace.mcap";
 
-/// The user's wishes.
+/// The user's choice of records.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Logs {
     /// `trace.mcap`.
@@ -24,18 +23,18 @@ pub struct Logs {
 }
 
 impl Logs {
-    /// Whether there is a way to the address; for those who record later.
+    /// Whether the address can be reached; for commands that record later.
     ///
     /// # Errors
-    /// Where there is none.
+    /// If it cannot be reached.
     pub fn check(&self) -> Result<(), InputError> {
         self.open_stream().map(drop)
     }
 
-    /// Begins them, beside a trace in that folder.
+    /// Starts the records, beside the trace in that folder.
     ///
     /// # Errors
-    /// When a file cannot be made, or there is no way to the address.
+    /// When a file cannot be made, or the address cannot be reached.
     pub fn open(&self, out: &mut OutputDir) -> Result<Sinks, InputError> {
         let mut sinks = Sinks::default();
         if let Some(stream) = self.open_stream()? {

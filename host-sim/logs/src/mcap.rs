@@ -1,7 +1,8 @@
 //! `trace.mcap`: the rows of `trace.csv` for PlotJuggler, Foxglove and Rerun, <https://mcap.dev>.
 //!
-//! A message of each of the [`TOPICS`] per row, JSON, with a schema that says units; its time is the row's `time_s`. A
-//! chunk is whole when it is handed over, so that a file that is cut anywhere reads up to the last whole chunk.
+//! Each row gives one JSON message per topic of [`TOPICS`], with a schema that states units; its
+//! time is the row's `time_s`. Chunks are written whole, so that a truncated file can be read up
+//! to the last whole chunk.
 
 use super::topics::{TOPICS, write_json};
 use mcap::records::MessageHeader;
@@ -13,12 +14,11 @@ use std::time::{Duration, Instant};
 use thermyo_record::board_trace::every_column;
 use thermyo_record::sinks::Sink;
 
-/// Messages wait no longer than that.
+/// Longest time that messages wait.
 const LONGEST_WAIT: Duration = Duration::from_millis(500);
-/// Bytes of a chunk from which on the next one begins: a hundred rows or so.
+/// Size of a chunk in bytes: about a hundred rows.
 const CHUNK: u64 = 1 << 17;
 
-/// One file.
 pub struct McapLog<W: Write + Seek = File> {
     writer: Writer<W>,
     channels: Vec<Channel>,
@@ -27,20 +27,16 @@ pub struct McapLog<W: Write + Seek = File> {
     handed_over: Instant,
 }
 
-/// A topic in the file.
 struct Channel {
     id: u16,
-    /// Places of its cells in a row, and their names.
+    /// Indices of its cells in a row, and their names.
     cells: Vec<(usize, &'static str)>,
 }
 
 impl<W: Write + Seek> McapLog<W> {
     /// Begins with the topics and their schemas.
-    ///
-    /// # Errors
-    /// Those of `out`.
     pub fn new(out: W) -> io::Result<Self> {
-        // Without seeking a chunk is gathered in memory and written at once.
+        // Without seeking, a chunk is gathered in memory and written at once.
         let options = WriteOptions::new()
             .library(concat!("thermyo ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK))

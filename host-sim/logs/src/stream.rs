@@ -1,6 +1,7 @@
 //! `--stream udp:HOST:PORT`: a JSON datagram per recorded row, as PlotJuggler's UDP server takes it.
 //!
-//! Whoever listens may be late, slow or gone: a datagram that cannot be sent at once is lost, and the record never waits.
+//! Receivers may be late, slow or gone: a datagram that cannot be sent at once is lost, and the
+//! record never waits.
 
 use super::topics::write_json;
 use std::fmt;
@@ -10,23 +11,23 @@ use std::str::FromStr;
 use thermyo_record::board_trace::every_column;
 use thermyo_record::sinks::Sink;
 
-/// What a row's time is called besides `time_s`: every PlotJuggler knows this name.
+/// Second name of a row's time besides `time_s`: every PlotJuggler knows it.
 const TIMESTAMP: &str = "timestamp";
 
-/// Where the rows are to go.
+/// Destination of the rows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StreamTo {
     address: SocketAddr,
     written: String,
 }
 
-/// A text that is no address.
+/// A text that is not an address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum StreamError {
-    /// The parts are not all there.
+    /// Host or port is missing.
     #[error("must be udp:HOST:PORT, such as udp:127.0.0.1:9870")]
     Form,
-    /// Nobody is called so.
+    /// The host is unknown.
     #[error("no host is called so: {0}")]
     Host(String),
 }
@@ -56,7 +57,6 @@ impl fmt::Display for StreamTo {
     }
 }
 
-/// The socket.
 #[derive(Debug)]
 pub struct Stream {
     socket: UdpSocket,
@@ -65,10 +65,10 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Opens it. Nobody has to listen yet.
+    /// Opens the socket. A receiver need not exist yet.
     ///
     /// # Errors
-    /// Those of the system: there is no way to that address.
+    /// When the address cannot be reached.
     pub fn open(to: &StreamTo) -> io::Result<Self> {
         let any: SocketAddr = match to.address {
             SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
@@ -87,7 +87,7 @@ impl Sink for Stream {
         let time = [(TIMESTAMP, cells.first().copied())].into_iter();
         let known = self.columns.iter().zip(cells).map(|(name, cell)| (*name, Some(*cell)));
         write_json(&mut self.text, time.chain(known));
-        // Lost, where nobody listens or the line is full.
+        // Lost if there is no receiver or the network is busy.
         let _ = self.socket.send(self.text.as_bytes());
         Ok(())
     }
@@ -130,7 +130,7 @@ mod tests {
         assert_eq!(text, r#"{"timestamp":0.5,"time_s":0.5,"pressure_pa":100000,"length_m":0.2}"#);
     }
 
-    /// Nobody reads, then nobody is there: rows go on, and soon.
+    /// Rows continue without delay when the receiver does not read, and when it is gone.
     #[test]
     fn a_listener_that_is_slow_or_gone_delays_nothing() {
         let listener = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();

@@ -1,17 +1,17 @@
-//! The columns of a trace as topics of a log: what belongs together, what it means, in which unit.
+//! The columns of a trace as topics of a log, with meaning and unit.
 
 use serde_json::{Map, Value, json};
 use thermyo_record::board_trace::every_column;
 use thermyo_record::units::unit_of;
 
-/// Columns that belong together. The time is in every topic.
+/// Related columns. The time is in every topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Topic {
-    /// Its name in a log.
+    /// Name in a log.
     pub name: &'static str,
     /// Name of its schema.
     pub schema: &'static str,
-    /// What it is about.
+    /// Its subject.
     pub about: &'static str,
     /// Columns and their meanings.
     pub columns: &'static [(&'static str, &'static str)],
@@ -20,7 +20,6 @@ pub struct Topic {
 /// Name of the column that every topic has.
 pub const TIME: &str = "time_s";
 
-/// Every topic.
 pub const TOPICS: [Topic; 5] = [
     Topic {
         name: "/muscle",
@@ -106,7 +105,7 @@ pub const TOPICS: [Topic; 5] = [
 ];
 
 impl Topic {
-    /// The JSON schema of its messages. What nobody knows of a row is left out of its message.
+    /// The JSON schema of its messages. Unknown values are left out of a message.
     pub fn json_schema(&self) -> Value {
         let property = |(name, meaning): &(&str, &str)| {
             let unit = unit_of(name).map(|unit| format!(" [{}]", unit.name)).unwrap_or_default();
@@ -125,7 +124,7 @@ impl Topic {
         })
     }
 
-    /// Places of its columns among [`every_column`], the time first.
+    /// Indices of its columns in [`every_column`], the time first.
     pub fn places(&self) -> Vec<usize> {
         let all = every_column();
         let names = [TIME].into_iter().chain(self.columns.iter().map(|(name, _)| *name));
@@ -133,8 +132,8 @@ impl Topic {
     }
 }
 
-/// Writes the known ones of these cells as a JSON object; a cell that the row does not have is not known. Every
-/// number is the shortest text that reads back to the same value.
+/// Writes the known cells as a JSON object; missing cells are unknown. Every number is the
+/// shortest text that reads back to the same value.
 pub fn write_json(text: &mut String, columns: impl Iterator<Item = (&'static str, Option<f64>)>) {
     let mut buffer = zmij::Buffer::new();
     text.push('{');

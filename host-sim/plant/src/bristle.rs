@@ -6,9 +6,9 @@ use thermyo_scenario::Friction;
 /// Damping ratio of the bristles with the moving mass: presliding motion rings out.
 const BRISTLE_DAMPING_RATIO: f64 = 0.5;
 
-/// Sliding bristles give way no faster than that: at 2.5e-4 s, the longest step of the plant that has them, still
-/// stable. Only the way to steady sliding takes longer for it, and that only of friction far below what its stiffness
-/// suggests: 15 N at 40 kN/m and 0.5 m/s give way at 1333 /s.
+/// Largest rate at which sliding bristles yield: still stable at 2.5e-4 s, the longest step of the
+/// plant. It only slows the transition to steady sliding, and only for friction far below its
+/// stiffness: 15 N at 40 kN/m and 0.5 m/s yield at 1333 /s.
 const FASTEST_SLIP_PER_S: f64 = 8e3;
 
 /// LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE Trans. Automat. Contr. 40, 1995)
@@ -48,7 +48,8 @@ impl Bristle {
         }
     }
 
-    /// Fastest rate of bristles and mass together \[1/s\], with what the viscous part is scaled by where it is coldest.
+    /// Fastest rate of bristles and mass together \[1/s\], with the factor of the viscous part at
+    /// the coldest wall.
     pub fn fastest_rate(&self, mass_kg: f64, softening: f64) -> f64 {
         (self.damping_n_s_m + softening * self.viscous_n_s_m) / mass_kg
             + (self.stiffness_n_m / mass_kg).sqrt()
@@ -57,12 +58,12 @@ impl Bristle {
     /// Friction at a speed \[m/s\] and deflection \[m\], all its parts scaled by `softening`.
     pub fn drag(&self, speed: f64, deflection: f64, softening: f64) -> Drag {
         let ratio = speed / self.stribeck_m_s;
-        // Beyond 6 Stribeck speeds nothing that it is added to would notice.
+        // Beyond 6 Stribeck speeds the term is negligible.
         let still = if ratio.abs() > 6.5 { 0.0 } else { math::exp(-ratio * ratio) };
         let sliding = softening * (self.coulomb_n + self.stribeck_n * still);
         let spring = self.stiffness_n_m * deflection;
-        // The authors' rate, v - stiffness |v| z / g, is that of a lag which ends at z = g / stiffness in the direction of
-        // v. Without friction g is zero: what force the bristles have fades.
+        // The authors' rate, v - stiffness |v| z / g, is a lag that ends at z = g / stiffness in
+        // the direction of v. Without friction g is zero, and the bristles' force decays.
         let rate = if self.stiffness_n_m * speed.abs() < FASTEST_SLIP_PER_S * sliding {
             speed - speed.abs() * spring / sliding
         } else {
@@ -103,7 +104,7 @@ mod tests {
         }
     }
 
-    /// However little friction there is, the bristles take steps of the plant's length.
+    /// The bristles are stable at the plant's step even with little friction.
     #[test]
     fn hardly_any_friction_is_no_stiff_one() {
         for coulomb_n in [0.0, 1e-9, 0.01, 0.1, 1.0] {

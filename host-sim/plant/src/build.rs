@@ -1,15 +1,15 @@
-//! The plant that a scenario asks for.
+//! Builds the plant of a scenario.
 
 use super::chamber::{Chamber, with_chamber};
 use super::{BuildError, Plant, full, lumped, vessel};
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{PlantModel, Scenario};
 
-/// The plant of a scenario, at rest at time zero. `volume_profile` is the table that
-/// `vessel.volume_csv` names, volume \[m3\] over time \[s\].
+/// The plant of a scenario, at rest at time zero. `volume_profile` is the table of
+/// `vessel.volume_csv`, volume \[m3\] over time \[s\].
 ///
 /// # Errors
-/// [`BuildError`] for what validation of the scenario alone cannot see.
+/// [`BuildError`] for faults that the validation of the scenario cannot find.
 pub fn build(
     scenario: &Scenario,
     volume_profile: Option<Profile>,
@@ -17,11 +17,8 @@ pub fn build(
     of_kind(scenario, volume_profile, Drive::Valves)
 }
 
-/// The plant of a scenario without its valves or nozzle: its [`Actuation`] is mass flows \[kg/s\], the
-/// inflow at the supply's temperature. What moves is always lumped, or the paper's.
-///
-/// # Errors
-/// As [`build`].
+/// The plant of a scenario without its valves or nozzle: its [`Actuation`] is mass flows \[kg/s\],
+/// with the inflow at the supply's temperature. A moving chamber is `lumped` or `paper`.
 pub fn build_driven_by_flows(
     scenario: &Scenario,
     volume_profile: Option<Profile>,
@@ -29,14 +26,14 @@ pub fn build_driven_by_flows(
     of_kind(scenario, volume_profile, Drive::Flows)
 }
 
-/// What an [`Actuation`] is.
+/// Meaning of an [`Actuation`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Drive {
     Valves,
     Flows,
 }
 
-/// The kinds of plant that there are.
+/// The kinds of plant.
 fn of_kind(
     scenario: &Scenario,
     volume_profile: Option<Profile>,

@@ -34,7 +34,6 @@ struct Blend {
 /// The gas and its energy equation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Closure {
-    /// The gas.
     pub gas: IdealGas,
     kind: Kind,
 }

@@ -1,4 +1,4 @@
-//! Mass flow through valves (ISO 6358) and nozzles (isentropic), and what it carries.
+//! Mass flow through valves (ISO 6358) and nozzles (isentropic), and its enthalpy.
 
 use super::gas::IdealGas;
 use std::f64::consts::PI;
@@ -21,7 +21,7 @@ pub struct Iso6358 {
     /// C rho0 sqrt(T0): choked mass flow is this times p1/sqrt(T1).
     choked: f64,
     critical_ratio: f64,
-    /// 1 over what is left of the ratio above the critical one.
+    /// 1 over (1 - the critical ratio).
     per_subsonic: f64,
     linear_ratio: f64,
     /// phi at `linear_ratio` over `1 - linear_ratio`.
@@ -34,7 +34,7 @@ impl Iso6358 {
         Self::new(sonic_conductance, critical_ratio, LINEAR_RATIO, gas)
     }
 
-    /// What leaks; none where nothing does.
+    /// The leak; none without one.
     pub fn leak(sonic_conductance: f64, critical_ratio: f64, gas: &IdealGas) -> Option<Self> {
         (sonic_conductance > 0.0).then(|| Self::valve(sonic_conductance, critical_ratio, gas))
     }
@@ -44,8 +44,8 @@ impl Iso6358 {
         Self::new(sonic_conductance, critical_ratio, TUBE_LINEAR_RATIO, gas)
     }
 
-    /// What connects tube and muscle. Behind a line it passes no more than a loss-free nozzle of the line's bore: there
-    /// the gas flows as fast as sound.
+    /// The connection of tube and muscle. Behind a line it passes no more than a loss-free nozzle
+    /// of the line's bore, where the gas reaches the speed of sound.
     pub fn port(tube: &Tube, critical_ratio: f64, gas: &IdealGas) -> Self {
         let bore = tube.line().map_or(f64::INFINITY, |[_, diameter_m]| {
             0.25 * PI * diameter_m * diameter_m * choked_flow_function(gas.k) / gas.r.sqrt()
@@ -142,7 +142,7 @@ fn choked_flow_function(k: f64) -> f64 {
     k.sqrt() * math::pow(2.0 / (k + 1.0), (k + 1.0) / (2.0 * (k - 1.0)))
 }
 
-/// Everything that flows into and out of a volume at one instant.
+/// All flows into and out of a volume at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Streams {
     /// Mass flow in \[kg/s\].
@@ -154,8 +154,8 @@ pub struct Streams {
 }
 
 impl Streams {
-    /// Adds the flow between the volume (p, T) and a reservoir (p, T), in the direction that the
-    /// pressures dictate; `law` gives the flow from upstream (p, T) to downstream p.
+    /// Adds the flow between the volume (p, T) and a reservoir (p, T), in the direction of the
+    /// pressures; `law` gives the flow from upstream (p, T) to downstream p.
     pub fn add(
         &mut self,
         (pressure, temperature): (f64, f64),
@@ -171,7 +171,7 @@ impl Streams {
         }
     }
 
-    /// Flows that are given \[kg/s\], the inflow at `inflow_k` \[K\].
+    /// Prescribed flows \[kg/s\], with the inflow at `inflow_k` \[K\].
     pub fn given(inflow: f64, inflow_k: f64, outflow: f64) -> Self {
         Self { inflow, inflow_temperature: inflow * inflow_k, outflow }
     }

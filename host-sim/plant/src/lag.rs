@@ -25,12 +25,12 @@ impl Lag {
         Self { output: initial, input: initial, decay, ramp }
     }
 
-    /// Another time constant, for steps of `step_s` from now on.
+    /// Changes the time constant, for steps of `step_s` from now on.
     pub fn set_time_constant(&mut self, time_constant_s: f64, step_s: f64) {
         self.retune(&Self::new(time_constant_s, step_s, self.output));
     }
 
-    /// The time constant of another lag from now on.
+    /// Takes over the time constant of another lag.
     pub fn retune(&mut self, other: &Self) {
         let Self { output, input, .. } = *self;
         *self = Self { output, input, ..*other };

@@ -1,7 +1,7 @@
-//! The simulated plant, in f64: what the air, the muscle and the sensors really do.
+//! The simulated plant in f64: true states of the gas, the muscle and the sensing elements.
 //!
-//! It shares no equation's code with `model-core`; a test that compares the two compares two
-//! derivations.
+//! It shares no equations with the code of `model-core`, so that a test that compares them
+//! compares two derivations.
 
 #![warn(clippy::disallowed_methods)]
 
@@ -36,12 +36,12 @@ use serde::Serialize;
 use std::fmt;
 use thermyo_scenario::Scenario;
 
-/// What acts on the plant during one step: the share of the step that each valve is driven, 0 to 1.
+/// Inputs of the plant during one step: the fraction of the step for which each valve is driven, 0
+/// to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Actuation {
-    /// Inlet valve.
     pub inlet: f64,
-    /// Outlet valve. A normally open valve is driven to close; this is already its opening.
+    /// Outlet valve. A normally open valve is driven to close; this is its opening.
     pub outlet: f64,
 }
 
@@ -74,19 +74,19 @@ pub struct Truth {
     pub gas_temperature_k: f64,
     /// Mean temperature of the wall, weighted by heat capacity \[K\].
     pub wall_temperature_k: f64,
-    /// Temperature of the foil in the gas \[K\].
+    /// Temperature of the element in the gas \[K\].
     pub sensor_gas_k: f64,
     /// Temperature of the sensor in the wall \[K\].
     pub sensor_wall_k: f64,
-    /// What the pressure sensor's element sees, after its lag \[Pa\].
+    /// Pressure at the sensor's element after its lag \[Pa\].
     pub sensor_pressure_pa: f64,
-    /// What the potentiometer's wiper sees, after its lag \[m\].
+    /// Length at the potentiometer's wiper after its lag \[m\].
     pub sensor_length_m: f64,
     /// Friction force, positive when it opposes contraction \[N\].
     pub friction_n: f64,
 }
 
-/// The books of one run: what went in and out since the start, and what is there. All in J and kg.
+/// The ledger of one run: flows in and out since the start, and the content, in J and kg.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Ledger {
     /// Gas mass at the start \[kg\].
@@ -120,7 +120,7 @@ pub struct Ledger {
 }
 
 impl Ledger {
-    /// What has been added to the books since `earlier`.
+    /// The additions to the ledger since `earlier`.
     pub fn since(&self, earlier: &Self) -> Self {
         Self {
             mass_initial_kg: earlier.mass_kg,
@@ -140,13 +140,13 @@ impl Ledger {
         }
     }
 
-    /// Mass that appeared from nowhere, relative to what was handled.
+    /// Error of the mass balance, relative to the mass handled.
     pub fn mass_balance_error(&self) -> f64 {
         let residual = self.mass_kg - self.mass_initial_kg - self.mass_in_kg + self.mass_out_kg;
         residual.abs() / (self.mass_initial_kg + self.mass_in_kg + self.mass_out_kg)
     }
 
-    /// Energy that appeared from nowhere in the gas, relative to what was handled.
+    /// Error of the gas's energy balance, relative to the energy handled.
     pub fn energy_balance_error(&self) -> f64 {
         let residual = self.energy_j - self.energy_initial_j - self.enthalpy_in_j
             + self.enthalpy_out_j
@@ -155,7 +155,7 @@ impl Ledger {
         residual.abs() / (self.energy_initial_j + self.enthalpy_in_j + self.enthalpy_out_j)
     }
 
-    /// Energy that appeared from nowhere in the wall, relative to what the gas handled.
+    /// Error of the wall's energy balance, relative to the energy that the gas handled.
     pub fn wall_balance_error(&self) -> f64 {
         let residual = self.wall_energy_j - self.heat_to_wall_j - self.friction_to_wall_j
             + self.heat_to_ambient_j;
@@ -174,7 +174,7 @@ pub struct Diverged {
 
 impl fmt::Display for Diverged {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Microseconds: a multiple of the step may print as 0.009000000000000001.
+        // Rounded to microseconds: a multiple of the step may print as 0.009000000000000001.
         let time_s = (self.time_s * 1e6).round() / 1e6;
         write!(f, "the plant diverged at {time_s} s: {}", self.state)
     }
@@ -184,26 +184,27 @@ impl std::error::Error for Diverged {}
 
 /// A simulated plant.
 pub trait Plant: Send {
-    /// From the start on, an [`Actuation`] is what the pins of a board did in each step. Without this it is what
-    /// they are set to do, from which the plant makes its own pulses. To ideal valves both are the same: their mean
-    /// opening in a step.
+    /// From the start on, an [`Actuation`] is the action of a board's pins in each step. Without
+    /// this it is their duty, from which the plant makes its own pulses. For ideal valves both are
+    /// the same: their mean opening in a step.
     fn follow_pins(&mut self) {}
     /// Advances by one exchange step (`[run] step_s`).
     ///
     /// # Errors
     /// [`Diverged`] when a state is not finite or leaves the range of the equations.
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged>;
-    /// Takes over the numbers of `[supply]`, `[load]`, `[heat]` and the sensors' lags from the next step on; gas,
-    /// walls and what moves stay as they are. The rest of the scenario is the one that the plant was built from.
+    /// Takes over the numbers of `[supply]`, `[load]`, `[heat]` and the sensors' lags from the
+    /// next step on; states are kept. All other keys must equal those that the plant was built
+    /// from.
     ///
     /// # Errors
     /// As [`build`], and nothing has changed.
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError>;
-    /// Breaks, or mends, parts of the plant from the next step on.
+    /// Sets the faults of the plant from the next step on.
     fn disturb(&mut self, disturbance: Disturbance);
     /// The state now.
     fn truth(&self) -> Truth;
-    /// The books since the start.
+    /// The ledger since the start.
     fn ledger(&self) -> Ledger;
     /// Wall surface temperature per axial zone, port first \[K\]; one element without zones.
     fn axial_wall_k(&self) -> Vec<f64>;
@@ -215,12 +216,12 @@ pub trait Plant: Send {
 /// minutes \[s\].
 const SHORTEST_STEP_S: f64 = 1.0e-7;
 
-/// The key that makes the plant too fast, where it is what leaks, or a hole.
+/// The key that makes the plant too fast, if it is the leak or a hole.
 const LEAK_TOO_LARGE: &str = "leak.conductance_m3_s_pa is too large for the gas's volume";
 const HOLE_TOO_LARGE: &str =
     "leak_conductance_m3_s_pa of [faults] is too large for the gas's volume";
 
-/// Why a scenario that passed validation still makes no plant.
+/// Why a valid scenario gives no plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BuildError {
     /// The volume profile holds a volume that is not positive.
@@ -230,11 +231,11 @@ pub enum BuildError {
         /// The volume \[m3\].
         volume_m3: f64,
     },
-    /// Something in the plant is so fast that a run would not end.
+    /// The plant is so fast that a run would not end.
     TooFast {
-        /// Integration step that it asks for, below 1e-7 \[s\].
+        /// Required integration step, below 1e-7 \[s\].
         asked_s: f64,
-        /// Which keys make it so fast.
+        /// Keys that make it so fast.
         because: &'static str,
     },
 }
@@ -268,8 +269,8 @@ fn substeps(step_s: f64, longest_s: f64, because: &'static str) -> Result<u32, B
     Ok((step_s / longest_s - 1e-9).ceil().max(1.0) as u32)
 }
 
-/// Integration steps per exchange step. A hole asks for shorter ones, but only while it is there:
-/// until then a run is the same to the bit as one without.
+/// Integration steps per exchange step. A hole needs shorter ones only while it is open: until
+/// then the run is the same to the bit as without it.
 #[derive(Debug, Clone, Copy)]
 struct Substeps {
     whole: u32,
@@ -277,8 +278,8 @@ struct Substeps {
 }
 
 impl Substeps {
-    /// `of` gives the number for what leaks and a hole, in valves, and the key to name if they are too large.
-    /// `hottest_k`: the hottest that gas gets upstream \[K\].
+    /// `of` gives the number for the leak and a hole, in open valves, and the key to name if they
+    /// are too large. `hottest_k`: highest upstream temperature \[K\].
     fn new(
         scenario: &Scenario,
         piping: &Piping,
@@ -298,8 +299,8 @@ impl Substeps {
     }
 }
 
-/// Checks that a gas state is one: finite, positive pressure and mass, 20 to 2000 K. `before` is the
-/// last state that was.
+/// Checks a gas state: finite, positive pressure and mass, 20 to 2000 K. `before` is the last
+/// valid state.
 fn check_gas(
     time_s: f64,
     pressure: f64,
@@ -322,7 +323,7 @@ fn check_gas(
     })
 }
 
-/// Checks that a length is one that the chamber's equations hold for.
+/// Checks that a length is within the range of the chamber's equations.
 fn check_length(time_s: f64, length: f64, chamber: &impl Chamber) -> Result<(), Diverged> {
     let [shortest, longest] = chamber.range();
     if length >= shortest && length <= longest {

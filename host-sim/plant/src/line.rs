@@ -1,5 +1,5 @@
-//! A long line between valves and muscle: its gas in a chain of cells, inertia and friction on the faces
-//! between them.
+//! A long line between valves and muscle: its gas in a chain of cells, with inertia and friction
+//! on the faces between them.
 //!
 //! Along x, for the mass flow m through the section A = pi D^2/4, with p = rho R T:
 //!
@@ -25,8 +25,8 @@ use super::gas::{IdealGas, air_conductivity, air_viscosity};
 use std::f64::consts::PI;
 use thermyo_scenario::Scenario;
 
-/// A cell is a tenth of the line, but not shorter or longer than that \[m\]: sound takes 0.3 or 0.6 ms through it, a valve
-/// 2 ms to switch, and shorter ones only ask for shorter steps.
+/// A cell is a tenth of the line, within these limits \[m\]: sound takes 0.3 or 0.6 ms through it,
+/// a valve 2 ms to switch, and shorter cells would only need shorter steps.
 const CELL_M: [f64; 2] = [0.1, 0.2];
 /// Flow is laminar up to the first Reynolds number and turbulent from the second on \[-\].
 const LAMINAR_TO_TURBULENT: [f64; 2] = [2300.0, 4000.0];
@@ -35,7 +35,7 @@ const LAMINAR_NUSSELT: f64 = 3.66;
 /// Cube root of air's Prandtl number, 0.71.
 const PRANDTL_ROOT: f64 = 0.892_112;
 
-/// The line; its state is that of flows, masses and energies, one after the other.
+/// The line; its state has the flows, then the masses, then the energies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
     gas: IdealGas,
@@ -49,7 +49,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// That of a scenario, if it has one.
+    /// The line of a scenario, if it has one.
     pub fn new(scenario: &Scenario, gas: &IdealGas) -> Option<Self> {
         let [length_m, diameter_m] = scenario.tube.line()?;
         let wall_k = scenario.ambient.temperature_k;
@@ -72,12 +72,12 @@ impl Line {
         3 * self.cells
     }
 
-    /// Volume of half a cell \[m3\]: that at the valves is part of the tube's volume.
+    /// Volume of half a cell \[m3\]: the half at the valves is part of the tube's volume.
     pub fn half_cell_m3(&self) -> f64 {
         0.5 * self.section_m2 * self.cell_m
     }
 
-    /// Volume of the gas around the place after that face \[m3\].
+    /// Volume of the gas after that face \[m3\].
     fn volume_m3(&self, face: usize) -> f64 {
         if face + 1 == self.cells { self.half_cell_m3() } else { 2.0 * self.half_cell_m3() }
     }
@@ -100,8 +100,9 @@ impl Line {
         self.gas_of(masses[last], energies[last], self.half_cell_m3())
     }
 
-    /// Fastest rate \[1/s\]: sound from face to face, and what empties the half cell at the port or brakes a flow. `port`:
-    /// [`super::flow::Iso6358::steepest`] of it; `least_pa`, `hottest_k`: lowest pressure and highest temperature of the gas.
+    /// Fastest rate \[1/s\]: sound from face to face, and emptying of the half cell at the port or
+    /// friction. `port`: its [`super::flow::Iso6358::steepest`]; `least_pa`, `hottest_k`: lowest
+    /// pressure and highest temperature of the gas.
     pub fn fastest_rate(&self, port: f64, least_pa: f64, hottest_k: f64) -> f64 {
         let gas = &self.gas;
         let sound = (gas.k * gas.r * hottest_k).sqrt();
@@ -114,14 +115,14 @@ impl Line {
         2.0 * sound / self.cell_m + emptying.max(braking)
     }
 
-    /// Share of its momentum that a flow loses to friction \[1/s\], f |m|/(2 D A rho), for [`Self::friction`] and a density
-    /// \[kg/m3\].
+    /// Fraction of its momentum that a flow loses to friction \[1/s\], f |m|/(2 D A rho), for
+    /// [`Self::friction`] and a density \[kg/m3\].
     fn braking(&self, friction: f64, density: f64) -> f64 {
         0.5 * self.viscosity_pa_s * friction / (self.diameter_m * self.diameter_m * density)
     }
 
-    /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\]. Between laminar and turbulent flow one
-    /// passes into the other.
+    /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\].
+    /// They are interpolated between laminar and turbulent flow.
     fn friction(&self, flow: f64) -> (f64, f64) {
         let [laminar, turbulent] = LAMINAR_TO_TURBULENT;
         let reynolds = flow.abs() * self.diameter_m / (self.section_m2 * self.viscosity_pa_s);
@@ -140,8 +141,9 @@ impl Line {
         ((self.gas.k - 1.0) * energy / volume, energy / (self.gas.cv * mass))
     }
 
-    /// Writes the rates of its state, between gas (p, T) of the tube at the valves and the flow into the muscle
-    /// \[kg/s\] with its enthalpy over cp \[kg K/s\]. Returns what leaves the tube, in the same units.
+    /// Writes the rates of its state, between gas (p, T) of the tube at the valves and the flow
+    /// into the muscle \[kg/s\] with its enthalpy over cp \[kg K/s\]. Returns the flow out of the
+    /// tube, in the same units.
     pub fn rates(
         &self,
         state: &[f64],
@@ -297,7 +299,7 @@ mod tests {
         }
     }
 
-    /// Whatever the state: mass and energy go from place to place, or in and out at the ends.
+    /// For any state, mass and energy only move between cells or through the ends.
     #[test]
     fn mass_and_energy_go_nowhere() {
         let mut line = line(3.0, 0.004);

@@ -1,4 +1,4 @@
-//! What moves, lumped: one zone of gas, one wall, ideal valves, a quasi-static load.
+//! The lumped plant: one zone of gas, one wall, ideal valves, a quasi-static load.
 //!
 //! The length is no state of its own. Coulomb friction makes it a play operator: while the pull
 //! stays within the friction band around the load the length is held, and beyond it the length
@@ -89,7 +89,7 @@ struct Play {
 }
 
 impl Play {
-    /// The place that w and the friction force \[N\] lead to, from the length held.
+    /// Length for w and the friction force \[N\], from the length held.
     fn place<C: Chamber>(&mut self, constants: &Constants<C>, w: f64, friction: f64) -> Place {
         let pull = &constants.pull;
         let mut place = Place { pressure: w * self.held.power, ..self.held };
@@ -211,9 +211,6 @@ pub struct Lumped<C> {
 
 impl<C: Chamber + Copy> Lumped<C> {
     /// The lumped plant of a scenario with that chamber.
-    ///
-    /// # Errors
-    /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
         let rest_length = chamber.rest_length();
         let pull = Pull::new(scenario, chamber);
@@ -299,7 +296,7 @@ impl<C: Chamber + Copy> Lumped<C> {
         Ok(lumped)
     }
 
-    /// The same without valves: from now on the actuation is the mass flows \[kg/s\].
+    /// The same plant without valves: the actuation is the mass flows \[kg/s\].
     pub fn driven_by_flows(mut self) -> Self {
         self.constants.given_flows = true;
         self

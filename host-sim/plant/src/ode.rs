@@ -17,7 +17,7 @@ pub fn rk4<const N: usize>(
     from_fn(|i| state[i] + step / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]))
 }
 
-/// The classical fourth-order step for a system whose size is known at run time only.
+/// The classical fourth-order step for a system whose size is known only at run time.
 #[derive(Debug, Clone)]
 pub struct Rk4 {
     rates: [Vec<f64>; 4],
@@ -25,7 +25,7 @@ pub struct Rk4 {
 }
 
 impl Rk4 {
-    /// For that many states.
+    /// For a number of states.
     pub fn new(states: usize) -> Self {
         let zeros = vec![0.0; states];
         Self { rates: from_fn(|_| zeros.clone()), trial: zeros }
@@ -36,8 +36,8 @@ impl Rk4 {
         &self.rates[3]
     }
 
-    /// One step; `rates` gets the share of the step that has passed, and the state then, and writes the derivatives
-    /// into its last argument.
+    /// One step. `rates` gets the fraction of the step that has passed and the state there, and
+    /// writes the derivatives into its last argument.
     pub fn step(
         &mut self,
         state: &mut [f64],
@@ -60,7 +60,7 @@ impl Rk4 {
     }
 }
 
-/// Where those rates lead from `state` in that time.
+/// The state after that time at these rates.
 fn ahead(trial: &mut [f64], state: &[f64], step: f64, rates: &[f64]) {
     for ((trial, y), rate) in trial.iter_mut().zip(state).zip(rates) {
         *trial = y + step * rate;
@@ -164,7 +164,7 @@ impl DormandPrince {
                 time = if last { end } else { time + h };
                 *state = next;
                 k1 = k7;
-                // A step cut short by `end` says nothing against the longer one.
+                // A step cut short by `end` is no reason against the longer one.
                 self.step = if last { self.step.max(h * factor) } else { h * factor };
             } else {
                 self.step = h * factor;

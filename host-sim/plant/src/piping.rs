@@ -1,26 +1,24 @@
-//! What connects the gas to supply and ambient, and what of it is broken: a fault of the plant acts
-//! here and nowhere else.
+//! Connections of the gas to supply and ambient, with their faults: faults of the plant act only
+//! here.
 
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
 use thermyo_scenario::Scenario;
 
-/// What is broken in the plant. The default is nothing.
+/// Faults of the plant; none by default.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Disturbance {
-    /// Inlet valve.
     pub inlet: Travel,
-    /// Outlet valve.
     pub outlet: Travel,
     /// Sonic conductance of a hole from the gas to ambient, at ANR \[m3/(s Pa)\]; no larger than the
     /// largest of the scenario, which sets the integration's step. Its critical ratio is the valves'.
     pub leak_m3_s_pa: f64,
-    /// Absolute pressure of the supply at no flow, where it is not the scenario's \[Pa\].
+    /// Absolute pressure of the supply at no flow, if it differs from the scenario's \[Pa\].
     pub supply_pa: Option<f64>,
 }
 
-/// What a valve passes at the ends of its travel, as shares of its full conductance, 0 to 1. A stuck
-/// valve passes the same at both.
+/// Flow of a valve at the ends of its travel, as fractions of its full conductance, 0 to 1. A
+/// stuck valve has the same at both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Travel {
     /// Driven shut.
@@ -30,7 +28,7 @@ pub struct Travel {
 }
 
 impl Travel {
-    /// Mean opening of a valve that is driven open for that share of the time.
+    /// Mean opening of a valve that is driven open for that fraction of the time.
     fn opening(&self, driven: f64) -> f64 {
         self.shut + (self.open - self.shut) * driven
     }
@@ -42,23 +40,23 @@ impl Default for Travel {
     }
 }
 
-/// Supply, inlet valve, outlet valve, ambient, what leaks, and a hole if there is one. Gas flows through each of
-/// them in the direction that the pressures dictate.
+/// Supply, inlet valve, outlet valve, ambient, the leak, and a hole if there is one. Gas flows
+/// through each in the direction of the pressures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piping {
     valve: Iso6358,
     conductance_m3_s_pa: f64,
-    /// What leaks all the time, if anything does.
+    /// The permanent leak, if there is one.
     leak: Option<Iso6358>,
     supply: (f64, f64),
     ambient: (f64, f64),
     broken: Disturbance,
-    /// The hole's conductance, in valves.
+    /// The hole's conductance in open valves.
     hole: f64,
 }
 
 impl Piping {
-    /// The piping of a scenario, whole.
+    /// The piping of a scenario, without faults.
     pub fn new(scenario: &Scenario, gas: &IdealGas) -> Self {
         let Scenario { valve, leak, .. } = scenario;
         Self {
@@ -72,7 +70,7 @@ impl Piping {
         }
     }
 
-    /// What is broken from now on.
+    /// Sets the faults from now on.
     pub fn disturb(&mut self, disturbance: Disturbance) {
         self.broken = disturbance;
         self.hole = self.in_valves(disturbance.leak_m3_s_pa);
@@ -88,17 +86,16 @@ impl Piping {
         self.ambient
     }
 
-    /// Whether there is a hole.
     pub fn is_holed(&self) -> bool {
         self.broken.leak_m3_s_pa > 0.0
     }
 
-    /// [`Iso6358::steepest`] of what leaks all the time, in open valves.
+    /// [`Iso6358::steepest`] of the leak, in open valves.
     pub fn leak_in_valves(&self, upstream_k: f64) -> f64 {
         self.leak.map_or(0.0, |leak| leak.steepest(upstream_k) / self.steepest(upstream_k))
     }
 
-    /// A hole's conductance, in valves.
+    /// A hole's conductance in open valves.
     pub fn in_valves(&self, leak_m3_s_pa: f64) -> f64 {
         leak_m3_s_pa / self.conductance_m3_s_pa
     }
@@ -108,18 +105,18 @@ impl Piping {
         self.valve.steepest(upstream_k)
     }
 
-    /// Mass flow through the inlet into nothing: no inflow is larger \[kg/s\].
+    /// Mass flow through the inlet into vacuum, the largest possible inflow \[kg/s\].
     pub fn largest_inflow(&self) -> f64 {
         self.valve.mass_flow(self.supply.0, self.supply.1, 0.0)
     }
 
-    /// By how much the two valves are open, together, while they are driven that much \[-\].
+    /// Sum of the openings of both valves for these duties \[-\].
     pub fn openings(&self, inlet: f64, outlet: f64) -> f64 {
         self.broken.inlet.opening(inlet) + self.broken.outlet.opening(outlet)
     }
 
-    /// Adds the flow through the inlet valve to gas (p, T), with the supply that far below its pressure
-    /// at no flow.
+    /// Adds the flow through the inlet valve to gas (p, T), with the supply that much below its
+    /// pressure at no flow.
     pub fn add_inlet(&self, streams: &mut Streams, gas: (f64, f64), drop_pa: f64, driven: f64) {
         let (pressure, temperature) = self.supply();
         let opening = self.broken.inlet.opening(driven);
@@ -131,7 +128,7 @@ impl Piping {
         self.add(streams, gas, self.ambient, self.broken.outlet.opening(driven));
     }
 
-    /// Adds what leaks from gas (p, T), and the flow through the hole.
+    /// Adds the leak from gas (p, T), and the flow through the hole.
     pub fn add_leak(&self, streams: &mut Streams, gas: (f64, f64)) {
         if let Some(leak) = &self.leak {
             streams.add(gas, self.ambient, |p, t, q| leak.mass_flow(p, t, q));

@@ -7,10 +7,9 @@ use thermyo_scenario::{Friction, Load, LoadKind, Scenario};
 /// Standard gravity \[m/s2\].
 const STANDARD_GRAVITY: f64 = 9.80665;
 
-/// The static side of what moves: chamber and load.
+/// The static balance of forces: chamber and load.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pull<C> {
-    /// The chamber.
     pub chamber: C,
     /// Lengths at which stops carry the load \[m\].
     pub stops: [f64; 2],
@@ -21,7 +20,7 @@ pub struct Pull<C> {
 }
 
 impl<C: Chamber> Pull<C> {
-    /// Of a scenario with that chamber.
+    /// For a scenario with that chamber.
     pub fn new(scenario: &Scenario, chamber: C) -> Self {
         Self {
             stops: chamber.stops(),
@@ -31,7 +30,7 @@ impl<C: Chamber> Pull<C> {
         }
     }
 
-    /// Pull of gas and what is elastic \[N\], at an absolute pressure \[Pa\] and length \[m\].
+    /// Pull of gas and elastic parts \[N\], at an absolute pressure \[Pa\] and length \[m\].
     pub fn force(&self, pressure: f64, length: f64) -> f64 {
         (pressure - self.ambient_pa) * self.chamber.force_area(length)
             + self.chamber.elastic(length)
@@ -66,13 +65,13 @@ impl<C: Chamber> Pull<C> {
         f64::NAN
     }
 
-    /// `length` \[m\], or the stop that it is beyond.
+    /// `length` \[m\], limited to the stops.
     pub fn stopped(&self, length: f64) -> f64 {
         let [shortest, longest] = self.stops;
         length.min(longest).max(shortest)
     }
 
-    /// Length \[m\] that the load takes at a pressure held from the start, coming from rest.
+    /// Length \[m\] under load, from rest, at constant pressure.
     pub fn start_length(&self, pressure: f64, friction: f64) -> f64 {
         let rest = self.chamber.rest_length();
         let at_rest = self.force(pressure, rest);
@@ -84,7 +83,7 @@ impl<C: Chamber> Pull<C> {
         } else {
             return rest;
         };
-        // A force that does not fall below the load on the way is stopped.
+        // A force that does not fall below the load on the way ends at the stop.
         let beyond = self.force(pressure, stop) - wanted;
         if stop == rest || (stop.is_finite() && beyond * (at_rest - wanted) >= 0.0) {
             return stop;
@@ -93,7 +92,8 @@ impl<C: Chamber> Pull<C> {
     }
 }
 
-/// Force of a scenario's load \[N\]: a mass is lifted by what pressure does to the chamber.
+/// Force of a scenario's load \[N\]: a mass is lifted in the direction in which pressure moves the
+/// chamber.
 pub fn load_n(scenario: &Scenario, chamber: &(impl Chamber + ?Sized)) -> f64 {
     let Load { kind, force_n, mass_kg, .. } = scenario.load;
     match kind {

@@ -1,8 +1,8 @@
-//! A fast switching valve behind a PWM output: latched duty, dead time, finite slew. Or behind a pin that
-//! somebody else switches, of whom each step's share is known.
+//! A fast switching valve behind a PWM output, with latched duty, dead time and finite slew; or
+//! behind a pin of a board, whose fraction of each step is known.
 //!
-//! Between its kinks the opening is straight, so that an integrator that stops at each of them sees nothing but
-//! smooth motion.
+//! The opening is linear between its kinks, so that an integrator that stops at each of them sees
+//! only smooth motion.
 
 use std::collections::VecDeque;
 use thermyo_scenario::Valve;
@@ -10,10 +10,10 @@ use thermyo_scenario::Valve;
 /// Times closer than this are the same: steps and periods are multiples of each other only up to
 /// rounding \[s\].
 const EDGE_TOLERANCE_S: f64 = 1e-9;
-/// A pin that was high for more than this share of a step's end is high at its end: a counted time may miss by
-/// some cycles.
+/// A pin that was high for more than this fraction of the end of a step is high at its end: a
+/// counted time may be off by some cycles.
 const HIGH: f64 = 0.999;
-/// Pulses of shorter periods are averaged: their kinks would cost more steps than they are worth \[s\].
+/// Pulses of shorter periods are averaged, because their kinks would cost too many steps \[s\].
 const SHORTEST_PERIOD_S: f64 = 5.0e-4;
 
 /// The valve's opening under PWM.
@@ -24,17 +24,17 @@ const SHORTEST_PERIOD_S: f64 = 5.0e-4;
 pub struct PwmValve {
     period_s: f64,
     dead_time_s: f64,
-    /// Share of the stroke per time \[1/s\]; infinite for an ideal valve.
+    /// Fraction of the stroke per time \[1/s\]; infinite for an ideal valve.
     slew: f64,
     opening: f64,
     /// Pulses latched, oldest first; the first belongs to `oldest_period`.
     latched: VecDeque<Pulse>,
     oldest_period: u64,
-    /// Whether a period is one step, of which the pin's share is given.
+    /// Whether a period is one step with a given fraction of the pin.
     follows_pin: bool,
 }
 
-/// When the pin is high, as shares of the period.
+/// Times at which the pin is high, as fractions of the period.
 #[derive(Debug, Clone, Copy)]
 struct Pulse {
     from: f64,
@@ -55,7 +55,7 @@ impl PwmValve {
         }
     }
 
-    /// From time zero on, what is latched is the share of a step for which the pin was high.
+    /// From time zero on, the latched value is the fraction of a step for which the pin was high.
     pub fn follow_pin(&mut self, step_s: f64) {
         self.period_s = step_s;
         self.follows_pin = true;
@@ -73,7 +73,7 @@ impl PwmValve {
         }
     }
 
-    /// Start of the period that many after the oldest one latched \[s\].
+    /// Start of the period with this index after the oldest latched one \[s\].
     fn oldest_start_s(&self, periods_later: usize) -> f64 {
         (self.oldest_period + periods_later as u64) as f64 * self.period_s
     }
@@ -101,8 +101,8 @@ impl PwmValve {
         }
     }
 
-    /// Where the opening's next kink after `time` is, at most `until`: an edge that reaches the poppet, or the end
-    /// of its stroke \[s\].
+    /// The opening's next kink after `time`, at most `until` \[s\]: an edge that reaches the
+    /// poppet, or the end of its stroke.
     pub fn kink(&mut self, time_s: f64, until_s: f64) -> f64 {
         if self.period_s < SHORTEST_PERIOD_S {
             return until_s;
@@ -111,19 +111,19 @@ impl PwmValve {
         let arrival = time_s + (f64::from(u8::from(on)) - self.opening).abs() / self.slew;
         let arrives = arrival > time_s + EDGE_TOLERANCE_S && arrival < edge;
         let kink = if arrives { arrival } else { edge };
-        // An edge within rounding of either end is no stretch of its own.
+        // An edge within rounding of either end makes no separate interval.
         let within = kink > time_s + EDGE_TOLERANCE_S && kink < until_s - EDGE_TOLERANCE_S;
         if within { kink } else { until_s }
     }
 
-    /// Opening at `start` and at `end` \[-\], straight in between where no kink is; its mean over all of it is
+    /// Opening at `start` and at `end` \[-\], linear in between if there is no kink; its mean is
     /// exact in any case. Moves the poppet.
     pub fn advance(&mut self, start_s: f64, end_s: f64) -> [f64; 2] {
         let mean = self.mean(start_s, end_s);
         if self.period_s < SHORTEST_PERIOD_S {
             return [mean; 2];
         }
-        // Of an ideal valve the start is after its jump.
+        // For an ideal valve the start is after its jump.
         [2.0 * mean - self.opening, self.opening]
     }
 
@@ -133,8 +133,9 @@ impl PwmValve {
         let mut integral = 0.0;
         while time < end_s {
             let (on, edge) = self.pin(time);
-            // An edge within rounding of `time` must not stall the loop, one within rounding of the end is the next
-            // stretch's: an ideal valve would be shut at the end of a pulse.
+            // An edge within rounding of `time` must not stall the loop, and one within rounding
+            // of the end belongs to the next interval: an ideal valve would be shut at the end of
+            // a pulse.
             let early = edge < end_s - EDGE_TOLERANCE_S;
             let stop = if early { edge.max(time + EDGE_TOLERANCE_S) } else { end_s };
             integral += self.travel(on, stop - time);
@@ -183,7 +184,7 @@ mod tests {
 
     #[test]
     fn opening_equals_duty_when_the_stroke_is_complete() {
-        // Opening and closing take the same time: what one edge loses the other gains.
+        // Opening and closing take the same time, so that the losses of both edges cancel.
         for duty in [0.25, 0.333, 0.5, 0.75] {
             assert!((mean(&valve(), duty) - duty).abs() < 1e-6, "duty {duty}");
         }
@@ -215,7 +216,7 @@ mod tests {
         assert_eq!(opened, Some(11));
     }
 
-    /// 20 ms in stretches: from kink to kink the opening is straight, and goes on where it was.
+    /// 20 ms in intervals: the opening is linear from kink to kink, and continuous.
     #[test]
     fn between_kinks_the_opening_is_straight() {
         let mut valve = PwmValve::new(&valve());
@@ -293,7 +294,7 @@ mod tests {
             let expected = f64::from((13..30).contains(&quarter));
             assert!((open - expected).abs() < 1e-4, "{quarter}: {open}");
         }
-        // A PWM of its own knows nothing of this: it waits for its period.
+        // A valve with its own PWM is unaffected: it waits for its period.
         assert!(high(&|_| ()).iter().all(|open| *open < 1e-4));
     }
 }

@@ -5,10 +5,10 @@ use super::lag::Lag;
 use thermyo_compute::math;
 use thermyo_scenario::Scenario;
 
-/// What the sensing elements are exposed to.
+/// Inputs of the sensing elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
-    /// Gas around the foil \[K\].
+    /// Gas around the element \[K\].
     pub gas_k: f64,
     /// Wall around the wall sensor \[K\].
     pub wall_k: f64,
@@ -29,7 +29,7 @@ pub struct Sensors {
     film: Option<Film>,
 }
 
-/// A foil whose lag is the resistance of the gas film around it: thin gas takes longer.
+/// An element whose lag is the resistance of the gas film around it: thin gas takes longer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Film {
     exponent: f64,
@@ -47,7 +47,7 @@ impl Film {
 }
 
 impl Sensors {
-    /// Sensors at rest in `start`; `housing_s` is the time constant of the foil's housing \[s\].
+    /// Sensors at rest in `start`; `housing_s` is the time constant of the housing \[s\].
     pub fn new(scenario: &Scenario, housing_s: f64, start: &Exposure) -> Self {
         let sensor = &scenario.sensor;
         let film = (sensor.gas.density_exponent > 0.0).then(|| Film {
@@ -67,7 +67,7 @@ impl Sensors {
         }
     }
 
-    /// Takes over the time constants of others; what the elements have come to stays.
+    /// Takes over the time constants of others; the elements keep their states.
     pub fn retune(&mut self, other: &Self) {
         self.housing.retune(&other.housing);
         self.gas.retune(&other.gas);
@@ -79,7 +79,7 @@ impl Sensors {
         }
     }
 
-    /// Advances by one exchange step, at the end of which the elements are exposed to `now`.
+    /// Advances by one exchange step, with the inputs `now` at its end.
     pub fn advance(&mut self, now: &Exposure) {
         if let Some(film) = &self.film {
             self.gas.set_time_constant(film.time_constant_s(now), film.step_s);

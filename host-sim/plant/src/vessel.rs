@@ -59,7 +59,7 @@ struct Constants {
     initial_k: f64,
 }
 
-/// What follows from the state at one instant.
+/// Quantities that follow from the state at one instant.
 struct Instant {
     volume: f64,
     pressure: f64,
@@ -86,7 +86,7 @@ impl Constants {
                 self.piping.add_inlet(&mut streams, gas, 0.0, actuation.inlet);
                 self.piping.add_outlet(&mut streams, gas, actuation.outlet);
             }
-            // What leaks is among them.
+            // Leaks are included.
             Ports::Given { inflow_k } => {
                 streams = Streams::given(actuation.inlet, *inflow_k, actuation.outlet);
             }
@@ -212,8 +212,8 @@ impl Vessel {
         Ok(vessel)
     }
 
-    /// The same vessel without valves: from now on the actuation is the mass flows \[kg/s\], the
-    /// inflow at `inflow_k` \[K\].
+    /// The same vessel without valves: the actuation is the mass flows \[kg/s\], with the inflow
+    /// at `inflow_k` \[K\].
     pub fn driven_by_flows(mut self, inflow_k: f64) -> Self {
         self.constants.ports = Ports::Given { inflow_k };
         self

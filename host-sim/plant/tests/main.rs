@@ -1,4 +1,4 @@
-//! The plant.
+//! Tests of the plant.
 
 mod plant_faults;
 mod plant_full;

@@ -23,7 +23,7 @@ fn held(model: PlantModel, pressure_pa: f64) -> Scenario {
     scenario
 }
 
-/// A plant that a hole is found in, as a scenario has to say before it is built.
+/// A plant with a hole, which the scenario must state before it is built.
 fn holed(scenario: &Scenario, leak_m3_s_pa: f64) -> Box<dyn Plant> {
     let mut scenario = scenario.clone();
     scenario.faults.own.leak_conductance_m3_s_pa = leak_m3_s_pa;
@@ -45,7 +45,7 @@ fn run(plant: &mut dyn Plant, actuation: Actuation, seconds: f64) -> Truth {
     plant.truth()
 }
 
-/// V/(R C rho0 sqrt(T0 T)), the time in which a choked hole would take all of the gas [s].
+/// V/(R C rho0 sqrt(T0 T)), the time in which a choked hole would empty the volume [s].
 fn choked_time(scenario: &Scenario, start: &Truth, conductance: f64) -> f64 {
     let r = scenario.gas.gas_constant_j_kg_k;
     let (rho, t0) = (100_000.0 / (r * 293.15), 293.15_f64);
@@ -91,8 +91,8 @@ fn a_choked_leak_discharges_as_the_closed_forms_say() {
     }
 }
 
-/// Time in which gas that is held behind a hole falls to a pressure [s], with n = 1 at constant
-/// temperature and n = k without heat.
+/// Time in which gas at a fixed length falls to a pressure through a hole [s], with n = 1 at
+/// constant temperature and n = k without heat.
 fn time_to(scenario: &Scenario, start: &Truth, conductance: f64, exponent: f64, to: f64) -> f64 {
     let gas = IdealGas::new(&scenario.gas);
     let hole = Iso6358::valve(conductance, scenario.valve.critical_ratio, &gas);

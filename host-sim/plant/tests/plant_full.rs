@@ -86,7 +86,7 @@ const INLET_OPEN: Actuation = Actuation { inlet: 1.0, outlet: 0.0 };
 const OUTLET_OPEN: Actuation = Actuation { inlet: 0.0, outlet: 1.0 };
 const CLOSED: Actuation = Actuation { inlet: 0.0, outlet: 0.0 };
 
-/// Whatever a scenario may say of friction, heat and wall, its plant takes steps that are short enough.
+/// For any valid friction, heat transfer and wall, the plant's steps are short enough.
 #[test]
 fn the_ends_of_the_ranges_run() {
     type Set = fn(&mut Scenario);
@@ -124,8 +124,8 @@ fn hold(plant: &mut dyn Plant, actuation: Actuation, steps: usize) -> Truth {
     plant.truth()
 }
 
-/// Filling at a fixed length through an ideal valve and a wide tube volume: nothing in it is
-/// faster than the step, nothing switches.
+/// Filling at a fixed length through an ideal valve and a wide tube volume: no process is faster
+/// than the step, and nothing switches.
 fn smooth() -> Scenario {
     let mut scenario = muscle(PlantModel::Full);
     scenario.load.kind = LoadKind::Isometric;
@@ -206,8 +206,8 @@ fn its_own_steps_are_short_enough() {
     }
 }
 
-/// One zone of the full muscle at a fixed length, with tube, regulator and two wall layers, written
-/// down anew in energies: m, U, m_t, U_t, regulator flow, inner and outer wall.
+/// One zone of the full muscle at a fixed length, with tube, regulator and two wall layers,
+/// derived separately in energies: m, U, m_t, U_t, regulator flow, inner and outer wall.
 struct Independent {
     scenario: Scenario,
     gas: IdealGas,
@@ -306,7 +306,7 @@ fn the_closed_end_is_compressed_isentropically() {
     assert!(isentrope > 330.0, "{truth:?}");
     assert!((gas[19] / isentrope - 1.0).abs() < 0.01, "{gas:?} for {isentrope}");
     assert!(gas[0] < gas[19] - 5.0, "{gas:?}");
-    // Left alone, the gas evens out.
+    // Without flow the gas temperature evens out.
     hold(&mut *plant, CLOSED, 300_000);
     let gas = plant.axial_gas_k();
     assert!((gas[19] - gas[0]).abs() < 0.5, "{gas:?}");
@@ -334,7 +334,8 @@ fn the_load_rests_on_the_stop_until_it_is_lifted() {
     assert_eq!((truth.length_m, truth.speed_m_s), (0.3, 0.0));
 }
 
-/// A light mass on a muscle that fills fast: thrown, it flies, and the end that lost it is caught up with.
+/// A light mass on a muscle that fills fast: the mass is thrown, and the muscle's end catches up
+/// with it.
 #[test]
 fn a_slack_muscle_does_not_hold_its_load() {
     const G: f64 = 9.80665;
@@ -372,7 +373,7 @@ fn a_slack_muscle_does_not_hold_its_load() {
     }
 }
 
-/// Nothing brings back a mass that no force pulls: the muscle works without it.
+/// A mass without a restoring force does not come back: the muscle works without it.
 #[test]
 fn a_load_of_no_force_may_fly_away() {
     let mut scenario = muscle(PlantModel::Full);

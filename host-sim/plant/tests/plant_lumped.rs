@@ -101,7 +101,7 @@ fn run(scenario: &Scenario, until: f64) -> Truth {
     plant.truth()
 }
 
-/// The same muscle written down anew: states m, U, T_w; the length by bisection of the forces.
+/// The same muscle from scratch: states m, U, T_w; the length by bisection of the forces.
 struct Independent {
     scenario: Scenario,
     braid: Geometry,

@@ -6,7 +6,7 @@ use thermyo_plant::{Actuation, Plant, Truth};
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{DriveKind, HeatModel, PlantKind, PlantModel, Scenario};
 
-/// What every closed form starts from.
+/// Initial state of every closed form.
 #[derive(Debug, Clone)]
 struct Case {
     k: f64,
@@ -38,7 +38,7 @@ impl Case {
         self.k.sqrt() * (2.0 / (self.k + 1.0)).powf((self.k + 1.0) / (2.0 * (self.k - 1.0)))
     }
 
-    /// A vessel whose nozzle, loss-free, gives the wanted time constant.
+    /// A vessel with a loss-free nozzle for the wanted time constant.
     fn scenario(&self, drive: DriveKind, heat: HeatModel) -> Scenario {
         let mut s = Scenario::default();
         s.run.step_s = self.step;
@@ -111,7 +111,7 @@ proptest! {
         let truth = run(&mut *plant, steps);
         prop_assert!(relative(truth.pressure_pa, case.pressure * (-t / case.tau).exp()) < 1e-9);
         prop_assert_eq!(truth.gas_temperature_k, case.temperature);
-        // Eq. (7): the heat taken from the wall is the flow work of what left.
+        // Eq. (7): the heat taken from the wall is the flow work of the outflow.
         let heat = -(case.pressure - truth.pressure_pa) * case.volume;
         prop_assert!(relative(plant.ledger().heat_to_wall_j, heat) < 1e-9);
     }
@@ -295,8 +295,8 @@ fn measured_air_discharge() {
     assert!(adiabatic.0 > 10.0 * best.0);
 }
 
-/// A record that begins in the middle of a motion: gas at 340 K in a wall that stays at 298 K cools as
-/// exp(-h A t/(m cv)), and its pressure with it.
+/// A record that begins in mid-process: gas at 340 K in a wall at 298 K cools as exp(-h A t/(m
+/// cv)), and its pressure follows.
 #[test]
 fn gas_that_starts_warm_cools_to_its_wall() {
     let mut s = Scenario::default();

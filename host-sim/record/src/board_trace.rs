@@ -1,5 +1,5 @@
-//! `trace.csv` of a real board: the columns of every trace, empty where only a plant would know, and behind them
-//! what the core was configured with.
+//! `trace.csv` of a real board: the columns of every trace, empty where only a plant has a value,
+//! followed by the core's configuration.
 
 use crate::sinks::Sinks;
 use crate::trace::{COLUMNS, Row, cells_text};
@@ -11,7 +11,7 @@ use thermyo_files::rows::Rows;
 use thermyo_plant::Truth;
 use thermyo_scenario::short;
 
-/// Columns behind those of every trace. The set point's kind is its place in [`kind_and_values`].
+/// Columns after those of every trace. The set point's kind is its index in [`kind_and_values`].
 pub const MORE_COLUMNS: [&str; 7] = [
     "set_point_kind",
     "set_point_value",
@@ -22,12 +22,12 @@ pub const MORE_COLUMNS: [&str; 7] = [
     "config_checksum",
 ];
 
-/// Every column that a record may have, of a run or of a board.
+/// All columns of a run's or a board's record.
 pub fn every_column() -> Vec<&'static str> {
     [&COLUMNS[..], &MORE_COLUMNS].concat()
 }
 
-/// A set point as a kind and the values that it has.
+/// A set point as a kind and its values.
 pub fn kind_and_values(set_point: SetPoint) -> (u8, f32, f32) {
     match set_point {
         SetPoint::Vent => (0, 0.0, 0.0),
@@ -51,7 +51,7 @@ pub fn set_point(kind: u8, value: f32, second: f32) -> SetPoint {
     }
 }
 
-/// What a board's telemetry says of a row; nobody knows the rest.
+/// The row of a board's telemetry; unknown cells are NaN.
 pub fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
     let unknown = f64::NAN;
     Row {
@@ -76,21 +76,21 @@ pub fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
     }
 }
 
-/// Most steps that can be missing where their count begins anew at 2^32: three days at 1 kHz.
+/// Most missing steps when their count wraps at 2^32: three days at 1 kHz.
 const MOST_MISSING: u32 = 1 << 28;
 
-/// Time over steps that begin anew when the board does.
+/// Time from step counts that start over when the board restarts.
 #[derive(Debug, Default)]
 struct Clock {
     /// The last step, and its length \[s\].
     last: Option<(u32, f64)>,
-    /// When steps of that length began \[s\].
+    /// Time at which steps of that length began \[s\].
     since_s: f64,
     steps: u64,
 }
 
 impl Clock {
-    /// Time since the first step \[s\]; each is later than the one before.
+    /// Time since the first step \[s\], strictly increasing.
     fn time_s(&mut self, step: u32, step_s: f64) -> f64 {
         if let Some((last, last_s)) = self.last {
             if last_s != step_s {
@@ -104,8 +104,7 @@ impl Clock {
     }
 }
 
-/// How far a board has come. Nobody knows how long one took that has started anew: that counts as one
-/// step.
+/// Progress of a board. The duration of a restart is unknown and counts as one step.
 fn steps_between(last: u32, step: u32) -> u64 {
     let steps = step.wrapping_sub(last);
     let anew = step < last && steps > MOST_MISSING;
@@ -121,26 +120,20 @@ pub struct Recorder<W: Write = File> {
 }
 
 impl<W: Write> Recorder<W> {
-    /// Into anything that takes bytes.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Writes to `out`.
     pub fn new(out: W) -> io::Result<Self> {
         let header = every_column().join(",");
         let out = Rows::new(out, &header)?;
         Ok(Self { out, beside: Sinks::default(), clock: Clock::default(), rows: 0 })
     }
 
-    /// Its rows go there too.
+    /// Adds sinks for its rows.
     #[must_use]
     pub fn beside(self, beside: Sinks) -> Self {
         Self { beside, ..self }
     }
 
-    /// One row, as it was written; an empty `status` leaves its columns empty.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Writes one row; an empty `status` leaves its columns empty.
     pub fn write(
         &mut self,
         config: &Config,
@@ -167,33 +160,24 @@ impl<W: Write> Recorder<W> {
         Ok(row)
     }
 
-    /// Rows so far.
+    /// Number of rows.
     pub fn rows(&self) -> u64 {
         self.rows
     }
 
-    /// Rows that have waited long enough are in the file.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Hands over rows that have waited long enough.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
         self.out.hand_over_in_time()?;
         self.beside.hand_over_in_time()
     }
 
-    /// Everything is in the file.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Flushes all rows.
     pub fn hand_over(&mut self) -> io::Result<()> {
         self.out.hand_over()?;
         self.beside.hand_over()
     }
 
-    /// Everything is in `out`, and that is given back.
-    ///
-    /// # Errors
-    /// Those of `out`.
+    /// Flushes all rows and returns `out`.
     pub fn finish(self) -> io::Result<W> {
         let out = self.out.finish()?;
         self.beside.finish()?;
@@ -230,7 +214,6 @@ mod tests {
         assert_eq!(lines[1][restarts], "", "the board has not said");
     }
 
-    /// Keeps the rows.
     #[derive(Clone, Default)]
     struct Beside(Arc<Mutex<Vec<Vec<f64>>>>);
 
@@ -290,7 +273,7 @@ mod tests {
         ] {
             assert_eq!(times_ms(steps), expected, "{what}");
         }
-        // It knows how long a step is only after some rows.
+        // The length of a step is known only after some rows.
         let mut clock = Clock::default();
         let times = [(0, 0.001), (10, 0.001), (20, 0.002), (30, 0.002)];
         let times = times.map(|(step, step_s)| (clock.time_s(step, step_s) * 1e3).round() as u64);

@@ -1,4 +1,4 @@
-//! What a run leaves: its trace, its summary, and the measurements that it is held against.
+//! Results of a run: trace, summary, and comparison with measurements.
 
 pub mod board_trace;
 pub mod limit_cycle;

@@ -1,40 +1,41 @@
-//! A limit cycle in a run: a controlled value that swings on and on around a set point that stands still.
+//! Detection of limit cycles: sustained oscillation of a controlled value around a constant set
+//! point.
 
 use serde::Serialize;
 use std::collections::VecDeque;
 
-/// Swings that have to follow each other: five cycles.
+/// Swings in a row that make a limit cycle: five cycles.
 const SWINGS: usize = 10;
-/// The last of them is at least that share of the first: it does not die away \[-\].
+/// Smallest ratio of the last swing to the first: below it the oscillation decays \[-\].
 const LASTS: f64 = 0.7;
 
 /// A limit cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LimitCycle {
-    /// When the set point that it belongs to ended \[s\].
+    /// End of the set point in which it occurred \[s\].
     pub time_s: f64,
-    /// Its frequency \[Hz\].
+    /// Frequency \[Hz\].
     pub frequency_hz: f64,
-    /// Half of its way from turn to turn, in the unit of the set point.
+    /// Amplitude: half of the distance between turning points, in the unit of the set point.
     pub amplitude: f64,
 }
 
-/// Looks for turns that lie further apart than the least swing.
+/// Finds turning points that lie further apart than the smallest swing.
 #[derive(Debug, Clone)]
 pub struct Detector {
     least_swing: f64,
     set_point: f64,
     time_s: f64,
-    /// Last turn, or the extreme so far: time \[s\] and value; 1 while the value rises.
+    /// Last turning point, or the extreme so far: time \[s\] and value; 1 while the value rises.
     extreme: (f64, f64),
     rising: Option<bool>,
-    /// The last turns.
+    /// The last turning points.
     turns: VecDeque<(f64, f64)>,
     largest: Option<LimitCycle>,
 }
 
 impl Detector {
-    /// For a dead zone within which a value is left alone: less than its width is no swing.
+    /// For a controller's dead zone: swings below its width do not count.
     pub fn new(dead_zone: f64) -> Self {
         Self {
             least_swing: 2.0 * dead_zone,
@@ -80,7 +81,7 @@ impl Detector {
         }
     }
 
-    /// A set point has ended: a cycle that went on to its end is one.
+    /// The set point has ended. A cycle that lasted to its end counts.
     fn end_set_point(&mut self) {
         let (Some(first), Some(last)) = (self.turns.front(), self.turns.back()) else { return };
         if self.turns.len() <= SWINGS {
@@ -103,7 +104,7 @@ impl Detector {
         }
     }
 
-    /// The largest limit cycle of a run that has ended.
+    /// The largest limit cycle at the end of a run.
     pub fn finish(mut self) -> Option<LimitCycle> {
         self.end_set_point();
         self.largest

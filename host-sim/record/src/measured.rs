@@ -4,10 +4,10 @@ use thermyo_files::input::{InputError, Instead, Problem, nearest, quoted};
 use thermyo_files::table::Table;
 use thermyo_scenario::schema::Limits;
 
-/// The column that every other one is over.
+/// The column of the times.
 pub const TIME: &str = "time_s";
 
-/// What can be measured: beyond lies another unit, or a broken line.
+/// Limits of plausible values: beyond them the unit is wrong or a line is broken.
 const POSSIBLE: [(&str, Limits); 10] = [
     (TIME, Limits { min: 0.0, max: 1.0e6, unit: "s" }),
     ("pressure_pa", Limits { min: 1.0e3, max: 1.0e8, unit: "Pa" }),
@@ -24,18 +24,18 @@ const POSSIBLE: [(&str, Limits); 10] = [
 /// Measured columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
-    /// Those with at least one value, in order of the file.
+    /// Columns with at least one value, in order of the file.
     pub columns: Vec<Column>,
 }
 
 /// One measured quantity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// The trace's name for it.
+    /// Its name in the trace.
     pub name: String,
-    /// (time \[s\], value), times never falling.
+    /// (time \[s\], value); times do not fall.
     pub points: Vec<(f64, f64)>,
-    /// The line of each point in its file, where it is from one.
+    /// Line of each point, if it is from a file.
     pub lines: Vec<u64>,
 }
 
@@ -43,8 +43,7 @@ impl Measured {
     /// The column time_s of a table and any of the `known` columns; cells may be empty.
     ///
     /// # Errors
-    /// For a column that is not `known`, for times that are missing or fall, and for what cannot have
-    /// been measured.
+    /// For an unknown column, for times that are missing or fall, and for implausible values.
     pub fn new(table: &Table, known: &[&str]) -> Result<Self, InputError> {
         table.column(TIME)?;
         for column in table.columns() {
@@ -88,11 +87,11 @@ impl Measured {
         Ok(Self { columns })
     }
 
-    /// What a run of that length can be compared with, the columns that are `comparable`; and how many of
-    /// the table's rows lie after its end.
+    /// The part that a run of that length can be compared with, in `comparable` columns, and the
+    /// number of the table's rows after its end.
     ///
     /// # Errors
-    /// When nothing is left.
+    /// If nothing remains.
     pub fn within_run(
         mut self,
         table: &Table,

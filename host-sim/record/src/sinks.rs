@@ -1,79 +1,53 @@
-//! Where the rows of a trace go besides `trace.csv`: a record in another format, a plot that is watched.
+//! Further sinks for the rows of a trace besides `trace.csv`: a record in another format, a live
+//! plot.
 
 use std::io;
 
-/// One such place. A row is its cells in the order of [`every_column`](super::board_trace::every_column), the time
-/// first; a run knows fewer of them. What nobody knows is NaN.
+/// A sink for rows. A row has its cells in the order of
+/// [`every_column`](super::board_trace::every_column), the time first. Unknown cells are NaN.
 pub trait Sink: Send {
     /// Takes one row.
-    ///
-    /// # Errors
-    /// Those of what is behind it.
     fn row(&mut self, cells: &[f64]) -> io::Result<()>;
 
-    /// Hands over what has waited for long enough; for those who wait for the next row.
-    ///
-    /// # Errors
-    /// Those of what is behind it.
+    /// Hands over rows that have waited long enough; for callers that wait for the next row.
     fn hand_over_in_time(&mut self) -> io::Result<()> {
         Ok(())
     }
 
-    /// Hands over everything.
-    ///
-    /// # Errors
-    /// Those of what is behind it.
     fn hand_over(&mut self) -> io::Result<()> {
         Ok(())
     }
 
-    /// No row follows.
-    ///
-    /// # Errors
-    /// Those of what is behind it.
+    /// Ends the record.
     fn finish(self: Box<Self>) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// Any number of them.
 #[derive(Default)]
 pub struct Sinks(Vec<Box<dyn Sink>>);
 
 impl Sinks {
-    /// One more.
+    /// Adds a sink.
     pub fn add(&mut self, sink: impl Sink + 'static) {
         self.0.push(Box::new(sink));
     }
 
-    /// Shows all of them a row.
-    ///
-    /// # Errors
-    /// The first one's.
+    /// Passes a row to all of them.
     pub fn row(&mut self, cells: &[f64]) -> io::Result<()> {
         self.0.iter_mut().try_for_each(|sink| sink.row(cells))
     }
 
-    /// Hands over what has waited for long enough.
-    ///
-    /// # Errors
-    /// The first one's.
+    /// Hands over rows that have waited long enough.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
         self.0.iter_mut().try_for_each(|sink| sink.hand_over_in_time())
     }
 
-    /// Hands over everything.
-    ///
-    /// # Errors
-    /// The first one's.
     pub fn hand_over(&mut self) -> io::Result<()> {
         self.0.iter_mut().try_for_each(|sink| sink.hand_over())
     }
 
-    /// No row follows.
-    ///
-    /// # Errors
-    /// The first one's.
+    /// Ends the records.
     pub fn finish(self) -> io::Result<()> {
         self.0.into_iter().try_for_each(|sink| sink.finish())
     }

@@ -1,4 +1,4 @@
-//! `summary.json`: the figures of a run, gathered while it goes on.
+//! `summary.json`: the figures of a run, gathered during the run.
 
 use crate::limit_cycle::LimitCycle;
 use crate::measured::Measured;
@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use thermyo_files::number::{Unit, fixed, significant};
 use thermyo_plant::{Ledger, Truth};
 
-/// What a set point stood for, where one was driven.
+/// The controlled quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Controlled {
@@ -23,7 +23,6 @@ pub enum Controlled {
 }
 
 impl Controlled {
-    /// What it is called.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pressure => "Absolute pressure",
@@ -31,7 +30,7 @@ impl Controlled {
         }
     }
 
-    /// How it is shown.
+    /// Its unit as shown.
     pub fn unit(self) -> Unit {
         match self {
             Self::Pressure => Unit::of_column("pressure_pa"),
@@ -39,14 +38,14 @@ impl Controlled {
         }
     }
 
-    /// A value of it, or a difference of two, for a sentence.
+    /// A value or difference as text.
     pub fn text(self, value: f64) -> String {
         let Unit { symbol, factor } = self.unit();
         format!("{} {symbol}", significant(value * factor, 3))
     }
 }
 
-/// Everything that `summary.json` says of a run.
+/// The content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Simulated time \[s\].
@@ -55,7 +54,7 @@ pub struct Summary {
     pub strokes: u64,
     /// Simulated time per wall-clock time \[-\].
     pub real_time_factor: f64,
-    /// Which board ran the core.
+    /// The board that ran the core.
     pub board: String,
     /// Pressure in the plant \[Pa\].
     pub pressure_pa: Range,
@@ -70,31 +69,31 @@ pub struct Summary {
     pub sensor_wall_k: Readings,
     /// Root-mean-square errors against the plant's gas temperature \[K\].
     pub rmse_k: Errors,
-    /// Share of the rows in which the truth lies within two stated standard deviations \[-\].
+    /// Fraction of the rows in which the true value lies within two stated deviations \[-\].
     pub estimate_within_2sd: f64,
-    /// Mass that appeared from nowhere, relative \[-\].
+    /// Relative error of the mass balance \[-\].
     pub mass_balance_error: f64,
-    /// Energy that appeared from nowhere, relative \[-\].
+    /// Relative error of the energy balance \[-\].
     pub energy_balance_error: f64,
-    /// The books of mass and energy.
+    /// The ledger of mass and energy.
     pub ledger: Ledger,
     /// Surface temperature along the muscle at the end, port first \[K\].
     pub axial_temperature_k: Vec<f64>,
     /// Gas temperature along the muscle at the end, port first \[K\].
     pub axial_gas_temperature_k: Vec<f64>,
-    /// What the core reports of itself.
+    /// The core's own reports.
     pub core: CoreFigures,
-    /// How well the set point was held, where one was driven.
+    /// Control errors, if there is a controlled quantity.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
-    /// The largest limit cycle around a set point that stood still, if there was one; its amplitude is in Pa or a share of
-    /// the rest length.
+    /// The largest limit cycle around a constant set point, if there was one. Its amplitude is in
+    /// Pa or a fraction of the rest length.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit_cycle: Option<LimitCycle>,
-    /// How the steps were timed, where the board is not this process.
+    /// Timing of the steps, if the board is not this process.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timing: Option<TimingFigures>,
-    /// Root-mean-square and largest difference to measured columns, where some were given.
+    /// Root-mean-square and largest difference to the measured columns, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured: Option<BTreeMap<String, Difference>>,
 }
@@ -102,9 +101,7 @@ pub struct Summary {
 /// Range and mean of a quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Range {
-    /// Smallest.
     pub min: f64,
-    /// Largest.
     pub max: f64,
     /// Mean over the steps.
     pub mean: f64,
@@ -113,22 +110,18 @@ pub struct Range {
 /// Range and ends of a sensor's readings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Readings {
-    /// Smallest.
     pub min: f64,
-    /// Largest.
     pub max: f64,
-    /// At the start.
     pub first: f64,
-    /// At the end.
     pub last: f64,
 }
 
 /// Root-mean-square errors \[K\].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Errors {
-    /// The sensor in the gas, read bare.
+    /// The bare sensor in the gas.
     pub sensor_gas: f64,
-    /// The sensor in the wall, read bare.
+    /// The bare sensor in the wall.
     pub sensor_wall: f64,
     /// The forward model, which sees the mass flows only.
     pub model: f64,
@@ -136,41 +129,38 @@ pub struct Errors {
     pub estimate: f64,
 }
 
-/// What the core reports of itself.
+/// The core's own reports.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CoreFigures {
-    /// Steps run.
     pub steps: u64,
-    /// Steps in which a sensor's code lay at a rail.
+    /// Steps in which a sensor's code was at a rail.
     pub saturations: u64,
-    /// Steps in which the set point asked for more pressure than there may be.
+    /// Steps in which the set point required more than the allowed pressure.
     pub limited: u64,
     /// Every fault bit that was ever set.
     pub faults: u16,
-    /// What they are called.
+    /// Names of these faults.
     pub fault_names: Vec<&'static str>,
-    /// When the first of those that vent was found \[s\].
+    /// Time of the first venting fault \[s\].
     pub vented_s: Option<f64>,
-    /// When the first of those that are only shown was found \[s\].
+    /// Time of the first fault that is only shown \[s\].
     pub shown_s: Option<f64>,
 }
 
-/// Faults that do not vent.
 const SHOWN: Faults = Faults(!VENTING.0);
 
-/// Faults of a run of one kind.
+/// Faults of one kind in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
-    /// "vented", or "shown" of what does not vent.
+    /// "vented", or "shown" for faults that do not vent.
     pub what: &'static str,
-    /// When the first of them was found \[s\].
+    /// Time of the first of them \[s\].
     pub from_s: f64,
-    /// Which.
     pub faults: Faults,
 }
 
 impl CoreFigures {
-    /// What vented, and what was only shown, where there was any.
+    /// Venting faults and faults that were only shown, if there were any.
     pub fn found(&self) -> impl Iterator<Item = Found> {
         let all = Faults(self.faults);
         [("vented", self.vented_s, all.of(VENTING)), ("shown", self.shown_s, all.of(SHOWN))]
@@ -178,7 +168,7 @@ impl CoreFigures {
             .filter_map(|(what, from_s, faults)| Some(Found { what, from_s: from_s?, faults }))
     }
 
-    /// The same in words: "vented from 2.06 s: pressure sensor, overpressure".
+    /// The same as text: "vented from 2.06 s: pressure sensor, overpressure".
     pub fn fault_text(&self) -> Option<String> {
         let each = self.found().map(|Found { what, from_s, faults }| {
             format!("{what} from {} s: {faults}", fixed(from_s, 2))
@@ -186,27 +176,27 @@ impl CoreFigures {
         each.reduce(|all, next| format!("{all}; {next}"))
     }
 
-    /// A line for people; none without a fault.
+    /// One line of text; none without a fault.
     pub fn fault_line(&self) -> String {
         self.fault_text().map_or_else(String::new, |text| format!("warning: the core {text}\n"))
     }
 }
 
-/// How well a set point was held, in the set point's unit.
+/// Control errors, in the set point's unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Control {
-    /// What the set point stands for.
+    /// The controlled quantity.
     pub quantity: Controlled,
     /// Root-mean-square error.
     pub rms_error: f64,
-    /// Mean error over the last tenth of the run; none where the run was cut short before.
+    /// Mean error over the last tenth of the run; none if the run ended before.
     pub steady_error: Option<f64>,
     /// Largest excess over the largest set point, relative to the set point's range or itself.
     pub overshoot: f64,
 }
 
 impl Control {
-    /// A line for people.
+    /// One line of text.
     pub fn text(&self) -> String {
         let steady = self.steady_error.map(|error| self.quantity.text(error));
         let at_end = steady.map_or_else(String::new, |text| format!("at the end {text}, "));
@@ -221,18 +211,16 @@ impl Control {
 /// Difference to a measured column.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {
-    /// Root mean square.
     pub rmse: f64,
-    /// Largest.
     pub max: f64,
 }
 
-/// Strokes of that period that were made to their end.
+/// Number of complete strokes of that period.
 pub fn whole_strokes(duration_s: f64, period_s: f64) -> u64 {
     (duration_s / period_s + 1e-9).floor() as u64
 }
 
-/// How a board's steps were timed.
+/// Timing of a board's steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TimingFigures {
     /// Mean time of the core's step \[us\].
@@ -241,7 +229,7 @@ pub struct TimingFigures {
     pub step_worst_us: f64,
     /// Worst delay of a start, from the mean one \[us\].
     pub jitter_worst_us: f64,
-    /// Steps that were left out.
+    /// Missed steps.
     pub missed_steps: u32,
 }
 
@@ -257,28 +245,28 @@ impl From<&Timing> for TimingFigures {
     }
 }
 
-/// What the accumulator cannot see by itself.
+/// Inputs for the summary that the accumulator does not have.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ending {
     /// Wall-clock time of the run \[s\].
     pub wall_clock_s: f64,
-    /// Which board ran the core.
+    /// The board that ran the core.
     pub board: &'static str,
     /// Period of the working cycle, if it has one \[s\].
     pub period_s: Option<f64>,
-    /// What a set point stood for.
+    /// The controlled quantity.
     pub controlled: Option<Controlled>,
     /// The largest limit cycle.
     pub limit_cycle: Option<LimitCycle>,
     /// Rest length of a muscle \[m\].
     pub rest_length_m: Option<f64>,
-    /// The plant's books.
+    /// The plant's ledger.
     pub ledger: Ledger,
     /// Surface temperatures \[K\].
     pub axial_wall_k: Vec<f64>,
     /// Gas temperatures \[K\].
     pub axial_gas_k: Vec<f64>,
-    /// How the board's steps were timed.
+    /// Timing of the board's steps.
     pub timing: Option<Timing>,
 }
 
@@ -351,7 +339,7 @@ struct ControlSums {
     largest_value: f64,
 }
 
-/// One measured column, interpolated in the run as it passes by.
+/// One measured column, compared with the run while it goes on.
 #[derive(Debug, Clone)]
 struct Comparison {
     name: String,
@@ -365,7 +353,7 @@ struct Comparison {
 }
 
 impl Comparison {
-    /// Takes the run's value at a time; every measured point up to there is compared with the run,
+    /// Takes the run's value at a time, and compares all measured points up to it with the run,
     /// interpolated linearly between its steps.
     fn pass(&mut self, time_s: f64, value: f64) {
         while let Some(&(measured_s, measured)) = self.points.get(self.next) {
@@ -389,11 +377,11 @@ impl Comparison {
 }
 
 impl Summary {
-    /// A share below this, of two stated deviations, says that the estimate is surer of itself than it may
-    /// be: of normal errors 95 % lie within.
+    /// Below this fraction within two stated deviations the estimate is too confident: for normal
+    /// errors 95 % lie within.
     pub const LEAST_WITHIN_2SD: f64 = 0.8;
 
-    /// What has to be said of a loop that does not come to rest.
+    /// Warning about a loop that does not come to rest.
     pub fn unrest(&self) -> Option<String> {
         let LimitCycle { time_s, frequency_hz, amplitude } = self.limit_cycle?;
         let amplitude = match self.control.as_ref()?.quantity {
@@ -406,7 +394,7 @@ impl Summary {
         ))
     }
 
-    /// What has to be said of the stated deviations, where they are too small.
+    /// Warning about stated deviations that are too small.
     pub fn overconfidence(&self) -> Option<String> {
         (self.estimate_within_2sd < Self::LEAST_WITHIN_2SD).then(|| {
             format!(
@@ -419,7 +407,7 @@ impl Summary {
 }
 
 impl Accumulator {
-    /// Nothing yet. `measured` columns must be among [`COLUMNS`].
+    /// An empty accumulator. `measured` columns must be among [`COLUMNS`].
     pub fn new(duration_s: f64, measured: Option<&Measured>) -> Self {
         let comparisons = measured.map_or_else(Vec::new, |measured| {
             measured
@@ -465,7 +453,7 @@ impl Accumulator {
         }
     }
 
-    /// Adds one step. `controlled` is the value that the set point stands for, if it has one.
+    /// Adds one step. `controlled` is the value of the controlled quantity, if there is one.
     pub fn add(&mut self, row: &Row, controlled: Option<f64>) {
         let Row { truth, telemetry, .. } = row;
         self.steps += 1;
@@ -519,7 +507,7 @@ impl Accumulator {
         sums.largest_value = sums.largest_value.max(value);
     }
 
-    /// Closes the books.
+    /// Completes the summary.
     pub fn finish(self, ending: Ending) -> Summary {
         let count = self.steps as f64;
         let rms = |squares: f64| (squares / count).sqrt();

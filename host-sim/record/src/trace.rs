@@ -6,8 +6,8 @@ use std::io::{self, Write};
 use thermyo_files::rows::Rows;
 use thermyo_plant::Truth;
 
-/// The columns, in order. The first fifteen are the public surface that scripts rely on; the rest
-/// is what `thermyo replay` and the report need besides.
+/// The columns, in order. Scripts rely on the first fifteen; `thermyo replay` and the report need
+/// the rest.
 pub const COLUMNS: [&str; 37] = [
     "time_s",
     "pressure_pa",
@@ -48,7 +48,7 @@ pub const COLUMNS: [&str; 37] = [
     "limited",
 ];
 
-/// What two records of the same time can be compared in: quantities, and neither counts nor flags.
+/// Quantities in which two records of the same time can be compared, without counts and flags.
 pub const COMPARABLE: [&str; 20] = [
     "pressure_pa",
     "volume_m3",
@@ -72,10 +72,9 @@ pub const COMPARABLE: [&str; 20] = [
     "measured_length_m",
 ];
 
-/// One row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// The plant's truth; the flows in it are means since the row before.
+    /// The plant's state; its flows are means since the row before.
     pub truth: Truth,
     /// Reading of the gas sensor with its noise \[K\].
     pub sensor_gas_k: f64,
@@ -87,7 +86,7 @@ pub struct Row {
     pub model_sensor_k: f64,
     /// The set point in its own unit; 0 where the drive has none.
     pub set_point: f64,
-    /// What the core made of this step's sample.
+    /// The core's output for this step's sample.
     pub telemetry: Telemetry,
 }
 
@@ -147,7 +146,7 @@ pub struct TraceWriter<W: Write> {
     beside: Sinks,
 }
 
-/// Cells as a line of the file; what nobody knows, NaN, is empty.
+/// Cells as a line of the file; NaN (unknown) becomes an empty cell.
 pub fn cells_text(cells: impl IntoIterator<Item = f64>) -> String {
     let mut line = String::with_capacity(512);
     let mut buffer = zmij::Buffer::new();
@@ -165,33 +164,23 @@ pub fn cells_text(cells: impl IntoIterator<Item = f64>) -> String {
 
 impl<W: Write> TraceWriter<W> {
     /// Starts with the header.
-    ///
-    /// # Errors
-    /// What the writer answers.
     pub fn new(out: W) -> io::Result<Self> {
         let rows = Rows::new(out, &COLUMNS.join(","))?;
         Ok(Self { rows, beside: Sinks::default() })
     }
 
-    /// Its rows go there too.
+    /// Adds sinks for its rows.
     #[must_use]
     pub fn beside(self, beside: Sinks) -> Self {
         Self { beside, ..self }
     }
 
-    /// Writes one row.
-    ///
-    /// # Errors
-    /// What the writer answers.
     pub fn write(&mut self, cells: &[f64; COLUMNS.len()]) -> io::Result<()> {
         self.rows.push(&cells_text(*cells))?;
         self.beside.row(cells)
     }
 
-    /// Every row is where it belongs.
-    ///
-    /// # Errors
-    /// What the writer answers.
+    /// Flushes all rows.
     pub fn finish(self) -> io::Result<()> {
         self.rows.finish().map(drop).and(self.beside.finish())
     }

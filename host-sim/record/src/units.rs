@@ -1,6 +1,6 @@
 //! Units of the columns of a trace.
 
-/// The unit that a name ends with; none of a ratio, a count or a flag.
+/// The unit at the end of a name; none for a ratio, a count or a flag.
 pub fn unit_of(name: &str) -> Option<&'static Unit> {
     UNITS.iter().find(|unit| name.ends_with(unit.suffix))
 }
@@ -15,7 +15,7 @@ pub struct Unit {
     pub exponents: [(&'static str, i32); 4],
 }
 
-/// Every unit. One whose suffix ends another comes after that.
+/// All units. A suffix that ends another one comes after it.
 pub const UNITS: [Unit; 7] = [
     unit("_pa", "Pa", [1, -1, -2, 0]),
     unit("_kg_s", "kg/s", [1, 0, -1, 0]),

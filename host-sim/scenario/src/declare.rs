@@ -1,12 +1,12 @@
-//! A table of the scenario is declared once: the keys with unit, range, default and meaning. The struct,
-//! its `Default`, how serde reads and writes it, its entry in [`super::schema`] (range checks, messages,
-//! `thermyo check`) and what the core takes of it follow from that.
+//! Each table of the scenario is declared once: keys with unit, range, default and meaning. The
+//! struct, its `Default`, its serde form, its entry in [`super::schema`] (range checks, messages,
+//! `thermyo check`) and the fields that the core shares follow from that.
 //!
 //! # How to add a parameter
 //!
-//! - A tuning value of the core: one line in the `parameters!` of `EstimatorConfig` or `ControllerConfig` in
-//!   `model-core/src/config.rs`, and its row in the docs; `model-core/src/parameter.rs` says more. Here:
-//!   nothing.
+//! - A tuning value of the core: one line in the `parameters!` of `EstimatorConfig` or
+//!   `ControllerConfig` in `model-core/src/config.rs`, and its row in the docs; see
+//!   `model-core/src/parameter.rs`. Here: nothing.
 //! - A parameter of the plant that the core has too: its line in the core's `parameters!`, and `core NAME;` in
 //!   the `table!`. Where the scenario says something else on purpose (another default, a wider range),
 //!   `core NAME: real ...;` with a comment why. Where the core is configured with another value than the plant's,
@@ -14,16 +14,16 @@
 //! - A parameter of the plant alone: one line in the `table!`.
 //! - A table: a `table!` in `scenario/tables/`, its field in `Scenario`, its line in `TABLES`.
 //!
-//! What leaves one of these out does not compile, or fails a test that names it.
+//! An incomplete addition does not compile, or fails a test with its name.
 
 pub use super::key::Allowed;
 use super::key::{Key, Limits};
 use model_core::parameter::Parameter;
 
-/// The parameter of that name, while compiling.
+/// The parameter of that name, at compile time.
 ///
 /// # Panics
-/// Where the core has none: the declaration does not compile.
+/// If the core has no such parameter, the declaration does not compile.
 pub const fn parameter(parameters: &[Parameter], name: &str) -> Parameter {
     let mut i = 0;
     while i < parameters.len() {
@@ -49,12 +49,10 @@ const fn equal(a: &[u8], b: &[u8]) -> bool {
     true
 }
 
-/// A key of the scenario's own.
 pub const fn key(name: &'static str, allowed: Allowed, meaning: &'static str) -> Key {
     Key { name, allowed, meaning, core: false }
 }
 
-/// The key of a number.
 pub const fn real(
     name: &'static str,
     unit: &'static str,
@@ -64,7 +62,6 @@ pub const fn real(
     key(name, Allowed::Real(Limits { min, max, unit }), meaning)
 }
 
-/// The key of a whole number.
 pub const fn whole(name: &'static str, [min, max]: [i64; 2], meaning: &'static str) -> Key {
     key(name, Allowed::Whole { min, max }, meaning)
 }
@@ -198,7 +195,7 @@ macro_rules! table {
                 $name: $type = $default,
                 whole(
                     stringify!($name),
-                    // The type holds both.
+                    // The type holds both limits.
                     [{ let min: $type = $min; min as i64 }, { let max: $type = $max; max as i64 }],
                     $meaning,
                 )
@@ -304,7 +301,7 @@ macro_rules! table {
                 &[$($key),*]
             };
 
-            /// Its entry in the schema.
+            /// The schema's entry.
             pub const TABLE: $crate::key::Table =
                 $crate::key::Table::new($path, $meaning, Self::KEYS)$(.$flag())*;
         }
@@ -315,7 +312,7 @@ macro_rules! table {
     (@core $struct:ident [] []) => {};
     (@core $struct:ident [$core:path] [$($shared:ident)*]) => {
         impl $struct {
-            /// The fields that the core has too, in its own f32.
+            /// The fields that the core shares, in its f32.
             pub fn core(&self) -> $core {
                 $core { $($shared: self.$shared as f32),* }
             }
@@ -323,7 +320,7 @@ macro_rules! table {
     };
 }
 
-/// The unit of a field, as its documentation has it; nothing for a ratio.
+/// The unit in a field's documentation; empty for a ratio.
 macro_rules! unit {
     ("") => {
         ""
@@ -352,10 +349,10 @@ macro_rules! choice {
         }
 
         impl $enum {
-            /// The words that a user writes, in the order of the variants.
+            /// The words in a file, in the order of the variants.
             pub const WORDS: &[&str] = &[$($word),*];
 
-            /// The word of this one.
+            /// The word in a file.
             #[allow(dead_code)]
             pub const fn word(self) -> &'static str {
                 match self {

@@ -1,4 +1,4 @@
-//! From text to checked entries: every key known, every value of its type and within its range.
+//! From text to checked entries: known keys, values of the right type and within range.
 
 use super::schema::{self, Allowed, Key};
 use std::path::{Path, PathBuf};
@@ -6,17 +6,16 @@ use thermyo_files::input::{InputError, Instead, Lines, Problem, nearest, quoted}
 use toml::de::{DeInteger, DeTable, DeValue};
 use toml::{Spanned, Value};
 
-/// The prefix of what the core is configured with.
+/// The prefix of keys that the core is configured with.
 const BELIEVED: &str = "believed";
 
-/// A scenario file, entry by entry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Document {
-    /// Where it came from.
+    /// Name in messages.
     pub origin: PathBuf,
-    /// What the plant is given.
+    /// Entries for the plant.
     pub plant: Entries,
-    /// What the core believes where it differs.
+    /// Entries for the core where it differs.
     pub believed: Entries,
 }
 
@@ -28,23 +27,22 @@ pub struct Entries {
     list: Vec<Entry>,
 }
 
-/// One key with its value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// Path of the table that it is in.
+    /// Path of its table.
     pub table: String,
-    /// What the schema says of it.
+    /// The schema's entry.
     pub key: &'static Key,
-    /// Its value, of the type that the schema asks for.
+    /// Value, of the type in the schema.
     pub value: Value,
-    /// The value as it is written.
+    /// The value as written.
     pub written: String,
-    /// The line that it is on; none where [`Document::set`] set it.
+    /// Its line; none if [`Document::set`] set it.
     pub line: Option<u64>,
 }
 
 impl Entry {
-    /// Its path, "muscle.zones".
+    /// Path, such as "muscle.zones".
     pub fn path(&self) -> String {
         format!("{}.{}", self.table, self.key.name)
     }
@@ -62,14 +60,14 @@ impl Entries {
         self.list.iter().find(|entry| entry.table == table && entry.key.name == name)
     }
 
-    /// The whole path of a key, as it is written in the file.
+    /// The whole path of a key as in the file.
     pub fn full_path(&self, path: &str) -> String {
         format!("{}{path}", self.prefix)
     }
 }
 
 impl Document {
-    /// Reads a scenario's text; `origin` is what messages call it.
+    /// Parses a scenario; `origin` is its name in messages.
     ///
     /// # Errors
     /// For the first place of the file that is not TOML or not in the schema.
@@ -102,11 +100,11 @@ impl Document {
         }
     }
 
-    /// Gives the key of a whole path, such as "sensor.gas.position" or "believed.heat.scale", this
-    /// number, as if it stood in the file.
+    /// Sets the key of a whole path, such as "sensor.gas.position" or "believed.heat.scale", to
+    /// this number, as if it were in the file.
     ///
     /// # Errors
-    /// When no key is called so, it is no number, or this number is not allowed.
+    /// When there is no such key, it is not a number, or this number is not allowed.
     pub fn set(&mut self, full_path: &str, number: f64) -> Result<(), Problem> {
         let key = self.settable(full_path)?;
         let value = match key.allowed {
@@ -124,10 +122,11 @@ impl Document {
         self.put(full_path, key, value, number.to_string())
     }
 
-    /// The same with a word: one of a choice, "true" or "false", or a whole number with more digits than an `f64` has.
+    /// Sets a key to a word: a choice, "true" or "false", or a whole number with more digits than
+    /// an `f64` has.
     ///
     /// # Errors
-    /// When no key is called so, or it does not take this word.
+    /// When there is no such key, or the word is not allowed.
     pub fn set_word(&mut self, full_path: &str, word: &str) -> Result<(), Problem> {
         let key = self.settable(full_path)?;
         let value = match (key.allowed, word) {
@@ -144,7 +143,7 @@ impl Document {
         self.put(full_path, key, value, word.to_owned())
     }
 
-    /// What the schema says of a key that can be given a value.
+    /// The schema's entry of a key that can be set.
     fn settable(&self, full_path: &str) -> Result<&'static Key, Problem> {
         let (is_believed, path) = split_believed(full_path);
         if path.is_empty() || schema::is_table(path) {
@@ -183,7 +182,7 @@ impl Document {
     }
 }
 
-/// Whether a whole path is below `[believed]`, and the path without that.
+/// Whether a whole path is below `[believed]`, and the path without that prefix.
 fn split_believed(full_path: &str) -> (bool, &str) {
     match full_path.strip_prefix(BELIEVED) {
         Some("") => (true, ""),
@@ -192,8 +191,8 @@ fn split_believed(full_path: &str) -> (bool, &str) {
     }
 }
 
-/// The walk through the parsed file. Tables may be scattered over it, so that every problem is
-/// looked at and the first in the file is kept.
+/// The walk through the parsed file. Tables may be scattered over the file, so it looks at every
+/// problem and keeps the first by line.
 struct Walk<'a> {
     text: &'a str,
     lines: &'a Lines,
@@ -208,7 +207,7 @@ impl Walk<'_> {
         for (name, value) in table {
             let offset = name.span().start;
             let name = name.get_ref();
-            // A name with a dot of its own is no path.
+            // A name that contains a dot is not a path.
             let name = if name.contains('.') { format!("{name:?}") } else { name.to_string() };
             let path = if path.is_empty() { name } else { format!("{path}.{name}") };
             let after = |first: &Option<(usize, Problem)>| {
@@ -247,7 +246,7 @@ impl Walk<'_> {
         let Some((_, key)) = schema::key(path) else {
             return Err(unknown(full_path, path, table.is_some()));
         };
-        // The volume over time is the plant's; the core measures it.
+        // The volume over time belongs to the plant; the core measures it.
         if is_believed && matches!(key.allowed, Allowed::Csv { .. }) {
             return Err(Problem::NotBelieved { key: full_path.to_owned() });
         }
@@ -302,18 +301,18 @@ fn whole(integer: &DeInteger<'_>) -> Option<i64> {
     i64::from_str_radix(integer.as_str(), integer.radix()).ok()
 }
 
-/// Path of the table that a key is in.
+/// Path of a key's table.
 fn table_of(path: &str) -> &str {
     path.rsplit_once('.').map_or("", |(table, _)| table)
 }
 
-/// The message for what is no window of faults; `name` says what its name may be.
+/// The error for a wrong window of faults; `name` describes the allowed name.
 fn unknown_window(path: &str, name: &str) -> Problem {
     let known = vec!["[faults]".to_owned(), format!("[faults.NAME], NAME {name}")];
     Problem::UnknownTable { table: quoted(path), instead: Instead::Known(known) }
 }
 
-/// The message for a path that the schema does not have. `path` is without `believed`.
+/// The error for a path that is not in the schema. `path` is without `believed`.
 fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
     let prefix = full_path.strip_suffix(path).unwrap_or_default();
     let (parent, name) = path.rsplit_once('.').unwrap_or(("", path));
@@ -332,7 +331,7 @@ fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
         let with_believed = prefix.is_empty().then_some(BELIEVED);
         let near = nearest(path, tables.iter().copied().chain(with_believed));
         let bracketed = |name: &str| format!("[{prefix}{name}]");
-        // A table within a wrong one; or one that only holds others.
+        // A table within a wrong one, or one that only holds others.
         let within = tables.iter().find(|table| **table == name);
         let groups = tables.iter().filter_map(|table| table.split_once('.'));
         let group = nearest(path.split('.').next().unwrap_or(path), groups.map(|(group, _)| group));

@@ -1,4 +1,4 @@
-//! Rules for the windows of faults: what belongs together, what the plant has, what overlaps.
+//! Rules for windows of faults: required numbers, parts that the plant has, overlaps.
 
 use super::document::{Entries, Entry};
 use super::schema::{FAULTS, is_fault_window, limits};
@@ -6,10 +6,7 @@ use super::tables::{DriveKind, FaultWindow, NEEDED, PlantKind, Scenario};
 use super::violation::{Violation, within};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Checks that what drifts or leaks is given with its number.
-///
-/// # Errors
-/// The first one without.
+/// Checks that faults with a number have it.
 pub fn check_given(entries: &Entries) -> Result<(), Violation> {
     let given: BTreeSet<(&str, &str)> =
         entries.iter().map(|entry| (entry.table.as_str(), entry.key.name)).collect();
@@ -28,9 +25,6 @@ pub fn check_given(entries: &Entries) -> Result<(), Violation> {
 }
 
 /// Checks every window, and every pair of them.
-///
-/// # Errors
-/// The first rule that does not hold.
 pub fn check(scenario: &Scenario) -> Result<(), Violation> {
     let windows: Vec<(String, &FaultWindow)> = scenario.faults.windows().collect();
     let mut taken = Taken::default();
@@ -46,16 +40,17 @@ pub fn check(scenario: &Scenario) -> Result<(), Violation> {
     Ok(())
 }
 
-/// The times at which each line is broken already. Comparing every pair of windows would take hours for as many as a
-/// file of some megabytes holds.
+/// Times at which each part has a fault already. Comparing every pair of windows would take hours
+/// for the number that a file of some megabytes holds.
 #[derive(Default)]
 struct Taken {
-    /// By line: the end of each window by the bits of its start, which order as the starts do, none being negative.
+    /// By part: end of each window by the bits of its start, which order as the starts do, since
+    /// none is negative.
     ends_s: BTreeMap<&'static str, BTreeMap<u64, f64>>,
 }
 
 impl Taken {
-    /// Whether nothing that the window breaks is broken already while it lasts; it is from now on.
+    /// Adds the window. Returns whether none of its parts has a fault already in that time.
     fn take(&mut self, window: &FaultWindow) -> bool {
         let FaultWindow { from_s, until_s, .. } = *window;
         if from_s >= until_s {
@@ -80,7 +75,7 @@ fn check_alone(path: &str, window: &FaultWindow) -> Result<(), Violation> {
     within(&until, window.until_s, (window.from_s, latest), &why)
 }
 
-/// A vessel has a nozzle or nothing in place of valves, where its drive says so.
+/// A vessel has a nozzle, or nothing, in place of valves if its drive requires it.
 fn check_plant_has(path: &str, window: &FaultWindow, scenario: &Scenario) -> Result<(), Violation> {
     let (kind, lacking): (&str, &[&str]) = match (scenario.plant.kind, scenario.drive.kind) {
         (PlantKind::Vessel, DriveKind::Fill) => ("fill", &["inlet", "outlet"]),
@@ -124,7 +119,7 @@ mod tests {
     use rand_xoshiro::Xoshiro256PlusPlus;
     use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
-    /// As `check`, by every pair.
+    /// The same check over all pairs.
     fn by_pairs(scenario: &Scenario) -> Result<(), String> {
         let windows: Vec<(String, &FaultWindow)> = scenario.faults.windows().collect();
         for (i, (path, window)) in windows.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! The muscle's five dimensions from those that are given (paper, Fig. 1):
-//! L = b cos(theta), D = b sin(theta)/(n pi).
+//! The five dimensions of the muscle from those in the file (paper, Fig. 1): L = b cos(theta), D =
+//! b sin(theta)/(n pi).
 
 use super::document::Entries;
 use super::schema::{DIMENSIONS, limits};
@@ -8,13 +8,14 @@ use super::violation::Violation;
 use std::f64::consts::PI;
 use thermyo_compute::math;
 
-/// Rest length where nothing is said \[m\].
+/// Default rest length \[m\].
 const REST_LENGTH_M: f64 = 0.30;
-/// Diameter at rest where nothing is said \[m\].
+/// Default diameter at rest \[m\].
 const DIAMETER_M: f64 = 0.020;
-/// Braid angle at rest where nothing is said \[deg\]: usual braids lie between 20 and 25.
+/// Default braid angle at rest \[deg\]: usual braids have 20 to 25.
 const BRAID_ANGLE_DEG: f64 = 23.0;
-/// Relative difference up to which dimensions given twice agree: hand-rounded figures do.
+/// Relative difference up to which dimensions that are given twice agree, since figures are
+/// rounded by hand.
 const AGREEMENT: f64 = 1.0e-3;
 
 /// The dimensions of a muscle at rest.
@@ -33,12 +34,12 @@ pub struct Dimensions {
 }
 
 impl Dimensions {
-    /// Those of the muscle where nothing is said.
+    /// The default muscle.
     pub fn nominal() -> Self {
         Self::at_rest(REST_LENGTH_M, DIAMETER_M, BRAID_ANGLE_DEG)
     }
 
-    /// Thread length and turns from what is seen of a muscle at rest.
+    /// Thread length and turns from the visible dimensions of a muscle at rest.
     fn at_rest(rest_length_m: f64, diameter_m: f64, braid_angle_deg: f64) -> Self {
         let angle = braid_angle_deg.to_radians();
         let thread_length_m = rest_length_m / math::cos(angle);
@@ -47,14 +48,12 @@ impl Dimensions {
         Self { thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg }
     }
 
-    /// Those of a muscle.
     pub fn of(muscle: &Muscle) -> Self {
         let Muscle { thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg, .. } =
             *muscle;
         Self { thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg }
     }
 
-    /// The muscle with these dimensions.
     pub fn applied_to(self, muscle: &Muscle) -> Muscle {
         let Self { thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg } = self;
         Muscle {
@@ -68,7 +67,7 @@ impl Dimensions {
     }
 }
 
-/// That muscle with other dimensions at rest \[m, m, deg\].
+/// The muscle with other dimensions at rest \[m, m, deg\].
 pub fn at_rest(
     muscle: &Muscle,
     rest_length_m: f64,
@@ -78,7 +77,7 @@ pub fn at_rest(
     Dimensions::at_rest(rest_length_m, diameter_m, braid_angle_deg).applied_to(muscle)
 }
 
-/// What a file says of the dimensions.
+/// Dimensions in a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Given {
     thread_length_m: Option<f64>,
@@ -89,14 +88,14 @@ pub struct Given {
 }
 
 impl Given {
-    /// What these entries say.
+    /// Dimensions in these entries.
     pub fn of(entries: &Entries) -> Self {
         let [thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg] =
             DIMENSIONS.map(|name| entries.get(&format!("muscle.{name}"))?.value.as_float());
         Self { thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg }
     }
 
-    /// All five. What is given stays as it is, to the bit.
+    /// All five. Given values stay the same to the bit.
     ///
     /// # Errors
     /// When dimensions are missing, contradict each other, or make no braid.
@@ -146,7 +145,7 @@ impl Given {
             let why = "thread_length_m times the cosine of a braid angle from 54 to 3 deg";
             return Err(Violation::number("muscle.rest_length_m", rest_m, &lengths, why));
         }
-        // The clamp only takes away what rounding has added at the ends.
+        // The clamp only removes rounding errors at the ends.
         let angle_deg = math::acos(rest_m / thread_m).to_degrees().clamp(angles.min, angles.max);
         let diameter_m = (thread_m * thread_m - rest_m * rest_m).sqrt() / (turns * PI);
         let braid_angle_deg = agreeing("muscle.braid_angle_deg", self.braid_angle_deg, angle_deg)?;
@@ -160,11 +159,12 @@ impl Given {
         })
     }
 
-    /// The dimensions that the core is configured with: what is given here, completed from the plant's.
+    /// The dimensions that the core is configured with: those given here, completed from the
+    /// plant's.
     ///
-    /// Where only one way of giving the geometry is touched, the other one follows; where both are,
-    /// each dimension that is not given is the plant's. `threaded` says whether the plant's file gives
-    /// thread length and turns.
+    /// If only one way of giving the geometry is used here, the other follows; if both are,
+    /// missing dimensions are the plant's. `threaded`: the plant's file gives thread length and
+    /// turns.
     pub fn completed_from(self, plant: Dimensions, threaded: bool) -> Self {
         let thread_told = self.thread_length_m.is_some() || self.turns.is_some();
         let rest_told = self.diameter_m.is_some() || self.braid_angle_deg.is_some();
@@ -184,7 +184,7 @@ impl Given {
     }
 }
 
-/// A dimension that follows from others, as it is given where that agrees.
+/// A dimension that follows from others; as given if it agrees.
 fn agreeing(path: &str, given: Option<f64>, derived: f64) -> Result<f64, Violation> {
     let given = given.unwrap_or(derived);
     let agreeing = limits(path).between(derived * (1.0 - AGREEMENT), derived * (1.0 + AGREEMENT));

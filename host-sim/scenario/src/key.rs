@@ -1,19 +1,17 @@
-//! The key of a table: what its value may be, and what it means.
+//! Keys of a table: allowed values and meaning.
 
 use std::fmt;
 
 /// A table of keys, such as `[sensor.gas]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Table {
-    /// Its path.
     pub name: &'static str,
-    /// What it is about.
+    /// Its subject.
     pub meaning: &'static str,
-    /// Whether `[believed]` may overlay it: the core is configured with it, rightly or wrongly.
+    /// Whether `[believed]` may overlay it.
     pub believed: bool,
-    /// Whether it describes the thing that is measured, and not the run.
+    /// Whether it describes the measured object and not the run.
     pub physical: bool,
-    /// Its keys.
     pub keys: &'static [Key],
 }
 
@@ -23,51 +21,44 @@ impl Table {
         Self { name, meaning, believed: false, physical: false, keys }
     }
 
-    /// The same, [`Self::believed`].
+    /// Sets [`Self::believed`].
     pub const fn believed(self) -> Self {
         Self { believed: true, ..self }
     }
 
-    /// The same, [`Self::physical`].
+    /// Sets [`Self::physical`].
     pub const fn physical(self) -> Self {
         Self { physical: true, ..self }
     }
 }
 
-/// One key.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Key {
-    /// Its name within the table.
     pub name: &'static str,
-    /// What its value may be.
+    /// Allowed values.
     pub allowed: Allowed,
-    /// What it means.
+    /// Meaning.
     pub meaning: &'static str,
-    /// It is the core's own, in f32.
+    /// The core's own key, in f32.
     pub core: bool,
 }
 
-/// What a value may be.
+/// Allowed values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Allowed {
     /// A finite number; whole ones are taken too.
     Real(Limits),
     /// A whole number, both limits included.
-    Whole {
-        /// Smallest.
-        min: i64,
-        /// Largest.
-        max: i64,
-    },
+    Whole { min: i64, max: i64 },
     /// One of these words.
     Choice(&'static [&'static str]),
     /// Yes or no.
     Switch,
-    /// A list of words; which ones, the rules say.
+    /// A list of words, which the rules check.
     List,
     /// The path of a CSV file with these columns, relative to the scenario's folder.
     Csv {
-        /// Their names; of a profile that of the times, and that of the values.
+        /// Names of the columns; for a profile the times and the values.
         columns: &'static [&'static str],
     },
 }
@@ -75,11 +66,8 @@ pub enum Allowed {
 /// A closed range, with its unit; no unit for a ratio.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Smallest.
     pub min: f64,
-    /// Largest.
     pub max: f64,
-    /// Unit, as the SI writes it.
     pub unit: &'static str,
 }
 
@@ -94,7 +82,7 @@ impl Limits {
         Self { min, max, unit: self.unit }
     }
 
-    /// "0.001 to 1e6". Limits that were computed are rounded inwards, so that what is printed is
+    /// "0.001 to 1e6". Computed limits are rounded inwards, so that the printed limits are
     /// allowed.
     pub fn range(&self) -> String {
         format!("{} to {}", Rounded::up(self.min), Rounded::down(self.max))
@@ -162,7 +150,7 @@ impl Rounded {
         Self(-Self::down(-value).0)
     }
 
-    // Of a message.
+    // Numbers of a message.
     #[allow(clippy::disallowed_methods)]
     fn down(value: f64) -> Self {
         if value == 0.0 || !value.is_finite() {

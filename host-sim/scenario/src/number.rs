@@ -13,7 +13,7 @@ pub fn number(scenario: &Scenario, path: &str) -> Option<f64> {
     path.split('.').try_fold(&tree, |place, name| place.get(name))?.as_float()
 }
 
-/// The scenario with other numbers at those paths; a path that is no number changes nothing.
+/// The scenario with these numbers at these paths. Paths of other keys change nothing.
 pub fn with_numbers<'a>(
     scenario: &Scenario,
     numbers: impl IntoIterator<Item = (&'a str, f64)>,
@@ -28,7 +28,7 @@ pub fn with_numbers<'a>(
     tree.try_into().expect("numbers were replaced by numbers")
 }
 
-/// The shortest number that is this one in f32.
+/// The shortest number that equals this one in f32.
 pub fn short(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))
 }

@@ -8,19 +8,16 @@ pub struct Profile {
     points: Vec<(f64, f64)>,
 }
 
-/// Why a table of (time, value) is no profile. Rows count from zero.
+/// Why a table of (time, value) is not a profile. Rows count from zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ProfileError {
-    /// The table has no row.
     Empty,
     /// A time or value is not finite.
     NotFinite {
-        /// The offending row.
         row: usize,
     },
     /// A time is not later than the one before it.
     NotIncreasing {
-        /// The offending row.
         row: usize,
     },
 }
@@ -59,7 +56,6 @@ impl Profile {
         Ok(Self { points })
     }
 
-    /// A profile that never changes.
     pub fn constant(value: f64) -> Self {
         Self { points: vec![(0.0, value)] }
     }
@@ -72,12 +68,10 @@ impl Profile {
         self
     }
 
-    /// The points, in order of time.
     pub fn points(&self) -> &[(f64, f64)] {
         &self.points
     }
 
-    /// The value at `time_s`.
     pub fn value(&self, time_s: f64) -> f64 {
         let next = self.points.partition_point(|point| point.0 <= time_s);
         let (Some(before), Some(after)) =

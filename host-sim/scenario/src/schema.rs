@@ -1,19 +1,19 @@
-//! What is known of every key of a scenario: unit, what it may be, and what it means.
+//! The schema of a scenario: unit, allowed values and meaning of every key.
 //!
-//! Validation, suggestions and the comments of `thermyo check` all read it. `declare.rs` makes
-//! it, along with the structs and their defaults. No range is wider than what the core works with
-//! (`model_core::config::Config::check`), or [`thermyo_setup::core_config`] narrows what the core is configured with: a
-//! scenario that passes here, runs.
+//! Validation, suggestions and the comments of `thermyo check` read it; `declare.rs` makes it,
+//! with the structs and their defaults. No range is wider than the core's
+//! (`model_core::config::Config::check`), or [`thermyo_setup::core_config`] narrows the core's
+//! value: a scenario that passes here runs.
 
 pub use super::key::{Allowed, Key, Limits, Table};
 pub use super::tables::TABLES;
 
-/// The keys of `[muscle]` that say its dimensions: two pairs, each with the rest length. They follow from
-/// each other.
+/// Keys of the dimensions in `[muscle]`: two pairs, each with the rest length. Either pair follows
+/// from the other.
 pub const DIMENSIONS: [&str; 5] =
     ["thread_length_m", "turns", "rest_length_m", "diameter_m", "braid_angle_deg"];
 
-/// The table of that path. A further window of faults has the keys of `[faults]`.
+/// The table of a path. Further windows of faults have the keys of `[faults]`.
 pub fn table(path: &str) -> Option<&'static Table> {
     let name = if is_fault_window(path) { FAULTS } else { path };
     TABLES.iter().find(|table| table.name == name)
@@ -21,11 +21,11 @@ pub fn table(path: &str) -> Option<&'static Table> {
 
 /// The table of the first window of faults.
 pub const FAULTS: &str = "faults";
-/// What the paths of the further ones start with.
+/// Prefix of the paths of further windows.
 pub const FAULT_WINDOWS: &str = "faults.";
 
-/// Whether `path` is that of a further window of faults, `faults.NAME`. NAME is what TOML takes
-/// without quotes, and no key of `[faults]`.
+/// Whether `path` is a further window of faults, `faults.NAME`. NAME is a bare key of TOML and not
+/// a key of `[faults]`.
 pub fn is_fault_window(path: &str) -> bool {
     let bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     path.strip_prefix(FAULT_WINDOWS)
@@ -39,10 +39,8 @@ pub fn key(path: &str) -> Option<(&'static Table, &'static Key)> {
     Some((table, table.keys.iter().find(|key| key.name == name)?))
 }
 
-/// The limits of a number by its path.
-///
 /// # Panics
-/// For a path that is no number: a slip in this program, not in a scenario.
+/// For a path that is not a number: a fault of this program, not of a scenario.
 pub fn limits(path: &str) -> Limits {
     match key(path).map(|(_, key)| key.allowed) {
         Some(Allowed::Real(limits)) => limits,
@@ -50,9 +48,9 @@ pub fn limits(path: &str) -> Limits {
     }
 }
 
-/// Beginnings of the names of keys that say how a quantity is recorded.
+/// Prefixes of keys for how a quantity is recorded.
 const OF_RECORDING: [&str; 4] = ["noise_", "range_", "gain", "offset_"];
-/// The limits of a number that measurements can be asked for, by its path.
+/// The limits of a number that can be fitted, by its path.
 pub fn fittable(path: &str) -> Option<Limits> {
     let (table, key) = key(path)?;
     // The dimensions follow from each other.
@@ -85,7 +83,7 @@ mod tests {
     use crate::Scenario;
     use std::collections::BTreeSet;
 
-    /// Paths of the tables that hold keys.
+    /// Paths of tables with keys.
     fn tables(path: &str, table: &toml::Table, found: &mut BTreeSet<String>) {
         for (name, value) in table {
             match value.as_table() {

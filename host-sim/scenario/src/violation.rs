@@ -1,59 +1,54 @@
-//! A rule between keys that does not hold.
+//! A violated rule between keys.
 
 use super::schema::{Limits, limits};
 
-/// A cell of a CSV file that may not be what it is.
+/// A CSV cell with a value that is not allowed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WrongCell {
     /// Its row, from 0.
     pub row: usize,
     /// Its column, from 0, in the order of the key's columns.
     pub column: usize,
-    /// What it may be.
+    /// Allowed values.
     pub allowed: String,
 }
 
-/// A rule that does not hold, and the key to blame.
+/// A violated rule and the key that violates it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Violation {
-    /// Path of the key.
     pub path: String,
-    /// What is wrong with it.
     pub fault: Fault,
 }
 
-/// What is wrong with a key.
+/// The problem of a key.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fault {
-    /// Its value does not fit the others.
+    /// Its value is inconsistent with others.
     NotAllowed {
-        /// The value.
         value: String,
-        /// What it may be, and why.
+        /// Allowed values, and the reason.
         allowed: String,
     },
-    /// It has to be there.
+    /// It is required.
     Missing {
         /// The key that needs it.
         for_path: String,
-        /// Why.
         why: String,
     },
 }
 
 impl Violation {
-    /// A number outside of the limits that other keys set.
+    /// A number outside the limits that other keys set.
     pub fn number(path: &str, value: f64, allowed: &Limits, why: &str) -> Self {
         Self::value(path, &format!("{value:?}"), format!("{allowed}, {why}"))
     }
 
-    /// A key that has to be there.
     pub fn missing(path: &str, for_path: &str, why: &str) -> Self {
         let fault = Fault::Missing { for_path: for_path.to_owned(), why: why.to_owned() };
         Self { path: path.to_owned(), fault }
     }
 
-    /// A value that does not fit; `allowed` says why.
+    /// A value that is not allowed; `allowed` gives the reason.
     pub fn value(path: &str, value: &str, allowed: String) -> Self {
         let fault = Fault::NotAllowed { value: value.to_owned(), allowed };
         Self { path: path.to_owned(), fault }

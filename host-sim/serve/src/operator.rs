@@ -433,7 +433,7 @@ impl Operator {
             return Err(BoardError::Refused(Refusal::NotConfigured).into());
         }
         let most_pa = tune::highest_pa(&self.known.config, Some(most_pa))?;
-        let known = from_config::say(&self.known.config)?.scenario;
+        let known = from_config::to_scenario(&self.known.config)?.scenario;
         let mut board = self.board.take().ok_or(NO_LINK)?;
         self.shared.log(Weight::Plain, "tuning begins");
         let name = self.known.status.config_name;

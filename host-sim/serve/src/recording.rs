@@ -51,7 +51,7 @@ impl Recording {
         config: Config,
         shared: Arc<Shared>,
     ) -> Result<Self, InputError> {
-        let mut configured = from_config::say(&config)?.scenario;
+        let mut configured = from_config::to_scenario(&config)?.scenario;
         // The user drives the muscle.
         (configured.plant.drive.kind, configured.believed.drive.kind) =
             (DriveKind::Closed, DriveKind::Closed);

@@ -95,7 +95,7 @@ pub struct Braid {
 
 impl Configuration {
     pub fn new(config: &Config, status: &Status, own: Option<String>) -> Self {
-        let scenario = from_config::say(config).ok();
+        let scenario = from_config::to_scenario(config).ok();
         let chamber = scenario.and_then(|scenario| chamber::of(&scenario.scenario.believed));
         let braid = match &config.chamber {
             ChamberConfig::Muscle(muscle) => Some(Braid {

@@ -14,53 +14,52 @@ use thermyo_plant::load_n;
 use thermyo_scenario::schema::limits;
 use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 
-/// Heat-transfer coefficient that stands for "isothermal": some hundred times that of still air
-/// \[W/(m2 K)\].
+/// Heat transfer coefficient that stands for "isothermal" \[W/(m2 K)\]: about a hundred times that
+/// of still air.
 const ISOTHERMAL_W_M2_K: f64 = 2_000.0;
-/// Sensor lags that the core's filter works with; a sensor without lag is configured as the shortest
-/// \[s\].
+/// Sensor lags that the core's filter works with \[s\]. A sensor without lag gets the shortest.
 const SHORTEST_LAG_S: f32 = 1.0e-3;
 const LONGEST_LAG_S: f32 = 1.0e3;
-/// Stands for friction that is there from the first micrometre on \[N/m\].
+/// Stands for friction without presliding \[N/m\].
 const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
 /// Smallest wall that the core works with \[J/K\].
 const LEAST_WALL_J_K: f64 = 0.01;
-/// Where a correlation of the heat transfer is taken for the core: pressure \[Pa\], gas above wall
-/// \[K\], inflow \[kg/s\]. Those of the nominal cycle's middle.
+/// Where a heat transfer correlation is evaluated for the core: pressure \[Pa\], gas above wall
+/// \[K\], inflow \[kg/s\]. They are from the middle of the nominal cycle.
 const WORKING_PRESSURE_PA: f64 = 2.0e5;
 const WORKING_SWING_K: f64 = 20.0;
 const WORKING_FLOW_KG_S: f64 = 3.6e-4;
 
-/// What the plant `full` is to a model of one zone; nothing changes for the others.
+/// Effective values of the plant `full` for a model of one zone; without effect for other plants.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OneZone {
-    /// Volume of the tube, which is filled and emptied along \[m3\]. That of a line is not: its gas keeps the temperature
-    /// of its wall. Counted too, 4 m of 4 mm make the nominal cycle's estimate wrong by 0.33 K instead of 0.22 K.
+    /// Volume of the tube \[m3\], which is filled and emptied with the muscle. The volume of a
+    /// line is left out, because its gas keeps the temperature of its wall: including 4 m of 4 mm
+    /// raises the error of the nominal cycle's estimate from 0.22 K to 0.33 K.
     pub tube_m3: f64,
-    /// Share of the jet's stirring that counts for the mean of the gas: the jet stirs the zones near
-    /// the port, which hold the fresh gas. Identified on `full`.
+    /// Fraction of the jet's stirring that acts on the mean of the gas: the jet stirs the zones
+    /// near the port, which hold the fresh gas. Identified on `full`.
     pub stirring: f64,
-    /// Share of the wall that follows a stroke: the inner layer.
+    /// Fraction of the wall that follows a stroke: the inner layer.
     pub wall: f64,
-    /// Lag of the housing around the foil \[s\].
+    /// Lag of the element's housing \[s\].
     pub housing_s: f64,
-    /// How much more the gas around the foil swings than the mean: fresh gas damps the part near the
-    /// port. For a foil slower than a stroke that is a lag shorter by as much.
-    /// Measured on `full` with a foil without lag: in the middle 1.03 to 1.08 for strokes of 10 to 1 s,
-    /// 0.83 and 1.16 near port and closed end at 5 s; one that averages over the whole length sees the
-    /// mean.
+    /// Location factor: how much more the gas at the element swings than the mean, since fresh gas
+    /// damps the swing near the port. For an element slower than a stroke it shortens the lag by
+    /// the same factor. Measured on `full` without lag: 1.03 to 1.08 in the middle for strokes of
+    /// 10 to 1 s, 0.83 near the port and 1.16 near the closed end at 5 s; 1 for an element that
+    /// averages over the length.
     pub swing: f64,
-    /// How much more the gas around the foil differs from the mean than it does in the middle: at the
-    /// ends it is 2 K colder or warmer in the mean of 5 s strokes. Chosen on `full`, so that the
-    /// stated deviation says so.
+    /// How much more the gas at the element differs from the mean than in the middle: at the ends
+    /// it is 2 K colder or warmer over 5 s strokes. Chosen on `full` so that the stated deviation
+    /// covers this.
     pub place_error: f64,
-    /// Share of what the inflow is colder by that lasts near the port. Identified on `full`: 38 random
-    /// muscles, judged on others.
+    /// Fraction of the inflow's temperature deficit that persists near the port. Identified on 38
+    /// random muscles of `full`, and tested on others.
     pub port_cooling: f64,
 }
 
 impl OneZone {
-    /// For the plant of that scenario.
     pub fn of(s: &Scenario) -> Self {
         if s.moves_in_full() {
             let foil = &s.sensor.gas;
@@ -89,8 +88,8 @@ impl OneZone {
     }
 }
 
-/// The core's configuration for `believed`, whose `plant` only says which kind of plant it is. What is
-/// not named here, the core has as the scenario says it.
+/// The core's configuration for `believed`, whose `plant` only gives the kind of plant. Fields
+/// that are not set here have the scenario's values.
 pub fn core_config(believed: &Scenario) -> Config {
     let s = believed;
     let one_zone = OneZone::of(s);
@@ -138,12 +137,12 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
         valve: if s.moves_in_full() {
-            // Through both in series passes no more than through either.
+            // In series both pass no more than either.
             let conductance_m3_s_pa =
                 s.valve.conductance_m3_s_pa.min(s.tube.conductance_m3_s_pa) as f32;
             Valve { dead_time_s: dead_time_s(s) as f32, conductance_m3_s_pa, ..s.valve.core() }
         } else {
-            // Every other plant has ideal valves.
+            // All other plants have ideal valves.
             Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() }
         },
         pwm_period_steps: pwm_period_steps(s),
@@ -173,7 +172,7 @@ pub fn core_config(believed: &Scenario) -> Config {
     }
 }
 
-/// Coefficient of still gas \[W/(m2 K)\] and what it gains per inflow \[W/(m2 K) per kg/s\].
+/// Coefficient of still gas \[W/(m2 K)\], and its gain per inflow \[W/(m2 K) per kg/s\].
 fn inner_heat(s: &Scenario) -> (f64, f64) {
     match s.heat.model {
         HeatModel::Adiabatic => (0.0, 0.0),
@@ -197,8 +196,8 @@ fn inner_heat(s: &Scenario) -> (f64, f64) {
     }
 }
 
-/// Dead time of a valve at the muscle's end of a line \[s\]: sound takes its time. The core makes up for one that ends within a
-/// period.
+/// Dead time of a valve at the muscle's end of a line \[s\], with the travel time of sound. The
+/// core compensates a dead time that ends within a period.
 fn dead_time_s(s: &Scenario) -> f64 {
     let valve = &s.valve;
     let Some([length_m, _]) = s.tube.line() else { return valve.dead_time_s };
@@ -214,8 +213,8 @@ pub fn pwm_period_steps(s: &Scenario) -> u16 {
     (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16
 }
 
-/// Absolute pressure above which the board vents \[Pa\]: a hair below full scale, so that it acts before
-/// the sensor saturates.
+/// Absolute pressure above which the board vents \[Pa\]: slightly below full scale, so that it
+/// acts before the sensor saturates.
 pub fn pressure_limit_pa(s: &Scenario) -> f64 {
     0.985 * s.sensor.pressure.range_pa
 }
@@ -241,7 +240,7 @@ mod tests {
         assert_eq!(line(8.0), 0.008);
     }
 
-    /// Scenario and core state the same nominal muscle, each in its own words.
+    /// Scenario and core define the same nominal muscle separately.
     #[test]
     fn the_defaults_agree() {
         let default = Config::default();
@@ -257,8 +256,8 @@ mod tests {
         };
         assert!((a.braid.thread_length_m / b.braid.thread_length_m - 1.0).abs() < 1e-6);
         assert!((a.braid.turns / b.braid.turns - 1.0).abs() < 1e-5);
-        // The board's valves switch as the full plant's do, and its sensor has a housing; its lag is
-        // the foil's own.
+        // The board's valves switch like the full plant's, and its sensor has a housing; its lag
+        // is the element's own.
         assert_eq!(full.valve, default.valve);
         let lag_s = |config: &Config| config.sensors.gas.time_constant_s;
         let mut sensors = full.sensors;

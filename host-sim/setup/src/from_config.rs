@@ -1,5 +1,5 @@
-//! The way back from [`core_config`]: a configuration of the core, such as a board has it, as a scenario that
-//! says it. The plant is `full`, with what the core does not have left out or at its default.
+//! The inverse of [`core_config`]: a scenario for a configuration of the core, such as a board's.
+//! The plant is `full`; keys that the core does not have are left out or at their defaults.
 
 use super::core_config::{OneZone, core_config};
 use super::{Loaded, parse, render};
@@ -17,20 +17,19 @@ use thermyo_scenario::{
     with_numbers,
 };
 
-/// A scenario for a configuration.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Said {
+pub struct ConfigScenario {
     /// As `thermyo check` prints it.
     pub scenario: Loaded,
-    /// Read again, it gives that very configuration.
+    /// Whether the scenario gives exactly this configuration again.
     pub exact: bool,
 }
 
-/// The scenario that says it.
+/// The scenario that gives this configuration.
 ///
 /// # Errors
-/// For a configuration that no scenario may have.
-pub fn say(config: &Config) -> Result<Said, InputError> {
+/// For a configuration that no scenario can give.
+pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
     let origin = Path::new("the board's configuration");
     let Some(plant) = scenario(config) else {
         let problem = Problem::NotAllowed {
@@ -44,17 +43,17 @@ pub fn say(config: &Config) -> Result<Said, InputError> {
         Loaded { believed: plant.clone(), plant, volume_profile: None, drive_profile: None };
     let scenario = parse(&render(&loaded), origin)?;
     let exact = core_config(&scenario.believed) == *config;
-    Ok(Said { scenario, exact })
+    Ok(ConfigScenario { scenario, exact })
 }
 
-/// `None` for a chamber whose dimensions a scenario has in other words.
+/// `None` for a chamber whose dimensions are in files.
 fn scenario(config: &Config) -> Option<Scenario> {
     let mut s = Scenario::default();
-    // What a core is configured with of `full` has gas near the port, or at least a housing around the foil.
+    // From `full` the core takes gas near the port, or at least the housing of the element.
     let housing_s = config.sensors.gas.housing_time_constant_s;
     let full = config.estimator.port_cooling > 0.0 || housing_s > 0.0;
     s.plant.model = if full { PlantModel::Full } else { PlantModel::Lumped };
-    // A foil that averages over the whole muscle sees the mean, as the core's one zone has it.
+    // An element that averages over the whole muscle sees the mean, as the core's one zone does.
     (s.sensor.gas.span, s.sensor.gas.position) = (1.0, 0.5);
     s.tube.volume_m3 = 1.0e-9;
     let tube_m3 = if full { s.tube.volume_m3 } else { 0.0 };
@@ -83,7 +82,7 @@ fn scenario(config: &Config) -> Option<Scenario> {
             s.vessel.surface_m2 = short(surface_m2);
             s.vessel.wall_heat_capacity_j_k = short(config.wall.heat_capacity_j_k);
         }
-        // Its rows or its bore are in files of the user's own.
+        // Its rows or its bore are in the user's files.
         _ => return None,
     }
     (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
@@ -99,7 +98,7 @@ fn scenario(config: &Config) -> Option<Scenario> {
         GasElement::Max31865(is) => {
             (s.sensor.gas.kind, s.sensor.max31865) = (GasElementKind::Max31865, is);
         }
-        // No scenario says another one: what is read again is not the same.
+        // No scenario gives another type: the result is then not exact.
         _ => (),
     }
     if let PressurePart::Mpr(is) = config.sensors.pressure_part {
@@ -120,7 +119,7 @@ fn scenario(config: &Config) -> Option<Scenario> {
     Some(s)
 }
 
-/// Keys of the scenario that the core has as they are.
+/// Keys that the core has unchanged.
 fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f32)> {
     let sensors = &config.sensors;
     vec![
@@ -175,7 +174,7 @@ fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f3
 mod tests {
     use super::*;
 
-    /// What a board was configured with comes back from it as it was.
+    /// A configuration from a scenario comes back unchanged.
     #[test]
     fn what_a_scenario_has_told_is_said_again() {
         for text in [
@@ -193,7 +192,7 @@ mod tests {
              [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",
         ] {
             let config = core_config(&parse(text, Path::new("scenario")).unwrap().believed);
-            let said = say(&config).unwrap();
+            let said = to_scenario(&config).unwrap();
             let back = core_config(&said.scenario.believed);
             assert_eq!(back, config, "{text}");
             assert!(said.exact);

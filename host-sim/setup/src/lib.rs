@@ -1,4 +1,4 @@
-//! A scenario read and checked: the plant that it asks for, the configuration of the core, and the way back.
+//! A scenario read and checked: its plant, the configuration of the core, and the way back.
 //!
 //! ```text
 //! text --document: types, ranges--> entries --load: defaults, geometry, rules, CSV--> Loaded
@@ -6,17 +6,17 @@
 
 #![warn(clippy::disallowed_methods)]
 
-mod check;
 pub mod core_config;
 pub mod from_config;
 mod load;
 mod loaded;
+mod render;
 mod rules;
-mod sense;
 mod tree;
+mod warnings;
 
-pub use check::render;
 pub use load::{assemble, load, load_with_warnings, parse, parse_alone, parse_with_warnings};
 pub use loaded::Loaded;
+pub use render::render;
 pub use rules::{OBSERVABLE, highest_pa};
-pub use sense::warnings;
+pub use warnings::warnings;

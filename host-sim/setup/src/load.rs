@@ -1,8 +1,8 @@
-//! From a scenario file to everything that a run needs.
+//! From a scenario file to the data of a run.
 
 use super::loaded::Loaded;
 use super::rules;
-use super::sense::warnings;
+use super::warnings::warnings;
 use std::path::{Path, PathBuf};
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
@@ -18,11 +18,11 @@ use thermyo_scenario::violation::{Fault, Violation, WrongCell};
 use thermyo_scenario::{PlantKind, Scenario};
 use toml::{Table, Value};
 
-/// Part of the length sensor's range that the longest length takes where the file does not give the
-/// range.
+/// Fraction of the length sensor's range that the longest length takes if the file does not give
+/// the range.
 const LENGTH_USE: f64 = 0.8;
 
-/// Loads a scenario file. CSV files that it names are looked for from its own folder.
+/// Loads a scenario file. Paths of its CSV files are relative to its folder.
 ///
 /// # Errors
 /// In one line: file, line, key, what is there and what is allowed.
@@ -30,18 +30,12 @@ pub fn load(path: &Path) -> Result<Loaded, InputError> {
     parse(&read_text(path)?, path)
 }
 
-/// Loads a scenario file, along with what it says that makes no sense: see [`warnings`].
-///
-/// # Errors
-/// As [`load`].
+/// Loads a scenario file with its [`warnings`].
 pub fn load_with_warnings(path: &Path) -> Result<(Loaded, Vec<InputError>), InputError> {
     parse_with_warnings(&read_text(path)?, path)
 }
 
-/// As [`parse`], along with what the text says that makes no sense: see [`warnings`].
-///
-/// # Errors
-/// As [`load`].
+/// As [`parse`], with the [`warnings`].
 pub fn parse_with_warnings(
     text: &str,
     origin: &Path,
@@ -52,19 +46,16 @@ pub fn parse_with_warnings(
     Ok((loaded, found))
 }
 
-/// Loads a scenario from its text; `origin` is what messages call it, and its folder is where CSV
-/// files are looked for.
-///
-/// # Errors
-/// As [`load`].
+/// Loads a scenario from its text. `origin` is its name in messages; CSV paths are relative to its
+/// folder.
 pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     assemble(&Document::parse(text, origin)?)
 }
 
-/// As [`parse`], of a text whose sender has no right to this machine's files.
+/// As [`parse`], for a text whose sender must not read this machine's files.
 ///
 /// # Errors
-/// As [`load`]; any key that names a file is refused.
+/// As [`load`]; any key with a file's path is refused.
 pub fn parse_alone(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     let document = Document::parse(text, origin)?;
     let mut entries = document.plant.iter().chain(document.believed.iter());
@@ -81,10 +72,7 @@ pub fn parse_alone(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     }
 }
 
-/// Fills in defaults, and applies the rules that tie keys together.
-///
-/// # Errors
-/// As [`load`].
+/// Fills in defaults, and applies the rules between keys.
 pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let Document { origin, plant: given, believed: overrides } = document;
     fault_rules::check_given(given).map_err(|found| blame(found, given, origin))?;
@@ -142,10 +130,10 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     Ok(Loaded { plant, believed, volume_profile, drive_profile })
 }
 
-/// A scenario with the entries of a file written over it.
+/// The scenario with the entries of a file.
 fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
-    // Schema and structs are one declaration: an entry that passed the schema fits the struct. What
-    // drifts or leaks has its number.
+    // Schema and structs are one declaration: an entry that passed the schema fits the struct.
+    // Faults that need a number have it.
     let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
     let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
     for entry in entries.iter() {
@@ -159,7 +147,7 @@ fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenari
     tree.try_into().map_err(|error: toml::de::Error| internal(error.message().to_owned()))
 }
 
-/// Sizes that follow from others where the file leaves them open.
+/// Sizes that follow from others if the file does not give them.
 fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
     let longest_m = match chamber::of(plant) {
         Some(chamber) => chamber.lengths()[1],
@@ -168,7 +156,7 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
             let largest_m3 = volumes.reduce(f64::max).unwrap_or(plant.vessel.volume_m3);
             let sized = volume.is_some() || given.get("vessel.volume_m3").is_some();
             if sized && given.get("vessel.characteristic_length_m").is_none() {
-                // A cube's.
+                // The surface of a cube.
                 plant.vessel.characteristic_length_m = math::cbrt(largest_m3);
             }
             largest_m3 / plant.vessel.section_m2()
@@ -180,7 +168,7 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
     }
 }
 
-/// A rule's violation, as the user has to hear it.
+/// The error for a violated rule.
 fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
     let key = entries.full_path(&violation.path);
     let mut entry = entries.get(&violation.path);
@@ -203,18 +191,18 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
     }
 }
 
-/// A problem of an entry of the file `origin`.
+/// The error for an entry of the file `origin`.
 fn at(entry: &Entry, origin: &Path, problem: Problem) -> InputError {
     InputError { file: origin.to_path_buf(), line: entry.line, problem: Box::new(problem) }
 }
 
-/// Where a file lies whose path is relative to the folder of `origin`.
+/// Resolves a path relative to the folder of `origin`.
 fn beside(origin: &Path, path: &Path) -> PathBuf {
     origin.parent().unwrap_or(Path::new("")).join(path)
 }
 
-/// The numbers in the CSV file at `path`, which an entry names, row after row; `wrong` finds the first cell
-/// that may not be what it is, and says what it may be.
+/// The numbers in the CSV file of an entry, by row. `wrong` finds the first cell that is not
+/// allowed, and gives the allowed values.
 fn rows<const N: usize>(
     path: &Path,
     entry: &Entry,
@@ -237,7 +225,7 @@ fn rows<const N: usize>(
     read().map_err(|error| named(error, entry, origin))
 }
 
-/// Where the file as a whole is wrong, the user may have named the wrong one.
+/// If the file as a whole is wrong, the path may be the mistake.
 fn named(error: InputError, entry: &Entry, origin: &Path) -> InputError {
     if error.line.is_some() {
         return error;
@@ -245,7 +233,7 @@ fn named(error: InputError, entry: &Entry, origin: &Path) -> InputError {
     at(entry, origin, Problem::Reference { key: entry.path(), file: error })
 }
 
-/// The profile in the CSV file that an entry names; its values stay within `allowed`.
+/// The profile in the CSV file of an entry, with values within `allowed`.
 fn profile(
     path: Option<&Path>,
     entry: Option<&Entry>,

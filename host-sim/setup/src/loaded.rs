@@ -6,18 +6,19 @@ use thermyo_scenario::{DriveKind, PlantModel, Scenario};
 /// A scenario, checked, with every default filled in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
-    /// What the plant is. Its CSV paths are absolute.
+    /// The plant's scenario. Its CSV paths are absolute.
     pub plant: Scenario,
-    /// What the core believes: the plant's scenario, overlaid by `[believed]`.
+    /// The core's: the plant's scenario, overlaid by `[believed]`.
     pub believed: Scenario,
-    /// The vessel's volume \[m3\] over time, where `vessel.volume_csv` gives it.
+    /// The vessel's volume \[m3\] over time, from `vessel.volume_csv`.
     pub volume_profile: Option<Profile>,
-    /// The set point over time in the drive's unit, where `drive.profile_csv` gives it.
+    /// The set point over time in the drive's unit, from `drive.profile_csv`.
     pub drive_profile: Option<Profile>,
 }
 
 impl Loaded {
-    /// The same scenario on another plant. The core knows it: it drives ideal valves differently.
+    /// The same scenario on another plant, for which the core is configured too: it drives ideal
+    /// valves differently.
     pub fn with_model(&self, model: PlantModel) -> Self {
         let mut other = self.clone();
         other.plant.plant.model = model;
@@ -25,11 +26,11 @@ impl Loaded {
         other
     }
 
-    /// The same scenario driven along set points \[s, the kind's own unit\] to the last of them, with
-    /// every step logged.
+    /// The same scenario with these set points \[s, the kind's own unit\] up to the last of them,
+    /// with every step logged.
     ///
     /// # Panics
-    /// When there is none, or times do not increase.
+    /// Without set points, or if times do not increase.
     pub fn driven(&self, kind: DriveKind, set_points: Vec<(f64, f64)>) -> Self {
         let mut other = self.clone();
         other.plant.run.log_every = 1;

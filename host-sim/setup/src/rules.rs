@@ -9,15 +9,12 @@ use thermyo_scenario::violation::{Violation, within};
 use thermyo_scenario::{DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Tube};
 use thermyo_scenario::{number, short};
 
-/// Most steps of a run: more take days.
+/// Most steps of a run: more would take days.
 const MOST_STEPS: f64 = 1.0e9;
-/// Most steps of the core per PWM period: its timer counts no further.
+/// Most steps of the core per PWM period, by the range of its counter.
 const MOST_PWM_STEPS: f64 = 1000.0;
 
-/// Rules for what the plant is given. Its geometry is resolved.
-///
-/// # Errors
-/// The first rule that does not hold.
+/// Rules for the plant. Its geometry is resolved.
 pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     let run = &scenario.run;
     let longest = limits("run.duration_s").max.min(MOST_STEPS * run.step_s);
@@ -40,18 +37,15 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     check_believed(scenario)
 }
 
-/// Rules for what the core is configured with, which hold for the plant too.
-///
-/// # Errors
-/// The first rule that does not hold.
+/// Rules for the core's configuration, which hold for the plant too.
 pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
     let slowest = 1.0 / (MOST_PWM_STEPS * scenario.run.step_s);
     let fastest = limits("valve.pwm_hz").max;
-    // A hair of room: 1/(1000 step) has been rounded.
+    // With a small margin: 1/(1000 step) is rounded.
     let why = "a period of at most 1000 times run.step_s";
     within("valve.pwm_hz", scenario.valve.pwm_hz, (slowest * (1.0 - 1e-12), fastest), why)?;
     if scenario.moves_in_full() {
-        // Every other plant has ideal valves.
+        // All other plants have ideal valves.
         let period_s = f64::from(pwm_period_steps(scenario)) * scenario.run.step_s;
         let slowest = limits("valve.switch_time_s").max.min(period_s);
         let why = "at most a period of valve.pwm_hz, or both valves would be open together";
@@ -80,7 +74,7 @@ pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
     )?;
     if scenario.plant.kind == PlantKind::Muscle {
         let Muscle { thread_length_m, rest_length_m, slack_m, .. } = scenario.muscle;
-        // From braids at 2.7 deg to such that still pull; the core allows a hair more.
+        // From braids at 2.7 deg to the steepest that still pull; the core allows slightly more.
         let ends = [0.9989, 0.579].map(|share| rest_length_m - share * thread_length_m);
         let allowed = limits("muscle.slack_m");
         let range = (ends[0].max(allowed.min), ends[1].min(allowed.max));
@@ -191,7 +185,7 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
     }
 }
 
-/// What the drive's set point may be, and why.
+/// Allowed set points of the drive, and the reason.
 pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
     match scenario.drive.kind {
         DriveKind::Pressure => (
@@ -217,7 +211,7 @@ pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
     }
 }
 
-/// What the supply gives, and the board does not vent for \[Pa\].
+/// Highest pressure \[Pa\] that the supply gives and the board does not vent for.
 pub fn highest_pa(scenario: &Scenario) -> f64 {
     scenario.supply.pressure_pa.min(pressure_limit_pa(scenario))
 }

@@ -1,4 +1,4 @@
-//! A scenario as the TOML that it is written in, key by key.
+//! A scenario as its TOML, key by key.
 
 use thermyo_scenario::Scenario;
 use toml::Value;
@@ -11,7 +11,7 @@ pub(super) fn value<'a>(tree: &'a toml::Table, table: &str, key: &str) -> Option
     table.split('.').try_fold(tree, |tree, name| tree.get(name)?.as_table())?.get(key)
 }
 
-/// Equal to the bit: 0.0 and -0.0 are not.
+/// Equal to the bit, so that 0.0 and -0.0 differ.
 pub(super) fn same(a: Option<&Value>, b: Option<&Value>) -> bool {
     match (a, b) {
         (Some(Value::Float(a)), Some(Value::Float(b))) => a.to_bits() == b.to_bits(),

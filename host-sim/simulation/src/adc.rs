@@ -1,16 +1,16 @@
-//! The virtual analog front end and the RP2040's ADC: from what the sensing elements see to raw codes.
+//! The virtual analog front end and the RP2040's ADC: from the sensing elements to raw codes.
 //!
-//! Every channel is ratiometric to the ADC's reference, so that the reference drops out. A code is
-//! the sum of [`OVERSAMPLING`] conversions of 12 bit, 0 to 32760.
+//! Every channel is ratiometric to the ADC's reference, which therefore cancels. A code is the sum
+//! of [`OVERSAMPLING`] conversions of 12 bit, 0 to 32760.
 //!
-//! | channel | share of the reference |
+//! | channel | fraction of the reference |
 //! |---|---|
 //! | pressure | 0.1 + 0.8 P / range |
 //! | length | 0.05 + 0.9 L / range |
 //! | gas temperature | [`elements::gas_share`] |
 //!
-//! A digital part converts by itself, every [`MAX31865_S`] or [`MPR_S`], the mean over that time: its code is its last
-//! reading, marked in the step in which it came.
+//! A sensor chip converts by itself every [`MAX31865_S`] or [`MPR_S`], averaging over that time.
+//! Its code is its last reading, marked as new in the step in which it came.
 
 use crate::elements;
 use crate::noise::standard_normal;
@@ -20,12 +20,12 @@ use rand_xoshiro::rand_core::SeedableRng;
 use thermyo_plant::Truth;
 use thermyo_scenario::{GasElementKind, PressureKind, Scenario, Sensors};
 
-/// Conversions that one code sums up.
+/// Conversions per code.
 pub const OVERSAMPLING: u16 = 8;
 
 /// Highest code of one conversion \[LSB\].
 const FULL_SCALE: f64 = 4095.0;
-/// Steps that the reference is divided into.
+/// LSB of the reference.
 const STEPS: f64 = 4096.0;
 /// Noise of the RP2040's converter itself, one conversion, standard deviation \[LSB\].
 const CONVERTER_NOISE_LSB: f64 = 0.5;
@@ -33,27 +33,25 @@ const CONVERTER_NOISE_LSB: f64 = 0.5;
 /// Codes that erratum RP2040-E11 makes too wide (RP2040 datasheet, appendix B).
 const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
 
-/// Time from one reading to the next of a MAX31865 with the filter for 50 Hz \[s\].
+/// Conversion period of a MAX31865 with the filter for 50 Hz \[s\].
 pub const MAX31865_S: f64 = 0.02;
-/// ... of an MPR: its conversion of 5 ms and the way over the bus \[s\].
+/// Period of an MPR: 5 ms of conversion and the bus transfer \[s\].
 pub const MPR_S: f64 = 0.006;
-/// Codes of a part's scale.
+/// Codes of a sensor chip's scale.
 const PART_CODES: f64 = 32_768.0;
 
-/// The raw codes of one exchange step, each 0 to 32760, or as [`AdcCode::of_part`].
+/// Raw codes of one step, each 0 to 32760, or as [`AdcCode::of_part`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Codes {
-    /// Absolute pressure.
     pub pressure: u16,
-    /// Gas temperature.
     pub gas: u16,
-    /// Muscle length.
     pub length: u16,
 }
 
-/// Mean code of a conversion \[LSB\] for an ideal input \[LSB\], both 0 to 4095: the transfer curve
-/// with erratum E11, offset and gain trimmed at the ends. Four codes swallow `excess_lsb` of input each, 8.9
-/// on the RP2040 and none elsewhere; between them the curve is steeper by as much.
+/// Mean code of a conversion \[LSB\] for an ideal input \[LSB\], both 0 to 4095: the transfer
+/// curve with erratum E11, offset and gain trimmed at the ends. Four codes are wider by
+/// `excess_lsb` each, 8.9 on the RP2040 and 0 elsewhere; between them the curve is steeper to
+/// compensate.
 pub fn e11_transfer(input_lsb: f64, excess_lsb: f64) -> f64 {
     let slope = FULL_SCALE / (FULL_SCALE - WIDE_CODES.len() as f64 * excess_lsb);
     let mut swallowed = 0.0;
@@ -74,25 +72,25 @@ impl Noise {
     }
 }
 
-/// One channel: its own noise, so that a further channel changes none of the others.
+/// One channel with its own noise, so that adding a channel changes no other.
 #[derive(Debug, Clone)]
 struct Channel {
     noise: Noise,
     /// Deviation of the sensor's noise in a sum of conversions \[unit of the sensor\].
     sensor: f64,
-    /// Deviation of the converter's noise in a sum of conversions, as a share of the reference.
+    /// Deviation of the converter's noise in a sum of conversions, as a fraction of the reference.
     converter: f64,
     error: SensorError,
     part: Option<Part>,
 }
 
-/// A digital part.
+/// A sensor chip.
 #[derive(Debug, Clone)]
 struct Part {
     period_s: f64,
     next_s: f64,
     reading: u16,
-    /// What it has been exposed to since it began to convert: the sum, of so many steps.
+    /// Sum of its inputs since the conversion began, and their number.
     exposed: (f64, f64),
 }
 
@@ -101,13 +99,14 @@ impl Part {
         Self { period_s, next_s: 0.0, reading: 0, exposed: (0.0, 0.0) }
     }
 
-    /// The mean of what it is exposed to while it converts.
+    /// Adds an input to the mean of the conversion.
     fn mean(&mut self, value: f64) -> f64 {
         self.exposed = (self.exposed.0 + value, self.exposed.1 + 1.0);
         self.exposed.0 / self.exposed.1
     }
 
-    /// The code at that time, for a share of its scale: 0 at either end, where the part says that it is broken.
+    /// The code at that time for a fraction of its scale. 0 at either end, where the chip reports
+    /// a fault.
     fn code(&mut self, time_s: f64, share: f64) -> u16 {
         // Times are sums of steps.
         let fresh = time_s > self.next_s - 1.0e-6;
@@ -124,7 +123,7 @@ impl Part {
     }
 }
 
-/// How wrong a sensor is that its calibration puts right: value = gain (reading + correction) + offset.
+/// A sensor error that calibration removes: value = gain (reading + correction) + offset.
 #[derive(Debug, Clone, Copy)]
 struct SensorError {
     gain: f64,
@@ -140,7 +139,7 @@ impl SensorError {
         Self { gain, offset, quarters }
     }
 
-    /// What the sensor makes of a value.
+    /// The sensor's reading of a value.
     fn reading(&self, value: f64) -> f64 {
         let corrected = (value - self.offset) / self.gain;
         let between = self.quarters.windows(2).find(|pair| {
@@ -152,7 +151,7 @@ impl SensorError {
             Some(&[[low, from], [high, to]]) => {
                 low + (corrected - from) / (to - from) * (high - low)
             }
-            // Beyond its range nothing is corrected.
+            // There is no correction outside the range.
             _ => corrected,
         }
     }
@@ -170,20 +169,21 @@ impl Channel {
         }
     }
 
-    /// A value, of a part its mean, with the sensor's noise on it.
+    /// A value, or for a sensor chip its mean, with the sensor's noise.
     fn sense(&mut self, value: f64) -> f64 {
         let value = self.part.as_mut().map_or(value, |part| part.mean(value));
         value + self.noise.sample(self.sensor)
     }
 
-    /// The code for a share of the reference, of a converter whose wide codes are wider by `excess_lsb`; that of a
-    /// part, where the channel is one.
+    /// The code for a fraction of the reference, with wide codes of `excess_lsb`, or a sensor
+    /// chip's code.
     fn convert(&mut self, time_s: f64, share: f64, excess_lsb: f64) -> u16 {
         if let Some(part) = &mut self.part {
             return part.code(time_s, share);
         }
         let noisy = share + self.noise.sample(self.converter);
-        // A conversion truncates: over the noise of eight its mean lies half a code below the input.
+        // A conversion truncates: over the noise of eight its mean lies half a code below the
+        // input.
         let mean = e11_transfer(STEPS * noisy - 0.5, excess_lsb).clamp(0.0, FULL_SCALE);
         (f64::from(OVERSAMPLING) * mean).round() as u16
     }
@@ -276,12 +276,12 @@ impl VirtualAdc {
         }
     }
 
-    /// What the gas sensor read at the last conversion, noise included \[K\].
+    /// The gas sensor's reading at the last conversion, noise included \[K\].
     pub fn gas_reading_k(&self) -> f64 {
         self.gas_reading_k
     }
 
-    /// What the wall sensor read at the last conversion, noise included \[K\].
+    /// The wall sensor's reading at the last conversion, noise included \[K\].
     pub fn wall_reading_k(&self) -> f64 {
         self.wall_reading_k
     }
@@ -346,7 +346,7 @@ mod tests {
         assert!((f64::from(codes.gas) / 32760.0 - 0.5).abs() < 0.02);
     }
 
-    /// What the sensor gets wrong is what the core puts right, at any pressure and length.
+    /// The core corrects the sensor's errors at any pressure and length.
     #[test]
     fn the_core_corrects_what_the_sensor_bends() {
         let mut scenario = Scenario::default();

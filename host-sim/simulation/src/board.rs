@@ -1,4 +1,4 @@
-//! A board: where the core runs. The one here runs it in this process.
+//! Boards that run the core. The one here runs it in this process.
 
 use model_core::control::Mode;
 use model_core::link::{Chip, PROTOCOL, Refusal, Timing};
@@ -9,55 +9,42 @@ use thermyo_plant::Actuation;
 
 /// A board: raw samples in, openings and telemetry out, once per step.
 pub trait Board {
-    /// What it is, for summaries: "core", "emulated", "serial".
+    /// Its kind in summaries: "core", "emulated", "serial".
     fn name(&self) -> &'static str;
-    /// Configures the core and gives the first set point. Steps count from 0 after it.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Configures the core and sets the first set point. Steps then count from 0.
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError>;
-    /// Changes the set point, from the step after the next on: on a real board it arrives while that
-    /// step is computed.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Changes the set point from the step after the next on: on a real board it arrives while the
+    /// next step is computed.
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError>;
-    /// One step: feeds the sample, returns what became of it. The first one after a start is fed until
-    /// the core has judged its sensors: before a run begins the board has been on for a while.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Runs one step. After a start the first sample is repeated until the startup check is over,
+    /// since a board is on for a while before a run.
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError>;
-    /// Restarts the board: it has forgotten its configuration and remembers what was latched. In the steps
-    /// that follow it judges its sensors, and then counts from 0 again.
+    /// Restarts the board: it loses its configuration and keeps latched faults. It runs its
+    /// startup check, and then counts from 0 again.
     ///
     /// # Errors
-    /// [`BoardError::NoRestart`] where nothing here can restart it.
+    /// [`BoardError::NoRestart`] if this board cannot be restarted from here.
     fn restart(&mut self) -> Result<(), BoardError> {
         Err(BoardError::NoRestart)
     }
 
-    /// How the steps were timed, where that is not this process.
-    ///
-    /// # Errors
-    /// [`BoardError`]
+    /// Timing of the steps, if they do not run in this process.
     fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
         Ok(None)
     }
 }
 
-/// What one step gives.
+/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoardStep {
-    /// What the core made of a sample: this step's, or, where it crosses a serial line in real time,
-    /// an earlier one's. `Telemetry::step` says which.
+    /// The core's output for this sample, or for an earlier one over a serial link in real time:
+    /// see `Telemetry::step`.
     pub telemetry: Option<Telemetry>,
-    /// What the valves are set to between this step and the next: duties, as the timer that drives
-    /// them holds them.
+    /// Duties of the valves until the next step, as held by the timer that drives them.
     pub actuation: Actuation,
 }
 
-/// A board that cannot be used, or no longer.
+/// Why a board cannot be used, or no longer.
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
     /// The core refuses its configuration.
@@ -66,10 +53,10 @@ pub enum BoardError {
     /// The core refuses a set point.
     #[error("the core refuses the set point: {0}")]
     SetPoint(SetPointError),
-    /// A step was asked for before the board was started.
+    /// A step before the start.
     #[error("the board was asked for a step before it was started")]
     NotStarted,
-    /// Node.js is not there.
+    /// Node.js is missing.
     #[error(
         "Node.js was not found: install Node.js 18 or newer for the emulated board, or set \
          THERMYO_SKIP_EMULATOR=1 to skip its tests"
@@ -78,77 +65,45 @@ pub enum BoardError {
     /// Node.js is older than the emulator needs.
     #[error("Node.js {version} is too old for the emulated board: install 18 or newer")]
     OldNode {
-        /// What `node --version` says.
+        /// Output of `node --version`.
         version: String,
     },
-    /// The emulator and the images inside this program cannot be put where Node.js finds them.
+    /// Emulator and images of this program cannot be written to where Node.js finds them.
     #[error(
         "{folder}: cannot be written ({reason}), and the emulated board wants its files there: set \
          XDG_CACHE_HOME to a folder that can be"
     )]
-    NotUnpacked {
-        /// Where.
-        folder: PathBuf,
-        /// What the system said.
-        reason: String,
-    },
+    NotUnpacked { folder: PathBuf, reason: String },
     /// `npm ci` failed.
     #[error("`npm ci` failed; it needs npm and its registry: {message}")]
-    Npm {
-        /// What it said.
-        message: String,
-    },
-    /// The firmware did not build.
+    Npm { message: String },
     #[error("{message}")]
-    Build {
-        /// The builder's message.
-        message: String,
-    },
-    /// There is no file where the image should be.
+    Build { message: String },
+    /// The image is missing.
     #[error("{path}: no such image: give the ELF or UF2 file that a build of the firmware left")]
-    NoImage {
-        /// Where.
-        path: PathBuf,
-    },
+    NoImage { path: PathBuf },
     /// The emulator cannot run the image.
     #[error("{message}")]
-    Image {
-        /// What it said.
-        message: String,
-    },
+    Image { message: String },
     /// The emulator ended.
     #[error("the emulated board stopped: {message}")]
-    Emulator {
-        /// What it said.
-        message: String,
-    },
+    Emulator { message: String },
     /// The serial port cannot be opened.
     #[error(
         "{port}: {reason}: connect the board and name its port (Linux /dev/ttyACM0 or \
          /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
     )]
-    NoPort {
-        /// Name of the port.
-        port: String,
-        /// What the system said.
-        reason: String,
-    },
-    /// The user may not open the port.
+    NoPort { port: String, reason: String },
+    /// The user has no permission for the port.
     #[error(
         "{port}: no permission to open it: on Linux `sudo usermod -aG dialout $USER`, then log in \
          again (Arch: the group uucp)"
     )]
-    NoPermission {
-        /// Name of the port.
-        port: String,
-    },
-    /// Another program has the port.
+    NoPermission { port: String },
+    /// Another program uses the port.
     #[error("{port}: another program has it open: close that one, then try again")]
-    Taken {
-        /// Name of the port.
-        port: String,
-    },
-    /// The line to the board broke.
+    Taken { port: String },
+    /// The link to the board broke.
     #[error("the line to the board broke ({0}): check its cable and start again")]
     Line(#[from] io::Error),
     /// The board does not answer.
@@ -156,72 +111,57 @@ pub enum BoardError {
         "the board does not answer ({asked}): check power and wiring (GP0, GP1, 921600 baud), \
          and that this project's firmware is flashed"
     )]
-    Silent {
-        /// What was asked.
-        asked: &'static str,
-    },
+    Silent { asked: &'static str },
     /// The emulated board does not answer: there is no wiring to check.
     #[error(
         "the emulated board does not answer ({asked}): this machine may be too busy for it; try again, or start \
          it afresh: thermyo board emulated plug"
     )]
-    EmulatedSilent {
-        /// What was asked.
-        asked: &'static str,
-    },
+    EmulatedSilent { asked: &'static str },
     /// The board speaks another version of the protocol.
     #[error(
         "the board's firmware speaks protocol {board}, this program {PROTOCOL}: flash the \
          firmware of the same version"
     )]
-    Protocol {
-        /// Its version.
-        board: u16,
-    },
+    Protocol { board: u16 },
     /// The board samples its own inputs.
     #[error(
         "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
          built with `--features hil`"
     )]
-    NotHil {
-        /// The chip.
-        chip: Chip,
-    },
-    /// The board wants its samples from here.
+    NotHil { chip: Chip },
+    /// The board expects its samples from the host.
     #[error(
         "the board ({chip:?}) waits for simulated samples: to drive a muscle flash the firmware built \
          without the feature `hil`"
     )]
-    Hil {
-        /// The chip.
-        chip: Chip,
-    },
-    /// The configuration is one for the converter of another chip.
+    Hil { chip: Chip },
+    /// The configuration is for another chip's converter.
     #[error(
         "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
          ({chip:?}) has none: [adc] wide_code_lsb = 0"
     )]
     OtherChip {
-        /// That of the board.
+        /// The board's chip.
         chip: Chip,
     },
-    /// The board has not the configuration that it was sent.
+    /// The board does not have the configuration that was sent.
     #[error("the board's configuration is not the one that was sent: another program talks to it")]
     Damaged,
-    /// The user has ended it; the board vents.
+    /// The user stopped the run; the board vents.
     #[error("ended by Ctrl-C; the board vents")]
     Interrupted,
     /// Faults vent the muscle.
     #[error("the board vents: {0}. Remove the cause, then `thermyo board PORT clear` and `arm`")]
     Vented(Faults),
-    /// A pressure that the board, as it is configured and armed, cannot hold.
+    /// A pressure that the board, as configured and armed, cannot hold.
     #[error("{}", pressure(*.pressure_pa, *.least_pa, *.most_pa))]
     Pressure {
-        /// That was asked for \[Pa\].
+        /// Requested pressure \[Pa\].
         pressure_pa: f32,
-        /// Ambient, as the board is configured \[Pa\].
+        /// Ambient pressure of its configuration \[Pa\].
         least_pa: f32,
-        /// What it is armed up to \[Pa\].
+        /// Pressure up to which it is armed \[Pa\].
         most_pa: f32,
     },
     /// The board refused a request.
@@ -230,7 +170,7 @@ pub enum BoardError {
     /// The board restarted in the middle of a run.
     #[error("the board restarted in the middle of the run: `thermyo monitor` shows the reason")]
     Restarted,
-    /// Nothing here can restart the board.
+    /// This board cannot be restarted from here.
     #[error(
         "faults.board_restart: nothing here can restart this board; leave it out, or run in \
          process or on the emulated board"
@@ -238,7 +178,7 @@ pub enum BoardError {
     NoRestart,
 }
 
-/// What a pressure may be; and what it would be in Pa where it was meant in another unit.
+/// Allowed pressures, and the value in Pa if another unit was meant.
 fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     let meant = [("bar", 1e5), ("kPa", 1e3)].into_iter().find_map(|(unit, unit_pa)| {
         let meant_pa = f64::from(pressure_pa) * unit_pa;
@@ -252,7 +192,7 @@ fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     )
 }
 
-/// What a board says no to, and where there is a command for it, which.
+/// A board's refusal, and the command that helps, if there is one.
 fn refused(refusal: &Refusal) -> String {
     match refusal {
         Refusal::NotConfigured
@@ -267,20 +207,17 @@ fn refused(refusal: &Refusal) -> String {
     }
 }
 
-/// The core in this process: the valves see at once what it commands.
+/// The core in this process: its commands reach the valves at once.
 #[derive(Debug, Default)]
 pub struct CoreBoard {
     core: Option<Core>,
     pending: Option<SetPoint>,
-    /// It has been started, and its sensors are to be judged before its first step.
+    /// It was started, and the startup check comes before its first step.
     to_judge: bool,
 }
 
 impl CoreBoard {
-    /// The core, once it has been started.
-    ///
-    /// # Errors
-    /// [`BoardError::NotStarted`]
+    /// The core, once started.
     pub fn core(&mut self) -> Result<&mut Core, BoardError> {
         self.core.as_mut().ok_or(BoardError::NotStarted)
     }
@@ -314,7 +251,7 @@ impl Board for CoreBoard {
         }
         if let Some(set_point) = pending {
             match core.set(set_point) {
-                // What vents, vents: the telemetry says why.
+                // Venting faults vent; the telemetry has the reason.
                 Ok(()) | Err(SetPointError::Faults(_)) => (),
                 Err(error) => return Err(BoardError::SetPoint(error)),
             }

@@ -1,5 +1,5 @@
-//! What `[faults]` and `[faults.NAME]` break, over time: sensors, the lines between them and the ADC,
-//! the board's own lines, and the plant.
+//! Faults of `[faults]` and `[faults.NAME]` over time, in sensors, their channels, the board's
+//! inputs, and the plant.
 
 use crate::adc::Codes;
 use model_core::sample::CODE_MAX;
@@ -10,7 +10,7 @@ use rand_xoshiro::rand_core::SeedableRng;
 use thermyo_plant::{Disturbance, Travel, Truth};
 use thermyo_scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
 
-/// Half of the noise band on a noisy line: 5 % of the range.
+/// Half of the noise band on a noisy channel: 5 % of the range.
 const NOISE: i32 = CODE_MAX as i32 / 20;
 
 /// The faults of a run.
@@ -18,9 +18,9 @@ const NOISE: i32 = CODE_MAX as i32 / 20;
 pub struct InjectedFaults {
     windows: Vec<FaultWindow>,
     step_s: f64,
-    /// Codes that arrived in the last step.
+    /// Codes of the last step.
     arrived: Codes,
-    /// Pressure and gas come from digital parts.
+    /// Whether pressure and gas come from sensor chips.
     digital: [bool; 2],
     generator: Xoshiro256PlusPlus,
     noise: Uniform<i32>,
@@ -45,7 +45,7 @@ impl InjectedFaults {
         }
     }
 
-    /// What the sensors give to the front end: the truth, with the drift of drifting sensors on it.
+    /// Input of the front end: the true values, plus the drift of drifting sensors.
     pub fn sensed(&self, truth: &Truth) -> Truth {
         let mut sensed = *truth;
         for window in self.active(truth.time_s) {
@@ -63,7 +63,7 @@ impl InjectedFaults {
         sensed
     }
 
-    /// What arrives at the core.
+    /// Inputs of the core.
     pub fn apply(&mut self, time_s: f64, codes: Codes) -> Sample {
         let of = |line: fn(&FaultWindow) -> ChannelFault| {
             let mut faults = self.active(time_s).map(line);
@@ -89,7 +89,7 @@ impl InjectedFaults {
         }
     }
 
-    /// What is broken in the plant during the step that starts at that time \[s\].
+    /// Faults of the plant during the step that starts at that time \[s\].
     pub fn disturbance(&self, time_s: f64) -> Disturbance {
         let mut disturbance = Disturbance::default();
         for window in self.active(time_s) {
@@ -119,11 +119,12 @@ impl InjectedFaults {
         self.windows.iter().filter(move |window| window.contains(time_s))
     }
 
-    /// The code behind a fault. A digital part that is open or shorted says so, and one that is frozen is silent.
+    /// The code behind a fault. An open or shorted sensor chip reports a fault, and a frozen one
+    /// is silent.
     fn line(&mut self, fault: ChannelFault, code: u16, arrived: u16, digital: bool) -> u16 {
         let fresh = AdcCode(code).is_fresh();
         match fault {
-            // A drift is in the code already.
+            // The drift is already in the code.
             ChannelFault::None | ChannelFault::Drifting { .. } => code,
             ChannelFault::Open | ChannelFault::Shorted if digital => AdcCode::of_part(0, fresh).0,
             ChannelFault::Frozen if digital => AdcCode(arrived).stale().0,

@@ -1,6 +1,6 @@
 //! Gaussian noise, the same numbers on every machine.
 //!
-//! `rand_distr`'s is the same algorithm, and where it takes an exponential or a logarithm it takes the platform's.
+//! `rand_distr` has the same algorithm, but takes exponentials and logarithms from the platform.
 
 use rand_distr::{Distribution, Open01, StandardUniform};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -8,13 +8,13 @@ use rand_xoshiro::rand_core::Rng;
 use std::sync::LazyLock;
 use thermyo_compute::math;
 
-/// Layers of equal area under the bell, and where the tail begins with its area (J. A. Doornik, "An improved ziggurat
+/// Layers of equal area, and start and area of the tail (J. A. Doornik, "An improved ziggurat
 /// method to generate normal random samples", 2005).
 const LAYERS: usize = 256;
 const TAIL: f64 = 3.654152885361009;
 const AREA: f64 = 0.00492867323399;
 
-/// Half widths of the layers, and the bell there.
+/// Half widths of the layers, and the density there.
 struct Ziggurat {
     widths: [f64; LAYERS + 1],
     heights: [f64; LAYERS + 1],
@@ -40,7 +40,7 @@ pub fn standard_normal(random: &mut Xoshiro256PlusPlus) -> f64 {
     let Ziggurat { widths, heights } = &*ZIGGURAT;
     loop {
         let bits = random.next_u64();
-        // The lowest bits choose a layer, the highest ones a place in it, from -1 to 1.
+        // The lowest bits choose a layer, the highest ones a position in it from -1 to 1.
         let layer = (bits & 0xff) as usize;
         let place = f64::from_bits((bits >> 12) | 2.0_f64.to_bits()) - 3.0;
         let x = place * widths[layer];
@@ -57,8 +57,8 @@ pub fn standard_normal(random: &mut Xoshiro256PlusPlus) -> f64 {
     }
 }
 
-/// What lies beyond the first layer (G. Marsaglia, "Generating a variable from the tail of the normal
-/// distribution", 1964).
+/// The tail beyond the first layer (G. Marsaglia, "Generating a variable from the tail of the
+/// normal distribution", 1964).
 fn tail(random: &mut Xoshiro256PlusPlus) -> f64 {
     loop {
         let [x, y]: [f64; 2] = [Open01.sample(random), Open01.sample(random)].map(math::log);

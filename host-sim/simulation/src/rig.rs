@@ -1,5 +1,4 @@
-//! The plant as a board meets it: sensors that it samples and valves that it drives, with the scenario's
-//! faults in between.
+//! Sensors and valves of the plant as a board sees them, with the scenario's faults in between.
 
 use crate::adc::VirtualAdc;
 use crate::faults::InjectedFaults;
@@ -18,10 +17,6 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// That of a scenario.
-    ///
-    /// # Errors
-    /// As [`plant::build`].
     pub fn new(loaded: &Loaded) -> Result<Self, BuildError> {
         Ok(Self {
             plant: thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())?,
@@ -30,36 +25,27 @@ impl Rig {
         })
     }
 
-    /// That of a scenario, behind the pins of a board that makes the pulses: each share given to
-    /// [`Rig::advance`] is that of the step for which a valve was driven.
-    ///
-    /// # Errors
-    /// As [`plant::build`].
+    /// A rig behind the pins of a board that makes the pulses itself: [`Rig::advance`] takes the
+    /// fraction of the step for which each valve was driven.
     pub fn behind_pins(loaded: &Loaded) -> Result<Self, BuildError> {
         let mut rig = Self::new(loaded)?;
         rig.plant.follow_pins();
         Ok(rig)
     }
 
-    /// What arrives at the core now. Every call draws the sensors' noise: one per step.
+    /// The inputs of the core. Every call draws new noise: call it once per step.
     pub fn sample(&mut self) -> Sample {
         let truth = self.plant.truth();
         self.faults.apply(truth.time_s, self.adc.convert(&self.faults.sensed(&truth)))
     }
 
-    /// One step with these openings, each a share of the PWM period from 0 to 1.
-    ///
-    /// # Errors
-    /// As [`Plant::advance`].
+    /// Advances by one step with these openings, each a fraction of the PWM period from 0 to 1.
     pub fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged> {
         self.plant.disturb(self.faults.disturbance(self.plant.truth().time_s));
         self.plant.advance(actuation)
     }
 
-    /// Takes over a scenario's supply, load, heat transfer and sensors' lags: see [`Plant::retune`].
-    ///
-    /// # Errors
-    /// As [`Plant::retune`].
+    /// Changes supply, load, heat transfer and sensor lags: see [`Plant::retune`].
     pub fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
         self.plant.retune(scenario)
     }
@@ -74,7 +60,7 @@ impl Rig {
         self.plant.truth()
     }
 
-    /// The plant's books.
+    /// The plant's ledger.
     pub fn ledger(&self) -> Ledger {
         self.plant.ledger()
     }
@@ -89,18 +75,19 @@ impl Rig {
         self.plant.axial_gas_k()
     }
 
-    /// What the gas sensor read in the last sample, noise included \[K\].
+    /// The gas sensor's reading in the last sample, noise included \[K\].
     pub fn gas_reading_k(&self) -> f64 {
         self.adc.gas_reading_k()
     }
 
-    /// What the wall sensor read in the last sample, noise included \[K\].
+    /// The wall sensor's reading in the last sample, noise included \[K\].
     pub fn wall_reading_k(&self) -> f64 {
         self.adc.wall_reading_k()
     }
 }
 
-/// What the core makes of pressure and length, where no core is: the same numbers, as long as the sensors are well.
+/// The core's readings of pressure and length without a core; the same numbers while the sensors
+/// are healthy.
 #[derive(Debug)]
 pub struct Reader {
     sensing: Sensing,
@@ -108,7 +95,6 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// That of a configuration.
     pub fn new(config: &Config) -> Self {
         Self { sensing: config.sensing(), chamber: AnyChamber::new(&config.chamber) }
     }
@@ -120,7 +106,7 @@ impl Reader {
     }
 }
 
-/// Mean mass flows between two looks at the plant's books.
+/// Mean mass flows between two reads of the plant's ledger.
 #[derive(Debug, Clone, Copy)]
 pub struct MeanFlows {
     time_s: f64,
@@ -129,18 +115,18 @@ pub struct MeanFlows {
 }
 
 impl MeanFlows {
-    /// The books as they are now.
+    /// The ledger now.
     pub fn new(rig: &Rig) -> Self {
         let ledger = rig.ledger();
         Self { time_s: rig.truth().time_s, in_kg: ledger.mass_in_kg, out_kg: ledger.mass_out_kg }
     }
 
-    /// Time since the last look \[s\].
+    /// Time since the last read \[s\].
     pub fn elapsed_s(&self, rig: &Rig) -> f64 {
         rig.truth().time_s - self.time_s
     }
 
-    /// Mean flows in and out since the last look, `elapsed_s` ago \[kg/s\]; none at the start.
+    /// Mean flows in and out since the last read, `elapsed_s` ago \[kg/s\]; none at the start.
     pub fn since(&mut self, rig: &Rig, elapsed_s: f64) -> (f64, f64) {
         let before = std::mem::replace(self, Self::new(rig));
         if elapsed_s > 0.0 {

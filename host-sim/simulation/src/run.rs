@@ -25,26 +25,26 @@ use thermyo_scenario::{Drive, DriveKind, LoadKind, Scenario};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 
-/// Interval at which a set point that follows a profile is given anew \[s\].
+/// Interval at which a set point that follows a profile is updated \[s\].
 const SET_POINT_INTERVAL_S: f64 = 0.01;
 
 /// Steps after the end within which the last telemetry has to arrive.
 pub const MOST_LATE_STEPS: u64 = 5;
 
-/// Why a run ended before its time.
+/// Why a run ended early.
 #[derive(Debug)]
 pub enum RunError {
     /// The plant cannot be built from the scenario.
     Build(BuildError),
-    /// The core refuses what it is to believe.
+    /// The core refuses its configuration.
     Config(ConfigError),
     /// The plant left the range of its equations.
     Diverged(Diverged),
     /// The board does not answer.
     Board(BoardError),
-    /// The observer cannot write what it is shown.
+    /// The observer cannot write a row.
     Output(io::Error),
-    /// It was to end: [`thermyo_compute::stop`].
+    /// The run was stopped: [`thermyo_compute::stop`].
     Stopped,
 }
 
@@ -75,7 +75,7 @@ impl From<BoardError> for RunError {
     }
 }
 
-/// What follows a run as it goes on.
+/// Receives the rows of a run.
 pub trait Observer {
     /// One row per `[run] log_every` steps, the last step included.
     ///
@@ -91,9 +91,6 @@ impl<F: FnMut(&Row) -> io::Result<()>> Observer for F {
 }
 
 /// Runs a scenario on a board.
-///
-/// # Errors
-/// [`RunError`], with the run stopped where it was.
 pub fn run(
     loaded: &Loaded,
     board: &mut dyn Board,
@@ -104,7 +101,7 @@ pub fn run(
     let started = (!cfg!(target_family = "wasm")).then(Instant::now);
     let mut run = Run::start(loaded, board, measured)?;
     while run.step(board, observer)? {
-        if stop::wanted() {
+        if stop::is_requested() {
             return Err(RunError::Stopped);
         }
     }
@@ -112,23 +109,23 @@ pub fn run(
     run.finish(board, wall_clock_s)
 }
 
-/// A run on its way, a step at a time.
+/// A run in progress, step by step.
 pub struct Run {
     loaded: Loaded,
     rig: Rig,
     drive: SetPoints,
     model: Model,
     accumulator: Accumulator,
-    /// Looks for a limit cycle, where a loop closes on something.
+    /// Detects limit cycles, if there is a controlled quantity.
     detector: Option<Detector>,
     rest_length_m: Option<f64>,
     length_held: bool,
     sample: Sample,
     flows: MeanFlows,
     step_flows: MeanFlows,
-    /// Steps whose telemetry has not come back: none in this process, one behind a line.
+    /// Steps whose telemetry has not arrived: none in this process, one over a link.
     waiting: VecDeque<Waiting>,
-    count: Count,
+    alignment: StepAlignment,
     step: u64,
     steps: u64,
 }
@@ -137,7 +134,7 @@ impl Run {
     /// Plant and board at time zero.
     ///
     /// # Errors
-    /// [`RunError`], for a scenario that makes no run.
+    /// [`RunError`] for a scenario that cannot be run.
     pub fn start(
         loaded: &Loaded,
         board: &mut dyn Board,
@@ -169,7 +166,7 @@ impl Run {
             flows,
             step_flows: flows,
             waiting: VecDeque::new(),
-            count: Count::STARTED,
+            alignment: StepAlignment::STARTED,
             step: 0,
             steps: scenario.run.steps(),
             rig,
@@ -177,10 +174,7 @@ impl Run {
         })
     }
 
-    /// One step; whether there is another one.
-    ///
-    /// # Errors
-    /// [`RunError`], with the run stopped where it was.
+    /// Runs one step. Returns whether there is another one.
     pub fn step(
         &mut self,
         board: &mut dyn Board,
@@ -205,7 +199,7 @@ impl Run {
         Ok(true)
     }
 
-    /// What the board gets at this step, and what the plant is then.
+    /// The board's input for this step, and the plant's state.
     fn prepare(&mut self, board: &mut dyn Board) -> Result<(), RunError> {
         let Self { rig, step, .. } = self;
         let step = *step;
@@ -216,7 +210,7 @@ impl Run {
             let held = self.length_held.then_some(truth.length_m as f32);
             self.model.step(inflow as f32, outflow as f32, held);
         }
-        // It acts from the step after this one on.
+        // It acts from the next step on.
         if let Some(set_point) = self.drive.acting_from(step + 1, &self.loaded) {
             board.set(set_point)?;
         }
@@ -241,9 +235,9 @@ impl Run {
         Ok(())
     }
 
-    /// What the board has made of a step.
+    /// Takes the board's output for a step.
     fn take(&mut self, telemetry: Telemetry, observer: &mut dyn Observer) -> Result<(), RunError> {
-        let reported = self.count.step_of(&telemetry, self.step);
+        let reported = self.alignment.step_of(&telemetry, self.step);
         while self.waiting.front().is_some_and(|front| front.step < reported) {
             self.waiting.pop_front();
         }
@@ -268,11 +262,11 @@ impl Run {
         Ok(())
     }
 
-    /// Another supply, load, heat transfer, sensor lag or set point from the next step on: see [`Rig::retune`]. The
-    /// core hears of the set point and of nothing else.
+    /// Changes supply, load, heat transfer, sensor lags or set point from the next step on: see
+    /// [`Rig::retune`]. The core receives only the set point.
     ///
     /// # Errors
-    /// [`RunError`] for a plant that cannot be; nothing has changed.
+    /// [`RunError`] for an impossible plant; nothing has changed.
     pub fn retune(&mut self, plant: &Scenario, board: &mut dyn Board) -> Result<(), RunError> {
         self.rig.retune(plant).map_err(RunError::Build)?;
         let driven = plant.drive != self.loaded.plant.drive;
@@ -285,10 +279,7 @@ impl Run {
         Ok(())
     }
 
-    /// Closes the books, after so much time on the wall's clock \[s\].
-    ///
-    /// # Errors
-    /// [`RunError::Board`]
+    /// Ends the run and returns its summary; `wall_clock_s` is the time that it took \[s\].
     pub fn finish(self, board: &mut dyn Board, wall_clock_s: f64) -> Result<Summary, RunError> {
         let Self { loaded, rig, drive, .. } = self;
         let scenario = &loaded.plant;
@@ -308,7 +299,7 @@ impl Run {
     }
 }
 
-/// A step that the plant has made and the board has not yet told of.
+/// A step of the plant whose telemetry has not arrived.
 #[derive(Debug, Clone, Copy)]
 struct Waiting {
     step: u64,
@@ -320,16 +311,16 @@ struct Waiting {
     model_sensor_k: f64,
 }
 
-/// Which step of the run a telemetry is of.
+/// Matches telemetry to the steps of the run.
 #[derive(Debug, Clone, Copy)]
-struct Count {
-    /// Step of the run that is the board's step 0; none while a board that has restarted judges its sensors.
+struct StepAlignment {
+    /// The run's step at the board's step 0; none during the startup check after a restart.
     zero: Option<u64>,
-    /// Steps by which telemetry comes late.
+    /// Steps by which telemetry is late.
     late: u64,
 }
 
-impl Count {
+impl StepAlignment {
     const STARTED: Self = Self { zero: Some(0), late: 0 };
 
     fn step_of(&mut self, telemetry: &Telemetry, now: u64) -> u64 {
@@ -345,7 +336,7 @@ impl Count {
     }
 }
 
-/// The scenario's drive, as set points over time.
+/// The scenario's drive as set points over time.
 #[derive(Debug, Clone)]
 pub struct SetPoints {
     drive: Drive,
@@ -353,12 +344,11 @@ pub struct SetPoints {
 }
 
 impl SetPoints {
-    /// The set points of a scenario.
     pub fn new(loaded: &Loaded) -> Self {
         Self { drive: loaded.plant.drive.clone(), profile: loaded.drive_profile.clone() }
     }
 
-    /// The set point that acts from this step on, where a profile moves it: at intervals.
+    /// The set point to send before this step, if a profile changes it: at intervals.
     pub fn acting_from(&self, step: u64, loaded: &Loaded) -> Option<SetPoint> {
         let step_s = loaded.plant.run.step_s;
         let interval = (SET_POINT_INTERVAL_S / step_s).round() as u64;
@@ -371,7 +361,7 @@ impl SetPoints {
         self.profile.is_some()
     }
 
-    /// The value driven, in the drive's own unit; 0 where it has none.
+    /// The value in the drive's own unit; 0 if it has none.
     pub fn value(&self, time_s: f64) -> f64 {
         if let Some(profile) = &self.profile {
             return profile.value(time_s);
@@ -413,7 +403,7 @@ impl SetPoints {
         }
     }
 
-    /// What the set point stands for in the plant, where a loop closes on it.
+    /// The controlled quantity's value in the plant.
     pub fn controlled(&self, rest_length_m: Option<f64>, row: &Row) -> Option<f64> {
         self.quantity().and_then(|quantity| match quantity {
             Controlled::Pressure => Some(row.truth.pressure_pa),
@@ -423,7 +413,7 @@ impl SetPoints {
         })
     }
 
-    /// Error that the core leaves alone at rest, in the unit of what a loop closes on.
+    /// The core's dead zone at rest, in the unit of the controlled quantity.
     fn dead_zone(&self, believed: &Scenario) -> Option<f64> {
         self.quantity().map(|quantity| match quantity {
             Controlled::Pressure => f64::from(believed.controller.pressure_dead_zone_pa),
@@ -431,7 +421,7 @@ impl SetPoints {
         })
     }
 
-    /// The quantity that a loop closes on.
+    /// The controlled quantity.
     pub fn quantity(&self) -> Option<Controlled> {
         match self.drive.kind {
             DriveKind::Pressure => Some(Controlled::Pressure),
@@ -449,7 +439,7 @@ mod tests {
 
     type Change = fn(&mut Scenario);
 
-    /// The cells of 2 s of a scenario, which is changed after the first.
+    /// Rows of 2 s of a scenario, with a change after the first second.
     fn rows(text: &str, change: Option<Change>) -> Vec<[f64; COLUMNS.len()]> {
         let text = format!("[run]\nduration_s = 2.0\nlog_every = 1\n{text}");
         let loaded = thermyo_setup::parse(&text, "test".as_ref()).unwrap();
@@ -510,7 +500,7 @@ mod tests {
                     .zip(&turned)
                     .any(|(a, b)| (a[place] - b[place]).abs() > 1e-3 * a[place].abs());
                 assert!(differs, "{plant}: {name}");
-                // The gas itself may: a lumped muscle follows another load at once.
+                // The gas itself may jump: a lumped muscle follows a new load at once.
                 for (jump, most) in
                     [("mass_kg", 1e-6), ("wall_temperature_k", 0.1), ("sensor_gas_k", 1.0)]
                 {

@@ -1,4 +1,5 @@
-//! Digital parts in the place of the converter: the estimate is as good, at their own rate, and what is lost vents.
+//! Sensor chips in place of the converter: the estimate is as good, at their own rate, and a lost
+//! chip vents.
 
 use thermyo_record::summary::Summary;
 use thermyo_simulation::board::CoreBoard;
@@ -34,7 +35,7 @@ fn run_with(sensor: &str) -> Ran {
     Ran { summary, faults, found_s, vents }
 }
 
-/// Once every 20 ms, and each reading as old as its conversion took: the core reckons with that.
+/// One reading every 20 ms, as old as its conversion took; the core allows for that age.
 #[test]
 fn the_estimate_is_as_good_from_a_max31865() {
     let analog = run_with("").summary.rmse_k.estimate;
@@ -52,7 +53,7 @@ fn the_estimate_is_as_good_from_a_max31865() {
         println!("{found} K with {noise_k} K of noise, {analog} K from the converter");
         assert!(allowed.contains(&(found / analog)), "{found} K, {analog} K from the converter");
     }
-    // Given another resistor, it reads what is not there.
+    // Configured with another resistor, it reads wrong temperatures.
     let believed = "[believed.sensor.max31865]\nreference_ohm = 425.0\n";
     let wrong = run_with(&format!("{MAX31865}noise_k = 0.004\n{believed}"));
     assert!(wrong.summary.rmse_k.estimate > 10.0 * analog);
@@ -71,7 +72,7 @@ fn a_max31865_that_is_lost_vents() {
     }
 }
 
-/// Below 2.5 bar, which is all that the part reads.
+/// Below 2.5 bar, the range of the chip.
 const LOW: &str = "[supply]\npressure_pa = 240e3\n[load]\nforce_n = 20.0\n[drive]\nkind = \"pressure\"\n\
                    pressure_pa = 180e3\n";
 
@@ -82,7 +83,7 @@ fn a_pressure_comes_from_an_mpr() {
     assert_eq!((analog.faults, digital.faults), (Faults::NONE, Faults::NONE));
     let (known, found) = (analog.summary.rmse_k.estimate, digital.summary.rmse_k.estimate);
     println!("{found} K, {known} K from the converter");
-    // A stroke moves on while it converts: that costs more than its noise.
+    // A stroke proceeds during the conversion: that costs more than its noise.
     assert!((2.0..5.0).contains(&(found / known)), "{found} K, {known} K from the converter");
     for (fault, after_s) in [("open", 0.012), ("shorted", 0.012), ("frozen", 0.05)] {
         let ran = run_with(&format!("{LOW}{MPR}[faults]\npressure = \"{fault}\"\nfrom_s = 10\n"));

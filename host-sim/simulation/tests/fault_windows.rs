@@ -1,4 +1,4 @@
-//! Windows of faults: what a scenario may say, and what a run makes of it over time.
+//! Windows of faults: allowed scenarios, and their effect over time.
 
 use crate::run_support::rows;
 use model_core::control::Mode;
@@ -149,7 +149,7 @@ fn the_same_line_cannot_break_twice_at_a_time() {
         valid(&windows((1.0, 3.0), (3.0, 5.0)));
         valid(&windows((3.0, 5.0), (1.0, 3.0)));
     }
-    // Other lines may, and what is "none" breaks nothing.
+    // Other channels may have faults, and "none" is not a fault.
     valid("[faults]\ngas = \"open\"\n[faults.a]\npressure = \"open\"\ngas = \"none\"\n");
     assert_eq!(
         parse("[faults.a]\ngas = \"open\"\n\n[faults]\ngas = \"open\"\nuntil_s = 0.5"),
@@ -233,7 +233,7 @@ fn every_window_acts_in_its_own_time() {
     }
 }
 
-/// Times as a run makes them, which are a rounding off.
+/// Times of a run, which are off by a rounding error.
 #[test]
 fn steps_are_left_out_and_a_link_is_flooded() {
     let loaded = valid(
@@ -329,7 +329,7 @@ fn a_run_with_several_windows() {
     assert!(!bad[2999].telemetry.faults.intersects(Faults::EMERGENCY_STOP));
 }
 
-/// It vents at once, is not what it was configured to be, and rows go on at their own time.
+/// The board vents at once, is not configured, and rows continue at their own times.
 #[test]
 fn a_board_that_restarts_vents_and_counts_anew() {
     let text = |windows: &str| {
@@ -360,7 +360,7 @@ fn a_board_that_restarts_vents_and_counts_anew() {
         );
         assert!(step < 1000 || telemetry.command == Command::VENT, "{step}");
     }
-    // Nobody can do that to a board behind a line.
+    // A board behind a link cannot be restarted.
     let message = BoardError::NoRestart.to_string();
     assert!(message.starts_with("faults.board_restart: "), "{message}");
 }

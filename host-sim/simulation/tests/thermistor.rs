@@ -1,4 +1,4 @@
-//! A thermistor in place of the Pt1000: the estimate is as good, from one that is configured right.
+//! A thermistor in place of the Pt1000: the estimate is as good if it is configured right.
 
 use thermyo_record::summary::Summary;
 use thermyo_simulation::board::CoreBoard;
@@ -26,7 +26,7 @@ fn the_estimate_is_as_good_from_a_thermistor() {
     assert_eq!(faults, Faults::NONE);
     let (known, found) = (platinum.rmse_k.estimate, thermistor.rmse_k.estimate);
     assert!((0.9..1.1).contains(&(found / known)), "{found} K, {known} K from a Pt1000");
-    // Given another Beta, it reads what is not there.
+    // Configured with another Beta, it reads wrong temperatures.
     let (wrong, _) = run_with(&format!("{ntc}[believed.sensor.ntc]\nbeta_k = 3700.0\n"));
     assert!(wrong.rmse_k.estimate > 1.5 * found, "{} K", wrong.rmse_k.estimate);
 }

@@ -147,7 +147,7 @@ fn typed() -> Receiver<String> {
 /// Keeps the board alive until `done`, which gets the telemetry's step and sample.
 fn wait(board: &mut LiveBoard, mut done: impl FnMut(u32, &Sample) -> bool) -> Result<(), Failure> {
     loop {
-        if interrupt::wanted() {
+        if interrupt::is_requested() {
             return Err(BoardError::Interrupted.into());
         }
         let Some(telemetry) = board.poll()? else { continue };

@@ -119,7 +119,7 @@ pub(super) fn run(
         None => thermyo_evaluate::nominal()?,
     };
     let lines = evaluated(args, &nominal, err)?;
-    let stopped = interrupt::wanted();
+    let stopped = interrupt::is_requested();
     if args.json {
         let json = serde_json::to_string_pretty(&lines).expect("a table is plain data") + "\n";
         print(out, &json)?;

@@ -399,7 +399,7 @@ fn set(
     }
     let (mut next_line_s, mut held) = (0.0, Vec::new());
     let stopped = loop {
-        if interrupt::wanted() {
+        if interrupt::is_requested() {
             break true;
         }
         let Some(telemetry) = board.poll()? else { continue };
@@ -459,7 +459,7 @@ fn configure(
         ConfigTask::Read { file } => {
             let config = board.config()?;
             let status = board.status()?;
-            let scenario = from_config::say(&config)?;
+            let scenario = from_config::to_scenario(&config)?;
             let head = format!("# {}\n\n", configuration(&status));
             write_new(&file, &(head + &thermyo_setup::render(&scenario.scenario)))?;
             if !scenario.exact {
@@ -534,7 +534,7 @@ fn drive_and_record(
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let config = board.config()?;
-    let configured = from_config::say(&config)?;
+    let configured = from_config::to_scenario(&config)?;
     let driven = drive::plan(&args.profile, &configured)?;
     let duration_s = driven.plant.run.duration_s;
     let measured =
@@ -550,13 +550,14 @@ fn drive_and_record(
         board.arm(None)?;
     }
     let bar = progress_bar((driven.plant.run.duration_s * 1e3) as u64, format.quiet);
-    let outcome = drive::drive(board, &driven, &interrupt::wanted, &mut |telemetry, status| {
-        let row = recorder.write(&config, status, telemetry)?;
-        gathered.add(&row);
-        drawn.add(&row);
-        bar.set_position((row.truth.time_s * 1e3) as u64);
-        Ok(())
-    });
+    let outcome =
+        drive::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
+            let row = recorder.write(&config, status, telemetry)?;
+            gathered.add(&row);
+            drawn.add(&row);
+            bar.set_position((row.truth.time_s * 1e3) as u64);
+            Ok(())
+        });
     bar.finish_and_clear();
     if gathered.rows() > 0 {
         files.keep();

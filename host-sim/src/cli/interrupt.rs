@@ -9,8 +9,8 @@ use signal_hook::{
 };
 use std::io;
 use std::sync::Once;
-pub(super) use thermyo_compute::stop::wanted;
-use thermyo_compute::stop::{forget, want};
+pub(super) use thermyo_compute::stop::is_requested;
+use thermyo_compute::stop::{request, reset};
 
 static INSTALLED: Once = Once::new();
 
@@ -27,13 +27,13 @@ pub(super) fn watch() {
             std::thread::spawn(move || {
                 signals.forever().for_each(|signal| match signal {
                     // A closed terminal sends it more than once: shell and kernel each do.
-                    SIGHUP => drop(want()),
+                    SIGHUP => drop(request()),
                     _ => pressed(),
                 });
             });
         }
     });
-    forget();
+    reset();
 }
 
 /// Whether SIGHUP is ignored, as `nohup` sets it. Only Linux reports that; elsewhere it is left
@@ -47,12 +47,12 @@ fn ignores_hangup() -> bool {
 }
 
 fn pressed() {
-    if want() {
+    if request() {
         std::process::exit(STOPPED.into());
     }
 }
 
-/// [`wanted`] as an error of the kind `Interrupted`, for row writers.
+/// [`is_requested`] as an error of the kind `Interrupted`, for row writers.
 pub(super) fn check() -> io::Result<()> {
-    if wanted() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
+    if is_requested() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
 }

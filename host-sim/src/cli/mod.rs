@@ -549,7 +549,7 @@ fn record(
     let written = writer.finish().map_err(unwritable);
     let summary = result.map_err(|error| match error {
         // The emulated board gets the signal too, and may exit first.
-        _ if interrupt::wanted() => Failure::Interrupted,
+        _ if interrupt::is_requested() => Failure::Interrupted,
         RunError::Output(error) => Failure::Input(unwritable(error)),
         other => Failure::Run(other),
     })?;

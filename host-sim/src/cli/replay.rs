@@ -44,11 +44,11 @@ pub(super) fn run(
     let mut each = |recorded: &Telemetry, replayed: &Telemetry| {
         bar.inc(1);
         recorder.push(&row(f64::from(config.step_s), recorded, replayed));
-        !interrupt::wanted()
+        !interrupt::is_requested()
     };
     let outcome = replay::replay(board.as_mut(), &config, &rows, &mut each);
     bar.finish_and_clear();
-    if interrupt::wanted() {
+    if interrupt::is_requested() {
         let _ = writeln!(stderr, "thermyo: the replay was not finished, nothing is kept");
         return Err(Failure::Interrupted);
     }

@@ -55,7 +55,7 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
             )?;
         }
     }
-    let results = serve(operator, listener, address, interrupt::wanted)
+    let results = serve(operator, listener, address, interrupt::is_requested)
         .map_err(|error| Failure::Usage(format!("the page cannot be served: {error}")))?;
     if !args.output.quiet && !args.output.json {
         print(out, "it vents\n")?;

@@ -93,13 +93,13 @@ pub(super) fn run(
             return tune_on(&mut Simulated(board.as_mut()));
         };
         let mut board = LiveBoard::open(port)?;
-        tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::wanted))
+        tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::is_requested))
     };
     interrupt::watch();
     let mut out = OutputDir::create(&folder)?;
     let tuned = match tuned(args) {
         // The emulated board gets the signal too, and may exit first.
-        Err(_) if interrupt::wanted() && args.board.port().is_none() => {
+        Err(_) if interrupt::is_requested() && args.board.port().is_none() => {
             let _ = writeln!(stderr, "thermyo: the experiment was not finished, nothing is kept");
             return Err(Failure::Interrupted);
         }

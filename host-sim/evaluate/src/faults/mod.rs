@@ -105,7 +105,7 @@ fn each<J: Sync, R: Send>(
 fn whole<R>(results: Vec<Result<R, RunError>>) -> Result<Option<Vec<R>>, RunError> {
     match results.into_iter().collect() {
         Ok(results) => Ok(Some(results)),
-        Err(_) if stop::wanted() => Ok(None),
+        Err(_) if stop::is_requested() => Ok(None),
         Err(error) => Err(error),
     }
 }

@@ -72,10 +72,11 @@ pub struct Muscle {
     braid: Geometry,
     rest_length_m: f64,
     bladder_n_m: f64,
-    /// What the bladder holds back with once it is full \[N\], and the contraction of the braid over which it fills \[m\].
+    /// Force of the bladder once saturated \[N\], and the contraction of the braid over which it
+    /// saturates \[m\].
     saturation_n: f64,
     filling_m: f64,
-    /// Part of the length that is no braid \[m\].
+    /// Length without braid \[m\].
     slack_m: f64,
     zones: usize,
 }
@@ -94,7 +95,7 @@ impl Muscle {
         }
     }
 
-    /// How far the braid has contracted, over what fills the bladder \[-\].
+    /// Contraction of the braid over that of saturation \[-\].
     fn filled(&self, length: f64) -> f64 {
         (self.rest_length_m + self.slack_m - length) / self.filling_m
     }
@@ -105,7 +106,7 @@ impl Chamber for Muscle {
         self.rest_length_m
     }
 
-    /// From b/sqrt(3), where the force vanishes.
+    /// The force vanishes at b/sqrt(3).
     fn lengths(&self) -> [f64; 2] {
         [self.braid.thread_length_m / 3.0_f64.sqrt() + self.slack_m, self.rest_length_m]
     }
@@ -114,7 +115,7 @@ impl Chamber for Muscle {
         [self.slack_m, self.slack_m + self.braid.thread_length_m]
     }
 
-    /// Nothing stops it from inside: its force vanishes first.
+    /// There is no inner stop: the force vanishes first.
     fn stops(&self) -> [f64; 2] {
         [f64::NEG_INFINITY, self.rest_length_m]
     }
@@ -131,10 +132,11 @@ impl Chamber for Muscle {
         self.braid.force_area_slope(length - self.slack_m)
     }
 
-    /// A spring, and a rubber that gives way: the slope of its force falls with the force that is there already, dF/dx = (K1 - F)/filling.
+    /// A spring, and a rubber that saturates: the slope of its force falls with the force, dF/dx =
+    /// (K1 - F)/filling.
     fn elastic(&self, length: f64) -> f64 {
         let spring = self.bladder_n_m * (length - self.slack_m - self.rest_length_m);
-        // No rubber, no exponential: most muscles have none.
+        // Skips the exponential for muscles without rubber, which are most.
         if self.saturation_n == 0.0 {
             return spring;
         }

@@ -6,10 +6,10 @@ use model_core::physics::chamber::{self as configured, ChamberConfig};
 use std::f64::consts::PI;
 use thermyo_scenario::{Acts, Cylinder};
 
-/// Piston, bore and spring, with the way of the piston counted from where the gas is least.
+/// Piston, bore and spring; the piston's travel counts from the smallest gas volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piston {
-    /// dL per way: 1 where it lengthens, -1 where it shortens \[-\].
+    /// dL per travel: 1 if it lengthens, -1 if it shortens \[-\].
     per_way: f64,
     rest_length_m: f64,
     stroke_m: f64,
@@ -22,7 +22,6 @@ pub struct Piston {
 }
 
 impl Piston {
-    /// Of a scenario.
     pub fn of(cylinder: &Cylinder) -> Self {
         Self {
             per_way: match cylinder.acts {
@@ -75,7 +74,7 @@ impl Chamber for Piston {
         0.0
     }
 
-    /// The spring works against the way.
+    /// The spring acts against the travel.
     fn elastic(&self, length: f64) -> f64 {
         self.per_way * (self.spring_n + self.spring_n_m * self.way(length))
     }

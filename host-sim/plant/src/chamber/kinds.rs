@@ -1,9 +1,9 @@
-//! The chamber that a scenario has.
+//! The chamber of a scenario.
 
 use super::Chamber;
 use thermyo_scenario::Scenario;
 
-/// The chambers that there are: `$then` with the one of the scenario, `$vessel` for a vessel.
+/// The kinds of chamber: `$then` with the scenario's, `$vessel` for a vessel.
 macro_rules! with_chamber {
     ($scenario:expr, $chamber:ident => $then:expr, vessel => $vessel:expr) => {
         match $scenario.plant.kind {

@@ -1,7 +1,7 @@
-//! What moves with the gas: volume, force, surface over length, one file per kind with its keys of the
-//! scenario. A vessel, whose volume nothing but a profile changes, is a plant of its own.
+//! Moving chambers: volume, force and surface over the length, with one file per kind and its keys
+//! of the scenario. A vessel, whose volume only a profile changes, is a plant of its own.
 //!
-//! The signs are the core's: a force is positive where it pulls the ends together, a load where it pulls
+//! Signs are the core's: a force is positive if it pulls the ends together, a load if it pulls
 //! them apart.
 
 pub mod braid;
@@ -18,27 +18,27 @@ use std::fmt;
 /// See [`Chamber::loads`].
 const LARGEST_LOAD_N: f64 = 1.0e6;
 
-/// Keys of the scenario that the balance of forces tells.
+/// Keys of the scenario that the balance of forces determines.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tunable {
-    /// Those that the force area sets, and the power of it that each goes with; the first is reported.
+    /// Keys that set the force area, each with its power in it; the first is reported.
     pub area: &'static [(&'static str, f64)],
-    /// The stiffness over the way.
+    /// The stiffness over the travel.
     pub stiffness: &'static str,
 }
 
-/// A gas volume between two ends that move.
+/// A gas volume between two moving ends.
 pub trait Chamber: fmt::Debug {
     /// Length that contraction counts from \[m\].
     fn rest_length(&self) -> f64;
 
-    /// Shortest and longest length that may be asked for \[m\].
+    /// Shortest and longest length of a set point \[m\].
     fn lengths(&self) -> [f64; 2];
 
     /// Lengths between which the equations hold \[m\].
     fn range(&self) -> [f64; 2];
 
-    /// Lengths at which stops carry the load \[m\]; infinite where there is none.
+    /// Lengths at which stops carry the load \[m\]; infinite if there is none.
     fn stops(&self) -> [f64; 2];
 
     /// Gas volume \[m3\].
@@ -67,7 +67,7 @@ pub trait Chamber: fmt::Debug {
         length
     }
 
-    /// Whether it can push its load; one that cannot is slack.
+    /// Whether it can push its load; otherwise it can be slack.
     fn pushes(&self) -> bool {
         true
     }
@@ -75,15 +75,16 @@ pub trait Chamber: fmt::Debug {
     /// Axial zones of gas and wall (`full`).
     fn zones(&self) -> usize;
 
-    /// What the core is configured with of it; the tube's volume \[m3\] is filled and emptied along.
+    /// Its configuration in the core, with the volume \[m3\] of the tube, which is filled and
+    /// emptied with it.
     fn configured(&self, tube_m3: f64) -> ChamberConfig;
 
-    /// What `thermyo tune` can find of it; nothing of what has been measured.
+    /// Parameters that `thermyo tune` can find; none for a measured chamber.
     fn tunable(&self) -> Option<Tunable> {
         None
     }
 
-    /// Smallest and largest force of a load \[N\]: against what pressure does.
+    /// Smallest and largest force of a load \[N\], against the force of pressure.
     fn loads(&self) -> [f64; 2] {
         if self.direction() > 0.0 { [0.0, LARGEST_LOAD_N] } else { [-LARGEST_LOAD_N, 0.0] }
     }

@@ -1,8 +1,8 @@
-//! A chamber of which volume and elastic force have been measured over its length, such as a bellows.
+//! A chamber with measured volume and elastic force over its length, such as a bellows.
 //!
-//! Between the rows by cubics whose slopes at the rows are means of their neighbours', cut back to where
-//! nothing overshoots (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980). Beyond the rows it goes on
-//! straight, so that a solver finds its way back; a run that stays there ends.
+//! Interpolated between the rows by cubics whose slopes are means of their neighbours', limited so
+//! that nothing overshoots (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980). Beyond the rows
+//! it continues linearly, so that a solver finds its way back; a run that stays there ends.
 
 use super::{Chamber, LARGEST_LOAD_N};
 use model_core::physics::chamber::ChamberConfig;
@@ -12,7 +12,7 @@ use thermyo_compute::math;
 use thermyo_scenario::ChamberTable as Table;
 use thermyo_scenario::WrongCell;
 
-/// The first cell that makes the rows no chamber: lengths and forces rise, volumes rise or fall.
+/// The first cell that is inconsistent: lengths and forces must rise, volumes rise or fall.
 pub fn wrong_cell(rows: &[[f64; 3]]) -> Option<WrongCell> {
     let wrong = |row, column, allowed: String| Some(WrongCell { row, column, allowed });
     let [least, most] = [3, MOST_ROWS];
@@ -79,7 +79,7 @@ fn knots(lengths: &[f64], values: impl Fn(usize) -> f64) -> [Knot; MOST_ROWS] {
     let secant = |i: usize| (values(i + 1) - values(i)) / (lengths[i + 1] - lengths[i]);
     for (i, knot) in knots.iter_mut().enumerate().take(lengths.len()) {
         let slope = if i == 0 {
-            // The parabola's, as far as the first three rows say.
+            // The slope of the parabola through the first three rows.
             1.5 * secant(0) - 0.5 * secant(1)
         } else if i == last {
             1.5 * secant(last - 1) - 0.5 * secant(last - 2)
@@ -109,7 +109,7 @@ fn knots(lengths: &[f64], values: impl Fn(usize) -> f64) -> [Knot; MOST_ROWS] {
 }
 
 impl Measured {
-    /// Of a scenario's table and rows, which the loader has checked; one litre where there are none.
+    /// From a scenario's checked table and rows; one litre without rows.
     pub fn of(table: &Table, rows: &[[f64; 3]]) -> Self {
         let unknown = [[0.1, 1.0e-3, 0.0], [0.2, 2.0e-3, 0.0], [0.3, 3.0e-3, 0.0]];
         let rows = if wrong_cell(rows).is_none() { rows } else { &unknown };
@@ -186,12 +186,12 @@ impl Chamber for Measured {
         [self.lengths[0], self.lengths[self.count - 1]]
     }
 
-    /// Nothing is known of any.
+    /// No limits are known.
     fn stops(&self) -> [f64; 2] {
         [f64::NEG_INFINITY, f64::INFINITY]
     }
 
-    /// Its elasticity holds it both ways.
+    /// Its elasticity holds it in both directions.
     fn loads(&self) -> [f64; 2] {
         [-LARGEST_LOAD_N, LARGEST_LOAD_N]
     }
@@ -216,7 +216,8 @@ impl Chamber for Measured {
         self.at(&self.forces, length)[1]
     }
 
-    /// That of a smooth tube of its volume and length, with its ends; `heat.scale` is for folds.
+    /// The surface of a smooth tube of its volume and length, with its ends; `heat.scale` allows
+    /// for folds.
     fn surface(&self, length: f64) -> f64 {
         let diameter = self.diameter(length);
         PI * diameter * (length + 0.5 * diameter)

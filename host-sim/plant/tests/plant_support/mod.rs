@@ -1,4 +1,4 @@
-//! What the tests of the muscle share: a scenario and a drive by mass flow.
+//! Shared by the tests of the muscle: a scenario and a drive by mass flow.
 
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
@@ -28,7 +28,7 @@ impl MassFlow {
         }
     }
 
-    /// The openings that let the wanted flow pass at the plant's present pressure.
+    /// The openings for the wanted flow at the plant's present pressure.
     pub fn actuation(&self, truth: &Truth) -> Actuation {
         let Scenario { supply, ambient, drive, .. } = &self.scenario;
         let pressure = truth.pressure_pa;

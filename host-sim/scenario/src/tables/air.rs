@@ -1,4 +1,4 @@
-//! Where the gas comes from, what it passes and where it goes.
+//! Supply, valves, tube, nozzle and ambient.
 
 use crate::declare::table;
 use model_core::{config, physics};
@@ -26,7 +26,7 @@ table! {
 table! {
     "supply", "the compressed air behind the inlet valve", believed, physical;
     Supply as config::Supply {
-        // The core takes more; no gas here is ideal then.
+        // The core allows more, but the gas would not be ideal.
         core pressure_pa: real 700_000.0, "Pa", 1.0 to IDEAL_GAS_PA, "absolute pressure at no flow; beyond, no gas is ideal";
         core temperature_k;
         droop_pa_s_kg: real 2.0e7, "Pa s/kg", 0.0 to 1.0e12, "pressure that the regulator loses per mass flow (full)";
@@ -63,7 +63,7 @@ table! {
 }
 
 impl Tube {
-    /// Length and bore of the line \[m\], if there is one.
+    /// Length and bore of the line \[m\], if it exists.
     pub fn line(&self) -> Option<[f64; 2]> {
         Some([self.length_m.filter(|length_m| *length_m > 0.0)?, self.diameter_m?])
     }

@@ -5,8 +5,8 @@ use crate::declare::{choice, table};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Declares the faults of one line, with the word of each, and of the last one the number that another
-/// key gives: as the run has them, and as a file does.
+/// Declares the faults of one channel with their words: as the run has them, and as in a file. The
+/// last one takes a number from another key.
 macro_rules! faults_of_a_line {
     (
         $(#[$attribute:meta])*
@@ -32,8 +32,7 @@ macro_rules! faults_of_a_line {
 
         choice! {
             $(#[$attribute])*
-            ///
-            /// As a file has it, the number apart.
+            /// As in a file, without the number.
             $word {
                 $($(#[$plain_attribute])* $plain = $plain_text,)*
                 $(#[$measured_attribute])*
@@ -42,7 +41,7 @@ macro_rules! faults_of_a_line {
         }
 
         impl $fault {
-            /// The fault of that word; none where its number is missing.
+            /// The fault of a word; none if its number is missing.
             fn of(word: $word, number: Option<f64>) -> Option<Self> {
                 match word {
                     $($word::$plain => Some(Self::$plain),)*
@@ -70,7 +69,6 @@ macro_rules! faults_of_a_line {
 faults_of_a_line! {
     /// A fault of one analog channel.
     ChannelFault, in a file ChannelWord {
-        /// Healthy.
         None = "none",
         /// The line is open: the code goes to the upper rail.
         Open = "open",
@@ -81,7 +79,7 @@ faults_of_a_line! {
         /// Strong noise on the line, 5 % of the range.
         Noisy = "noisy",
     } and with a number {
-        /// The sensor's reading runs away at a steady rate from the window's start on.
+        /// The reading drifts at a constant rate from the start of the window.
         Drifting = "drifting" {
             /// The rate, in the reading's unit \[Pa/s, K/s or m/s\].
             rate_per_s
@@ -92,16 +90,13 @@ faults_of_a_line! {
 faults_of_a_line! {
     /// A fault of one valve.
     ValveFault, in a file ValveWord {
-        /// Healthy.
         None = "none",
-        /// Stuck open.
         Open = "open",
-        /// Stuck shut.
         Shut = "shut",
     } and with a number {
-        /// It does not close tightly.
+        /// It leaks when shut.
         Leaking = "leaking" {
-            /// Share of its full conductance that it passes when it is shut \[-\].
+            /// Fraction of its full conductance that it passes when shut \[-\].
             share
         },
     }
@@ -110,7 +105,6 @@ faults_of_a_line! {
 choice! {
     /// A fault of the line between host and board.
     LinkFault {
-        /// Healthy.
         None = "none",
         /// The host goes silent.
         Lost = "lost",
@@ -120,7 +114,7 @@ choice! {
 }
 
 table! {
-    /// A [`FaultWindow`] as a file has it.
+    /// A [`FaultWindow`] as in a file.
     "faults", "faults that the run injects in one window of time; every [faults.NAME] is another";
     FaultKeys {
         pressure: choice ChannelWord::None, "fault of the pressure channel";
@@ -145,7 +139,7 @@ table! {
     }
 }
 
-/// Keys that have to be there: the one that says so, with its word, and the one that is needed.
+/// Required keys: the key with the word that requires it, and the required key.
 pub(crate) const NEEDED: [[&str; 3]; 5] = [
     ["pressure", "drifting", "pressure_drift_pa_s"],
     ["gas", "drifting", "gas_drift_k_s"],
@@ -154,25 +148,19 @@ pub(crate) const NEEDED: [[&str; 3]; 5] = [
     ["outlet", "leaking", "outlet_leak"],
 ];
 
-/// What is broken in one window of time.
+/// Faults in one window of time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "FaultKeys", into = "FaultKeys")]
 pub struct FaultWindow {
-    /// Pressure channel.
     pub pressure: ChannelFault,
-    /// Gas sensor's channel.
     pub gas: ChannelFault,
-    /// Length channel.
     pub length: ChannelFault,
-    /// Inlet valve.
     pub inlet: ValveFault,
-    /// Outlet valve.
     pub outlet: ValveFault,
     /// Sonic conductance of a hole from the gas to ambient; 0 for none \[m3/(s Pa)\].
     pub leak_conductance_m3_s_pa: f64,
     /// Absolute supply pressure in the window; none for the supply's own \[Pa\].
     pub supply_pressure_pa: Option<f64>,
-    /// The emergency stop is pressed.
     pub emergency_stop: bool,
     /// Line between host and board.
     pub link: LinkFault,
@@ -181,7 +169,7 @@ pub struct FaultWindow {
     pub missed_steps: u8,
     /// See `missed_steps` \[s\].
     pub missed_period_s: f64,
-    /// The board restarts at the window's start, and nobody configures it anew.
+    /// The board restarts at the window's start and is not configured again.
     pub board_restart: bool,
     /// Start of the window \[s\].
     pub from_s: f64,
@@ -240,7 +228,7 @@ impl From<FaultWindow> for FaultKeys {
 }
 
 impl FaultWindow {
-    /// The window with these faults of the three channels and two valves, and the rest from `keys`.
+    /// The window with these faults of three channels and two valves, and the rest from `keys`.
     fn of(keys: &FaultKeys, channels: [ChannelFault; 3], valves: [ValveFault; 2]) -> Self {
         let [pressure, gas, length] = channels;
         let [inlet, outlet] = valves;
@@ -262,33 +250,33 @@ impl FaultWindow {
         }
     }
 
-    /// Whether that time \[s\] lies in the window; its end does not.
+    /// Whether that time \[s\] lies in the window, without its end.
     pub fn contains(&self, time_s: f64) -> bool {
         (self.from_s..self.until_s).contains(&time_s)
     }
 
     /// Whether the step at that time \[s\], of `step_s` \[s\], is the first in the window.
     pub fn starts_at(&self, time_s: f64, step_s: f64) -> bool {
-        // Times are sums: the window may start a rounding after its step.
+        // Times are sums: the window may start a rounding error after its step.
         let steps = (time_s - self.from_s) / step_s + 1e-9;
         (0.0..1.0).contains(&steps) && time_s < self.until_s
     }
 
-    /// Steps that are left out before the one at that time \[s\], of `step_s` \[s\].
+    /// Steps that are missed before the one at that time \[s\], for steps of `step_s` \[s\].
     pub fn missed_steps_at(&self, time_s: f64, step_s: f64) -> u8 {
-        // A period may end a rounding before its step.
+        // A period may end a rounding error before its step.
         let periods = |time_s: f64| ((time_s - self.from_s) / self.missed_period_s + 1e-9).floor();
         let again = self.contains(time_s) && periods(time_s) > periods(time_s - step_s);
         if again || self.starts_at(time_s, step_s) { self.missed_steps } else { 0 }
     }
 
-    /// The time that two windows share, start and end \[s\].
+    /// The overlap of two windows, start and end \[s\].
     pub fn shared_with(&self, other: &Self) -> Option<[f64; 2]> {
         let (from_s, until_s) = (self.from_s.max(other.from_s), self.until_s.min(other.until_s));
         (from_s < until_s).then_some([from_s, until_s])
     }
 
-    /// Keys of the lines and parts that it breaks.
+    /// Keys of the faults in it.
     pub fn broken(&self) -> impl Iterator<Item = &'static str> {
         let broken = [
             ("pressure", self.pressure != ChannelFault::None),
@@ -307,11 +295,11 @@ impl FaultWindow {
     }
 }
 
-/// All windows of a scenario. Where they overlap, they break different lines.
+/// All windows of a scenario. Overlapping windows have faults in different parts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 #[serde(default)]
 pub struct Faults {
-    /// The keys of `[faults]` itself.
+    /// Keys of `[faults]` itself.
     #[serde(flatten)]
     pub own: FaultWindow,
     /// The windows `[faults.NAME]`.

@@ -1,12 +1,12 @@
-//! Where energy is lost: heat through the wall, and friction.
+//! Losses of energy: heat through the wall, and friction.
 
 use crate::declare::{choice, table};
 use model_core::physics;
 
 choice! {
-    /// How heat passes between gas and wall.
+    /// Heat transfer between gas and wall.
     HeatModel {
-        /// No heat passes.
+        /// No heat transfer.
         Adiabatic = "adiabatic",
         /// The gas keeps its initial temperature.
         Isothermal = "isothermal",
@@ -48,8 +48,7 @@ table! {
         core heat_fraction;
         stribeck_force_n: real 4.0, "N", 0.0 to 1.0e5, "surplus at standstill (full)";
         stribeck_speed_m_s: real 0.005, "m/s", 1.0e-6 to 10.0, "speed at which that surplus has fallen to 1/e (full)";
-        // The core's defaults of these two are those of a muscle without them, the plants `lumped` and
-        // `paper`.
+        // The core's defaults of these two suit the plants `lumped` and `paper`, which lack both.
         core viscous_n_s_m: real 40.0, "N s/m", 0.0 to 1.0e6, "viscous part (full)";
         core presliding_stiffness_n_m: real 40_000.0, "N/m", 0.0 to 1.0e9, "stiffness of the presliding bristles (full)";
     }

@@ -1,7 +1,7 @@
 //! The scenario: everything that one run needs, in SI, with a default for every key.
 //!
-//! The field names are the TOML keys; [`super::declare`] says how a table is declared, and how a
-//! parameter is added.
+//! Field names are the TOML keys; [`super::declare`] explains how to declare tables and add
+//! parameters.
 
 mod air;
 mod chambers;
@@ -38,7 +38,7 @@ pub struct Scenario {
     pub ambient: Ambient,
     /// The compressed-air supply behind the inlet valve.
     pub supply: Supply,
-    /// What is simulated, and how finely.
+    /// The plant and the detail of its simulation.
     pub plant: Plant,
     /// The McKibben muscle.
     pub muscle: Muscle,
@@ -59,11 +59,11 @@ pub struct Scenario {
     pub wall: Wall,
     /// Friction of braid and bladder.
     pub friction: Friction,
-    /// What the muscle pulls.
+    /// The load of the muscle.
     pub load: Load,
     /// Inlet and outlet valve (ISO 6358).
     pub valve: Valve,
-    /// What the chamber leaks.
+    /// Leaks of the chamber.
     pub leak: Leak,
     /// Tube between valve and muscle (`full` only).
     pub tube: Tube,
@@ -83,7 +83,7 @@ pub struct Scenario {
     pub link: Link,
     /// Faults that the run injects.
     pub faults: Faults,
-    /// What `thermyo identify` fits.
+    /// Parameters that `thermyo identify` fits.
     pub identify: Identify,
 }
 
@@ -149,7 +149,7 @@ pub static TABLES: &[Table] = &[
 ];
 
 impl Scenario {
-    /// Whether the plant moves, with zones, wall layers and real valves.
+    /// Whether the plant has zones, wall layers, moving mass and real valves.
     pub fn moves_in_full(&self) -> bool {
         self.plant.kind != PlantKind::Vessel && self.plant.model == PlantModel::Full
     }

@@ -1,25 +1,24 @@
-//! What is simulated, what holds the gas, and what it pulls.
+//! The plant, its chamber and its load.
 
 use super::air::IDEAL_GAS_PA;
 use crate::declare::{choice, table};
 use crate::geometry::Dimensions;
 
 choice! {
-    /// Which plant.
+    /// Kind of chamber.
     PlantKind {
-        /// A McKibben muscle.
         Muscle = "muscle",
         /// A rigid vessel, or one with a prescribed volume.
         Vessel = "vessel",
         /// A single-acting cylinder.
         Cylinder = "cylinder",
-        /// What has been measured of it.
+        /// A chamber given by measurements.
         Table = "table",
     }
 }
 
 choice! {
-    /// How finely the plant is simulated.
+    /// Detail of the simulation.
     PlantModel {
         /// Axial zones, wall layers, moving mass, switching valves.
         Full = "full",
@@ -49,7 +48,7 @@ impl Plant {
 }
 
 table! {
-    /// A file says the first five in one of two ways, and the loader works the others out.
+    /// A file gives the first five in one of two ways, and the loader computes the others.
     "muscle", "the McKibben muscle: thread_length_m and turns, or diameter_m and braid_angle_deg, with rest_length_m; the others follow", believed, physical;
     Muscle {
         thread_length_m: real Dimensions::nominal().thread_length_m, "m", 0.01 to 10.0, "thread length b";
@@ -62,7 +61,7 @@ table! {
         bladder_saturation_n: real 0.0, "N", 0.0 to 1.0e6, "force K1 that the bladder holds back with once it is full";
         bladder_strain: real 0.02, "", 0.001 to 1.0, "contraction e1 over which it fills, share of the rest length";
         slack_m: real 0.0, "m", -0.1 to 0.1, "part d0 of the length that is no braid";
-        // The core has the tube's volume in it too, and allows for both together.
+        // The core's value includes the volume of the tube.
         dead_volume_m3: real 5.0e-6, "m3", 0.0 to 0.05, "volume of the end fittings";
     }
 }
@@ -98,11 +97,9 @@ table! {
 }
 
 choice! {
-    /// What is moved, or holds.
+    /// The load.
     LoadKind {
-        /// A constant force.
         Isotonic = "isotonic",
-        /// A fixed length.
         Isometric = "isometric",
         /// A mass that pressure lifts: its weight, and in `full` its inertia.
         Mass = "mass",

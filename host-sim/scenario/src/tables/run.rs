@@ -1,4 +1,4 @@
-//! What is run: how long, driven by what, on which line, and fitted to what.
+//! The run: duration, drive, link, and fit.
 
 use crate::declare::{choice, table};
 use model_core::config::{self, LinkConfig};
@@ -14,36 +14,33 @@ table! {
 }
 
 impl Run {
-    /// Steps of the whole run: the whole number that is nearest to its duration.
+    /// Steps of the run: its duration, rounded to whole steps.
     pub fn steps(&self) -> u64 {
         (self.duration_s / self.step_s).round() as u64
     }
 
-    /// When its last step ends \[s\].
+    /// End of the last step \[s\].
     pub fn end_s(&self) -> f64 {
         let end_s = self.steps() as f64 * self.step_s;
-        // Where only its last digits differ, as it is written.
+        // As written in the file where only the last digits differ.
         let is_duration = (end_s - self.duration_s).abs() < 1e-6 * self.step_s;
         if is_duration { self.duration_s } else { end_s }
     }
 }
 
 choice! {
-    /// What drives the run.
+    /// Drive of the run.
     DriveKind {
         /// Constant inflow for half of the period, the same outflow for the other half.
         MassFlow = "mass-flow",
         /// Inlet duty (positive) or outlet duty (negative) from the profile.
         Duty = "duty",
-        /// Pressure set point.
         Pressure = "pressure",
-        /// Contraction set point.
         Contraction = "contraction",
         /// Vessel: nozzle open to ambient. Muscle: outlet open.
         Discharge = "discharge",
         /// Vessel: nozzle open to the supply. Muscle: inlet open.
         Fill = "fill",
-        /// Everything closed.
         Closed = "closed",
     }
 }

@@ -14,9 +14,7 @@ pub struct Sensors {
     pub gas: GasSensor,
     /// Sensor in the braided wall.
     pub wall: WallSensor,
-    /// Absolute pressure.
     pub pressure: PressureSensor,
-    /// Muscle length.
     pub length: LengthSensor,
     /// The thermistor, where the gas sensor is one.
     pub ntc: Ntc,
@@ -36,7 +34,7 @@ table! {
 }
 
 impl Sensors {
-    /// What senses the gas temperature, as the core has it.
+    /// The core's type of the gas element.
     pub fn gas_element(&self) -> GasElement {
         match self.gas.kind {
             GasElementKind::Pt1000 => GasElement::Pt1000(Pt1000 {
@@ -48,7 +46,7 @@ impl Sensors {
         }
     }
 
-    /// What gives the pressure, as the core has it.
+    /// The core's type of the pressure sensor.
     pub fn pressure_part(&self) -> PressurePart {
         match self.pressure.kind {
             PressureKind::Ratiometric => PressurePart::Ratiometric,
@@ -58,7 +56,7 @@ impl Sensors {
 }
 
 choice! {
-    /// What senses the gas temperature.
+    /// Sensor of the gas temperature.
     GasElementKind {
         /// Pt1000 in a half bridge.
         Pt1000 = "pt1000",
@@ -70,7 +68,7 @@ choice! {
 }
 
 choice! {
-    /// What gives the pressure.
+    /// Sensor of the pressure.
     PressureKind {
         /// A ratiometric sensor on the converter.
         Ratiometric = "ratiometric",
@@ -83,7 +81,7 @@ table! {
     "sensor.gas", "element in the gas; its housing is in the plant full only", believed, physical;
     GasSensor as gas::GasSensor {
         kind: choice GasElementKind::Pt1000, "what senses";
-        // A sensor without lag is one of the plant only: the core's filter needs some.
+        // Only the plant can have a sensor without lag: the core's filter needs one.
         core time_constant_s: real 3.0, "s", 0.0 to 1000.0, "lag";
         core noise_k;
         position: real 0.5, "", 0.0 to 1.0, "its middle, from port 0 to closed end 1 (full)";

@@ -1,5 +1,5 @@
-//! The sensors' elements and their circuits, as they are: from what an element is exposed to, to its share of
-//! the reference. The core's `sensing` is the way back, written on its own.
+//! True characteristics of the sensors' elements and circuits: from an element's temperature to a
+//! fraction of the reference. The core's `sensing` is the inverse, derived separately.
 
 mod max31865;
 mod ntc;
@@ -7,7 +7,7 @@ mod pt1000;
 
 use thermyo_scenario::{GasElementKind, Sensors};
 
-/// Share of the reference, or of a digital part's scale, that the gas sensor gives at a temperature \[K\].
+/// Gas sensor's fraction of the reference, or of a sensor chip's scale, at a temperature \[K\].
 pub fn gas_share(sensors: &Sensors, temperature_k: f64) -> f64 {
     match sensors.gas.kind {
         GasElementKind::Pt1000 => pt1000::share(&sensors.gas, temperature_k),
@@ -25,8 +25,8 @@ mod tests {
     use model_core::AdcCode;
     use thermyo_setup::core_config::core_config;
 
-    /// Two descriptions of one circuit: what the plant makes of a temperature, the core makes that
-    /// temperature of, calibrated or not.
+    /// Plant and core describe one circuit: the core inverts the plant's fraction, calibrated or
+    /// not.
     #[test]
     fn the_core_reads_what_every_element_senses() {
         for kind in GasElementKind::WORDS {
@@ -40,7 +40,7 @@ mod tests {
             let step_k = f64::from(config.sensors.gas_element.resolution_k());
             for kelvin in 280..=320 {
                 let sensor_gas_k = f64::from(kelvin) + 0.3;
-                // Late enough for any part to have converted again.
+                // Late enough for any sensor chip to have converted again.
                 let time_s = f64::from(kelvin);
                 let codes = adc.convert(&Truth { time_s, sensor_gas_k, ..Truth::default() });
                 let error_k = f64::from(sensing.gas_k(AdcCode(codes.gas))) - sensor_gas_k;

@@ -3,13 +3,13 @@
 use model_core::sensing::gas::Ntc;
 use thermyo_compute::math;
 
-/// Share of the reference at a temperature \[K\].
+/// Fraction of the reference at a temperature \[K\].
 pub fn share(ntc: &Ntc, temperature_k: f64) -> f64 {
     let inverse_k = |x: f64| {
         let [square, cube] = [ntc.square_per_k, ntc.cube_per_k].map(f64::from);
         1.0 / 298.15 + x / f64::from(ntc.beta_k) + square * x * x + cube * x * x * x
     };
-    // The resistance falls with the temperature: between 25 degC's over 1e5 and times 1e5.
+    // The resistance falls with the temperature: limited to 1e-5 to 1e5 times that at 25 degC.
     let (mut low, mut high) = (-11.5, 11.5);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);

@@ -6,7 +6,7 @@ use thermyo_scenario::GasSensor;
 /// Resistor in series with the Pt1000 \[Ohm\].
 const SERIES_OHM: f64 = 4700.0;
 
-/// Share of the reference at a temperature \[K\].
+/// Fraction of the reference at a temperature \[K\].
 pub fn share(sensor: &GasSensor, temperature_k: f64) -> f64 {
     let lowest = bridge_ratio(sensor.range_min_k);
     let span = bridge_ratio(sensor.range_max_k) - lowest;
@@ -19,8 +19,8 @@ fn bridge_ratio(temperature_k: f64) -> f64 {
     ohm / (ohm + SERIES_OHM)
 }
 
-/// Resistance of a Pt1000 \[Ohm\] at a temperature \[K\], IEC 60751, 73 to 1123 K. The polynomials turn
-/// back far outside: there it is that of the nearer end.
+/// Resistance of a Pt1000 \[Ohm\] at a temperature \[K\], IEC 60751, 73 to 1123 K. Limited to the
+/// ends, because the polynomials turn back far outside.
 pub(super) fn pt1000_ohm(temperature_k: f64) -> f64 {
     const A: f64 = 3.9083e-3;
     const B: f64 = -5.775e-7;

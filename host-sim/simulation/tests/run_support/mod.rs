@@ -1,4 +1,4 @@
-//! What tests of whole runs share.
+//! Shared by tests of whole runs.
 
 use thermyo_record::trace::Row;
 use thermyo_simulation::board::CoreBoard;
@@ -6,7 +6,7 @@ use thermyo_simulation::board::CoreBoard;
 use std::path::Path;
 use thermyo_simulation::run;
 
-/// The rows of a scenario that can be run, with the core in this process.
+/// The rows of a valid scenario, with the core in this process.
 pub fn rows(text: &str) -> Vec<Row> {
     let loaded = thermyo_setup::parse(text, Path::new("scenario.toml")).unwrap();
     let mut rows = Vec::new();

@@ -100,7 +100,7 @@ fn watch(
     let mut written = 0;
     loop {
         session.poll()?;
-        if stop::wanted() {
+        if stop::is_requested() {
             return Ok(Ended::Stopped);
         }
         if session.configurations().len() > written {
@@ -109,7 +109,7 @@ fn watch(
                 serde_json::to_string_pretty(session.configurations()).expect("plain data") + "\n";
             out.text("config.json", &json)?;
             // A configuration that no scenario can express is still in `config.json`.
-            if let Ok(scenario) = from_config::say(&session.config()) {
+            if let Ok(scenario) = from_config::to_scenario(&session.config()) {
                 out.text("scenario.toml", &thermyo_setup::render(&scenario.scenario))?;
             }
         }

@@ -28,7 +28,7 @@ use thermyo_scenario::DriveKind;
 use thermyo_scenario::profile::Profile;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
-use thermyo_setup::from_config::Said;
+use thermyo_setup::from_config::ConfigScenario;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::SetPoints;
 
@@ -64,7 +64,7 @@ pub enum Ended {
 ///
 /// # Errors
 /// [`InputError`] for a file that is neither a scenario nor a table with a set point.
-pub fn plan(file: &Path, board: &Said) -> Result<Loaded, InputError> {
+pub fn plan(file: &Path, board: &ConfigScenario) -> Result<Loaded, InputError> {
     let mut driven = board.scenario.clone();
     if file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
         let table = read_table(file)?;

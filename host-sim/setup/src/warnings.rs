@@ -1,4 +1,4 @@
-//! What a scenario may say though it makes no sense: it is valid and runs, and is hardly what was meant.
+//! Warnings: scenarios that are valid and run, but are hardly meant so.
 
 use super::loaded::Loaded;
 use super::tree::{same, tree, value};
@@ -16,7 +16,7 @@ use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
 };
 
-/// The tables that neither plant nor core looks at, each with the value that decides so.
+/// Tables that neither plant nor core uses, each with the value that causes it.
 pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)> {
     let scenario = &loaded.plant;
     let kind = scenario.plant.kind;
@@ -61,15 +61,15 @@ pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)
     tables
 }
 
-/// Whether `plant.model` makes no difference: a vessel has one zone.
+/// Whether `plant.model` has no effect: a vessel has one zone.
 pub(super) fn model_is_unused(scenario: &Scenario) -> bool {
     scenario.plant.kind == PlantKind::Vessel && scenario.plant.model == PlantModel::Full
 }
 
-/// Below that a muscle holds nearly a vacuum, or the number is one of bar \[Pa\].
+/// Below this pressure \[Pa\] a muscle holds nearly a vacuum, or the number was meant in bar.
 const NEARLY_VACUUM_PA: f64 = 1000.0;
 
-/// Keys that only the muscle in zones looks at.
+/// Keys that only a muscle with zones uses.
 const IN_FULL: [&str; 14] = [
     "supply.droop_pa_s_kg",
     "muscle.zones",
@@ -87,7 +87,7 @@ const IN_FULL: [&str; 14] = [
     "sensor.wall.position",
 ];
 
-/// Why a key of a table that is looked at is not.
+/// Why a key of a table in use has no effect.
 fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
     let (drive, load, heat) = (&scenario.drive, &scenario.load, &scenario.heat);
     let of_drive = |kind, why| {
@@ -125,7 +125,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
     }
 }
 
-/// Values that were changed and change nothing.
+/// Changed values without effect.
 fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     let tables = unused_tables(loaded);
     let defaults = tree(&Scenario::default());
@@ -149,7 +149,7 @@ fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         .collect()
 }
 
-/// What a user should be told of a scenario that can be run, in order of the file where it has lines.
+/// All warnings of a valid scenario, by line.
 pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     let scenario = &loaded.plant;
     let mut all: Vec<InputError> = unused_tables(loaded)
@@ -215,15 +215,18 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     all
 }
 
-/// Wakes at so many dead zones of contraction from its goal: `model-core/src/control/contraction.rs`.
+/// The loop wakes at this many dead zones of contraction from its goal:
+/// `model-core/src/control/contraction.rs`.
 const WAKES_AT_ZONES: f64 = 2.0;
 
-/// Why a loop cannot come to rest: `docs/control.md`, \"Where it cannot come to rest\", derives both conditions.
+/// Why a loop cannot come to rest: `docs/control.md`, "Where it cannot come to rest", derives both
+/// conditions.
 ///
-/// The shortest pulse moves a mass dm, and with it the pressure by k R T dm/V, the end by A dP over the stiffness of gas and
-/// spring k P A^2/V + K: from one end of the zone that the loop wakes at beyond the other one, it goes on for ever. And the
-/// lead on the length's speed, late by a PWM period and the valve, pushes a gas spring that is faster than that on: from the
-/// amplitude on at which friction takes less, the swing grows.
+/// The shortest pulse moves a mass dm, which changes the pressure by k R T dm/V and moves the end
+/// by A dP over the stiffness of gas and spring, k P A^2/V + K. If that leads from one end of the
+/// zone in which the loop rests beyond the other, the loop never rests. The lead on the speed,
+/// late by a PWM period and the valve, also drives a gas spring that is faster than that delay:
+/// the swing grows beyond the amplitude at which friction takes less.
 fn restless(s: &Scenario) -> Option<(&'static str, String, String)> {
     let moving = chamber::of(s)?;
     let contraction = s.drive.kind == DriveKind::Contraction;
@@ -283,7 +286,7 @@ fn restless(s: &Scenario) -> Option<(&'static str, String, String)> {
     }
     let swing = (stiffness_n_m / mass_kg).sqrt();
     let closes = 1.0 / f64::from(tuning.length_loop_s);
-    // Half a period by which the difference for the speed is late, and half a period by which a pulse is.
+    // The speed from a difference is late by half a period, and a pulse by another half.
     let late_s = f64::from(config.pwm_period_steps) * s.run.step_s
         + f64::from(valve.dead_time_s)
         + 0.5 * switch_s;
@@ -303,12 +306,12 @@ fn restless(s: &Scenario) -> Option<(&'static str, String, String)> {
     })
 }
 
-/// Whether the drive is to let something in.
+/// Whether the drive should let gas in.
 fn fills(scenario: &Scenario) -> bool {
     !matches!(scenario.drive.kind, DriveKind::Discharge | DriveKind::Closed)
 }
 
-/// Why nothing comes in at the start, where the supply would do.
+/// Why no gas enters at the start although the supply would suffice.
 fn above_supply(scenario: &Scenario) -> Option<String> {
     let supply_pa = scenario.supply.pressure_pa;
     let above = scenario.plant.initial_pressure_pa > supply_pa;
@@ -317,7 +320,7 @@ fn above_supply(scenario: &Scenario) -> Option<String> {
     })
 }
 
-/// Why the pressure sensor does not do.
+/// Why the pressure sensor does not suit.
 fn short_of_pressure(scenario: &Scenario) -> Option<String> {
     let limit_pa = pressure_limit_pa(scenario);
     let (key, pressure_pa) = [
@@ -344,7 +347,7 @@ fn short_of_length(scenario: &Scenario) -> Option<String> {
     (scenario.sensor.length.range_m < length_m).then(|| format!("below {what}, {length_m:?} m"))
 }
 
-/// Why nothing comes in, where something should.
+/// Why no gas enters although the drive should let gas in.
 fn no_supply(scenario: &Scenario) -> Option<String> {
     let ambient_pa = scenario.ambient.pressure_pa;
     (fills(scenario) && scenario.supply.pressure_pa <= ambient_pa).then(|| {
@@ -355,7 +358,7 @@ fn no_supply(scenario: &Scenario) -> Option<String> {
     })
 }
 
-/// Why a pressure is hardly meant, where a muscle is to move.
+/// Why a pressure is hardly meant where a muscle should move.
 fn vacuum(scenario: &Scenario, pressure_pa: impl Fn(&Scenario) -> f64) -> Option<String> {
     let moves = scenario.plant.kind != PlantKind::Vessel;
     (moves && pressure_pa(scenario) < NEARLY_VACUUM_PA)

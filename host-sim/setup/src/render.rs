@@ -1,14 +1,15 @@
-//! A scenario as `thermyo check` prints it: every key, its value, and what it may be.
+//! A scenario as `thermyo check` prints it: every key with its value and the allowed values.
 
 use super::loaded::Loaded;
-use super::sense::{model_is_unused, unused_tables};
 use super::tree::{same, tree, value};
+use super::warnings::{model_is_unused, unused_tables};
 use std::fmt::Write;
 use thermyo_scenario::Scenario;
 use thermyo_scenario::schema::{Allowed, DIMENSIONS, FAULTS, Key, TABLES, Table};
 use toml::Value;
 
-/// The scenario as TOML with every default filled in; what it reads back to is the same to the bit.
+/// The scenario as TOML with all defaults filled in; reading it back gives the same scenario to
+/// the bit.
 pub fn render(loaded: &Loaded) -> String {
     let plant = tree(&loaded.plant);
     let believed = tree(&loaded.believed);
@@ -21,8 +22,8 @@ pub fn render(loaded: &Loaded) -> String {
     for table in TABLES {
         for path in paths(table, &loaded.plant) {
             let why = unused.iter().find(|(name, _)| *name == path).map(|(_, why)| why);
-            // What nothing looks at and nobody has changed stays a comment: it can be run as it is
-            // printed, without a warning.
+            // Unused tables with default values stay comments, so that the printed scenario runs
+            // without a warning.
             let left_out = why.is_some() && table.keys.iter().all(|key| is_default(&path, key));
             let lines = table
                 .keys
@@ -45,7 +46,7 @@ pub fn render(loaded: &Loaded) -> String {
         let differs = |key: &&Key| {
             !same(value(&plant, table.name, key.name), value(&believed, table.name, key.name))
         };
-        // The core is configured with all of them or none: any of them alone would let the others follow anew.
+        // The core is configured with all of them or none: a single one would change the others.
         let is_dimension = |key: &Key| table.name == "muscle" && DIMENSIONS.contains(&key.name);
         let dimensions_differ = table.keys.iter().any(|key| is_dimension(key) && differs(&key));
         let lines = table
@@ -62,7 +63,7 @@ pub fn render(loaded: &Loaded) -> String {
     text
 }
 
-/// Where a scenario has that table: in one place, or once for each window of faults.
+/// Paths of a table in the scenario: one, or one for each window of faults.
 fn paths(table: &Table, scenario: &Scenario) -> Vec<String> {
     if table.name == FAULTS {
         scenario.faults.windows().map(|(path, _)| path).collect()
@@ -80,7 +81,7 @@ fn push_table(text: &mut String, name: &str, meaning: &str, lines: &str) {
 fn key_line(key: &Key, value: Option<&Value>) -> String {
     let comment = key.comment();
     match value {
-        // Rust's shortest text that reads back to the same number is TOML too.
+        // Rust's shortest text that reads back to the same number is also TOML.
         Some(Value::Float(number)) if key.core => {
             format!("{} = {:?}  # {comment}\n", key.name, *number as f32)
         }
