@@ -41,10 +41,13 @@ const FURTHEST_BEHIND: Duration = Duration::from_millis(50);
 /// It has to be there after this time, however slow the machine is.
 const LONGEST_START: Duration = Duration::from_secs(900);
 
-/// Where it says how to reach it.
+/// Where it says how to reach it: one for each user. Users share the folder on Unix only.
 fn file() -> PathBuf {
-    let user = env::var("USER").or_else(|_| env::var("USERNAME")).unwrap_or_default();
-    env::temp_dir().join(format!("thermyo-emulated-{user}"))
+    #[cfg(unix)]
+    let name = format!("thermyo-emulated-{}", rustix::process::getuid().as_raw());
+    #[cfg(not(unix))]
+    let name = "thermyo-emulated";
+    env::temp_dir().join(name)
 }
 
 /// What another build of this program does not take for its own.
@@ -258,4 +261,20 @@ impl Emulated {
 /// Whether there is only nothing to be done now.
 fn waits(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::MetadataExt;
+
+    /// Two names that differ behind a dot had one flash, and all users whose name is unset had one board.
+    #[test]
+    fn every_user_has_a_board_and_a_flash_of_their_own() {
+        let mine = tempfile::NamedTempFile::new().unwrap();
+        let user = mine.as_file().metadata().unwrap().uid();
+        assert_eq!(file(), env::temp_dir().join(format!("thermyo-emulated-{user}")));
+        let flash = env::temp_dir().join(format!("thermyo-emulated-{user}.flash"));
+        assert_eq!(file().with_extension("flash"), flash);
+    }
 }
