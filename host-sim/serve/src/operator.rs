@@ -37,6 +37,9 @@ const RETRY: Duration = Duration::from_millis(300);
 const LOOK: Duration = Duration::from_millis(20);
 /// Time between two states where nothing urges.
 const STATE: Duration = Duration::from_millis(250);
+/// Time from one order to the next. A board carries out 250 requests a second and drops the others, whose answers would be
+/// waited for in vain; an order takes ten requests at most.
+const BETWEEN_ORDERS: Duration = Duration::from_millis(50);
 /// Steps between two samples that a calibration averages: 100 a second.
 const CALIBRATION_STEPS: u32 = 10;
 
@@ -62,6 +65,9 @@ pub struct Operator {
     next_step: Option<u32>,
     lost_steps: u64,
     heard: Instant,
+    /// When the last order or vent was carried out, and whether it was a vent.
+    carried_out: Instant,
+    vented: bool,
     tried: Instant,
     /// An attempt to open the port that was lost. It waits for a silent board, and neither a vent nor the end waits for it.
     opening: Option<JoinHandle<Result<(LiveBoard, Known), BoardError>>>,
@@ -144,6 +150,8 @@ impl Operator {
             next_step: None,
             lost_steps: 0,
             heard: now,
+            carried_out: now,
+            vented: false,
             tried: now,
             opening: None,
             reopen: Target::reopen,
@@ -164,10 +172,17 @@ impl Operator {
             // Telemetry that came while an order waited for its answer is taken before the next order, or the pages
             // and the record would fall further behind with each.
             let behind = self.board.as_ref().is_some_and(LiveBoard::is_behind);
-            match self.shared.orders.next(!behind) {
-                Some(Next::Vent) => self.vent(),
-                Some(Next::Order(order)) => self.carry_out(order, wanted),
-                None => (),
+            let rested = self.carried_out.elapsed() >= BETWEEN_ORDERS;
+            // A vent is carried out at once, except right after another one: the muscle vents already.
+            if (rested || !self.vented)
+                && let Some(next) = self.shared.orders.next(rested && !behind)
+            {
+                self.vented = next == Next::Vent;
+                match next {
+                    Next::Vent => self.vent(),
+                    Next::Order(order) => self.carry_out(order, wanted),
+                }
+                self.carried_out = Instant::now();
             }
             self.listen();
             self.show();
@@ -637,7 +652,7 @@ mod tests {
         };
         use serialport::{SerialPort, TTYPort};
         use std::io::{ErrorKind, Read, Write};
-        use std::sync::atomic::{AtomicBool, Ordering};
+        use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
         use std::sync::{Mutex, OnceLock};
 
         /// It bounds hanging, and is no figure.
@@ -750,6 +765,41 @@ mod tests {
             let moves =
                 |c: &&&HostCommand| matches!(c, HostCommand::Set(_) | HostCommand::Arm { .. });
             assert_eq!(after.iter().find(moves), None, "what came before the vent is dropped");
+        }
+
+        /// The firmware's ration: 16 requests at once, one more every 4 ms.
+        #[test]
+        fn a_flood_of_orders_and_vents_stays_within_what_a_board_carries_out() {
+            const REQUESTS: f64 = 16.0;
+            const EVERY_S: f64 = 0.004;
+            let [dropped, vents] = [(); 2].map(|()| Arc::new(AtomicU32::new(0)));
+            let shared: Arc<OnceLock<Arc<Shared>>> = Arc::default();
+            let out = tempfile::tempdir().unwrap();
+            let operator = operated(out.path(), {
+                let (dropped, vents) = (Arc::clone(&dropped), Arc::clone(&vents));
+                let shared = Arc::clone(&shared);
+                let (mut left, mut since) = (REQUESTS, Instant::now());
+                move |command| {
+                    left = REQUESTS.min(left + since.elapsed().as_secs_f64() / EVERY_S);
+                    since = Instant::now();
+                    left -= if command == HostCommand::Save { 4.0 } else { 1.0 };
+                    dropped.fetch_add(u32::from(left < 0.0), Ordering::Relaxed);
+                    vents.fetch_add(u32::from(command == HostCommand::Stop), Ordering::Relaxed);
+                    if let Some(shared) = shared.get() {
+                        shared.orders.put(Order::Clear);
+                        shared.orders.put(Order::Save);
+                        shared.vent("a test");
+                    }
+                    true
+                }
+            });
+            let shared = shared.get_or_init(|| operator.shared());
+            shared.vent("a test");
+            let operating = thread::spawn(move || operator.run(&|| false));
+            until("it vents", || vents.load(Ordering::Relaxed) > 40);
+            shared.end();
+            operating.join().unwrap();
+            assert_eq!(dropped.load(Ordering::Relaxed), 0);
         }
 
         #[test]

@@ -126,6 +126,8 @@ async fn accept(listener: tokio::net::TcpListener, app: Router) {
             tokio::time::sleep(LOOK).await;
             continue;
         };
+        // Frames are small, and none waits for the receipt of the one before.
+        let _ = stream.set_nodelay(true);
         let known = Known::default();
         let service = TowerToHyperService::new(app.clone().layer(Extension(known.clone())));
         let mut http = http1::Builder::new();
