@@ -101,7 +101,7 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
         return;
     }
     let bench = configured();
-    let rows = (0..=40).map(|i| {
+    let rows = (0..=80).map(|i| {
         let time_s = f64::from(i) * 0.1;
         format!("{time_s},{}\n", 1.3e5 + 1.0e4 * (3.0 * time_s).sin())
     });
@@ -116,9 +116,12 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
     until("it drives", || recorded(&fs::read_to_string(&trace).unwrap_or_default()).len() > 500);
     for _ in 0..3 {
         signal(&child, "-STOP");
+        // How long it is held up is what is tried, and no wait for anything.
         thread::sleep(Duration::from_millis(350));
         signal(&child, "-CONT");
-        thread::sleep(Duration::from_millis(300));
+        let rows = || recorded(&fs::read_to_string(&trace).unwrap_or_default()).len();
+        let before = rows();
+        until("it goes on", || rows() > before + 300);
     }
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", message(&output));
@@ -134,16 +137,16 @@ fn a_calibration_that_is_interrupted_vents() {
     }
     let bench = configured();
     let mut command = bench.command("thermyo board emulated calibrate gas");
-    let child = command
+    let mut child = command
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    thread::sleep(Duration::from_secs(2));
+    // It asks.
+    child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
     signal(&child, "-INT");
     // Its input stays open: a user who presses Ctrl-C has not closed the terminal.
-    let mut child = child;
     until("it ends", || child.try_wait().unwrap().is_some());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", message(&output));
@@ -160,10 +163,11 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
         "thermyo tune scenarios/contraction.toml --board port:emulated --out out/tune --quiet",
     );
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    thread::sleep(Duration::from_secs(4));
-    // The command holds the board: others get a message.
-    let taken = bench.refused("thermyo board emulated info");
-    assert!(taken.contains("another program"), "{taken}");
+    // Another program that asks is refused once the tune has the board.
+    until("it has the board", || {
+        let asked = bench.run("thermyo board emulated info");
+        !asked.status.success() && message(&asked).contains("another program")
+    });
     signal(&child, "-INT");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", message(&output));
@@ -272,7 +276,6 @@ fn the_monitors_keys_arm_drive_and_vent() {
     };
     rows(&mut monitor, &|rows| rows.len() > 20, "it records");
     monitor.press("a");
-    thread::sleep(Duration::from_millis(300));
     // 25 kPa up from ambient, in steps of 5 kPa, then 5 more.
     monitor.press("\x1b[C");
     rows(&mut monitor, &set_point("125000"), "right");

@@ -41,10 +41,13 @@ const FURTHEST_BEHIND: Duration = Duration::from_millis(50);
 /// The start fails after this time; it is long because machines may be slow.
 const LONGEST_START: Duration = Duration::from_secs(900);
 
-/// The file that holds the port.
+/// The file that holds the port, one for each user. Only on Unix do users share the folder.
 fn file() -> PathBuf {
-    let user = env::var("USER").or_else(|_| env::var("USERNAME")).unwrap_or_default();
-    env::temp_dir().join(format!("thermyo-emulated-{user}"))
+    #[cfg(unix)]
+    let name = format!("thermyo-emulated-{}", rustix::process::getuid().as_raw());
+    #[cfg(not(unix))]
+    let name = "thermyo-emulated";
+    env::temp_dir().join(name)
 }
 
 /// Identifies this build: another one does not use its board.
@@ -244,4 +247,20 @@ impl Emulated {
 /// Whether the operation would only have to wait.
 fn waits(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::MetadataExt;
+
+    /// Two names that differ behind a dot had one flash, and all users whose name is unset had one board.
+    #[test]
+    fn every_user_has_a_board_and_a_flash_of_their_own() {
+        let mine = tempfile::NamedTempFile::new().unwrap();
+        let user = mine.as_file().metadata().unwrap().uid();
+        assert_eq!(file(), env::temp_dir().join(format!("thermyo-emulated-{user}")));
+        let flash = env::temp_dir().join(format!("thermyo-emulated-{user}.flash"));
+        assert_eq!(file().with_extension("flash"), flash);
+    }
 }

@@ -33,8 +33,13 @@ use thermyo_studies::tune::{OutOfReach, TuneError};
 const SILENCE: Duration = Duration::from_millis(500);
 /// Interval of attempts to open a lost port.
 const RETRY: Duration = Duration::from_millis(300);
+/// Interval of looks at a port that is being opened.
+const LOOK: Duration = Duration::from_millis(20);
 /// Interval of state messages when nothing is urgent.
 const STATE: Duration = Duration::from_millis(250);
+/// Interval of orders. A board carries out 250 requests a second and drops the others, whose answers
+/// would be waited for in vain; an order takes ten requests at most.
+const BETWEEN_ORDERS: Duration = Duration::from_millis(50);
 /// Steps between two samples that a calibration averages: 100 per second.
 const CALIBRATION_STEPS: u32 = 10;
 
@@ -59,7 +64,13 @@ pub struct Operator {
     next_step: Option<u32>,
     lost_steps: u64,
     heard: Instant,
+    /// When the last order or vent was carried out, and whether it was a vent.
+    carried_out: Instant,
+    vented: bool,
     tried: Instant,
+    /// An attempt to open the port that was lost. It waits for a silent board, and neither a vent nor the end waits for it.
+    opening: Option<JoinHandle<Result<(LiveBoard, Known), BoardError>>>,
+    reopen: fn(&Target) -> Result<LiveBoard, BoardError>,
     shown: Option<Instant>,
 }
 
@@ -134,7 +145,11 @@ impl Operator {
             next_step: None,
             lost_steps: 0,
             heard: now,
+            carried_out: now,
+            vented: false,
             tried: now,
+            opening: None,
+            reopen: Target::reopen,
             shown: None,
         };
         operator.show();
@@ -152,10 +167,17 @@ impl Operator {
             // Telemetry that arrived while an order waited for its answer is read before the next
             // order; otherwise the pages and the record would lag further with each.
             let behind = self.board.as_ref().is_some_and(LiveBoard::is_behind);
-            match self.shared.orders.next(!behind) {
-                Some(Next::Vent) => self.vent(),
-                Some(Next::Order(order)) => self.carry_out(order, wanted),
-                None => (),
+            let rested = self.carried_out.elapsed() >= BETWEEN_ORDERS;
+            // A vent is carried out at once, except right after another one: the muscle vents already.
+            if (rested || !self.vented)
+                && let Some(next) = self.shared.orders.next(rested && !behind)
+            {
+                self.vented = next == Next::Vent;
+                match next {
+                    Next::Vent => self.vent(),
+                    Next::Order(order) => self.carry_out(order, wanted),
+                }
+                self.carried_out = Instant::now();
             }
             self.listen();
             self.show();
@@ -195,8 +217,7 @@ impl Operator {
                 }
             }
             Some(Err(error)) => self.lost(&error),
-            None if self.tried.elapsed() > RETRY => self.reopen(),
-            None => thread::sleep(Duration::from_millis(20)),
+            None => self.reopen(),
         }
         if self.stale() {
             self.learn_anew();
@@ -207,19 +228,38 @@ impl Operator {
     }
 
     fn reopen(&mut self) {
-        self.tried = Instant::now();
-        let Ok(board) = self.target.reopen() else { return };
-        self.board = Some(board);
-        self.heard = Instant::now();
-        self.learn_anew();
-        if self.board.is_some() {
-            self.link_is(Link::Connected);
-            self.shared.log(Weight::Plain, "the link is back");
+        match self.opening.take() {
+            Some(opening) if opening.is_finished() => {
+                self.tried = Instant::now();
+                if let Ok(Ok((board, known))) = opening.join() {
+                    self.board = Some(board);
+                    self.heard = Instant::now();
+                    self.now_known(known);
+                    self.link_is(Link::Connected);
+                    self.shared.log(Weight::Plain, "the link is back");
+                }
+            }
+            None if self.tried.elapsed() > RETRY => {
+                let (target, reopen) = (self.target.clone(), self.reopen);
+                self.opening = Some(thread::spawn(move || {
+                    let mut board = reopen(&target)?;
+                    // It may still be driven by what was asked before, and these questions would keep it so.
+                    board.vent()?;
+                    let known = learn(&mut board)?;
+                    Ok((board, known))
+                }));
+            }
+            opening => {
+                self.opening = opening;
+                thread::sleep(LOOK);
+            }
         }
     }
 
     fn lost(&mut self, error: &BoardError) {
-        self.board = None;
+        // A board that was driven is asked to stop as it is dropped, and a silent one is waited for.
+        let board = self.board.take();
+        thread::spawn(move || drop(board));
         self.tried = Instant::now();
         self.link_is(Link::Lost);
         self.shared.log(
@@ -246,12 +286,15 @@ impl Operator {
     }
 
     fn learn_anew(&mut self) {
-        let Some(board) = &mut self.board else { return };
-        let before = self.known.status;
-        match learn(board) {
-            Ok(known) => self.known = known,
-            Err(error) => return self.lost(&error),
+        match self.board.as_mut().map(learn) {
+            Some(Ok(known)) => self.now_known(known),
+            Some(Err(error)) => self.lost(&error),
+            None => (),
         }
+    }
+
+    fn now_known(&mut self, known: Known) {
+        let before = std::mem::replace(&mut self.known, known).status;
         self.configuration = self.known.configuration(&self.target);
         let now = self.known.status;
         if now.restarts != before.restarts {
@@ -591,6 +634,194 @@ fn asked_for(set_point: SetPoint) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The operator and a board at a pseudo-terminal that answers every request.
+    #[cfg(unix)]
+    mod at_a_terminal {
+        use super::super::*;
+        use crate::word::Order;
+        use model_core::link::{
+            Answer, Chip, Decoder, HostCommand, Message, PROTOCOL, Reply, Request, Version,
+            checksum, encode,
+        };
+        use serialport::{SerialPort, TTYPort};
+        use std::io::{ErrorKind, Read, Write};
+        use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+        use std::sync::{Mutex, OnceLock};
+
+        /// It bounds hanging, and is no figure.
+        const HANGS: Duration = Duration::from_secs(60);
+
+        fn until(what: &str, holds: impl Fn() -> bool) {
+            let began = Instant::now();
+            while !holds() {
+                assert!(began.elapsed() < HANGS, "{what}");
+                thread::sleep(Duration::from_millis(5));
+            }
+        }
+
+        /// An operator of a board that answers as long as `hears` is true of every request.
+        fn operated(
+            out: &Path,
+            mut hears: impl FnMut(HostCommand) -> bool + Send + 'static,
+        ) -> Operator {
+            let (mut board, port) = TTYPort::pair().unwrap();
+            board.set_timeout(Duration::from_millis(5)).unwrap();
+            let target = Target::Port(port.name().unwrap());
+            thread::spawn(move || {
+                let (mut requests, mut bytes) = (Decoder::new(), [0; 64]);
+                loop {
+                    let count = match board.read(&mut bytes) {
+                        Ok(count) => count,
+                        Err(error) if error.kind() == ErrorKind::TimedOut => continue,
+                        Err(_) => return,
+                    };
+                    for byte in &bytes[..count] {
+                        let Some(Request { sequence, command }) = requests.push(*byte) else {
+                            continue;
+                        };
+                        if !hears(command) {
+                            return;
+                        }
+                        let answer = answer(command);
+                        let frame = encode(&Message::Reply(Reply { sequence, answer })).unwrap();
+                        board.write_all(&frame).unwrap();
+                    }
+                }
+            });
+            let opened = target.open().unwrap();
+            // Until now it kept the terminal open for the board.
+            drop(port);
+            Operator::new(target, opened, out, Logs::default()).unwrap()
+        }
+
+        fn answer(command: HostCommand) -> Answer {
+            let config = Config::default();
+            match command {
+                HostCommand::Version => Answer::Version(Version {
+                    protocol: PROTOCOL,
+                    firmware: [0, 1, 0],
+                    chip: Chip::Rp2040,
+                    hil: false,
+                }),
+                HostCommand::ReadConfig => Answer::Config(config),
+                HostCommand::Status => Answer::Status(Status {
+                    config_checksum: checksum(&config),
+                    ..Status::AT_START
+                }),
+                HostCommand::Timing => Answer::Timing(Timing::default()),
+                _ => Answer::Done { step: 0 },
+            }
+        }
+
+        #[test]
+        fn no_order_is_carried_out_between_a_vent_and_its_arrival() {
+            let heard: Arc<Mutex<Vec<HostCommand>>> = Arc::default();
+            let shared: Arc<OnceLock<Arc<Shared>>> = Arc::default();
+            let out = tempfile::tempdir().unwrap();
+            let set = |pressure_pa| Order::Set(SetPoint::Pressure { pressure_pa });
+            let operator = operated(out.path(), {
+                let (heard, shared) = (Arc::clone(&heard), Arc::clone(&shared));
+                move |command| {
+                    let shared = shared.get();
+                    let driven = matches!(command, HostCommand::Set(_));
+                    if let Some(shared) = shared.filter(|_| driven) {
+                        let orders = |from: u16| {
+                            for i in from..from + 250 {
+                                let pressure_pa = 1.3e5 + f32::from(i);
+                                shared.orders.put(set(pressure_pa));
+                                shared.orders.put(Order::Arm { most_pa: Some(pressure_pa) });
+                                shared.orders.put(Order::Clear);
+                                shared.orders.put(Order::Save);
+                            }
+                        };
+                        orders(0);
+                        shared.vent("a test");
+                        orders(250);
+                    }
+                    heard.lock().unwrap().push(command);
+                    true
+                }
+            });
+            let shared = shared.get_or_init(|| operator.shared());
+            shared.orders.put(set(1.2e5));
+            let heard = || heard.lock().unwrap().clone();
+            let stopped = || heard().contains(&HostCommand::Stop);
+            let operating = thread::spawn(move || operator.run(&|| false));
+            until("it vents", stopped);
+            shared.end();
+            operating.join().unwrap();
+            let heard = heard();
+            let driven = heard.iter().position(|command| matches!(command, HostCommand::Set(_)));
+            let after = heard[driven.unwrap() + 1..].iter().filter(|c| **c != HostCommand::Alive);
+            let after: Vec<_> = after.collect();
+            assert_eq!(after.first(), Some(&&HostCommand::Stop), "{after:?}");
+            let moves =
+                |c: &&&HostCommand| matches!(c, HostCommand::Set(_) | HostCommand::Arm { .. });
+            assert_eq!(after.iter().find(moves), None, "what came before the vent is dropped");
+        }
+
+        /// The firmware's ration: 16 requests at once, one more every 4 ms.
+        #[test]
+        fn a_flood_of_orders_and_vents_stays_within_what_a_board_carries_out() {
+            const REQUESTS: f64 = 16.0;
+            const EVERY_S: f64 = 0.004;
+            let [dropped, vents] = [(); 2].map(|()| Arc::new(AtomicU32::new(0)));
+            let shared: Arc<OnceLock<Arc<Shared>>> = Arc::default();
+            let out = tempfile::tempdir().unwrap();
+            let operator = operated(out.path(), {
+                let (dropped, vents) = (Arc::clone(&dropped), Arc::clone(&vents));
+                let shared = Arc::clone(&shared);
+                let (mut left, mut since) = (REQUESTS, Instant::now());
+                move |command| {
+                    left = REQUESTS.min(left + since.elapsed().as_secs_f64() / EVERY_S);
+                    since = Instant::now();
+                    left -= if command == HostCommand::Save { 4.0 } else { 1.0 };
+                    dropped.fetch_add(u32::from(left < 0.0), Ordering::Relaxed);
+                    vents.fetch_add(u32::from(command == HostCommand::Stop), Ordering::Relaxed);
+                    if let Some(shared) = shared.get() {
+                        shared.orders.put(Order::Clear);
+                        shared.orders.put(Order::Save);
+                        shared.vent("a test");
+                    }
+                    true
+                }
+            });
+            let shared = shared.get_or_init(|| operator.shared());
+            shared.vent("a test");
+            let operating = thread::spawn(move || operator.run(&|| false));
+            until("it vents", || vents.load(Ordering::Relaxed) > 40);
+            shared.end();
+            operating.join().unwrap();
+            assert_eq!(dropped.load(Ordering::Relaxed), 0);
+        }
+
+        #[test]
+        fn neither_a_vent_nor_the_end_waits_for_a_port_that_is_opened() {
+            static OPENING: AtomicBool = AtomicBool::new(false);
+            let out = tempfile::tempdir().unwrap();
+            let gone = Arc::new(AtomicBool::new(false));
+            let mut operator = operated(out.path(), {
+                let gone = Arc::clone(&gone);
+                move |_| !gone.load(Ordering::Relaxed)
+            });
+            operator.reopen = |_| {
+                OPENING.store(true, Ordering::Relaxed);
+                loop {
+                    thread::park();
+                }
+            };
+            let shared = operator.shared();
+            gone.store(true, Ordering::Relaxed);
+            let operating = thread::spawn(move || operator.run(&|| false));
+            until("the port is opened again", || OPENING.load(Ordering::Relaxed));
+            shared.vent("a test");
+            let vented = || shared.events().iter().any(|event| event.text.contains("no link"));
+            until("the vent is seen to", vented);
+            shared.end();
+            until("it ends", || operating.is_finished());
+        }
+    }
 
     #[test]
     fn a_page_names_no_file() {

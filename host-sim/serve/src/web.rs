@@ -118,6 +118,8 @@ async fn accept(listener: tokio::net::TcpListener, app: Router) {
             tokio::time::sleep(LOOK).await;
             continue;
         };
+        // Frames are small, and none waits for the receipt of the one before.
+        let _ = stream.set_nodelay(true);
         let known = Known::default();
         let service = TowerToHyperService::new(app.clone().layer(Extension(known.clone())));
         let mut http = http1::Builder::new();
@@ -297,29 +299,84 @@ mod tests {
         }
     }
 
+    /// A server of no board, which ends with this.
+    struct Serving {
+        host: String,
+        path: String,
+        shared: Arc<Shared>,
+        thread: Option<std::thread::JoinHandle<io::Result<()>>>,
+    }
+
+    impl Serving {
+        fn new() -> Self {
+            let (listener, address) = listen(None).unwrap();
+            let shared = Arc::new(Shared::default());
+            let host = format!("127.0.0.1:{}", address.port);
+            let path = format!("/{}/page.js", address.token);
+            let thread = Some(std::thread::spawn({
+                let shared = Arc::clone(&shared);
+                move || run(listener, address, shared)
+            }));
+            Self { host, path, shared, thread }
+        }
+
+        fn connect(&self) -> TcpStream {
+            let stream = TcpStream::connect(&self.host).unwrap();
+            // It bounds hanging, and is no figure.
+            stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+            stream
+        }
+
+        /// What the server answers to the page with these headers.
+        fn page(&self, headers: &str) -> String {
+            let mut stream = self.connect();
+            write!(stream, "GET {} HTTP/1.1\r\n{headers}Connection: close\r\n\r\n", self.path)
+                .unwrap();
+            let mut text = String::new();
+            stream.read_to_string(&mut text).unwrap();
+            text
+        }
+    }
+
+    impl Drop for Serving {
+        fn drop(&mut self) {
+            self.shared.end();
+            self.thread.take().unwrap().join().unwrap().unwrap();
+        }
+    }
+
     #[test]
     fn connections_without_the_secret_make_room() {
         const STRANGERS: usize = 300;
-        let (listener, address) = listen(None).unwrap();
-        let (host, shared) = (format!("127.0.0.1:{}", address.port), Arc::new(Shared::default()));
-        let path = format!("/{}/page.js", address.token);
-        let serving = std::thread::spawn({
-            let shared = Arc::clone(&shared);
-            move || run(listener, address, shared)
-        });
-        let mut strangers: Vec<TcpStream> =
-            (0..STRANGERS).map(|_| TcpStream::connect(&host).unwrap()).collect();
-        let mut page = TcpStream::connect(&host).unwrap();
-        write!(page, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
-        let mut text = String::new();
-        page.read_to_string(&mut text).unwrap();
+        let serving = Serving::new();
+        let mut strangers: Vec<TcpStream> = (0..STRANGERS).map(|_| serving.connect()).collect();
+        let text = serving.page(&format!("Host: {}\r\n", serving.host));
         assert!(text.starts_with("HTTP/1.1 200"), "{text}");
         // The page connected last: by now the server has closed all but the latest strangers.
         for stranger in &mut strangers[..=STRANGERS - MOST_STRANGERS] {
-            stranger.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
             assert!(matches!(stranger.read(&mut [0]), Ok(0)), "it was kept");
         }
-        shared.end();
-        serving.join().unwrap().unwrap();
+    }
+
+    #[test]
+    fn a_request_that_does_not_end_is_closed() {
+        let serving = Serving::new();
+        let mut half = serving.connect();
+        write!(half, "GET {} HTTP/1.1\r\nHost: {}\r\n", serving.path, serving.host).unwrap();
+        let mut text = String::new();
+        half.read_to_string(&mut text).expect("the server closes it");
+        assert!(!text.starts_with("HTTP/1.1 200"), "{text}");
+    }
+
+    #[test]
+    fn a_second_host_is_refused() {
+        let serving = Serving::new();
+        let right = format!("Host: {}\r\n", serving.host);
+        assert!(serving.page(&right).starts_with("HTTP/1.1 200"));
+        let wrong = "Host: evil.example\r\n";
+        for headers in [format!("{right}{wrong}"), format!("{wrong}{right}")] {
+            let text = serving.page(&headers);
+            assert!(text.starts_with("HTTP/1.1 403"), "{text}");
+        }
     }
 }

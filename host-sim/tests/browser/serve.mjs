@@ -7,12 +7,15 @@ import { execFileSync } from "node:child_process";
 import puppeteer from "puppeteer-core";
 
 const [executablePath, address, screenshots, thermyo, place] = process.argv.slice(2);
-const browser = await puppeteer.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
+// It bounds hanging, and is no figure.
+const timeout = 60000;
+const browser = await puppeteer.launch({ executablePath, timeout, args: ["--no-sandbox", "--disable-gpu"] });
 const problems = [];
 const wide = { width: 1280, height: 900 };
 
 async function open(viewport, scheme = "light") {
   const page = await browser.newPage();
+  page.setDefaultTimeout(timeout);
   page.on("console", (message) => {
     if (["error", "warn"].includes(message.type())) problems.push(message.text());
   });
@@ -29,8 +32,11 @@ async function open(viewport, scheme = "light") {
 }
 
 const text = (page, id) => page.$eval(`#${id}`, (node) => node.textContent);
-const until = (page, what, ...values) => page.waitForFunction(what, { timeout: 15000, polling: 50 }, ...values);
+const until = (page, what, ...values) => page.waitForFunction(what, { polling: 50 }, ...values);
+// Before a screenshot, which nothing is asserted of.
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
+// The pressure follows to within 1 kPa.
+const reaches = (page, kpa) => until(page, (kpa) => Math.abs(parseFloat(document.getElementById("r-pressure").textContent) - kpa) < 1, kpa);
 async function type(page, id, value) {
   await page.click(`#${id}`, { count: 3 });
   await page.type(`#${id}`, value);
@@ -54,19 +60,18 @@ for (const value of ["abc", "-3"]) {
 await page.click("#record-button");
 await type(page, "first", "150");
 await page.click("#steer .main");
-await until(page, () => Math.abs(parseFloat(document.getElementById("r-pressure").textContent) - 150) < 1);
-await pause(1500);
+await reaches(page, 150);
 const reached_kpa = parseFloat(await text(page, "r-pressure"));
 for (const kpa of ["260", "180", "330"]) {
   await type(page, "first", kpa);
   await page.keyboard.press("Enter");
-  await pause(1600);
+  await reaches(page, parseFloat(kpa));
 }
 const box = await (await page.$("#plot-pressure canvas")).boundingBox();
 const legend = () => page.$eval("#plot-pressure ul", (list) => list.textContent);
 const not_hovered = await legend();
 await page.mouse.move(box.x + box.width * .65, box.y + 60);
-await pause(150);
+await until(page, (before) => document.querySelector("#plot-pressure ul").textContent !== before, not_hovered);
 const hovered = await legend();
 
 const watcher = await open(wide, "dark");
@@ -80,6 +85,7 @@ await pause(400);
 await page.screenshot({ path: `${screenshots}-1280-dark.png`, fullPage: true });
 await page.mouse.move(5, 5);
 await page.setViewport({ width: 390, height: 844, deviceScaleFactor: 2 });
+await until(page, () => innerWidth === 390);
 await pause(600);
 // As on a phone, and the full page.
 await page.screenshot({ path: `${screenshots}-390-hand.png` });
