@@ -196,7 +196,8 @@ impl Estimator {
         let mut most_j = adiabatic_j + limit(interval.heat_j, 0.0, f32::MAX);
         if self.coefficients.leaks {
             most_j += interval.leaked_j;
-            self.pending.leaked = share(interval.leaked_j);
+            // No number where next to no gas is left.
+            self.pending.leaked = limit(share(interval.leaked_j), 0.0, 1.0);
         }
         self.balance = Some(Balance {
             least_gained: share(adiabatic_j + limit(interval.heat_j, f32::MIN, 0.0)),
