@@ -41,7 +41,8 @@ fn a_small_dead_volume_is_stable() {
 
 #[test]
 fn the_ends_of_stated_ranges_are_stable_or_refused() {
-    let changes: [(&str, fn(&mut Scenario)); 3] = [
+    type Change = fn(&mut Scenario);
+    let changes: [(&str, Change); 3] = [
         ("initial pressure", |s| s.plant.initial_pressure_pa = 1.0),
         ("dead volume", |s| s.cylinder.dead_volume_m3 = 1.0e-8),
         ("area", |s| s.cylinder.area_m2 = 1.0e-7),

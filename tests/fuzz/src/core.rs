@@ -282,7 +282,7 @@ impl Life {
         }
         self.holds(!(fills && empties), "one valve is open at a time", about);
         if let SetPoint::MassFlow { flow_kg_s } = self.held {
-            let backwards = fills && !(flow_kg_s > 0.0) || empties && !(flow_kg_s < 0.0);
+            let backwards = fills && flow_kg_s <= 0.0 || empties && flow_kg_s >= 0.0;
             self.holds(!backwards, "a mass flow has pulses of its own direction", about);
         }
         let limit_pa = self.core.config().working_limit_pa();

@@ -75,7 +75,7 @@ struct Hosts {
 /// Where something does not hold.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
-    let mut hosts = Hosts { prompt: byte(&mut bytes) % 2 == 0, ..Hosts::default() };
+    let mut hosts = Hosts { prompt: byte(&mut bytes).is_multiple_of(2), ..Hosts::default() };
     while !bytes.is_empty() {
         let choice = byte(&mut bytes);
         let line = usize::from(choice & 1);
