@@ -63,7 +63,7 @@ fn random_plants_neither_diverge_nor_swing_without_a_warning() {
     let all = lines.last().unwrap();
     let misses =
         |name| all.figures.iter().any(|figure: &Figure| figure.name == name && !figure.holds());
-    for name in ["diverged", "mass_ppm", "energy_ppm", "without_warning"] {
+    for name in ["diverged", "mass_ppm", "energy_ppm", "without_warning", "no_inflow"] {
         assert!(!misses(name), "{name}: {}", table(&lines));
     }
 }

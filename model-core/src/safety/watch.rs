@@ -79,6 +79,8 @@ struct Limits {
     critical_ratio: f32,
     /// Seconds of a window that one tick of a duty stands for \[s\].
     tick_s: f32,
+    /// Ticks of a duty whose pulse is as long as the valve's stroke \[-\].
+    stroke_ticks: f32,
     /// The load, and what friction may add \[N\]; none where the force is not known.
     load_n: Option<(f32, f32)>,
 }
@@ -96,8 +98,9 @@ impl Limits {
 /// State of one valve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Side {
-    /// Ticks for which it was driven in this window.
+    /// Ticks for which it was driven in this window, and the steps that they fell in.
     ticks: u32,
+    steps: u16,
     /// It was driven in this window ...
     driven: bool,
     /// ... and in the one before.
@@ -110,18 +113,27 @@ struct Side {
 
 impl Side {
     /// One of which nothing is known: it may have been driven.
-    const UNKNOWN: Self =
-        Self { ticks: 0, driven: true, driven_before: true, missing: 0.0, asked_per_s: 0.0 };
+    const UNKNOWN: Self = Self {
+        ticks: 0,
+        steps: 0,
+        driven: true,
+        driven_before: true,
+        missing: 0.0,
+        asked_per_s: 0.0,
+    };
 
     fn drive(&mut self, duty: Duty) {
         self.ticks = self.ticks.saturating_add(duty.ticks().into());
+        self.steps = self.steps.saturating_add(u16::from(duty > Duty::ZERO));
     }
 
-    /// Ends a window; returns for how many ticks it was driven.
-    fn end_window(&mut self) -> u32 {
-        let ticks = core::mem::take(&mut self.ticks);
-        self.driven_before = core::mem::replace(&mut self.driven, ticks > 0);
-        ticks
+    /// Ends a window; returns the ticks for which the valve stood open. A pulse shorter than the stroke
+    /// opens the valve in proportion to its length, for w^2/t_s of w.
+    fn end_window(&mut self, stroke_ticks: f32) -> f32 {
+        let ticks = core::mem::take(&mut self.ticks) as f32;
+        let pulse_ticks = ticks / f32::from(core::mem::take(&mut self.steps).max(1));
+        self.driven_before = core::mem::replace(&mut self.driven, ticks > 0.0);
+        if pulse_ticks < stroke_ticks { ticks * (pulse_ticks / stroke_ticks) } else { ticks }
     }
 
     /// A pulse of the window before may end in this one.
@@ -199,6 +211,8 @@ impl Watch {
                 ambient_pa: config.ambient.pressure_pa,
                 critical_ratio: limit(config.valve.critical_ratio, 0.0, 0.99),
                 tick_s: config.step_s / f32::from(Duty::FULL.ticks()),
+                stroke_ticks: config.valve.switch_time_s * f32::from(Duty::FULL.ticks())
+                    / (f32::from(config.pwm_period_steps) * config.step_s),
                 load_n,
             },
             inlet: Side::UNKNOWN,
@@ -228,8 +242,8 @@ impl Watch {
         balance: &Balance,
         length_m: Option<f32>,
     ) -> Faults {
-        let inlet_ticks = self.inlet.end_window();
-        let outlet_ticks = self.outlet.end_window();
+        let inlet_ticks = self.inlet.end_window(self.limits.stroke_ticks);
+        let outlet_ticks = self.outlet.end_window(self.limits.stroke_ticks);
         let Some(length_m) = length_m else {
             self.blind = true;
             self.found = Faults::NONE;
@@ -247,15 +261,15 @@ impl Watch {
     }
 
     /// Counts what came and went, against what the valves were asked for.
-    fn count(&mut self, balance: &Balance, inlet_ticks: u32, outlet_ticks: u32) {
+    fn count(&mut self, balance: &Balance, inlet_ticks: f32, outlet_ticks: f32) {
         let limits = &self.limits;
         let Balance { pressure_pa, mass_kg, .. } = *balance;
         // More than there is in one window, or no number at all: next to no gas, and noise.
         let gained = |share: f32| limit(share, -1.0, 1.0);
         let (least_gained, most_gained) =
             (gained(balance.least_gained), gained(balance.most_gained));
-        let asked = |ticks: u32, driving_pa: f32| {
-            let passed_kg = ticks as f32 * limits.tick_s * limits.open_kg_s_pa * driving_pa;
+        let asked = |ticks: f32, driving_pa: f32| {
+            let passed_kg = ticks * limits.tick_s * limits.open_kg_s_pa * driving_pa;
             limit(passed_kg / mass_kg, 0.0, 1.0)
         };
         let inflow = asked(inlet_ticks, limits.driving_pa(limits.supply_pa, pressure_pa));
@@ -457,6 +471,31 @@ mod tests {
         4.0e-9 * 1.1884 * open_s * over_pa / MASS_KG
     }
 
+    /// Fraction of the time for which a valve with a stroke of 2 ms stands open at a duty and 100 Hz.
+    fn opened(duty: f32) -> f32 {
+        assert_eq!(Config::default().valve.switch_time_s, 0.002);
+        if duty < 0.2 { duty * duty / 0.2 } else { duty }
+    }
+
+    /// The duty at which it stands open for this fraction of the time.
+    fn duty_for(opened: f32) -> f32 {
+        if opened < 0.2 { (0.2 * opened).sqrt() } else { opened }
+    }
+
+    /// A pulse shorter than the stroke passes less than its length; a healthy inlet that is driven by
+    /// such pulses is not stuck.
+    #[test]
+    fn a_short_pulse_counts_for_the_gas_that_it_passes() {
+        for duty in [0.003, 0.03, 0.1, 0.19] {
+            let due = open(opened(duty) * WINDOW_S, over_pa(7.0e5, PRESSURE_PA));
+            let healthy = gas(due, PRESSURE_PA);
+            assert_eq!(Bench::nominal().finds(inlet(duty), healthy), None, "{duty}");
+        }
+        let due = open(opened(0.03) * WINDOW_S, over_pa(7.0e5, PRESSURE_PA)) / WRONG;
+        let found = Bench::nominal().finds(inlet(0.03), gas(0.0, PRESSURE_PA));
+        close(found, windows_to_trip(due, FORGOTTEN_DRIVEN_PER_S), Faults::LEAK);
+    }
+
     /// What drives gas at the pressure `to_pa` from the pressure `from_pa` through it, by ISO 6358 at
     /// least \[Pa\].
     fn over_pa(from_pa: f32, to_pa: f32) -> f32 {
@@ -469,7 +508,7 @@ mod tests {
         for (share, fault) in
             [(1.0, Faults::NO_INFLOW), (0.3, Faults::NO_INFLOW), (0.1, Faults::LEAK)]
         {
-            let due = open(share * WINDOW_S, over_pa(7.0e5, PRESSURE_PA)) / WRONG;
+            let due = open(opened(share) * WINDOW_S, over_pa(7.0e5, PRESSURE_PA)) / WRONG;
             let windows = |share| windows_to_trip(share, FORGOTTEN_DRIVEN_PER_S);
             let found = Bench::nominal().finds(inlet(share), gas(0.0, PRESSURE_PA));
             close(found, windows(due), fault);
@@ -493,13 +532,13 @@ mod tests {
             (0.8, 0.3, Faults::NO_INFLOW),
             (1.2, -0.25, Faults::LEAK),
         ] {
-            let command = inlet(asked * BURST_PER_S / per_s);
+            let command = inlet(duty_for(asked * BURST_PER_S / per_s));
             let lost = gas(-lost * BURST_PER_S * WINDOW_S, PRESSURE_PA);
             let (_, found) = Bench::nominal().finds(command, lost).unwrap();
             assert_eq!(found, fault, "{asked} of a burst");
         }
         let mut bench = Bench::nominal();
-        let pulse = inlet(5.0 * 0.6 * BURST_PER_S / per_s);
+        let pulse = inlet(duty_for(5.0 * 0.6 * BURST_PER_S / per_s));
         let found = (0..FOREVER).find_map(|window| {
             let command = if window % 5 == 0 { pulse } else { Command::CLOSED };
             let found = bench.window(command, still, Some(STILL_M));
@@ -513,7 +552,7 @@ mod tests {
         let ambient_pa = 101_325.0;
         for (share, pressure_pa) in [(1.0, PRESSURE_PA), (0.1, PRESSURE_PA), (1.0, 1.3e5)] {
             let over_pa = over_pa(pressure_pa, ambient_pa);
-            let due = open(share * WINDOW_S, over_pa) / WRONG;
+            let due = open(opened(share) * WINDOW_S, over_pa) / WRONG;
             let windows = |share| windows_to_trip(share, FORGOTTEN_DRIVEN_PER_S);
             let found = Bench::nominal().finds(outlet(share), gas(0.0, pressure_pa));
             close(found, windows(due), Faults::NO_OUTFLOW);
@@ -552,7 +591,7 @@ mod tests {
             let refilled = gas(lost * f32::from(between), PRESSURE_PA);
             let mut bench = Bench::nominal();
             let mut leaks = || {
-                let mut found = bench.window(inlet(pulse), refilled, Some(STILL_M));
+                let mut found = bench.window(inlet(duty_for(pulse)), refilled, Some(STILL_M));
                 for _ in 0..between {
                     let shut =
                         bench.window(Command::CLOSED, gas(-lost, PRESSURE_PA), Some(STILL_M));
