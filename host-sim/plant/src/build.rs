@@ -17,7 +17,7 @@ pub fn build(
     of_kind(scenario, volume_profile, Drive::Valves)
 }
 
-/// The plant of a scenario without its valves or nozzle: its [`Actuation`] is mass flows \[kg/s\],
+/// The plant of a scenario without its valves or nozzle: its actuation is mass flows \[kg/s\],
 /// with the inflow at the supply's temperature. A moving chamber is `lumped` or `paper`.
 pub fn build_driven_by_flows(
     scenario: &Scenario,

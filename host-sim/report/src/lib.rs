@@ -1,8 +1,8 @@
 //! `report.html`: one self-contained page per run, and the drawings on it.
 //!
-//! Bottom up: [`number`] and [`scale`] turn values into text and positions, [`decimate`] keeps the
+//! Bottom up: [`scale`] turns values into text and positions, [`decimate`] keeps the
 //! drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a [`figure::Figure`] each,
-//! [`page`] puts text and figures on a page, and [`run_report`] is the page of a generic run.
+//! [`page`] puts text and figures on a page.
 //! [`series`] records what is drawn, in bounded memory, while the run streams by.
 //!
 //! A drawing names its colours by class and leaves their values to the page's style sheet, so one

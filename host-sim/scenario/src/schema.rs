@@ -2,7 +2,7 @@
 //!
 //! Validation, suggestions and the comments of `thermyo check` read it; `declare.rs` makes it,
 //! with the structs and their defaults. No range is wider than the core's
-//! (`model_core::config::Config::check`), or [`thermyo_setup::core_config`] narrows the core's
+//! (`model_core::config::Config::check`), or `thermyo_setup::core_config` narrows the core's
 //! value: a scenario that passes here runs.
 
 pub use super::key::{Allowed, Key, Limits, Table};

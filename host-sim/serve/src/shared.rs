@@ -21,7 +21,7 @@ pub struct Shared {
     pub seats: Seats,
     /// Measured values, thinned.
     pub frames: broadcast::Sender<Utf8Bytes>,
-    /// The serialised [`State`](crate::state::State).
+    /// The serialised `State`.
     pub state: watch::Sender<Utf8Bytes>,
     ended: AtomicBool,
     events: Mutex<VecDeque<Event>>,

@@ -24,7 +24,7 @@ const NO_RISE: f64 = 1.02;
 /// Result of one run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outcome {
-    /// Time until detection, counted as [`Counted`] requires \[s\].
+    /// Time until detection, counted as `Counted` requires \[s\].
     pub found_s: Option<f64>,
     /// Time during which the fault was visible, counted likewise \[s\].
     pub counted_s: f64,

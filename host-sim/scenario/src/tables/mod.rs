@@ -26,7 +26,7 @@ use model_core::sensing::gas::{Max31865, Ntc};
 use model_core::sensing::pressure::Mpr;
 use serde::{Deserialize, Serialize};
 
-/// A complete scenario. `[believed]` has been split off before: see [`thermyo_setup::Loaded`].
+/// A complete scenario. `[believed]` has been split off before: see `thermyo_setup::Loaded`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scenario {
