@@ -61,9 +61,7 @@ pub enum Problem {
     },
     /// A table whose columns do not match the sweep beside it.
     #[error("is damaged, or an older program wrote it: the columns must be {columns}")]
-    OtherColumns {
-        columns: String,
-    },
+    OtherColumns { columns: String },
     /// Bytes that are not UTF-8.
     #[error("is not UTF-8 text")]
     NotUtf8,
@@ -105,10 +103,7 @@ pub enum Problem {
     },
     /// A key that does not take a number.
     #[error("{key} takes no number: it is {allowed}")]
-    NotANumber {
-        key: String,
-        allowed: String,
-    },
+    NotANumber { key: String, allowed: String },
     /// A missing value that others make necessary.
     #[error("{key} is missing: {why}")]
     Missing {
@@ -118,9 +113,7 @@ pub enum Problem {
     },
     /// A key that the core does not have.
     #[error("{key}: the core does not know of it, so that it cannot believe otherwise")]
-    NotBelieved {
-        key: String,
-    },
+    NotBelieved { key: String },
     /// A key names a file that cannot be opened.
     #[error("{key}: {file}")]
     Reference {
@@ -164,9 +157,7 @@ pub enum Problem {
     },
     /// Two columns of one name.
     #[error("column {column} appears twice")]
-    DuplicateColumn {
-        column: String,
-    },
+    DuplicateColumn { column: String },
     /// An unknown column.
     #[error("unknown column {column}; {instead}")]
     UnknownColumn {
@@ -192,10 +183,7 @@ pub enum Problem {
         "{found} cells in this row: must be {expected}, one per column; are these decimal commas? \
          Numbers need a decimal point"
     )]
-    DecimalCommas {
-        found: usize,
-        expected: usize,
-    },
+    DecimalCommas { found: usize, expected: usize },
     /// Times without measured values.
     #[error("has no column to compare beside {time}; known here: {}", known.join(", "))]
     NothingToCompare {
@@ -206,9 +194,7 @@ pub enum Problem {
     },
     /// A required column without any value.
     #[error("column {column} is missing, or empty in every row")]
-    NoValues {
-        column: String,
-    },
+    NoValues { column: String },
     /// A column with inconsistent values.
     #[error("column {column}: {why}")]
     UnusableColumn {
@@ -263,10 +249,7 @@ pub enum Problem {
     OpenQuote,
     /// A row that is longer or shorter than the header.
     #[error("{found} cells in this row: must be {expected}, one per column")]
-    CellCount {
-        found: usize,
-        expected: usize,
-    },
+    CellCount { found: usize, expected: usize },
     /// A cell with a wrong value.
     #[error("column {column} = {value}: must be {allowed}")]
     Cell {

@@ -49,10 +49,7 @@ pub enum Allowed {
     /// A finite number; whole ones are taken too.
     Real(Limits),
     /// A whole number, both limits included.
-    Whole {
-        min: i64,
-        max: i64,
-    },
+    Whole { min: i64, max: i64 },
     /// One of these words.
     Choice(&'static [&'static str]),
     /// Yes or no.

@@ -73,56 +73,36 @@ pub enum BoardError {
         "{folder}: cannot be written ({reason}), and the emulated board wants its files there: set \
          XDG_CACHE_HOME to a folder that can be"
     )]
-    NotUnpacked {
-        folder: PathBuf,
-        reason: String,
-    },
+    NotUnpacked { folder: PathBuf, reason: String },
     /// `npm ci` failed.
     #[error("`npm ci` failed; it needs npm and its registry: {message}")]
-    Npm {
-        message: String,
-    },
+    Npm { message: String },
     #[error("{message}")]
-    Build {
-        message: String,
-    },
+    Build { message: String },
     /// The image is missing.
     #[error("{path}: no such image: give the ELF or UF2 file that a build of the firmware left")]
-    NoImage {
-        path: PathBuf,
-    },
+    NoImage { path: PathBuf },
     /// The emulator cannot run the image.
     #[error("{message}")]
-    Image {
-        message: String,
-    },
+    Image { message: String },
     /// The emulator ended.
     #[error("the emulated board stopped: {message}")]
-    Emulator {
-        message: String,
-    },
+    Emulator { message: String },
     /// The serial port cannot be opened.
     #[error(
         "{port}: {reason}: connect the board and name its port (Linux /dev/ttyACM0 or \
          /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
     )]
-    NoPort {
-        port: String,
-        reason: String,
-    },
+    NoPort { port: String, reason: String },
     /// The user has no permission for the port.
     #[error(
         "{port}: no permission to open it: on Linux `sudo usermod -aG dialout $USER`, then log in \
          again (Arch: the group uucp)"
     )]
-    NoPermission {
-        port: String,
-    },
+    NoPermission { port: String },
     /// Another program uses the port.
     #[error("{port}: another program has it open: close that one, then try again")]
-    Taken {
-        port: String,
-    },
+    Taken { port: String },
     /// The link to the board broke.
     #[error("the line to the board broke ({0}): check its cable and start again")]
     Line(#[from] io::Error),
@@ -131,41 +111,31 @@ pub enum BoardError {
         "the board does not answer ({asked}): check power and wiring (GP0, GP1, 921600 baud), \
          and that this project's firmware is flashed"
     )]
-    Silent {
-        asked: &'static str,
-    },
+    Silent { asked: &'static str },
     /// The emulated board does not answer: there is no wiring to check.
     #[error(
         "the emulated board does not answer ({asked}): this machine may be too busy for it; try again, or start \
          it afresh: thermyo board emulated plug"
     )]
-    EmulatedSilent {
-        asked: &'static str,
-    },
+    EmulatedSilent { asked: &'static str },
     /// The board speaks another version of the protocol.
     #[error(
         "the board's firmware speaks protocol {board}, this program {PROTOCOL}: flash the \
          firmware of the same version"
     )]
-    Protocol {
-        board: u16,
-    },
+    Protocol { board: u16 },
     /// The board samples its own inputs.
     #[error(
         "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
          built with `--features hil`"
     )]
-    NotHil {
-        chip: Chip,
-    },
+    NotHil { chip: Chip },
     /// The board expects its samples from the host.
     #[error(
         "the board ({chip:?}) waits for simulated samples: to drive a muscle flash the firmware built \
          without the feature `hil`"
     )]
-    Hil {
-        chip: Chip,
-    },
+    Hil { chip: Chip },
     /// The configuration is for another chip's converter.
     #[error(
         "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
