@@ -343,8 +343,8 @@ impl Running {
                 Actuation { inlet, outlet }
             }
             Driver::Core { board, drive, step } => {
-                let anew = drive.acting_from(self.steps, loaded);
-                if let Some(set_point) = anew.filter(|_| inputs.follow_scenario) {
+                let update = drive.acting_from(self.steps, loaded);
+                if let Some(set_point) = update.filter(|_| inputs.follow_scenario) {
                     match board.core()?.set(set_point) {
                         Ok(()) | Err(SetPointError::Faults(_)) => (),
                         Err(error) => return Err(BoardError::SetPoint(error).into()),

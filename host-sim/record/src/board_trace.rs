@@ -107,8 +107,8 @@ impl Clock {
 /// Progress of a board. The duration of a restart is unknown and counts as one step.
 fn steps_between(last: u32, step: u32) -> u64 {
     let steps = step.wrapping_sub(last);
-    let anew = step < last && steps > MOST_MISSING;
-    if anew || steps == 0 { 1 } else { u64::from(steps) }
+    let restarted = step < last && steps > MOST_MISSING;
+    if restarted || steps == 0 { 1 } else { u64::from(steps) }
 }
 
 /// Writes telemetry as rows.

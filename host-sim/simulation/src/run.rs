@@ -352,8 +352,8 @@ impl SetPoints {
     pub fn acting_from(&self, step: u64, loaded: &Loaded) -> Option<SetPoint> {
         let step_s = loaded.plant.run.step_s;
         let interval = (SET_POINT_INTERVAL_S / step_s).round() as u64;
-        let anew = self.follows_profile() && step.is_multiple_of(interval.max(1));
-        anew.then(|| self.at(step as f64 * step_s))
+        let due = self.follows_profile() && step.is_multiple_of(interval.max(1));
+        due.then(|| self.at(step as f64 * step_s))
     }
 
     /// Whether a profile moves it.
