@@ -390,7 +390,7 @@ impl Summary {
         };
         Some(format!(
             "the loop does not come to rest: a limit cycle of {frequency_hz:.1} Hz and an amplitude of {amplitude}, until \
-             {time_s:.1} s; docs/control.md says which valve and which gains it needs"
+             {time_s:.1} s; docs/background/control.md has the valve and the gains it needs"
         ))
     }
 

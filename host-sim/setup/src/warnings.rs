@@ -219,7 +219,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
 /// `model-core/src/control/contraction.rs`.
 const WAKES_AT_ZONES: f64 = 2.0;
 
-/// Why a loop cannot come to rest: `docs/control.md`, "Where it cannot come to rest", derives both
+/// Why a loop cannot come to rest: `docs/background/control.md`, "Where the loop cannot come to rest", derives both
 /// conditions.
 ///
 /// The shortest pulse moves a mass dm, which changes the pressure by k R T dm/V and moves the end
