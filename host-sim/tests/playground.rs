@@ -164,7 +164,7 @@ fn the_page_runs_and_is_turned() {
     assert!((number("held_kpa") - 250.0).abs() < 2.0, "{seen:#}");
     assert!((number("followed_kpa") - 400.0).abs() < 3.0, "{seen:#}");
     assert_eq!(seen["changed"], true);
-    assert_eq!(seen["untold"], true);
+    assert_eq!(seen["unconfigured"], true);
     assert_eq!(seen["mode"].as_str(), Some("mass flow"));
     assert_ne!(seen["hovered"], seen["not_hovered"]);
     assert_eq!(seen["narrow_px"], 390, "{seen:#}");

@@ -90,7 +90,7 @@ await slide("supply.pressure_pa", 600);
 await pause(700);
 const knobs = await text("knobs");
 const changed = (await legend("plot-temperature")) !== before;
-const untold = await page.$eval("#exported", (node) => node.textContent.includes("starts so"));
+const unconfigured = await page.$eval("#exported", (node) => node.textContent.includes("starts with them"));
 
 // The answer to an invalid file; the simulation continues.
 const wrong = join(downloads, "wrong.toml");
@@ -138,5 +138,5 @@ const mode = await text("mode");
 await browser.close();
 server.close();
 console.log(JSON.stringify({
-  problems, shipped, held_kpa, followed_kpa, knobs, changed, untold, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode,
+  problems, shipped, held_kpa, followed_kpa, knobs, changed, unconfigured, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode,
 }));
