@@ -80,12 +80,25 @@ struct Limits {
     /// Seconds of a window that one tick of a duty stands for \[s\].
     tick_s: f32,
     /// Ticks of a duty whose pulse is as long as the valve's stroke \[-\].
-    stroke_ticks: f32,
+    stroke_ticks: u32,
     /// The load, and what friction may add \[N\]; none where the force is not known.
     load_n: Option<(f32, f32)>,
 }
 
 impl Limits {
+    /// Ticks for which a duty opens its valve. A pulse shorter than the stroke opens it in proportion to
+    /// its length, for w^2/t_s of w.
+    fn opened_ticks(&self, duty: Duty) -> u32 {
+        let ticks = u32::from(duty.ticks());
+        if ticks < self.stroke_ticks {
+            let opened = ticks.saturating_mul(ticks).checked_div(self.stroke_ticks);
+            // Driven, however briefly.
+            opened.unwrap_or(ticks).max(u32::from(ticks > 0))
+        } else {
+            ticks
+        }
+    }
+
     /// Upstream pressure times at least what a subsonic flow is of the choked one (ISO 6358): the root
     /// of a share is more than the share \[Pa\].
     fn driving_pa(&self, upstream_pa: f32, downstream_pa: f32) -> f32 {
@@ -98,9 +111,8 @@ impl Limits {
 /// State of one valve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Side {
-    /// Ticks for which it was driven in this window, and the steps that they fell in.
+    /// Ticks for which it stood open in this window.
     ticks: u32,
-    steps: u16,
     /// It was driven in this window ...
     driven: bool,
     /// ... and in the one before.
@@ -113,27 +125,14 @@ struct Side {
 
 impl Side {
     /// One of which nothing is known: it may have been driven.
-    const UNKNOWN: Self = Self {
-        ticks: 0,
-        steps: 0,
-        driven: true,
-        driven_before: true,
-        missing: 0.0,
-        asked_per_s: 0.0,
-    };
+    const UNKNOWN: Self =
+        Self { ticks: 0, driven: true, driven_before: true, missing: 0.0, asked_per_s: 0.0 };
 
-    fn drive(&mut self, duty: Duty) {
-        self.ticks = self.ticks.saturating_add(duty.ticks().into());
-        self.steps = self.steps.saturating_add(u16::from(duty > Duty::ZERO));
-    }
-
-    /// Ends a window; returns the ticks for which the valve stood open. A pulse shorter than the stroke
-    /// opens the valve in proportion to its length, for w^2/t_s of w.
-    fn end_window(&mut self, stroke_ticks: f32) -> f32 {
-        let ticks = core::mem::take(&mut self.ticks) as f32;
-        let pulse_ticks = ticks / f32::from(core::mem::take(&mut self.steps).max(1));
-        self.driven_before = core::mem::replace(&mut self.driven, ticks > 0.0);
-        if pulse_ticks < stroke_ticks { ticks * (pulse_ticks / stroke_ticks) } else { ticks }
+    /// Ends a window; returns the ticks for which the valve stood open.
+    fn end_window(&mut self) -> u32 {
+        let ticks = core::mem::take(&mut self.ticks);
+        self.driven_before = core::mem::replace(&mut self.driven, ticks > 0);
+        ticks
     }
 
     /// A pulse of the window before may end in this one.
@@ -169,6 +168,9 @@ impl Side {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Watch {
     limits: Limits,
+    /// The last command, and the ticks of a step for which it opens inlet and outlet.
+    command: Command,
+    opened_ticks: [u32; 2],
     inlet: Side,
     outlet: Side,
     /// Loss of gas while the outlet is shut, smoothed \[1/s\].
@@ -211,10 +213,13 @@ impl Watch {
                 ambient_pa: config.ambient.pressure_pa,
                 critical_ratio: limit(config.valve.critical_ratio, 0.0, 0.99),
                 tick_s: config.step_s / f32::from(Duty::FULL.ticks()),
-                stroke_ticks: config.valve.switch_time_s * f32::from(Duty::FULL.ticks())
-                    / (f32::from(config.pwm_period_steps) * config.step_s),
+                stroke_ticks: (config.valve.switch_time_s * f32::from(Duty::FULL.ticks())
+                    / (f32::from(config.pwm_period_steps) * config.step_s))
+                    as u32,
                 load_n,
             },
+            command: Command::CLOSED,
+            opened_ticks: [0; 2],
             inlet: Side::UNKNOWN,
             outlet: Side::UNKNOWN,
             lost_per_s: 0.0,
@@ -228,8 +233,15 @@ impl Watch {
 
     /// The valves are driven like this for one step.
     pub fn drive(&mut self, command: Command) {
-        self.inlet.drive(command.inlet);
-        self.outlet.drive(command.outlet);
+        if command != self.command {
+            self.command = command;
+            self.opened_ticks =
+                [command.inlet, command.outlet].map(|duty| self.limits.opened_ticks(duty));
+        }
+        let [inlet, outlet] = self.opened_ticks;
+        // A window of 65 535 steps stays below 2^32.
+        self.inlet.ticks = self.inlet.ticks.wrapping_add(inlet);
+        self.outlet.ticks = self.outlet.ticks.wrapping_add(outlet);
     }
 
     /// Takes the balance of one interval of the estimator; returns what the one before has found, each
@@ -242,8 +254,8 @@ impl Watch {
         balance: &Balance,
         length_m: Option<f32>,
     ) -> Faults {
-        let inlet_ticks = self.inlet.end_window(self.limits.stroke_ticks);
-        let outlet_ticks = self.outlet.end_window(self.limits.stroke_ticks);
+        let inlet_ticks = self.inlet.end_window();
+        let outlet_ticks = self.outlet.end_window();
         let Some(length_m) = length_m else {
             self.blind = true;
             self.found = Faults::NONE;
@@ -261,15 +273,15 @@ impl Watch {
     }
 
     /// Counts what came and went, against what the valves were asked for.
-    fn count(&mut self, balance: &Balance, inlet_ticks: f32, outlet_ticks: f32) {
+    fn count(&mut self, balance: &Balance, inlet_ticks: u32, outlet_ticks: u32) {
         let limits = &self.limits;
         let Balance { pressure_pa, mass_kg, .. } = *balance;
         // More than there is in one window, or no number at all: next to no gas, and noise.
         let gained = |share: f32| limit(share, -1.0, 1.0);
         let (least_gained, most_gained) =
             (gained(balance.least_gained), gained(balance.most_gained));
-        let asked = |ticks: f32, driving_pa: f32| {
-            let passed_kg = ticks * limits.tick_s * limits.open_kg_s_pa * driving_pa;
+        let asked = |ticks: u32, driving_pa: f32| {
+            let passed_kg = ticks as f32 * limits.tick_s * limits.open_kg_s_pa * driving_pa;
             limit(passed_kg / mass_kg, 0.0, 1.0)
         };
         let inflow = asked(inlet_ticks, limits.driving_pa(limits.supply_pa, pressure_pa));
