@@ -27,8 +27,8 @@ fn main() {
     for argument in [&format!("-T{}", script.display()), "-Tdefmt.x", "--nmagic"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
-    // Included scripts: those shared by a family of boards, and `memory.x`, for a linker that runs in
-    // another folder.
+    // Included scripts: those shared by a family of boards, and `memory.x`, for a linker that runs
+    // in another folder.
     println!("cargo:rustc-link-search={folder}/..");
     println!("cargo:rustc-link-search={}", boards.display());
     println!("cargo:rerun-if-changed=../memory.x");

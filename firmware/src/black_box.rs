@@ -58,8 +58,8 @@ impl BlackBox {
         }
     }
 
-    /// Returns why the board started and the first failure before, and prepares the next record. To be
-    /// called once, before all other functions.
+    /// Returns why the board started and the first failure before, and prepares the next record. To
+    /// be called once, before all other functions.
     pub fn open(&self, reset: Reset) -> (LastReset, Remembered) {
         // Memory may outlive a short loss of power; only the chip's reset cause is certain.
         if reset == Reset::Power || self.written.get() != WRITTEN {

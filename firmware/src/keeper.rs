@@ -1,5 +1,6 @@
-//! Keeper of the [store](crate::store): loads the configuration after the start, saves it at the host's
-//! request, and records events. A board without a store remembers events until it loses power.
+//! Keeper of the [store](crate::store): loads the configuration after the start, saves it at the
+//! host's request, and records events. A board without a store remembers events until it loses
+//! power.
 
 use crate::link::{Identity, check};
 use crate::shared::{Answer, Order, Requester, Shared, StoreRequest};
@@ -122,8 +123,8 @@ impl<F: NorFlash> Keeper<F> {
         Ok(())
     }
 
-    /// The flash is written only while the muscle is vented: while the flash is busy the links to the host
-    /// wait, and a hang is found late.
+    /// The flash is written only while the muscle is vented: while the flash is busy the links to
+    /// the host wait, and a hang is found late.
     fn may_write(&self) -> Result<(), Refusal> {
         if self.store.is_none() {
             Err(Refusal::NoStore)

@@ -36,8 +36,8 @@ pub async fn send<W: Write>(mut port: W, line: &'static Line) -> ! {
     }
 }
 
-/// Rate limit: requests that may come at once, and the time after which one more may come. A host that
-/// sends set points at 100 Hz and a few queries needs half of that.
+/// Rate limit: requests that may come at once, and the time after which one more may come. A host
+/// that sends set points at 100 Hz and a few queries needs half of that.
 const RATION: u32 = 16;
 const RATION_EVERY: Duration = Duration::from_millis(4);
 

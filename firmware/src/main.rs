@@ -1,9 +1,10 @@
 //! The valve controller's firmware.
 //!
-//! Two executors run the tasks. The upper one, in an interrupt, runs the control task alone: at every
-//! whole millisecond it samples, steps the core and drives the valves. The lower one, in the thread,
-//! runs the links to the host, the keeper of the nonvolatile store, and the supervisor, which feeds
-//! the watchdog. Only the folder `board` depends on a chip; all else uses the traits in [`board`].
+//! Two executors run the tasks. The upper one, in an interrupt, runs the control task alone: at
+//! every whole millisecond it samples, steps the core and drives the valves. The lower one, in the
+//! thread, runs the links to the host, the keeper of the nonvolatile store, and the supervisor,
+//! which feeds the watchdog. Only the folder `board` depends on a chip; all else uses the traits in
+//! [`board`].
 
 #![no_std]
 #![no_main]

@@ -20,8 +20,8 @@ pub struct Part {
     /// The reading, and in the upper half a count of readings.
     last: AtomicU32,
     enabled: AtomicBool,
-    /// Wakes the task when it is enabled. A disabled task waits without a timer, whose interrupt could
-    /// delay control.
+    /// Wakes the task when it is enabled. A disabled task waits without a timer, whose interrupt
+    /// could delay control.
     wake: Signal<CriticalSectionRawMutex, ()>,
 }
 
@@ -80,7 +80,8 @@ async fn middle_of_a_step() {
     Timer::at(if into < middle { start + middle } else { start + middle + STEP }).await;
 }
 
-/// Steps without a reading after which the MAX31865 is restarted: two conversions, or the first one.
+/// Steps without a reading after which the MAX31865 is restarted: two conversions, or the first
+/// one.
 const GAS_PATIENCE: u32 = 70;
 
 /// Reads the MAX31865 while it is enabled.

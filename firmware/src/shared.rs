@@ -16,8 +16,8 @@ use serde::{Serialize, Serializer};
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
-/// Capacity of the outbox, and the part of it that telemetry leaves free for replies: while the flash
-/// blocks the thread, only telemetry is posted.
+/// Capacity of the outbox, and the part of it that telemetry leaves free for replies: while the
+/// flash blocks the thread, only telemetry is posted.
 const OUTBOX: usize = 8;
 const FOR_REPLIES: usize = 1;
 
@@ -25,7 +25,8 @@ const FOR_REPLIES: usize = 1;
 /// the control task moves it.
 #[derive(Clone, Copy)]
 pub enum Order {
-    /// Disarm, and restart as the [prepared](Shared::prepare) core, which has another configuration.
+    /// Disarm, and restart as the [prepared](Shared::prepare) core, which has another
+    /// configuration.
     Configure {
         checksum: u32,
         source: ConfigSource,
@@ -40,8 +41,8 @@ pub enum Order {
 }
 
 impl Order {
-    /// Whether the order may move the muscle. A stop overtakes such an order, and it holds only while its
-    /// host stays connected.
+    /// Whether the order may move the muscle. A stop overtakes such an order, and it holds only
+    /// while its host stays connected.
     pub fn may_drive(&self) -> bool {
         matches!(self, Self::Arm(_) | Self::Start(_) | Self::Set(_))
     }
@@ -61,8 +62,8 @@ pub enum StoreRequest {
     Event(u8),
 }
 
-/// Stands for the active configuration in a message, which need not hold its half kilobyte: it is read
-/// when the message is sent.
+/// Stands for the active configuration in a message, which need not hold its half kilobyte: it is
+/// read when the message is sent.
 #[derive(Clone, Copy)]
 pub struct ActiveConfig(pub &'static Shared);
 
@@ -184,15 +185,16 @@ pub struct Shared {
     pub failed: Signal<CriticalSectionRawMutex, FirstFailure>,
     #[cfg(feature = "parts")]
     pub parts: crate::parts::Parts,
-    /// Steps for which the busy flash may still block the thread: control feeds the watchdog meanwhile.
+    /// Steps for which the busy flash may still block the thread: control feeds the watchdog
+    /// meanwhile.
     pub flash_busy_steps: AtomicU32,
     pub samples: Channel<CriticalSectionRawMutex, Sample, 1>,
     /// Grows with every turn of the control task.
     pub heartbeat: AtomicU32,
     /// Faults of the last step.
     pub faults: AtomicU16,
-    /// Held while the flash is written and while an order is given. The flash is written only while the
-    /// muscle is vented, since a hang during a write is found late.
+    /// Held while the flash is written and while an order is given. The flash is written only while
+    /// the muscle is vented, since a hang during a write is found late.
     pub flash: mutex::Mutex<CriticalSectionRawMutex, ()>,
     /// The saved configuration is loaded. No request is answered before, with the defaults.
     pub recalled: AtomicBool,
@@ -201,9 +203,9 @@ pub struct Shared {
     /// Requests that the link dropped because they came too fast.
     pub dropped_requests: AtomicU32,
     arbiter: Mutex<CriticalSectionRawMutex, Cell<Arbiter<LINES>>>,
-    /// There is never contention: the tasks of the thread hold it between two waits, and control reads it
-    /// after one of them has sent an order, before that task goes on. It is no critical section, because
-    /// copying a core with interrupts off would delay a step.
+    /// There is never contention: the tasks of the thread hold it between two waits, and control
+    /// reads it after one of them has sent an order, before that task goes on. It is no critical
+    /// section, because copying a core with interrupts off would delay a step.
     next_core: mutex::Mutex<CriticalSectionRawMutex, Slot>,
     /// Kept over restarts.
     first_failure: Mutex<CriticalSectionRawMutex, Cell<Option<FirstFailure>>>,
@@ -256,7 +258,8 @@ impl Shared {
         self.orders.send((requester, order)).await;
     }
 
-    /// Sends control an order that restarts the core, at a time of the step that leaves room for it.
+    /// Sends control an order that restarts the core, at a time of the step that leaves room for
+    /// it.
     pub async fn restart(&self, requester: Option<Requester>, order: Order) {
         let _written = self.flash.lock().await;
         time_to_restart().await;
@@ -272,8 +275,8 @@ impl Shared {
         self.vented.load(Ordering::Relaxed)
     }
 
-    /// Stages a core for [`Order::Configure`] and every later [`Order::Start`], so that a start need not
-    /// compute the constants again.
+    /// Stages a core for [`Order::Configure`] and every later [`Order::Start`], so that a start
+    /// need not compute the constants again.
     pub fn prepare(&self, core: Core) {
         if let Ok(mut slot) = self.next_core.try_lock() {
             *slot = Slot::Full(core);

@@ -1,9 +1,9 @@
 //! Nonvolatile store: the configuration and the last events.
 //!
-//! There are two copies in flash, each a map of `sequential-storage` in sectors of its own. A value is
-//! written to one copy, read back, and only then written to the other, so that a power failure leaves
-//! one copy whole, with the new value or the old one. A copy that an interrupted erase has damaged is
-//! erased and written again from the other.
+//! There are two copies in flash, each a map of `sequential-storage` in sectors of its own. A value
+//! is written to one copy, read back, and only then written to the other, so that a power failure
+//! leaves one copy whole, with the new value or the old one. A copy that an interrupted erase has
+//! damaged is erased and written again from the other.
 
 use crate::shared::Shared;
 use core::ops::Range;
@@ -82,8 +82,8 @@ pub struct Store<F> {
 }
 
 impl<F: NorFlash> Store<F> {
-    /// Opens the store and makes both copies the same. The other tasks of the thread have their turns
-    /// meanwhile.
+    /// Opens the store and makes both copies the same. The other tasks of the thread have their
+    /// turns meanwhile.
     pub async fn open(flash: F) -> Self {
         let mut store = Self { flash, numbers: [[0; KEYS.len()]; COPIES] };
         let mut buffer = [0; MAX_VALUE];
@@ -238,8 +238,8 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// A flash that announces to control when it is busy: it then blocks the thread, and control feeds the
-/// watchdog. The thread's other tasks have their turns between two operations.
+/// A flash that announces to control when it is busy: it then blocks the thread, and control feeds
+/// the watchdog. The thread's other tasks have their turns between two operations.
 pub struct AnnouncedFlash<F> {
     flash: F,
     shared: &'static Shared,

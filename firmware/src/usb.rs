@@ -57,11 +57,13 @@ pub fn open<D: Driver<'static>>(
 
 /// Runs a device; `reset_waits` returns whether a bus reset waits to be handled.
 ///
-/// embassy's device does not watch the bus while it answers a request of the host. If it is unplugged
-/// then, it would wait for the rest for ever, at an address that the next host does not use.
+/// embassy's device does not watch the bus while it answers a request of the host. If it is
+/// unplugged then, it would wait for the rest for ever, at an address that the next host does not
+/// use.
 pub async fn run<D: Driver<'static>>(mut device: Device<D>, reset_waits: fn() -> bool) -> ! {
     loop {
-        // The same interrupt wakes both; the device is polled first and clears a reset that it handles.
+        // The same interrupt wakes both; the device is polled first and clears a reset that it
+        // handles.
         let unhandled = poll_fn(|_| if reset_waits() { Poll::Ready(()) } else { Poll::Pending });
         select(device.run(), unhandled).await;
         device.disable().await;

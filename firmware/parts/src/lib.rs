@@ -1,5 +1,5 @@
-//! Drivers of the digital sensors that the firmware reads, over the traits of `embedded-hal-async`. They
-//! return raw codes, which `model_core::sensing` converts.
+//! Drivers of the digital sensors that the firmware reads, over the traits of `embedded-hal-async`.
+//! They return raw codes, which `model_core::sensing` converts.
 
 #![no_std]
 #![forbid(unsafe_code)]

@@ -1,5 +1,5 @@
-//! Maxim MAX31865, RTD to digital (data sheet 19-6478): SPI mode 1 or 3, 5 MHz at most. It converts by
-//! itself every 20 ms, and its DRDY is low while there is an unread reading.
+//! Maxim MAX31865, RTD to digital (data sheet 19-6478): SPI mode 1 or 3, 5 MHz at most. It converts
+//! by itself every 20 ms, and its DRDY is low while there is an unread reading.
 
 use crate::Error;
 use embedded_hal_async::spi::SpiDevice;
@@ -7,7 +7,8 @@ use embedded_hal_async::spi::SpiDevice;
 /// Address of the configuration, and the bit of an address that writes.
 const CONFIG: u8 = 0x00;
 const WRITE: u8 = 0x80;
-/// Bits of the configuration: bias, continuous conversion, clear faults, 50 Hz filter. 2 or 4 wires.
+/// Bits of the configuration: bias, continuous conversion, clear faults, 50 Hz filter. 2 or 4
+/// wires.
 const BIAS: u8 = 0x80;
 const CONTINUOUS: u8 = 0x40;
 const CLEAR: u8 = 0x02;
@@ -33,8 +34,8 @@ impl<S: SpiDevice> Max31865<S> {
         Ok(self.0.write(&[CONFIG | WRITE, config]).await?)
     }
 
-    /// Reads the last reading, R/R_ref in parts of 32768, with the configuration, which shows a loss of
-    /// power. A fault is returned as [`Error::Broken`] and cleared in the chip.
+    /// Reads the last reading, R/R_ref in parts of 32768, with the configuration, which shows a
+    /// loss of power. A fault is returned as [`Error::Broken`] and cleared in the chip.
     pub async fn read(&mut self) -> Result<u16, Error<S::Error>> {
         let mut bytes = [CONFIG; 4];
         self.0.transfer_in_place(&mut bytes).await?;

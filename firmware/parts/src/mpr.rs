@@ -24,8 +24,8 @@ impl<I: I2c> Mpr<I> {
         Ok(self.0.write(ADDRESS, &MEASURE).await?)
     }
 
-    /// Reads the measurement, in parts of 2^24; `None` while busy. Every status but powered and busy is
-    /// [`Error::Broken`].
+    /// Reads the measurement, in parts of 2^24; `None` while busy. Every status but powered and
+    /// busy is [`Error::Broken`].
     pub async fn read(&mut self) -> Result<Option<u32>, Error<I::Error>> {
         let mut bytes = [0; 4];
         self.0.read(ADDRESS, &mut bytes).await?;

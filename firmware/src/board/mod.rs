@@ -1,8 +1,9 @@
-//! Interface between the firmware and the boards. Each board is a folder below; no other code depends
-//! on a chip.
+//! Interface between the firmware and the boards. Each board is a folder below; no other code
+//! depends on a chip.
 //!
 //! A board is chosen by the feature with the name of its folder. The folder has `mod.rs`, which
-//! implements [`Board`], and `board.x`, its part of the linker script. `README.md` shows how to add one.
+//! implements [`Board`], and `board.x`, its part of the linker script. `README.md` shows how to add
+//! one.
 
 // With samples from the host the converter is not read.
 #![cfg_attr(feature = "hil", allow(dead_code))]
@@ -59,16 +60,17 @@ pub trait Board: Sized {
     #[cfg(feature = "parts")]
     type PressureBus: embedded_hal_async::i2c::I2c;
 
-    /// Called once, before all else. It takes the power from both coils first. The serial line runs at
-    /// [`BAUD`](model_core::link::BAUD); its interrupt has a higher priority than control's, and the USB
-    /// interrupt a lower one. The watchdog runs when this returns.
+    /// Called once, before all else. It takes the power from both coils first. The serial line runs
+    /// at [`BAUD`](model_core::link::BAUD); its interrupt has a higher priority than control's, and
+    /// the USB interrupt a lower one. The watchdog runs when this returns.
     fn start() -> Parts<Self>;
-    /// Starts control's executor in an interrupt below the serial line's priority, whose handler calls
-    /// [`on_control_interrupt`](crate::on_control_interrupt).
+    /// Starts control's executor in an interrupt below the serial line's priority, whose handler
+    /// calls [`on_control_interrupt`](crate::on_control_interrupt).
     fn start_control(executor: &'static InterruptExecutor) -> SendSpawner;
     /// Feeds the watchdog, which restarts the board unless fed within [`WATCHDOG`].
     fn feed();
-    /// Takes the power from both coils, whoever owns the pins. To be called when no other code runs.
+    /// Takes the power from both coils, whoever owns the pins. To be called when no other code
+    /// runs.
     fn vent();
     /// Whether a bus reset waits to be handled by the driver of [`Self::Usb`].
     #[cfg(feature = "usb")]
@@ -126,10 +128,11 @@ pub enum Channel {
 
 /// A converter of 12 bits.
 pub trait Adc {
-    /// One conversion, 0 to 4095. It blocks for some two microseconds; the watchdog ends a longer wait.
+    /// One conversion, 0 to 4095. It blocks for some two microseconds; the watchdog ends a longer
+    /// wait.
     fn convert(&mut self, channel: Channel) -> u16;
-    /// Masks interrupts above control's priority whose peripherals can buffer for 100 us, from shortly
-    /// before a step is due until its conversions are done.
+    /// Masks interrupts above control's priority whose peripherals can buffer for 100 us, from
+    /// shortly before a step is due until its conversions are done.
     fn hold_others(&mut self, _held: bool) {}
 }
 
@@ -142,8 +145,8 @@ pub trait Valves {
     fn drive(&mut self, command: Command);
 }
 
-/// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin may
-/// take longer and must not miss it.
+/// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
+/// may take longer and must not miss it.
 pub const PWM_DELAY: Duration = Duration::from_micros(250);
 
 /// Size of the nonvolatile store: four sectors.

@@ -185,8 +185,8 @@ impl<M: Member> Board for Rp<M> {
 /// Words of the vector table: 16 of the Arm core, and one for each interrupt of the chip.
 const VECTORS: usize = 16 + if cfg!(feature = "pico2") { 52 } else { 32 };
 
-/// Vector table in RAM, as the rest of the program: flash cannot be read while it is written. Aligned
-/// for the longer of both tables (Armv8-M, VTOR).
+/// Vector table in RAM, as the rest of the program: flash cannot be read while it is written.
+/// Aligned for the longer of both tables (Armv8-M, VTOR).
 #[repr(C, align(512))]
 struct VectorTable([u32; VECTORS]);
 
@@ -242,8 +242,8 @@ pub struct Slice {
 const INLET_PIN: usize = 16;
 const OUTLET_PIN: usize = 17;
 
-/// Divider of the system clock, in sixteenths, for a period of `steps`. Exact for every whole number of
-/// milliseconds at 125 MHz and at 150 MHz.
+/// Divider of the system clock, in sixteenths, for a period of `steps`. Exact for every whole
+/// number of milliseconds at 125 MHz and at 150 MHz.
 fn divider_sixteenths(steps: u16) -> u32 {
     let clocks = clk_sys_freq() / 1_000_000 * STEP_US * u32::from(steps);
     16 * clocks / u32::from(Duty::FULL.ticks())

@@ -1,6 +1,6 @@
-//! SPI and I2C for digital sensors, whose messages fit the peripherals' FIFOs. The task fills the FIFO,
-//! sleeps for the time on the wire, and reads the answer. embassy's drivers with interrupts and DMA would
-//! take 5 KiB of the image; here a bus that hangs blocks no task.
+//! SPI and I2C for digital sensors, whose messages fit the peripherals' FIFOs. The task fills the
+//! FIFO, sleeps for the time on the wire, and reads the answer. embassy's drivers with interrupts
+//! and DMA would take 5 KiB of the image; here a bus that hangs blocks no task.
 
 use embassy_rp::gpio::Output;
 use embassy_rp::i2c::{self, I2c};

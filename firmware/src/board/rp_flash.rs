@@ -1,7 +1,7 @@
 //! The end of the flash of a Raspberry Pi Pico or Pico 2, erased and programmed by the boot ROM.
 //!
-//! Interrupts stay on: the program and its vector table are in RAM, so that control continues while the
-//! flash is busy and cannot be read.
+//! Interrupts stay on: the program and its vector table are in RAM, so that control continues while
+//! the flash is busy and cannot be read.
 
 use embassy_rp::Peri;
 use embassy_rp::flash::FLASH_BASE;
@@ -65,7 +65,8 @@ impl ReadNorFlash for StoreFlash {
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
         let from = FLASH_BASE.addr() + Self::place(offset, bytes.len())?;
-        // SAFETY: the range is flash, which only this module writes, and it is not being written now.
+        // SAFETY: the range is flash, which only this module writes, and it is not being written
+        // now.
         bytes.copy_from_slice(unsafe {
             core::slice::from_raw_parts(from as *const u8, bytes.len())
         });

@@ -9,14 +9,16 @@ use model_core::sample::OVERSAMPLING;
 use model_core::sensing::Sensors;
 use model_core::{AdcCode, Sample};
 
-/// The timer is set this much early, and the task polls for the rest: the timer's interrupt takes some
-/// 14 us to reach the task, and the serial interrupt may delay it. That one is masked while polling.
+/// The timer is set this much early, and the task polls for the rest: the timer's interrupt takes
+/// some 14 us to reach the task, and the serial interrupt may delay it. That one is masked while
+/// polling.
 const LEAD: Duration = Duration::from_micros(30);
 
 pub struct Inputs<A, P> {
     adc: A,
     run_line: P,
-    /// Time of the next step. The first one is set when it is requested, since the start takes time.
+    /// Time of the next step. The first one is set when it is requested, since the start takes
+    /// time.
     due: Option<Instant>,
     /// Steps left out since the last one; a field, because an order may end a wait early.
     missed: u32,

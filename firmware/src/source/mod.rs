@@ -29,7 +29,8 @@ pub fn into_step(time: Instant) -> Duration {
 }
 
 pub trait Source {
-    /// Waits until the next step is due. Returns that time and how many steps were left out before it, or
+    /// Waits until the next step is due. Returns that time and how many steps were left out before
+    /// it, or
     /// `None` after a long wait without a step.
     async fn due(&mut self) -> Option<(Instant, u32)>;
     /// Samples these sensors for the step that is due.

@@ -1,4 +1,5 @@
-//! NUCLEO-G474RE: an STM32G474RE, Cortex-M4F, with a debug probe whose serial port is the line to the host.
+//! NUCLEO-G474RE: an STM32G474RE, Cortex-M4F, with a debug probe whose serial port is the line to
+//! the host.
 //!
 //! | pin | Arduino | signal |
 //! |---|---|---|
@@ -146,8 +147,8 @@ fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Reads and clears the reset cause. Every reset also sets the flag of the reset pin, and power-on sets
-/// that of the brown-out.
+/// Reads and clears the reset cause. Every reset also sets the flag of the reset pin, and power-on
+/// sets that of the brown-out.
 fn reset() -> Reset {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));

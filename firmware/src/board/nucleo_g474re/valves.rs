@@ -1,5 +1,5 @@
-//! Both valves, on TIM3. Its counter runs from 0 to 49 999, so that a duty is its compare value, and 100 %
-//! is above the counter's top: always on.
+//! Both valves, on TIM3. Its counter runs from 0 to 49 999, so that a duty is its compare value,
+//! and 100 % is above the counter's top: always on.
 
 use super::CLOCK_HZ;
 use crate::board::{PWM_DELAY, Valves};
@@ -28,8 +28,8 @@ pub const MAXIMUM_PERIOD_STEPS: u16 = (65_536 / CLOCKS_PER_STEP) as u16;
 // PA6 and PA7.
 const COIL_PINS: [usize; 2] = [6, 7];
 
-/// Forces both pins low at once, or gives them back to the timer. A level forced in the timer itself
-/// would end only when its comparison changes: never, for a coil that is always on.
+/// Forces both pins low at once, or gives them back to the timer. A level forced in the timer
+/// itself would end only when its comparison changes: never, for a coil that is always on.
 pub fn force_low(low: bool) {
     // Their output registers are low since reset.
     let mode = if low { Moder::OUTPUT } else { Moder::ALTERNATE };

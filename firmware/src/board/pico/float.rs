@@ -1,6 +1,7 @@
 //! Single-precision multiply and divide in integers, for every input, short rather than fast. The
-//! RP2040 uses them for rare inputs: subnormal, infinite, not a number, over- and underflow. All others
-//! are in `float.s`. The results equal an FPU's to the bit: round to nearest, ties to even (IEEE 754).
+//! RP2040 uses them for rare inputs: subnormal, infinite, not a number, over- and underflow. All
+//! others are in `float.s`. The results equal an FPU's to the bit: round to nearest, ties to even
+//! (IEEE 754).
 
 const SIGN: u32 = 0x8000_0000;
 const INFINITE: u32 = 0x7f80_0000;
@@ -69,8 +70,8 @@ fn parts(x: u32) -> (i32, u32) {
     (exponent, fraction)
 }
 
-/// Rounds a positive number of this biased exponent and fraction. The fraction's first set bit is the
-/// topmost or the next, and its last bit is sticky.
+/// Rounds a positive number of this biased exponent and fraction. The fraction's first set bit is
+/// the topmost or the next, and its last bit is sticky.
 fn rounded(mut exponent: i32, mut fraction: u32) -> u32 {
     if fraction & SIGN == 0 {
         fraction <<= 1;

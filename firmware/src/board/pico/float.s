@@ -373,9 +373,9 @@ __aeabi_fmul:
     .pool
     .size __aeabi_fmul, . - __aeabi_fmul
 
-@ r0 = r0 / r1. With fractions x and y, x in [y, 2 y), the reciprocal of y's upper 16 bits comes from
-@ the divider and is a little too small; two steps of long division with it, 14 and 10 bits, leave
-@ at most the last bit to be corrected. A tie is not possible.
+@ r0 = r0 / r1. With fractions x and y, x in [y, 2 y), the reciprocal of y's upper 16 bits comes
+@ from the divider and is a little too small; two steps of long division with it, 14 and 10 bits,
+@ leave at most the last bit to be corrected. A tie is not possible.
 @
 @ An interrupt may divide too, so the divisor is read back and compared: if it is the same, the
 @ quotient is right, no matter which context computed it. The dividend is always the same, since
@@ -478,9 +478,9 @@ __aeabi_fdiv:
     .pool
     .size __aeabi_fdiv, . - __aeabi_fdiv
 
-@ Whether r0 is greater than r1, or greater or equal; with swapped arguments, less, or less or equal.
-@ Numbers of the same sign compare as their bits do. A NaN is beyond infinity, so that only the one
-@ of greater magnitude can be one.
+@ Whether r0 is greater than r1, or greater or equal; with swapped arguments, less, or less or
+@ equal. Numbers of the same sign compare as their bits do. A NaN is beyond infinity, so that only
+@ the one of greater magnitude can be one.
     .macro compare less, greater, unless, zeros
     .section .text.\greater, "ax", %progbits
     .balign 4
