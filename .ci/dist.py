@@ -20,9 +20,9 @@ import licences
 ROOT = licences.ROOT
 OUT = ROOT / "target/dist"
 BUILD = ROOT / "target/dist-build"
-# What the command runs on: any Linux, whatever its C library.
+# The command runs on any Linux, whatever its C library.
 STATIC = "x86_64-unknown-linux-musl"
-# What a shared library runs in: programs that use the C library of their machine.
+# A shared library runs in programs that use the C library of their machine.
 SHARED = "x86_64-unknown-linux-gnu"
 WASM = "wasm32-unknown-unknown"
 # Names as `thermyo_boards::image` has them, with the target and the arguments of cargo.
@@ -33,7 +33,7 @@ IMAGES = {
 }
 # It writes the wheel's archive: another version may write other bytes.
 MATURIN = "maturin==1.16.0"
-# What a board in its boot loader says that it is.
+# Board-ID that a board reports in its boot loader.
 BOARDS = {"pico": "RPI-RP2", "pico2": "RP2350"}
 
 
@@ -172,7 +172,7 @@ def run(*line, cwd=ROOT, **variables):
     words = [str(word) for word in line]
     print("+", " ".join(words), flush=True)
     environment = {name: value for name, value in os.environ.items() if not name.endswith("RUSTFLAGS")}
-    environment["SOURCE_DATE_EPOCH"] = "315532800"  # The earliest that a zip archive can say.
+    environment["SOURCE_DATE_EPOCH"] = "315532800"  # The earliest date of a zip archive.
     environment |= {name: str(value) for name, value in variables.items()}
     subprocess.run(words, check=True, cwd=cwd, env=environment)
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tries what `.ci/dist.py` has made where a user has it: in an empty folder, without Rust, without this checkout.
+# Tries the release of `.ci/dist.py` as a user would: in an empty folder, without Rust or this checkout.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 checkout=$PWD
@@ -59,7 +59,7 @@ for board in pico:RPI-RP2 pico2:RP2350; do
     echo "Board-ID: ${board#*:}" >"drive-${board%:*}/INFO_UF2.TXT"
     thermyo flash "drive-${board%:*}" --dry-run
     test ! -e "drive-${board%:*}/thermyo.uf2"
-    # What is beside the program is what it would have written.
+    # The shipped file equals the one that the program would write.
     thermyo flash "drive-${board%:*}" --quiet
     cmp "drive-${board%:*}/thermyo.uf2" "dist/thermyo-${board%:*}.uf2"
 done

@@ -66,7 +66,7 @@ def metadata(*arguments):
     return json.loads(subprocess.run(asked, check=True, capture_output=True, cwd=ROOT).stdout)
 
 
-# Files of a crate, or whole folders, with what has to be handed on.
+# Files or whole folders of a crate that have to be distributed with it.
 NAMES = re.compile(r"(un)?licen[cs]e|copying|notice|copyright", re.IGNORECASE)
 BSD_3_CLAUSE = """\
 Redistribution and use in source and binary forms, with or without modification, are permitted provided that the

@@ -1,4 +1,4 @@
-//! Gives the linker the scripts of the chosen board.
+//! Passes the linker scripts of the chosen board.
 
 use std::env;
 use std::fs;
@@ -27,7 +27,8 @@ fn main() {
     for argument in [&format!("-T{}", script.display()), "-Tdefmt.x", "--nmagic"] {
         println!("cargo:rustc-link-arg-bins={argument}");
     }
-    // What scripts include: what boards of a family share, and `memory.x` for a linker that does not run in the workspace's folder.
+    // Included scripts: those shared by a family of boards, and `memory.x`, for a linker that runs
+    // in another folder.
     println!("cargo:rustc-link-search={folder}/..");
     println!("cargo:rustc-link-search={}", boards.display());
     println!("cargo:rerun-if-changed=../memory.x");

@@ -1,5 +1,5 @@
-//! Remembers over a restart what control was doing and what vented, in memory that a start leaves as it
-//! is.
+//! Remembers the phase of control and the first failure over a restart, in memory that a start does
+//! not clear.
 
 use crate::board::Reset;
 use core::cell::UnsafeCell;
@@ -8,34 +8,32 @@ use model_core::Faults;
 use model_core::link::{LastReset, Phase};
 use model_core::safety::supervisor::FirstFailure;
 
-/// What vented before the restart, and what was latched then.
+/// First failure before the restart, and the faults latched then.
 pub type Remembered = Option<(FirstFailure, Faults)>;
 
 /// Why the firmware ended itself.
 #[derive(Clone, Copy)]
 #[repr(u32)]
 pub enum End {
-    /// A panic.
     Panic = 1,
-    /// A fault of the processor.
     HardFault = 2,
 }
 
-/// The one instance is a static in the section `.uninit`. One word for each thing, so that a restart in
-/// the middle of writing leaves no halves.
+/// The one instance is a static in the section `.uninit`. Each field is one word, so that a restart
+/// during a write leaves no halves.
 pub struct BlackBox {
-    /// [`WRITTEN`], or the memory holds whatever came with the power.
+    /// [`WRITTEN`]; otherwise the memory is random since power came.
     written: Word,
     phase: Word,
     end: Word,
-    /// Line of the panic, address of the fault.
+    /// Line of the panic, or address of the hard fault.
     detail: Word,
     latched: Word,
     /// Faults of the first failure, its pressure \[Pa\] as bits, its step.
     failure: Word,
     failure_pressure: Word,
     failure_step: Word,
-    /// Restarts since power came that nobody asked for.
+    /// Unrequested restarts since power came.
     restarts: Word,
 }
 
@@ -45,7 +43,7 @@ const PHASES: [Phase; 5] =
     [Phase::Starting, Phase::Waiting, Phase::Sampling, Phase::Stepping, Phase::Driving];
 
 impl BlackBox {
-    /// With nothing in it, not even zeros.
+    /// Uninitialised.
     pub const fn new() -> Self {
         Self {
             written: Word::new(),
@@ -60,10 +58,10 @@ impl BlackBox {
         }
     }
 
-    /// Why the board started, and what vented before; the black box is then ready for the next time.
-    /// Once, before anything else is called.
+    /// Returns why the board started and the first failure before, and prepares the next record. To
+    /// be called once, before all other functions.
     pub fn open(&self, reset: Reset) -> (LastReset, Remembered) {
-        // Memory may outlive a short loss of power: only the chip knows.
+        // Memory may outlive a short loss of power; only the chip's reset cause is certain.
         if reset == Reset::Power || self.written.get() != WRITTEN {
             let Self {
                 written,
@@ -108,17 +106,15 @@ impl BlackBox {
         (last_reset, (first.faults != Faults::NONE).then_some((first, latched)))
     }
 
-    /// Restarts since power came that nobody asked for.
+    /// Unrequested restarts since power came.
     pub fn restarts(&self) -> u32 {
         self.restarts.get()
     }
 
-    /// Control enters a phase.
     pub fn note(&self, phase: Phase) {
         self.phase.set(phase as u32);
     }
 
-    /// What vented first, and what is latched now.
     pub fn record(&self, first: Option<FirstFailure>, latched: Faults) {
         if let Some(FirstFailure { faults, pressure_pa, step }) = first {
             self.failure.set(u32::from(faults.0));
@@ -128,14 +124,14 @@ impl BlackBox {
         self.latched.set(u32::from(latched.0));
     }
 
-    /// The firmware ends itself.
+    /// Records why the firmware is about to restart.
     pub fn close(&self, end: End, detail: u32) {
         self.end.set(end as u32);
         self.detail.set(detail);
     }
 }
 
-/// A word whose content the compiler knows nothing about.
+/// A word whose content the compiler assumes nothing about.
 struct Word(UnsafeCell<MaybeUninit<u32>>);
 
 // SAFETY: accesses are volatile and of a whole word, which none of the chips splits.
@@ -147,12 +143,12 @@ impl Word {
     }
 
     fn get(&self) -> u32 {
-        // SAFETY: the word is there, and any of its contents is a number.
+        // SAFETY: the pointer is valid, and every content is a valid u32.
         unsafe { self.0.get().cast::<u32>().read_volatile() }
     }
 
     fn set(&self, value: u32) {
-        // SAFETY: the word is there.
+        // SAFETY: the pointer is valid.
         unsafe { self.0.get().cast::<u32>().write_volatile(value) }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::black_box::BlackBox;
 use crate::board::Valves;
-use crate::shared::{Answer, Asker, Message, Order, Shared, Tally};
+use crate::shared::{Answer, Message, Order, Requester, Shared, Tally};
 use crate::source::Source;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
@@ -12,13 +12,13 @@ use model_core::link::arbiter::Arbiter;
 use model_core::link::{Phase, Refusal};
 use model_core::{Command, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
 
-/// Waits of [`Source::due`] without a sample after which the valves are not left as they are.
+/// Waits of [`Source::due`] without a sample after which the muscle is vented.
 const PATIENCE: u32 = 4;
 
-/// Steps for which a flood of requests is told after the last one that was dropped: a second.
+/// Steps for which a flood is reported after the last dropped request: a second.
 const FLOODED_STEPS: u32 = 1000;
 
-/// Steps between two messages of what changes rarely: half a second.
+/// Steps between two status messages: half a second.
 const STATUS_STEPS: u32 = 500;
 
 /// The core between its sensors and its valves.
@@ -26,13 +26,13 @@ pub struct Control<'a, S, V> {
     core: &'a mut Core,
     source: S,
     valves: V,
-    /// Feeds the watchdog: the supervisor's business, but while the flash is busy the thread stands still.
+    /// Feeds the watchdog in place of the supervisor while the busy flash blocks the thread.
     feed: fn(),
     black_box: &'static BlackBox,
     shared: &'static Shared,
     tally: Tally,
     next_step: u32,
-    /// The core has started anew, and the PWM is to begin a period with its first step.
+    /// The core has restarted, and its first step has to begin a PWM period.
     fresh: bool,
     /// Waits in a row that ended without a sample.
     silence: u32,
@@ -42,7 +42,7 @@ pub struct Control<'a, S, V> {
 }
 
 impl<'a, S: Source, V: Valves> Control<'a, S, V> {
-    /// Of a core that has not stepped yet.
+    /// Takes a core that has not stepped yet.
     pub fn new(
         core: &'a mut Core,
         source: S,
@@ -71,7 +71,6 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         }
     }
 
-    /// Runs for ever.
     pub async fn run(mut self) -> ! {
         loop {
             self.black_box.note(Phase::Waiting);
@@ -86,20 +85,20 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
                         self.valves.drive(Command::VENT);
                     }
                 }
-                Either::Second((asker, order)) => {
-                    let answer = match self.obey(order, asker) {
+                Either::Second((requester, order)) => {
+                    let answer = match self.obey(order, requester) {
                         Ok(()) => Answer::Done { step: self.next_step },
                         Err(refusal) => Answer::Refused(refusal),
                     };
-                    if let Some(asker) = asker {
-                        asker.line.answer(asker.sequence, answer);
+                    if let Some(requester) = requester {
+                        requester.line.answer(requester.sequence, answer);
                     }
                 }
             }
         }
     }
 
-    /// One step, which was due then; so many before it were missed.
+    /// One step, which was due at `due`; `missed` steps before it were left out.
     fn step(&mut self, due: Instant, missed: u32) {
         self.silence = 0;
         let start = Instant::now();
@@ -110,7 +109,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             self.core.vent();
         }
         if turn.ask {
-            self.shared.lines.iter().for_each(|line| line.asked.signal(()));
+            self.shared.lines.iter().for_each(|line| line.silence_check.signal(()));
         }
         self.black_box.note(Phase::Stepping);
         let before = Instant::now();
@@ -125,13 +124,12 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             self.valves.drive(telemetry.command);
         }
         self.next_step = telemetry.step.wrapping_add(u32::from(!judging));
-        self.tell(telemetry);
+        self.publish(telemetry);
         self.tally.missed_steps += missed;
         self.tally.add(us(due, start), us(before, after), us(start, Instant::now()));
         self.shared.set_tally(self.tally);
     }
 
-    /// What the core is to know in this step.
     fn sample(&mut self, missed: u32, heard: bool) -> Sample {
         let dropped = self.shared.dropped_requests.load(Ordering::Relaxed);
         if dropped != self.dropped_requests {
@@ -147,8 +145,8 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         }
     }
 
-    /// Tells the other tasks, and by them the hosts, of a step.
-    fn tell(&mut self, telemetry: Telemetry) {
+    /// Publishes a step to the other tasks and the hosts.
+    fn publish(&mut self, telemetry: Telemetry) {
         let Self { core, shared, .. } = self;
         shared.faults.store(telemetry.faults.0, Ordering::Relaxed);
         if core.supervisor().latched() != self.latched {
@@ -160,7 +158,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
                 shared.failed.signal(first);
             }
         }
-        // While the sensors are judged there may be a set point to come.
+        // During the startup check a set point may be pending: it is in the telemetry already.
         let vented = telemetry.set_point == SetPoint::Vent;
         shared.vented.store(vented, Ordering::Relaxed);
         let busy_steps = shared.flash_busy_steps.load(Ordering::Relaxed);
@@ -173,9 +171,9 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
                 (status.armed_pa, status.step) = (core.armed_pa(), self.next_step);
             });
         } else if (self.tally.steps as u32).is_multiple_of(STATUS_STEPS) {
-            shared.tell_status();
+            shared.post_status();
         }
-        // While the sensors are judged the core's own count stands still.
+        // The core's own count does not advance during the startup check.
         let judging = telemetry.mode == Mode::Judging;
         let step = if judging { self.tally.steps as u32 } else { telemetry.step };
         let arbiter = shared.arbitrate(|arbiter| *arbiter);
@@ -186,11 +184,11 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         }
     }
 
-    /// Does what a host asks for, as a whole or not at all.
-    fn obey(&mut self, order: Order, asker: Option<Asker>) -> Result<(), Refusal> {
+    /// Carries out an order completely, or not at all if it is refused.
+    fn obey(&mut self, order: Order, requester: Option<Requester>) -> Result<(), Refusal> {
         let Self { core, shared, .. } = self;
-        let ticket = asker.filter(|_| order.may_drive()).map(|asker| asker.ticket);
-        // Here, where no stop can come in between.
+        let ticket = requester.filter(|_| order.may_drive()).map(|requester| requester.ticket);
+        // Checked here, where no stop can come in between.
         if ticket.is_some_and(|ticket| !shared.arbitrate(|arbiter| arbiter.admits(ticket))) {
             return Err(Refusal::Overtaken);
         }
@@ -213,7 +211,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             self.next_step = 0;
             self.fresh = true;
             #[cfg(feature = "parts")]
-            shared.parts.want(&core.config().sensors);
+            shared.parts.enable(&core.config().sensors);
         }
         if restarted || core.armed_pa() != shared.status().armed_pa {
             shared.change_status(|status| {
@@ -227,14 +225,14 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             });
         }
         if matches!(order, Order::Start(_) | Order::Set(_)) {
-            // Before the next step says so.
+            // At once: the flash must not be written before the next step publishes this.
             shared.vented.store(false, Ordering::Relaxed);
         }
         Ok(())
     }
 }
 
-/// Starts anew with a set point, which is checked as if the other core had been armed as this one is.
+/// Restarts with a set point, which is checked as if the other core had been armed as this one is.
 fn start(core: &mut Core, other: Option<Core>, set_point: SetPoint) -> Result<(), Refusal> {
     let mut other = other.ok_or(Refusal::NotConfigured)?;
     if let Some(armed_pa) = core.armed_pa() {

@@ -1,10 +1,10 @@
-//! Keeps what is to survive the loss of power: takes the configuration out of the [store](crate::store) after the
-//! start, saves it when the host asks, and writes down what happened. A board without a flash for it remembers what
-//! happened since it has power.
+//! Keeper of the [store](crate::store): loads the configuration after the start, saves it at the
+//! host's request, and records events. A board without a store remembers events until it loses
+//! power.
 
 use crate::link::{Identity, check};
-use crate::shared::{Answer, Asker, Keep, Order, Shared};
-use crate::store::{Announced, Key, Loaded, MAX_VALUE, Store, Unwritable};
+use crate::shared::{Answer, Order, Requester, Shared, StoreRequest};
+use crate::store::{AnnouncedFlash, Key, Loaded, MAX_VALUE, Store, Unwritable};
 use core::future::pending;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either3, select3};
@@ -14,31 +14,28 @@ use model_core::Config;
 use model_core::link::{ConfigSource, Event, LastReset, Name, Refusal};
 use serde::{Deserialize, Serialize};
 
-/// Events that are remembered.
 const EVENTS: usize = 8;
 
-/// Time between two times that events are written down: flash stands 100 000 erases of a sector.
+/// Time between two writes of events: a sector of the flash endures 100 000 erases.
 const PAUSE: Duration = Duration::from_secs(10);
 
-/// Time between two looks whether the muscle is vented.
+/// Time between two checks whether the muscle is vented.
 const UNTIL_VENTED: Duration = Duration::from_millis(10);
 
-/// What happened, the last event first.
+/// Events, the last one first.
 type History = [Option<Event>; EVENTS];
 
-/// A configuration and what it is called.
 #[derive(Serialize, Deserialize)]
 struct Saved {
     config: Config,
     name: Name,
 }
 
-/// Runs for ever.
 pub async fn run<F: NorFlash>(flash: Option<F>, identity: Identity, shared: &'static Shared) -> ! {
     let mut keeper =
         Keeper { store: None, buffer: [0; MAX_VALUE], history: [None; EVENTS], shared };
     if let Some(flash) = flash {
-        keeper.store = Some(Store::open(Announced::new(flash, shared)).await);
+        keeper.store = Some(Store::open(AnnouncedFlash::new(flash, shared)).await);
         keeper.take_config(&identity).await;
         keeper.take_history().await;
     }
@@ -47,7 +44,7 @@ pub async fn run<F: NorFlash>(flash: Option<F>, identity: Identity, shared: &'st
     let mut unwritten = false;
     if identity.last_reset != LastReset::Power {
         keeper.happened(Event::Started(identity.last_reset));
-        // A board that restarts without end would wear its flash out.
+        // Delayed, so that a board that restarts endlessly does not wear out its flash.
         (next_write, unwritten) = (Instant::now() + PAUSE, true);
     }
     loop {
@@ -58,8 +55,8 @@ pub async fn run<F: NorFlash>(flash: Option<F>, identity: Identity, shared: &'st
                 pending().await
             }
         };
-        match select3(shared.keep.receive(), shared.failed.wait(), write).await {
-            Either3::First((asker, keep)) => keeper.answer(asker, keep).await,
+        match select3(shared.store_requests.receive(), shared.failed.wait(), write).await {
+            Either3::First((requester, request)) => keeper.answer(requester, request).await,
             Either3::Second(first) => {
                 keeper.happened(Event::Vented(first));
                 unwritten = true;
@@ -87,21 +84,21 @@ impl<F: NorFlash> Keeper<F> {
         }
     }
 
-    async fn answer(&mut self, asker: Asker, keep: Keep) {
-        let outcome = match keep {
-            Keep::Event(number) => {
+    async fn answer(&mut self, requester: Requester, request: StoreRequest) {
+        let outcome = match request {
+            StoreRequest::Event(number) => {
                 let event = self.history.get(usize::from(number)).copied().flatten();
-                asker.line.answer_later(asker.sequence, Answer::Event(event)).await;
+                requester.line.answer_later(requester.sequence, Answer::Event(event)).await;
                 return;
             }
-            Keep::Save => self.save().await,
-            Keep::Forget => self.forget().await,
+            StoreRequest::Save => self.save().await,
+            StoreRequest::Forget => self.forget().await,
         };
         let answer = match outcome {
             Ok(()) => Answer::Done { step: self.shared.tally().steps as u32 },
             Err(refusal) => Answer::Refused(refusal),
         };
-        asker.line.answer_later(asker.sequence, answer).await;
+        requester.line.answer_later(requester.sequence, answer).await;
     }
 
     async fn save(&mut self) -> Result<(), Refusal> {
@@ -126,7 +123,8 @@ impl<F: NorFlash> Keeper<F> {
         Ok(())
     }
 
-    /// While the flash is busy the lines to the host wait, and a hang is found late.
+    /// The flash is written only while the muscle is vented: while the flash is busy the links to
+    /// the host wait, and a hang is found late.
     fn may_write(&self) -> Result<(), Refusal> {
         if self.store.is_none() {
             Err(Refusal::NoStore)
@@ -143,7 +141,7 @@ impl<F: NorFlash> Keeper<F> {
         store.save(key, value).await.map_err(|Unwritable| Refusal::Flash)
     }
 
-    /// Whether it was written down, or never will be.
+    /// Returns whether there is nothing left to write: written, or the flash cannot be written.
     async fn write_history(&mut self) -> bool {
         let _written = self.shared.flash.lock().await;
         match self.may_write() {
@@ -157,7 +155,7 @@ impl<F: NorFlash> Keeper<F> {
         true
     }
 
-    /// Control starts anew with the configuration that was saved, if there is one that this board can run.
+    /// Restarts the core with the saved configuration, if there is one that this board can run.
     async fn take_config(&mut self, identity: &Identity) {
         let Some(store) = &mut self.store else { return };
         match store.load(Key::Config, &mut self.buffer).await {
@@ -184,7 +182,7 @@ impl<F: NorFlash> Keeper<F> {
         }
     }
 
-    /// What vented before power was lost is the first failure until there is another one.
+    /// The last venting before the loss of power is the first failure until there is another one.
     async fn take_history(&mut self) {
         let Some(store) = &mut self.store else { return };
         if let Loaded::Value(value) = store.load(Key::History, &mut self.buffer).await {

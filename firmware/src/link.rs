@@ -1,6 +1,6 @@
-//! The lines to the host: [`model_core::link`] over any serial port, and over all of them at once.
+//! The links to the host: [`model_core::link`] over every serial port at once.
 
-use crate::shared::{Answer, Asker, InUse, Keep, Line, Order, Shared};
+use crate::shared::{ActiveConfig, Answer, Line, Order, Requester, Shared, StoreRequest};
 use crate::source::STEP;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
@@ -13,45 +13,41 @@ use model_core::link::{
 };
 use model_core::{Config, Core};
 
-/// What the link can tell about the board.
+/// Properties of the board that the link reports or checks.
 #[derive(Clone, Copy)]
 pub struct Identity {
-    /// The chip.
     pub chip: Chip,
-    /// Why it started.
     pub last_reset: LastReset,
-    /// Longest PWM period of its valves, in steps.
     pub maximum_period_steps: u16,
-    /// Restarts it into its boot loader, if it has one.
+    /// Restarts the board into its boot loader, if it has one.
     pub boot_loader: Option<fn() -> !>,
 }
 
 /// Sends what the tasks post.
 pub async fn send<W: Write>(mut port: W, line: &'static Line) -> ! {
-    // The loss of power may have cut a frame: its end, or the first answer would be lost with it.
+    // Ends a frame that a loss of power has cut, so that the first answer is not lost with it.
     let _ = port.write_all(&[0]).await;
     loop {
         let message = line.outbox.receive().await;
-        // Every message fits a frame; a line that fails has nobody to tell.
+        // Every message fits a frame, and the failure of a line cannot be reported over it.
         if let Ok(frame) = encode(&message) {
             let _ = port.write_all(&frame).await;
         }
     }
 }
 
-/// Requests in a row that are carried out without a pause, and the time in which one more may come. A
-/// host that drives at 100 Hz and asks now and then needs half of that.
+/// Rate limit: requests that may come at once, and the time after which one more may come. A host
+/// that sends set points at 100 Hz and a few queries needs half of that.
 const RATION: u32 = 16;
 const RATION_EVERY: Duration = Duration::from_millis(4);
 
-/// What is left to carry out of what a host may ask.
 struct Ration {
     left: u32,
     since: Instant,
 }
 
 impl Ration {
-    /// Whether one more request may be carried out now, which counts as `cost` of them.
+    /// Whether a request that counts as `cost` requests may be carried out now.
     fn take(&mut self, cost: u32) -> bool {
         let now = Instant::now();
         while self.since + RATION_EVERY <= now {
@@ -70,7 +66,7 @@ impl Ration {
     }
 }
 
-/// A new core takes a millisecond: four of them in a row, and the receiver's buffer is not yet full.
+/// A new core takes a millisecond. The receiver's buffer is not full after four in a row.
 fn cost(command: &HostCommand) -> u32 {
     match command {
         HostCommand::Configure(_)
@@ -81,11 +77,11 @@ fn cost(command: &HostCommand) -> u32 {
     }
 }
 
-/// Time in which an answer leaves the board.
+/// Time to send an answer before the board restarts.
 const ANSWERING: Duration = Duration::from_millis(20);
 
-/// Carries out what the host asks, as much of it as leaves the other tasks their time: the rest is
-/// dropped and counted. To stop is always carried out.
+/// Carries out requests at a rate that leaves the other tasks their time. The rest is dropped and
+/// counted, but a stop is always carried out.
 pub async fn receive<R: Read>(
     mut port: R,
     line: &'static Line,
@@ -102,10 +98,10 @@ pub async fn receive<R: Read>(
     let mut frame = None;
     loop {
         let count = loop {
-            match select(port.read(&mut chunk), line.asked.wait()).await {
-                // After an error of the line the frame at hand will not pass its checksum.
+            match select(port.read(&mut chunk), line.silence_check.wait()).await {
+                // After an error of the port the current frame fails its checksum.
                 Either::First(count) => break count.unwrap_or(0),
-                // `read` was looked at first.
+                // `select` has polled `read` first.
                 Either::Second(()) => shared.arbitrate(|arbiter| arbiter.silent(index)),
             }
         };
@@ -124,7 +120,7 @@ pub async fn receive<R: Read>(
                         arbiter.stop(index);
                     }
                 });
-                // Its samples come one at a time, each after the answer to the one before.
+                // Samples need no limit: each comes after the answer to the one before.
                 let unlimited = cfg!(feature = "hil") && matches!(command, HostCommand::Step(_));
                 if !unlimited && !ration.take(cost(&command)) {
                     shared.dropped_requests.store(
@@ -133,12 +129,14 @@ pub async fn receive<R: Read>(
                     );
                     continue;
                 }
-                let asker = Asker { line, sequence, ticket };
+                let requester = Requester { line, sequence, ticket };
                 match carry_out(command, &identity, line, shared).await {
                     Outcome::Answer(answer) => line.answer(sequence, answer),
-                    Outcome::Order(order) => shared.order(Some(asker), order).await,
-                    Outcome::Restart(order) => shared.restart(Some(asker), order).await,
-                    Outcome::Keep(keep) => shared.keep.send((asker, keep)).await,
+                    Outcome::Order(order) => shared.order(Some(requester), order).await,
+                    Outcome::Restart(order) => shared.restart(Some(requester), order).await,
+                    Outcome::Store(request) => {
+                        shared.store_requests.send((requester, request)).await
+                    }
                     Outcome::Leave(boot_loader) => {
                         line.answer(sequence, Answer::Done { step: shared.tally().steps as u32 });
                         Timer::after(ANSWERING).await;
@@ -149,23 +147,22 @@ pub async fn receive<R: Read>(
             }
             line.malformed.store(decoder.malformed(), Ordering::Relaxed);
         }
-        // While bytes wait, `read` does not.
+        // `read` does not yield while bytes wait.
         yield_now().await;
     }
 }
 
-/// What follows from a request.
 #[allow(clippy::large_enum_variant)] // One at a time.
 enum Outcome {
     /// An answer at once.
     Answer(Answer),
     /// Control carries it out and answers.
     Order(Order),
-    /// Control starts anew with the core that is prepared, and answers.
+    /// Control restarts as the prepared core and answers.
     Restart(Order),
     /// The keeper carries it out and answers.
-    Keep(Keep),
-    /// An answer, and the board is in its boot loader.
+    Store(StoreRequest),
+    /// An answer, and then the board enters its boot loader.
     Leave(fn() -> !),
     /// The step's telemetry is the answer, or there is none.
     Silent,
@@ -184,11 +181,11 @@ async fn carry_out(
             chip: identity.chip,
             hil: cfg!(feature = "hil"),
         })),
-        HostCommand::ReadConfig => Outcome::Answer(Answer::Config(InUse(shared))),
-        HostCommand::Configure(wanted) => match check(&wanted, identity) {
+        HostCommand::ReadConfig => Outcome::Answer(Answer::Config(ActiveConfig(shared))),
+        HostCommand::Configure(config) => match check(&config, identity) {
             Ok(core) => {
                 shared.prepare(core);
-                Outcome::Restart(Order::configure(&wanted, ConfigSource::Host, Name::NONE))
+                Outcome::Restart(Order::configure(&config, ConfigSource::Host, Name::NONE))
             }
             Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
         },
@@ -209,9 +206,9 @@ async fn carry_out(
             shared.change_status(|status| status.config_name = config_name);
             Outcome::Answer(done(shared))
         }
-        HostCommand::Save => Outcome::Keep(Keep::Save),
-        HostCommand::Forget => Outcome::Keep(Keep::Forget),
-        HostCommand::History(number) => Outcome::Keep(Keep::Event(number)),
+        HostCommand::Save => Outcome::Store(StoreRequest::Save),
+        HostCommand::Forget => Outcome::Store(StoreRequest::Forget),
+        HostCommand::History(number) => Outcome::Store(StoreRequest::Event(number)),
         HostCommand::Alive => Outcome::Silent,
         HostCommand::BootLoader => match identity.boot_loader {
             None => Outcome::Answer(Answer::Refused(Refusal::NoBootLoader)),
@@ -229,12 +226,11 @@ async fn carry_out(
     }
 }
 
-/// Done at once.
 fn done(shared: &Shared) -> Answer {
     Answer::Done { step: shared.tally().steps as u32 }
 }
 
-/// A core for the configuration, if the board can run it.
+/// Returns a core with the configuration if the board can run it.
 pub fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
     let board_us = STEP.as_micros() as u32;
     if (config.step_s * 1.0e6 + 0.5) as u32 != board_us {
@@ -245,7 +241,7 @@ pub fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
     }
     let sensors = &config.sensors;
     let digital = sensors.gas_element.is_digital() || sensors.pressure_part.is_digital();
-    // Samples of the host may be of anything.
+    // With `hil`, the host's samples may come from any sensor.
     if digital && !cfg!(any(feature = "parts", feature = "hil")) {
         return Err(Refusal::NoSuchPart);
     }

@@ -1,10 +1,10 @@
 //! The valve controller's firmware.
 //!
-//! Two executors run the tasks. The upper one, in an interrupt, has the control task alone: at every
-//! whole millisecond it samples, steps the core and drives the valves. The lower one, in the thread,
-//! has the lines to the host, the keeper of what survives the loss of power, and the supervisor, which
-//! feeds the watchdog. The folder `board` knows
-//! the chips; everything else knows the traits in [`board`] only.
+//! Two executors run the tasks. The upper one, in an interrupt, runs the control task alone: at
+//! every whole millisecond it samples, steps the core and drives the valves. The lower one, in the
+//! thread, runs the links to the host, the keeper of the nonvolatile store, and the supervisor,
+//! which feeds the watchdog. Only the folder `board` depends on a chip; all else uses the traits in
+//! [`board`].
 
 #![no_std]
 #![no_main]
@@ -83,7 +83,7 @@ fn main() -> ! {
     let [serial, usb_line] = &SHARED.lines;
     #[cfg(not(feature = "usb"))]
     let [serial] = &SHARED.lines;
-    // A task that owned it would have room for it three times: here, as an argument, as a variable.
+    // Static: a task that owned the core would hold three copies, in `main`, argument and variable.
     static CORE: StaticCell<Core> = StaticCell::new();
     let core = CORE.init_with(|| {
         let Ok(mut core) = Core::unconfigured() else {
@@ -207,7 +207,7 @@ async fn supervise(led: Output, fault_output: Output, last_reset: LastReset) -> 
     supervisor::run(Chosen::feed, led, fault_output, last_reset, &SHARED).await
 }
 
-/// Vents, leaves a note for after the restart, restarts.
+/// Vents, records the cause in the black box, and restarts.
 fn give_up(end: End, detail: u32) -> ! {
     cortex_m::interrupt::disable();
     Chosen::vent();

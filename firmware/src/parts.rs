@@ -1,5 +1,5 @@
-//! Digital sensors: each has a task in the thread that reads it whenever it has converted. Control, which interrupts
-//! both, finds the last reading in place and waits for nothing.
+//! Digital sensors. Each has a task in the thread that reads it whenever it has converted. Control,
+//! which interrupts both, takes the last reading without waiting.
 
 use crate::source::{STEP, into_step};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -15,62 +15,59 @@ use sensor_parts::Error;
 use sensor_parts::max31865::Max31865;
 use sensor_parts::mpr::Mpr;
 
-/// A part's last reading, from its task to control.
+/// Last reading of a sensor chip, from its task to control.
 pub struct Part {
-    /// The reading, and above it a count of them.
+    /// The reading, and in the upper half a count of readings.
     last: AtomicU32,
-    wanted: AtomicBool,
-    /// Given when it is wanted: a task that nobody wants waits without a timer, whose interrupt could be in control's way.
-    called: Signal<CriticalSectionRawMutex, ()>,
+    enabled: AtomicBool,
+    /// Wakes the task when it is enabled. A disabled task waits without a timer, whose interrupt
+    /// could delay control.
+    wake: Signal<CriticalSectionRawMutex, ()>,
 }
 
 impl Part {
     const fn new() -> Self {
-        Self { last: AtomicU32::new(0), wanted: AtomicBool::new(false), called: Signal::new() }
+        Self { last: AtomicU32::new(0), enabled: AtomicBool::new(false), wake: Signal::new() }
     }
 
-    /// A reading of 15 bits; 0 where the part is broken.
-    fn tell(&self, reading: u16) {
+    /// Stores a reading of 15 bits; 0 if the sensor is broken.
+    fn put(&self, reading: u16) {
         let count = (self.last.load(Ordering::Relaxed) >> 16).wrapping_add(1);
         self.last.store(count << 16 | u32::from(reading), Ordering::Relaxed);
     }
 
-    /// Its code for a step; `seen` is what the step before has found.
+    /// Returns the code for a step; `seen` is the reading of the step before.
     pub fn code(&self, seen: &mut u32) -> AdcCode {
         let last = self.last.load(Ordering::Relaxed);
         AdcCode::of_part(last as u16, core::mem::replace(seen, last) != last)
     }
 
-    fn want(&self, wanted: bool) {
-        self.wanted.store(wanted, Ordering::Relaxed);
-        if wanted {
-            self.called.signal(());
+    fn enable(&self, enabled: bool) {
+        self.enabled.store(enabled, Ordering::Relaxed);
+        if enabled {
+            self.wake.signal(());
         }
     }
 
-    fn is_wanted(&self) -> bool {
-        self.wanted.load(Ordering::Relaxed)
+    fn is_enabled(&self) -> bool {
+        self.enabled.load(Ordering::Relaxed)
     }
 }
 
-/// Every part.
 pub struct Parts {
-    /// The MAX31865.
     pub gas: Part,
-    /// The MPR.
     pub pressure: Part,
 }
 
 impl Parts {
-    /// None of them is read.
     pub const fn new() -> Self {
         Self { gas: Part::new(), pressure: Part::new() }
     }
 
-    /// Those that are configured are read from now on.
-    pub fn want(&self, sensors: &Sensors) {
-        self.gas.want(sensors.gas_element.is_digital());
-        self.pressure.want(sensors.pressure_part.is_digital());
+    /// Enables the configured sensors and disables the others.
+    pub fn enable(&self, sensors: &Sensors) {
+        self.gas.enable(sensors.gas_element.is_digital());
+        self.pressure.enable(sensors.pressure_part.is_digital());
     }
 }
 
@@ -83,26 +80,27 @@ async fn middle_of_a_step() {
     Timer::at(if into < middle { start + middle } else { start + middle + STEP }).await;
 }
 
-/// Steps without a reading after which the MAX31865 is started anew: two of its conversions, or the first one.
+/// Steps without a reading after which the MAX31865 is restarted: two conversions, or the first
+/// one.
 const GAS_PATIENCE: u32 = 70;
 
-/// Reads the MAX31865 for ever, while it is wanted.
+/// Reads the MAX31865 while it is enabled.
 pub async fn read_gas<S: SpiDevice, P: InputPin>(bus: S, mut ready: P, part: &Part) -> ! {
     let mut chip = Max31865::new(bus);
     let mut quiet = GAS_PATIENCE;
-    // A line that stays low says nothing of a next reading.
+    // DRDY has to rise in between: while it stays low there is no new reading.
     let mut was_high = false;
     loop {
-        if !part.is_wanted() {
+        if !part.is_enabled() {
             quiet = GAS_PATIENCE;
-            part.called.wait().await;
+            part.wake.wait().await;
             continue;
         }
         middle_of_a_step().await;
         if quiet >= GAS_PATIENCE {
             quiet = 0;
             was_high = true;
-            // Nobody there: it is silent, which the core knows.
+            // A missing chip gives no readings, which the core detects.
             let _ = chip.start().await;
         }
         quiet += 1;
@@ -110,11 +108,11 @@ pub async fn read_gas<S: SpiDevice, P: InputPin>(bus: S, mut ready: P, part: &Pa
         if low && was_high {
             match chip.read().await {
                 Ok(reading) => {
-                    part.tell(reading);
+                    part.put(reading);
                     quiet = 0;
                 }
                 Err(Error::Broken) => {
-                    part.tell(0);
+                    part.put(0);
                     quiet = 0;
                 }
                 Err(_) => quiet = GAS_PATIENCE,
@@ -124,15 +122,15 @@ pub async fn read_gas<S: SpiDevice, P: InputPin>(bus: S, mut ready: P, part: &Pa
     }
 }
 
-/// Steps for which the MPR may be busy.
+/// Steps for which the MPR may stay busy.
 const PRESSURE_PATIENCE: u32 = 10;
 
-/// Reads the MPR for ever, while it is wanted.
+/// Reads the MPR while it is enabled.
 pub async fn read_pressure<I: I2c>(bus: I, part: &Part) -> ! {
     let mut chip = Mpr::new(bus);
     loop {
-        if !part.is_wanted() {
-            part.called.wait().await;
+        if !part.is_enabled() {
+            part.wake.wait().await;
             continue;
         }
         middle_of_a_step().await;
@@ -144,9 +142,9 @@ pub async fn read_pressure<I: I2c>(bus: I, part: &Part) -> ! {
             middle_of_a_step().await;
             match chip.read().await {
                 Ok(None) => continue,
-                // Its 24 bits, rounded to 15.
-                Ok(Some(output)) => part.tell(((output + 0x100) >> 9).min(0x7fff) as u16),
-                Err(Error::Broken) => part.tell(0),
+                // 24 bits, rounded to 15.
+                Ok(Some(output)) => part.put(((output + 0x100) >> 9).min(0x7fff) as u16),
+                Err(Error::Broken) => part.put(0),
                 Err(_) => (),
             }
             break;

@@ -1,4 +1,4 @@
-//! What the tasks have in common.
+//! State shared by the tasks.
 
 use crate::source::{STEP, into_step};
 use core::cell::Cell;
@@ -16,72 +16,67 @@ use serde::{Serialize, Serializer};
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
-/// Messages that wait for the line, and how many of them telemetry leaves to replies: while the thread stands
-/// still for the flash, only telemetry comes.
+/// Capacity of the outbox, and the part of it that telemetry leaves free for replies: while the
+/// flash blocks the thread, only telemetry is posted.
 const OUTBOX: usize = 8;
 const FOR_REPLIES: usize = 1;
 
-/// From the link to control, carried out between two steps. Small: it is moved at every turn of the
-/// control task.
+/// Order from the link to control, carried out between two steps. It is small because every turn of
+/// the control task moves it.
 #[derive(Clone, Copy)]
 pub enum Order {
-    /// Start anew as the core that was [prepared](Shared::prepare), with another configuration, and disarm.
+    /// Disarm, and restart as the [prepared](Shared::prepare) core, which has another
+    /// configuration.
     Configure {
-        /// That of the configuration.
         checksum: u32,
-        /// Where it comes from.
         source: ConfigSource,
-        /// What it is called.
         name: Name,
     },
-    /// Start anew as the core that was [prepared](Shared::prepare), with this set point.
+    /// Restart as the [prepared](Shared::prepare) core, with this set point.
     Start(SetPoint),
-    /// Take set points up to this absolute pressure \[Pa\], or as far as the configuration allows.
+    /// Accept set points up to this absolute pressure \[Pa\], or up to the configuration's limit.
     Arm(Option<f32>),
-    /// Another set point.
     Set(SetPoint),
-    /// Forget latched faults.
     ClearFaults,
 }
 
 impl Order {
-    /// Whether the muscle may move by it: a stop overtakes it, and its host has to stay for it to hold.
+    /// Whether the order may move the muscle. A stop overtakes such an order, and it holds only
+    /// while its host stays connected.
     pub fn may_drive(&self) -> bool {
         matches!(self, Self::Arm(_) | Self::Start(_) | Self::Set(_))
     }
 
-    /// To start anew with this configuration.
     pub fn configure(config: &Config, source: ConfigSource, name: Name) -> Self {
         Self::Configure { checksum: checksum(config), source, name }
     }
 }
 
-/// From the link to the keeper.
-pub enum Keep {
-    /// Save the configuration in use.
+/// Request from the link to the keeper.
+pub enum StoreRequest {
+    /// Save the active configuration.
     Save,
-    /// Forget what was saved.
+    /// Forget the saved configuration.
     Forget,
-    /// What happened, the last event first: the one of this number.
+    /// Read the event of this number; the last event is number 0.
     Event(u8),
 }
 
-/// The configuration in use, read when it is sent: half a kilobyte that no message has to have room for.
+/// Stands for the active configuration in a message, which need not hold its half kilobyte: it is
+/// read when the message is sent.
 #[derive(Clone, Copy)]
-pub struct InUse(pub &'static Shared);
+pub struct ActiveConfig(pub &'static Shared);
 
-impl Serialize for InUse {
+impl Serialize for ActiveConfig {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.0.config().unwrap_or_default().serialize(serializer)
     }
 }
 
-/// What goes out.
-pub type Message = link::MessageWith<InUse>;
-/// What an answer is here.
-pub type Answer = link::AnswerWith<InUse>;
+pub type Message = link::MessageWith<ActiveConfig>;
+pub type Answer = link::AnswerWith<ActiveConfig>;
 
-/// A place for a core. Unlike that of an `Option`, its empty state is zeros, which take no flash.
+/// An optional core. Unlike `None`, the empty state is all zeros, which take no flash.
 #[repr(u8)]
 #[allow(clippy::large_enum_variant)] // One static.
 enum Slot {
@@ -89,18 +84,17 @@ enum Slot {
     Full(Core),
 }
 
-/// Lines to the host.
+/// Number of lines to the host.
 pub const LINES: usize = if cfg!(feature = "usb") { 2 } else { 1 };
 
-/// One line to the host: what is to go out on it, and what its host has asked for. Its telemetry is its
-/// own: none before the first request, as often as the host wants from then on.
+/// One line to the host. Each line has its own telemetry divider: there is no telemetry before the
+/// first request.
 pub struct Line {
-    /// To the host.
     pub outbox: Channel<CriticalSectionRawMutex, Message, OUTBOX>,
-    /// Steps per telemetry frame, 0 for none, and one more: zero before the first request.
+    /// Steps per telemetry frame (0 for none) plus one; zero before the first request.
     telemetry: AtomicU32,
-    /// Control asks whether there is nothing to read.
-    pub asked: Signal<CriticalSectionRawMutex, ()>,
+    /// Control asks the receiver whether there is nothing to read.
+    pub silence_check: Signal<CriticalSectionRawMutex, ()>,
     /// Messages for which the outbox had no room.
     dropped: AtomicU32,
     /// Frames that were no request.
@@ -112,20 +106,20 @@ impl Line {
         Self {
             outbox: Channel::new(),
             telemetry: AtomicU32::new(0),
-            asked: Signal::new(),
+            silence_check: Signal::new(),
             dropped: AtomicU32::new(0),
             malformed: AtomicU32::new(0),
         }
     }
 
-    /// A request has come: telemetry begins.
+    /// Starts telemetry, at the first request.
     pub fn open(&self) {
         if self.telemetry.load(Ordering::Relaxed) == 0 {
             self.set_telemetry_divider(DEFAULT_TELEMETRY_DIVIDER);
         }
     }
 
-    /// Nobody is there any more: nothing is sent until somebody asks again.
+    /// The host is gone: nothing is sent until the next request.
     #[cfg(feature = "usb")]
     pub fn close(&self) {
         self.telemetry.store(0, Ordering::Relaxed);
@@ -137,26 +131,26 @@ impl Line {
         self.telemetry.store(u32::from(steps) + 1, Ordering::Relaxed);
     }
 
-    /// Whether a host has asked anything.
+    /// Whether a request has come since the line was closed.
     fn is_open(&self) -> bool {
         self.telemetry.load(Ordering::Relaxed) > 0
     }
 
-    /// Whether the host, which is obeyed or not, wants the telemetry of this step.
+    /// Whether the telemetry of this step is due on the line; `obeyed` if its host's orders hold.
     pub fn wants(&self, step: u32, obeyed: bool) -> bool {
         if cfg!(feature = "hil") {
-            // The answer to its sample.
+            // Each sample is answered by its telemetry.
             return obeyed;
         }
         let divider = self.telemetry.load(Ordering::Relaxed).saturating_sub(1);
         divider > 0 && step.is_multiple_of(divider)
     }
 
-    /// Sends without waiting; what finds no room is counted.
+    /// Sends without waiting. A message without room is dropped and counted.
     pub fn post(&self, message: Message) {
-        let kept = if matches!(message, Message::Telemetry(_)) { FOR_REPLIES } else { 0 };
-        if self.outbox.free_capacity() <= kept || self.outbox.try_send(message).is_err() {
-            // Only one context may lose an increment to the other; the count is a diagnosis.
+        let reserved = if matches!(message, Message::Telemetry(_)) { FOR_REPLIES } else { 0 };
+        if self.outbox.free_capacity() <= reserved || self.outbox.try_send(message).is_err() {
+            // Two contexts may lose an increment to each other; the count is for diagnosis only.
             self.dropped.store(self.dropped.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
         }
     }
@@ -166,71 +160,65 @@ impl Line {
         self.post(Message::Reply(ReplyWith { sequence, answer }));
     }
 
-    /// Answers a request when there is room: while the flash was busy the outbox may have filled.
+    /// Answers a request once there is room: the outbox may have filled while the flash was busy.
     pub async fn answer_later(&self, sequence: u8, answer: Answer) {
         self.outbox.send(Message::Reply(ReplyWith { sequence, answer })).await;
     }
 }
 
-/// Who waits for the answer to an order.
+/// The request that waits for the answer to an order.
 #[derive(Clone, Copy)]
-pub struct Asker {
-    /// Where the request came from.
+pub struct Requester {
     pub line: &'static Line,
-    /// Its number.
     pub sequence: u8,
-    /// When it began to arrive.
+    /// Drawn when the request began to arrive.
     pub ticket: Ticket,
 }
 
 /// The one instance is a static of the board.
 pub struct Shared {
-    /// The lines to the host.
     pub lines: [Line; LINES],
-    /// To control, and who is told the outcome, if anybody is.
-    pub orders: Channel<CriticalSectionRawMutex, (Option<Asker>, Order), 1>,
-    /// To the keeper.
-    pub keep: Channel<CriticalSectionRawMutex, (Asker, Keep), 1>,
-    /// What has vented, for the keeper.
+    /// Orders to control, each with the requester that gets the answer, if there is one.
+    pub orders: Channel<CriticalSectionRawMutex, (Option<Requester>, Order), 1>,
+    pub store_requests: Channel<CriticalSectionRawMutex, (Requester, StoreRequest), 1>,
+    /// First failure, for the keeper.
     pub failed: Signal<CriticalSectionRawMutex, FirstFailure>,
-    /// The digital sensors.
     #[cfg(feature = "parts")]
     pub parts: crate::parts::Parts,
-    /// Steps for which the thread may stand still, because the flash is busy: control feeds the watchdog.
+    /// Steps for which the busy flash may still block the thread: control feeds the watchdog
+    /// meanwhile.
     pub flash_busy_steps: AtomicU32,
-    /// Samples from the host.
     pub samples: Channel<CriticalSectionRawMutex, Sample, 1>,
     /// Grows with every turn of the control task.
     pub heartbeat: AtomicU32,
     /// Faults of the last step.
     pub faults: AtomicU16,
-    /// Held while the flash is written, and while an order is given: the flash is written while the muscle is
-    /// vented only, since whoever hangs then is found late.
+    /// Held while the flash is written and while an order is given. The flash is written only while
+    /// the muscle is vented, since a hang during a write is found late.
     pub flash: mutex::Mutex<CriticalSectionRawMutex, ()>,
-    /// What was saved has been taken: until then nobody is answered, who would hear of the defaults.
+    /// The saved configuration is loaded. No request is answered before, with the defaults.
     pub recalled: AtomicBool,
-    /// Nothing but to vent is asked of control.
+    /// The set point of the last step was to vent.
     pub vented: AtomicBool,
-    /// Requests that the link dropped, because too many came.
+    /// Requests that the link dropped because they came too fast.
     pub dropped_requests: AtomicU32,
     arbiter: Mutex<CriticalSectionRawMutex, Cell<Arbiter<LINES>>>,
-    /// Never waited for: the tasks of the thread hold it between two waits, and control reads it when one of
-    /// them has sent an order, which it carries out before that task goes on. Interrupts are not held back
-    /// while a core is copied: that would take the time of a late step.
+    /// There is never contention: the tasks of the thread hold it between two waits, and control
+    /// reads it after one of them has sent an order, before that task goes on. It is no critical
+    /// section, because copying a core with interrupts off would delay a step.
     next_core: mutex::Mutex<CriticalSectionRawMutex, Slot>,
-    /// What vented first, over restarts.
+    /// Kept over restarts.
     first_failure: Mutex<CriticalSectionRawMutex, Cell<Option<FirstFailure>>>,
     tally: Mutex<CriticalSectionRawMutex, Cell<Tally>>,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
 }
 
 impl Shared {
-    /// At the start.
     pub const fn new() -> Self {
         Self {
             lines: [const { Line::new() }; LINES],
             orders: Channel::new(),
-            keep: Channel::new(),
+            store_requests: Channel::new(),
             failed: Signal::new(),
             #[cfg(feature = "parts")]
             parts: crate::parts::Parts::new(),
@@ -250,7 +238,7 @@ impl Shared {
         }
     }
 
-    /// Looks at or changes whose orders hold.
+    /// Reads or changes the arbiter in a critical section.
     pub fn arbitrate<T>(&self, with: impl FnOnce(&mut Arbiter<LINES>) -> T) -> T {
         self.arbiter.lock(|cell| {
             let mut arbiter = cell.get();
@@ -260,43 +248,42 @@ impl Shared {
         })
     }
 
-    /// The number of a line.
     pub fn index(&self, line: &Line) -> usize {
         self.lines.iter().position(|other| core::ptr::eq(other, line)).unwrap_or(LINES)
     }
 
-    /// Gives control an order when the flash is not being written.
-    pub async fn order(&self, asker: Option<Asker>, order: Order) {
+    /// Sends an order to control when the flash is not being written.
+    pub async fn order(&self, requester: Option<Requester>, order: Order) {
         let _written = self.flash.lock().await;
-        self.orders.send((asker, order)).await;
+        self.orders.send((requester, order)).await;
     }
 
-    /// Gives control an order that starts it anew, in the middle of a step's time.
-    pub async fn restart(&self, asker: Option<Asker>, order: Order) {
+    /// Sends control an order that restarts the core, at a time of the step that leaves room for
+    /// it.
+    pub async fn restart(&self, requester: Option<Requester>, order: Order) {
         let _written = self.flash.lock().await;
         time_to_restart().await;
-        self.orders.send((asker, order)).await;
+        self.orders.send((requester, order)).await;
     }
 
-    /// Faults of the last step.
     pub fn faults(&self) -> Faults {
         Faults(self.faults.load(Ordering::Relaxed))
     }
 
-    /// Whether nothing but to vent was asked of control in its last step.
+    /// Whether the set point of control's last step was to vent.
     pub fn vented(&self) -> bool {
         self.vented.load(Ordering::Relaxed)
     }
 
-    /// Leaves a core for [`Order::Configure`] and each [`Order::Start`] from then on: a start need not work its
-    /// constants out again.
+    /// Stages a core for [`Order::Configure`] and every later [`Order::Start`], so that a start
+    /// need not compute the constants again.
     pub fn prepare(&self, core: Core) {
         if let Ok(mut slot) = self.next_core.try_lock() {
             *slot = Slot::Full(core);
         }
     }
 
-    /// The configuration that the host has sent; nothing since the start of the board.
+    /// The active configuration; `None` before the first one since the start of the board.
     pub fn config(&self) -> Option<Config> {
         match &*self.next_core.try_lock().ok()? {
             Slot::Empty => None,
@@ -304,7 +291,6 @@ impl Shared {
         }
     }
 
-    /// The core that is prepared.
     pub fn prepared(&self) -> Option<Core> {
         match &*self.next_core.try_lock().ok()? {
             Slot::Empty => None,
@@ -312,50 +298,43 @@ impl Shared {
         }
     }
 
-    /// Leaves what vented first for others.
     pub fn set_first_failure(&self, first: Option<FirstFailure>) {
         self.first_failure.lock(|cell| cell.set(first));
     }
 
-    /// What vented first.
     pub fn first_failure(&self) -> Option<FirstFailure> {
         self.first_failure.lock(Cell::get)
     }
 
-    /// Leaves the control task's measurements for others.
     pub fn set_tally(&self, tally: Tally) {
         self.tally.lock(|cell| cell.set(tally));
     }
 
-    /// The control task's measurements.
     pub fn tally(&self) -> Tally {
         self.tally.lock(Cell::get)
     }
 
-    /// What changes rarely.
     pub fn status(&self) -> Status {
         self.status.lock(Cell::get)
     }
 
-    /// Changes what changes rarely, and tells the hosts.
+    /// Changes the status and posts it to the hosts.
     pub fn change_status(&self, change: impl FnOnce(&mut Status)) {
         self.status.lock(|cell| {
             let mut status = cell.get();
             change(&mut status);
             cell.set(status);
         });
-        self.tell_status();
+        self.post_status();
     }
 
-    /// Tells the hosts what changes rarely.
-    pub fn tell_status(&self) {
+    pub fn post_status(&self) {
         let status = self.status();
         for line in self.lines.iter().filter(|line| line.is_open()) {
             line.post(Message::Status(status));
         }
     }
 
-    /// How the steps were timed.
     pub fn timing(&self) -> Timing {
         let tally = self.tally();
         let mean_ns = |sum_us: u64| (1000.0 * (sum_us as f32 / tally.steps.max(1) as f32)) as u32;
@@ -378,7 +357,7 @@ impl Shared {
     }
 }
 
-/// Time that a restart of the core may take: nothing else runs while one is copied.
+/// Time that a restart of the core may take: nothing else runs while a core is copied.
 const RESTARTING: Duration = Duration::from_micros(500);
 
 /// Waits until the core can be restarted before the next step is due.
@@ -403,7 +382,6 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Nothing yet.
     pub const NONE: Self = Self {
         steps: 0,
         missed_steps: 0,
@@ -414,7 +392,6 @@ impl Tally {
         jitter_worst_us: 0,
     };
 
-    /// One more step.
     pub fn add(&mut self, jitter_us: u32, step_us: u32, busy_us: u32) {
         self.steps += 1;
         self.step_sum_us += u64::from(step_us);

@@ -1,9 +1,9 @@
-//! What the board remembers without power: its configuration, and what vented last.
+//! Nonvolatile store: the configuration and the last events.
 //!
-//! Two copies in flash, each a map of `sequential-storage` in sectors of its own. A value is written to one copy,
-//! read back, and only then to the other, so that power that fails leaves one of them whole: with the new value or
-//! with the old one, never with a mix. A copy that an erase has left damaged when it was cut is erased and
-//! written anew from the other one.
+//! There are two copies in flash, each a map of `sequential-storage` in sectors of its own. A value
+//! is written to one copy, read back, and only then written to the other, so that a power failure
+//! leaves one copy whole, with the new value or the old one. A copy that an interrupted erase has
+//! damaged is erased and written again from the other.
 
 use crate::shared::Shared;
 use core::ops::Range;
@@ -18,46 +18,42 @@ use sequential_storage::map::{MapConfig, MapStorage};
 
 /// Longest value with its head \[bytes\].
 pub const MAX_VALUE: usize = 512;
-/// Schema of the values: another one for every change of what they hold.
+/// Schema of the values, raised whenever their content changes.
 pub const SCHEMA: u16 = 1;
 
 const COPIES: usize = 2;
-/// Sectors of a copy: one is free when the other is full.
+/// Sectors of a copy: one is free while the other is full.
 const SECTORS: usize = 2;
-/// Schema and number of the value.
+/// Bytes of schema and number before a value.
 const HEAD: usize = 6;
 
-/// What is remembered, under its number.
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Key {
-    /// The configuration.
     Config,
-    /// What happened last.
+    /// The last events.
     History,
 }
 
 const KEYS: [Key; 2] = [Key::Config, Key::History];
 
-/// What was found.
 pub enum Loaded<'a> {
-    /// This, as it was saved.
     Value(&'a [u8]),
-    /// Nothing was saved, or it was forgotten.
+    /// No value was saved, or it was forgotten.
     Absent,
-    /// Something was, and neither copy can be read.
+    /// A value was saved, but neither copy can be read.
     Damaged,
-    /// Something was, by firmware with this other schema.
+    /// The value was saved by firmware with this other schema.
     OtherSchema(u16),
 }
 
-/// The flash does not take what is written.
+/// The flash cannot be written.
 #[derive(Debug)]
 pub struct Unwritable;
 
-/// What one copy has of a value.
+/// State of a value in one copy.
 enum Entry {
-    /// Its number and its length with its head.
+    /// Number of the value, and its length with its head.
     Value(u32, usize),
     Absent,
     Damaged,
@@ -79,16 +75,15 @@ type Map<'a, F> = MapStorage<
     Cache<ArrayPageStates<SECTORS>, ArrayPagePointers<SECTORS>, ArrayKeyPointers<u8, 2>, u8>,
 >;
 
-/// The store in a flash of its own.
 pub struct Store<F> {
     flash: F,
-    /// Numbers of the values in each copy, 0 where there is none: the greater is newer.
+    /// Numbers of the values in each copy; the greater is newer, 0 is no value.
     numbers: [[u32; KEYS.len()]; COPIES],
 }
 
 impl<F: NorFlash> Store<F> {
-    /// In a flash that has room for it. Both copies are the same from here on. The other tasks of the thread
-    /// have their turns meanwhile.
+    /// Opens the store and makes both copies the same. The other tasks of the thread have their
+    /// turns meanwhile.
     pub async fn open(flash: F) -> Self {
         let mut store = Self { flash, numbers: [[0; KEYS.len()]; COPIES] };
         let mut buffer = [0; MAX_VALUE];
@@ -113,7 +108,6 @@ impl<F: NorFlash> Store<F> {
         store
     }
 
-    /// What was saved.
     pub async fn load<'a>(&mut self, key: Key, buffer: &'a mut Buffer) -> Loaded<'a> {
         let newest = self.newest(key);
         yield_now().await;
@@ -139,9 +133,7 @@ impl<F: NorFlash> Store<F> {
     }
 
     /// Saves a value in place of the one before.
-    ///
-    /// # Errors
-    /// [`Unwritable`]; the one before may be lost then.
+    /// If it fails, the one before may be lost.
     pub async fn save(&mut self, key: Key, value: &[u8]) -> Result<(), Unwritable> {
         let newest = self.newest(key);
         let number = self.number(newest, key).checked_add(1).ok_or(Unwritable)?;
@@ -152,7 +144,7 @@ impl<F: NorFlash> Store<F> {
         *place = number.to_le_bytes();
         rest.get_mut(..value.len()).ok_or(Unwritable)?.copy_from_slice(value);
         let headed = headed.get(..HEAD + value.len()).ok_or(Unwritable)?;
-        // What is there already does not wear the flash out once more.
+        // An unchanged value is not written again, to spare the flash.
         let mut buffer = [0; MAX_VALUE];
         if self.number(0, key) == self.number(1, key)
             && let Entry::Value(_, length) = self.read(newest, key, &mut buffer).await
@@ -164,10 +156,6 @@ impl<F: NorFlash> Store<F> {
         self.write(newest, key, headed).await
     }
 
-    /// Forgets a value.
-    ///
-    /// # Errors
-    /// As [`Self::save`].
     pub async fn forget(&mut self, key: Key) -> Result<(), Unwritable> {
         self.save(key, &[]).await
     }
@@ -184,7 +172,7 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// The copy with the newest value.
+    /// Index of the copy with the newest value.
     fn newest(&self, key: Key) -> usize {
         usize::from(self.number(1, key) > self.number(0, key))
     }
@@ -197,7 +185,7 @@ impl<F: NorFlash> Store<F> {
         MapStorage::new(&mut self.flash, MapConfig::new(range), cache)
     }
 
-    /// The value of a copy, at the beginning of the buffer.
+    /// Reads the value of a copy to the beginning of the buffer.
     async fn read(&mut self, copy: usize, key: Key, buffer: &mut Buffer) -> Entry {
         let found = self.map(copy).fetch_item::<&[u8]>(buffer, &(key as u8)).await;
         let (start, length, number) = match found {
@@ -218,12 +206,12 @@ impl<F: NorFlash> Store<F> {
         Entry::Value(number, length)
     }
 
-    /// Writes a value with its head to a copy, and sees to it that it is there.
+    /// Writes a value with its head to a copy and verifies it.
     async fn write(&mut self, copy: usize, key: Key, headed: &[u8]) -> Result<(), Unwritable> {
         if self.try_write(copy, key, headed).await.is_ok() {
             return Ok(());
         }
-        // Damaged, whatever reads from it: all of it anew, the rest from the other copy.
+        // The copy is damaged: it is erased, and its other values are copied from the other one.
         defmt::warn!("a damaged copy of what is stored is erased");
         self.map(copy).erase_all().await.map_err(|_| Unwritable)?;
         for other in KEYS.into_iter().filter(|other| *other != key) {
@@ -250,28 +238,27 @@ impl<F: NorFlash> Store<F> {
     }
 }
 
-/// A flash that tells control when it is busy: the thread then stands still, and control feeds the watchdog.
-/// The thread's other tasks have their turns between two operations.
-pub struct Announced<F> {
+/// A flash that announces to control when it is busy: it then blocks the thread, and control feeds
+/// the watchdog. The thread's other tasks have their turns between two operations.
+pub struct AnnouncedFlash<F> {
     flash: F,
     shared: &'static Shared,
 }
 
-/// Steps after which an operation of the flash has failed: an erase takes 400 ms at most (W25Q16JV, 9.6).
+/// Steps that an operation of the flash may take: an erase takes 400 ms at most (W25Q16JV, 9.6).
 const BUSY_STEPS: u32 = 450;
 
-impl<F> Announced<F> {
-    /// Tells through `shared`.
+impl<F> AnnouncedFlash<F> {
     pub fn new(flash: F, shared: &'static Shared) -> Self {
         Self { flash, shared }
     }
 }
 
-impl<F: ErrorType> ErrorType for Announced<F> {
+impl<F: ErrorType> ErrorType for AnnouncedFlash<F> {
     type Error = F::Error;
 }
 
-impl<F: ReadNorFlash> ReadNorFlash for Announced<F> {
+impl<F: ReadNorFlash> ReadNorFlash for AnnouncedFlash<F> {
     const READ_SIZE: usize = F::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), F::Error> {
@@ -283,7 +270,7 @@ impl<F: ReadNorFlash> ReadNorFlash for Announced<F> {
     }
 }
 
-impl<F: NorFlash> NorFlash for Announced<F> {
+impl<F: NorFlash> NorFlash for AnnouncedFlash<F> {
     const WRITE_SIZE: usize = F::WRITE_SIZE;
     const ERASE_SIZE: usize = F::ERASE_SIZE;
 

@@ -5,7 +5,7 @@
 //! | on, off shortly every second | runs |
 //! | off, on shortly every second | waits for its configuration |
 //! | five flashes a second | a fault holds or is latched; the fault output is high |
-//! | three flashes, a pause | the last start was not asked for: watchdog, panic or fault of the processor |
+//! | three flashes, a pause | the last restart came from watchdog, panic or hard fault |
 //! | dark or frozen | no firmware, or it hangs: the watchdog restarts the board within 50 ms |
 
 use crate::shared::Shared;
@@ -15,13 +15,11 @@ use embedded_hal::digital::OutputPin;
 use model_core::Faults;
 use model_core::link::LastReset;
 
-/// Time between two looks.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Length of an LED pattern, in looks: one second.
 const PATTERN: u32 = 50;
 
-/// Runs for ever.
 pub async fn run<L: OutputPin, F: OutputPin>(
     feed: fn(),
     mut led: L,

@@ -1,4 +1,4 @@
-//! The chip's own USB as a serial port (CDC-ACM): a line to the host as any other.
+//! The chip's own USB as a serial port (CDC-ACM).
 
 use crate::shared::Line;
 use core::future::poll_fn;
@@ -15,18 +15,16 @@ use static_cell::{ConstStaticCell, StaticCell};
 
 /// Longest packet of a bulk endpoint at full speed.
 const PACKET: u16 = 64;
-/// Longest packet that is sent. One that is full would have to be followed by another, be it empty, before
-/// the host hands it over (USB 2.0, 5.8.3).
+/// Longest packet that is sent. After a full packet the host would wait for another, possibly empty
+/// one before it delivers the data (USB 2.0, 5.8.3).
 const SHORT_PACKET: usize = PACKET as usize - 1;
-/// The host says whether anybody has the port open (CDC PSTN 1.2, 6.3.12): bit 0 of its value.
+/// Request whose bit 0 of the value is set while the port is open (CDC PSTN 1.2, 6.3.12).
 const SET_CONTROL_LINE_STATE: u8 = 0x22;
 
-/// What enumerates; it has to run.
 pub type Device<D> = UsbDevice<'static, D>;
-/// What comes from the host.
 pub type Receiver<D> = BufferedReceiver<'static, D>;
 
-/// A board with this driver and number, whose host talks over `line`.
+/// Returns the device with this serial number, which [`run`] has to run, and the port's two halves.
 pub fn open<D: Driver<'static>>(
     (driver, unique_id): (D, [u8; 8]),
     line: &'static Line,
@@ -57,20 +55,21 @@ pub fn open<D: Driver<'static>>(
     (builder.build(), Sender(sender), receiver.into_buffered(RECEIVED.take()))
 }
 
-/// Runs a device; `reset_waits` says whether the bus was reset and nobody has seen it yet.
+/// Runs a device; `reset_waits` returns whether a bus reset waits to be handled.
 ///
-/// embassy's device does not look at the bus while it answers a request of the host. Pulled out in the middle of
-/// one it would wait for the rest of it for ever, at an address that the next host does not know.
+/// embassy's device does not watch the bus while it answers a request of the host. If it is
+/// unplugged then, it would wait for the rest for ever, at an address that the next host does not
+/// use.
 pub async fn run<D: Driver<'static>>(mut device: Device<D>, reset_waits: fn() -> bool) -> ! {
     loop {
-        // The same interrupt wakes both; the device looks first, and takes what it sees.
-        let unseen = poll_fn(|_| if reset_waits() { Poll::Ready(()) } else { Poll::Pending });
-        select(device.run(), unseen).await;
+        // The same interrupt wakes both; the device is polled first and clears a reset that it
+        // handles.
+        let unhandled = poll_fn(|_| if reset_waits() { Poll::Ready(()) } else { Poll::Pending });
+        select(device.run(), unhandled).await;
         device.disable().await;
     }
 }
 
-/// The number as text, for good.
 fn hexadecimal(id: [u8; 8]) -> &'static str {
     static TEXT: StaticCell<[u8; 16]> = StaticCell::new();
     let number = u64::from_be_bytes(id);
@@ -83,7 +82,7 @@ fn hexadecimal(id: [u8; 8]) -> &'static str {
     str::from_utf8(digits).unwrap_or_default()
 }
 
-/// Closes the line when nobody is there: the cable is out, the host asleep, or the port not open.
+/// Closes the line when the cable is out, the host asleep, or the port not open.
 struct Watch(&'static Line);
 
 impl Handler for Watch {
@@ -97,7 +96,7 @@ impl Handler for Watch {
         }
     }
 
-    /// Only looks: the class answers.
+    /// Only observes the request: the class answers it.
     fn control_out(&mut self, request: Request, _data: &[u8]) -> Option<OutResponse> {
         let about_lines =
             request.request_type == RequestType::Class && request.request == SET_CONTROL_LINE_STATE;
@@ -108,7 +107,6 @@ impl Handler for Watch {
     }
 }
 
-/// What goes to the host.
 pub struct Sender<D: Driver<'static>>(PacketSender<'static, D>);
 
 impl<D: Driver<'static>> ErrorType for Sender<D> {

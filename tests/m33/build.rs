@@ -1,4 +1,4 @@
-//! Gives the linker the guest's memory map.
+//! Passes the guest's memory map to the linker.
 
 use std::env;
 

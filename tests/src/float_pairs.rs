@@ -1,6 +1,6 @@
 //! Pairs of single-precision numbers, given as their bits, that are hard on arithmetic.
 
-/// Makes a pair of a kind out of any pair.
+/// Turns any pair into one of a kind.
 pub type Shape = fn(u32, u32) -> (u32, u32);
 
 /// Kinds of pairs and their names.
@@ -19,7 +19,7 @@ pub const KINDS: [(&str, Shape); 8] = [
     }),
 ];
 
-/// Ends of the number range and of the kinds of numbers in it.
+/// Limits of the number range and of its classes.
 pub const EDGES: [u32; 20] = [
     0,
     1,
@@ -64,7 +64,7 @@ impl Iterator for Random {
     }
 }
 
-/// Whether two results are the same number to the bit, or none either.
+/// Whether two results are equal to the bit, or both NaN.
 pub fn same(bits: u32, expected: f32) -> bool {
     bits == expected.to_bits() || f32::from_bits(bits).is_nan() && expected.is_nan()
 }

@@ -1,4 +1,4 @@
-//! What the system tests share: running `thermyo` in this process and reading what it wrote.
+//! Common code of the system tests: running `thermyo` in this process and reading its files.
 
 pub mod float_pairs;
 pub mod log;
@@ -10,14 +10,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// What one command did.
+/// Result of one command.
 #[derive(Debug)]
 pub struct Outcome {
-    /// Exit code.
     pub code: u8,
-    /// Standard output.
     pub out: String,
-    /// Standard error.
     pub err: String,
 }
 
@@ -99,7 +96,7 @@ pub fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-/// Whether the tests on the emulated board are to be left out; says so.
+/// Whether to skip the tests on the emulated board; prints a note if so.
 pub fn skip_emulator() -> bool {
     let skip = std::env::var_os("THERMYO_SKIP_EMULATOR").is_some_and(|value| value == "1");
     if skip {

@@ -1,9 +1,9 @@
-//! The firmware's log: defmt frames over RTT, in words again with the image's own table.
+//! The firmware's log: defmt frames over RTT, decoded with the image's own table.
 
 use defmt_decoder::{DecodeError, Table};
 use std::path::Path;
 
-/// Lines of what an image has logged, from its first frame on.
+/// Lines that an image has logged, from its first frame on.
 ///
 /// # Panics
 /// When the image has no table of its logs, as a UF2 file.

@@ -20,10 +20,10 @@ use mailbox::{GUEST, Mailbox, PANICKED, TEST};
 const BOOT_ROM: usize = 32 * 1024;
 const STACK: u32 = 0x2008_0000;
 
-/// Cycles between two looks of the emulator at what is not a core: the guest has nothing else.
+/// Cycles between two updates of the emulated peripherals, of which the guest uses none.
 const QUANTUM: u32 = 1024;
 
-/// Looks at the mailbox after which the guest hangs.
+/// Looks at the mailbox after which the guest counts as hung.
 const PATIENCE: u32 = 10_000;
 
 /// A Cortex-M33 that steps the core.
@@ -33,12 +33,11 @@ pub struct EmulatedM33 {
     mailbox: u32,
     link: Link,
     pending: Option<SetPoint>,
-    /// Of every step so far.
     step_cycles: Vec<u32>,
 }
 
 impl EmulatedM33 {
-    /// With the guest built for a target.
+    /// Builds and starts the guest for a target.
     ///
     /// # Panics
     /// When it does not build or start.
@@ -157,7 +156,8 @@ impl Board for EmulatedM33 {
     }
 }
 
-/// The guest's ELF file. From the firmware's folder, whose configuration says how its images are optimised.
+/// The guest's ELF file. From the firmware's folder, whose configuration says how its images are
+/// optimised.
 fn build(target: &str) -> Vec<u8> {
     let folder = target_folder().join("m33");
     let build = Build {
@@ -185,12 +185,12 @@ fn code(file: &object::File) -> BTreeMap<u64, bool> {
         };
         Some((symbol.address(), code))
     });
-    // What begins where another section ends counts.
+    // A mark at the end of another section takes precedence.
     ends.chain(marks).collect()
 }
 
-/// Puts two kinds of instructions down as the emulator reads them. The compiler could be told to do without
-/// them, but then this would not be the code that the boards run.
+/// Puts two kinds of instructions down as the emulator reads them. The compiler could be told to do
+/// without them, but then this would not be the code that the boards run.
 ///
 /// - VSEL, VMAXNM, VMINNM: rp2350-emu 0.2.6 takes the lowest bit of the destination from bit 4 of the first
 ///   halfword and the condition from bits 6:5; they are in bit 6 and bits 5:4 (Armv8-M Architecture

@@ -1,5 +1,5 @@
-//! A muscle in closed loop with a board for ten thousand steps, and the same samples once more through
-//! the core in this process: equal to the bit.
+//! A muscle in closed loop with a board for ten thousand steps, and the same samples once more
+//! through the core in this process: equal to the bit.
 
 use crate::rig::Muscle;
 use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
@@ -15,32 +15,31 @@ const SECOND: u32 = 5000;
 const CYCLE: SetPoint = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 2.0 };
 const PRESSURE: SetPoint = SetPoint::Pressure { pressure_pa: 3.0e5 };
 
-/// Two sensors fail for a while, and the line of the emergency stop opens once.
+/// Two sensors fail for a while, and the emergency stop opens once.
 fn with_faults(step: u32, sample: Sample) -> Sample {
     let gas = if (3000..3200).contains(&step) { AdcCode(0) } else { sample.gas };
     let length = if (4000..4200).contains(&step) { AdcCode(32_760) } else { sample.length };
     Sample { gas, length, emergency_stop: step == 8000, ..sample }
 }
 
-/// What a board has made of its samples.
+/// Steps that a board has computed.
 #[derive(Debug)]
 pub struct Record {
-    /// What it was configured with.
     pub config: Config,
-    /// Every step.
     pub rows: Vec<Row>,
 }
 
 /// Runs the muscle at a board; `look` is called after every step.
 ///
 /// # Panics
-/// When the board fails, leaves a step out, or reads something else than it was fed.
+/// When the board fails, leaves out a step, or reads another sample than its input.
 pub fn run<B: Board>(board: &mut B, mut look: impl FnMut(&B, &BoardStep)) -> Record {
     let mut muscle = Muscle::new("[plant]\nmodel = \"lumped\"\n[load]\nforce_n = 120.0\n");
     let config = *muscle.config();
     board.start(&config, CYCLE).expect("the board starts");
     let (mut rows, mut fed) = (Vec::new(), Vec::new());
-    // The last sample's telemetry may come two steps later: behind a status, and each frame takes most of a step.
+    // The last sample's telemetry may come two steps later: behind a status, and each frame takes
+    // most of a step.
     for step in 0..=STEPS + 1 {
         if step == SECOND {
             board.set(PRESSURE).expect("the set point is taken");
@@ -50,7 +49,7 @@ pub fn run<B: Board>(board: &mut B, mut look: impl FnMut(&B, &BoardStep)) -> Rec
         muscle.advance(outcome.actuation);
         look(board, &outcome);
         let Some(telemetry) = outcome.telemetry else { continue };
-        // What was fed is what was read: the conversions add up to the code.
+        // The board's conversions add up to the input code.
         let sample = Sample { heard: telemetry.sample.heard, ..fed[telemetry.step as usize] };
         assert_eq!(telemetry.sample, sample, "step {}", telemetry.step);
         // The set point arrives with the step: it holds from the next one on.
@@ -68,10 +67,10 @@ pub fn run<B: Board>(board: &mut B, mut look: impl FnMut(&B, &BoardStep)) -> Rec
 }
 
 impl Record {
-    /// Asks the core in this process for the same.
+    /// Replays the samples on the core in this process.
     ///
     /// # Panics
-    /// When a bit differs, or when the run was not worth comparing.
+    /// When a bit differs, or when the run exercised too little.
     pub fn assert_same_on_the_host(&self) {
         let outcome = replay(&mut CoreBoard::default(), &self.config, &self.rows, &mut |_, _| true)
             .expect("the core takes what the board took");

@@ -8,8 +8,8 @@ use model_core::{AdcCode, Config, Sample, SetPoint};
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::adc::VirtualAdc;
 
-/// Steps for which a core judges its sensors after a start, at a step of a millisecond.
-pub const JUDGING_STEPS: u16 = 50;
+/// Steps of the startup check.
+pub const STARTUP_CHECK_STEPS: u16 = 50;
 
 /// A muscle, its sensors and its valves.
 pub struct Muscle {
@@ -19,7 +19,7 @@ pub struct Muscle {
 }
 
 impl Muscle {
-    /// The one of a scenario, given as text.
+    /// Builds the muscle of a scenario, given as text.
     ///
     /// # Panics
     /// For a scenario that is refused.
@@ -30,18 +30,18 @@ impl Muscle {
         Self { plant, adc, config: core_config(&loaded.believed) }
     }
 
-    /// What a board is configured with of it.
+    /// Configuration of a board for this muscle.
     pub fn config(&self) -> &Config {
         &self.config
     }
 
-    /// What a board reads now.
+    /// Current sample of the sensors.
     pub fn sample(&mut self) -> Sample {
         let codes = self.adc.convert(&self.plant.truth());
         Sample::new(AdcCode(codes.pressure), AdcCode(codes.gas), AdcCode(codes.length))
     }
 
-    /// One step with these openings.
+    /// Advances the plant by one step.
     ///
     /// # Panics
     /// When the plant leaves the range of its equations.
@@ -50,16 +50,14 @@ impl Muscle {
     }
 }
 
-/// A muscle at the emulated board.
+/// The emulated board with a muscle.
 pub struct Rig {
-    /// The board.
     pub board: EmulatedBoard,
-    /// What it drives.
     pub muscle: Muscle,
 }
 
 impl Rig {
-    /// The muscle of a scenario, and a board right after power came.
+    /// The muscle of a scenario, and a board right after power-on.
     ///
     /// # Panics
     /// Without an emulator.
@@ -76,7 +74,7 @@ impl Rig {
         self.muscle = Muscle::new(scenario);
     }
 
-    /// Tells the board about the muscle and what to do with it, and lets it judge its sensors.
+    /// Configures and starts the board, and waits for the startup check.
     ///
     /// # Panics
     /// When the board refuses.
@@ -92,7 +90,7 @@ impl Rig {
         self.exchange_with(|sample| sample)
     }
 
-    /// One millisecond in which the board reads what `change` makes of the sample.
+    /// One millisecond in which the board reads the sample changed by `change`.
     ///
     /// # Panics
     /// When the emulator ends.
@@ -103,7 +101,7 @@ impl Rig {
         exchange
     }
 
-    /// Less than a millisecond, in which the muscle stands still.
+    /// Less than a millisecond, in which the muscle does not change.
     ///
     /// # Panics
     /// When the emulator ends.

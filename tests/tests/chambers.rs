@@ -1,5 +1,5 @@
-//! Every chamber: closed forms, the estimate, pressure and position held. Bounds on both sides: a figure
-//! far better than it can be is a broken measurement.
+//! Every chamber: closed forms, the estimate, pressure and position held. Bounds on both sides: a
+//! figure far better than it can be is a broken measurement.
 
 use system_tests::{Finished, run_text, thermyo};
 
@@ -39,8 +39,8 @@ fn rms(run: &Finished, column: &str, of: impl Fn(usize) -> f64) -> f64 {
     (rows.map(|i| (values[i] - of(i)).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// At a constant load the pressure is constant, and whatever comes in adds R T_in/P to the volume, heat or
-/// none: cp dm T_in = P dV cp/R.
+/// At a constant load the pressure is constant, and whatever comes in adds R T_in/P to the volume,
+/// heat or none: cp dm T_in = P dV cp/R.
 #[test]
 fn a_cylinder_under_a_constant_load_is_filled_at_constant_pressure() {
     for (name, chamber, rest_m, stroke_m) in MOVING.into_iter().take(2) {
@@ -121,18 +121,18 @@ fn the_position_is_held() {
 fn a_load_that_pressure_does_not_move_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scenario.toml");
-    for (load, said) in [
+    for (load, message) in [
         ("[load]\nforce_n = 10.0\n", "load.force_n = 10.0: must be a number from -1e6 to 0 N"),
         ("", "load.force_n = 100.0 (not given): must be a number from -1e6 to 0 N"),
     ] {
         std::fs::write(&file, format!("[plant]\nkind = \"cylinder\"\n{load}")).unwrap();
         let outcome = thermyo(&["check", &file.display().to_string()]);
         assert_eq!(outcome.code, 2);
-        assert!(outcome.err.contains(said), "{}", outcome.err);
+        assert!(outcome.err.contains(message), "{}", outcome.err);
     }
 }
 
-/// Beyond the table nothing is known: a run that goes there ends, and says so.
+/// A run that leaves the range of the table ends with an error.
 #[test]
 fn a_table_is_not_extrapolated() {
     let folder = tempfile::tempdir().unwrap();
@@ -142,8 +142,8 @@ fn a_table_is_not_extrapolated() {
     std::fs::write(&file, format!("[run]\nduration_s = 1.0\n{heavy}")).unwrap();
     let outcome = thermyo(&["run", &file.display().to_string(), "--out", &out, "--quiet"]);
     assert_ne!(outcome.code, 0);
-    let said = "and what is known of it reaches from 0.08 to 0.13 m";
-    assert!(outcome.err.contains(said), "{}", outcome.err);
+    let message = "and what is known of it reaches from 0.08 to 0.13 m";
+    assert!(outcome.err.contains(message), "{}", outcome.err);
 }
 
 #[test]
@@ -165,9 +165,9 @@ fn a_table_that_is_none_is_refused_by_cell() {
         ("0.1,1.4e-4,80\n0.11,1.6e-4,70\n", "b.csv:4:", "no less than that of the row before"),
         ("0.1,1.4e-4,80\n", "b.csv:3:", "the last one of 3 to 12 rows"),
     ];
-    for (rows, place, said) in rows {
+    for (rows, place, message) in rows {
         let err = check(&format!("{head}{rows}"), scenario);
-        assert!(err.contains(place) && err.contains(said), "{err}");
+        assert!(err.contains(place) && err.contains(message), "{err}");
     }
     let err = check(head, "[plant]\nkind = \"table\"\n");
     assert!(err.contains("table.csv") && err.contains("needs it"), "{err}");

@@ -1,5 +1,5 @@
-//! Where the muscle goes: short cases of what `thermyo evaluate control` measures in full. Bounds on
-//! both sides: a figure far better than it can be is a broken measurement.
+//! Where the muscle goes: short cases of what `thermyo evaluate control` measures in full. Bounds
+//! on both sides: a figure far better than it can be is a broken measurement.
 
 use thermyo_evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
 use thermyo_evaluate::pid::PidBoard;
@@ -11,7 +11,7 @@ fn nominal() -> Loaded {
     full(&thermyo_evaluate::nominal().unwrap())
 }
 
-/// Changes what the plant is and what the core is configured with.
+/// Changes both the plant and the core's configuration.
 fn both(mut loaded: Loaded, change: impl Fn(&mut Scenario)) -> Loaded {
     change(&mut loaded.plant);
     change(&mut loaded.believed);
@@ -51,7 +51,7 @@ fn contraction_at_rest() {
 }
 
 #[test]
-fn told_wrong_it_still_rests() {
+fn wrong_configuration_still_comes_to_rest() {
     let changes: [fn(&mut Scenario); 4] = [
         |s| s.friction.force_n *= 1.2,
         |s| s.friction.force_n *= 0.8,
@@ -124,8 +124,8 @@ fn peak_pa(rows: &[thermyo_record::trace::Row], from_s: f64, until_s: f64) -> f6
     within.map(|row| row.truth.pressure_pa).fold(0.0, f64::max)
 }
 
-/// The paper's cycle neither climbs nor falls from stroke to stroke, whatever is believed of supply and
-/// valves, and whether or not a stroke is a whole number of PWM periods.
+/// The paper's cycle neither climbs nor falls from stroke to stroke, whatever is believed of supply
+/// and valves, and whether or not a stroke is a whole number of PWM periods.
 #[test]
 fn the_working_cycle_stays_where_it_is() {
     for model in [PlantModel::Lumped, PlantModel::Full] {
@@ -154,7 +154,7 @@ fn the_working_cycle_stays_where_it_is() {
     }
 }
 
-/// A set point that the load makes unreachable ends below the limit, says so, and trips nothing.
+/// An unreachable set point ends below the limit, marked as limited and without a fault.
 #[test]
 fn an_unreachable_contraction_stops_below_the_limit() {
     for model in [PlantModel::Lumped, PlantModel::Full] {

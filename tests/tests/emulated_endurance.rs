@@ -1,4 +1,5 @@
-//! Hangs, emergency stops and floods by the hundred, at random, with a muscle at the emulated board.
+//! Hangs, emergency stops and floods by the hundred, at random, with a muscle at the emulated
+//! board.
 //!
 //! `cargo test` runs a few of each. All of them take long:
 //! `cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture`
@@ -10,7 +11,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::ops::Range;
 use std::thread;
-use system_tests::rig::{JUDGING_STEPS, Rig};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Injection, Place};
 
@@ -18,13 +19,13 @@ use thermyo_boards::emulated::{Exchange, Injection, Place};
 const SAFE_MS: f64 = 100.0;
 /// Worst delay of a step's start \[us\].
 const JITTER_US: u32 = 20;
-/// That where nobody floods it \[us\].
+/// Worst delay without a flood \[us\].
 const QUIET_JITTER_US: u32 = 5;
-/// Mean time of the core's step in contraction control: as aimed at, and what is reached over ten minutes, in which
-/// it moves more.
+/// Mean time of the core's step in contraction control: as aimed at, and what is reached over ten
+/// minutes, in which it moves more.
 const STEP_MEAN_NS: u32 = 75_000;
 const LONG_STEP_MEAN_NS: u32 = 76_500;
-/// Worst one.
+/// Worst time of the core's step.
 const STEP_WORST_US: u32 = 200;
 /// Longest PWM period of the board \[steps\].
 const LONGEST_PERIOD: u32 = 102;
@@ -91,7 +92,7 @@ fn hangs(cases: Range<u32>) -> (u32, [u32; 5]) {
             _ => SetPoint::Contraction { contraction: 0.25 + 0.03 * random.share() },
         };
         rig.start(set_point);
-        for _ in 0..u32::from(JUDGING_STEPS) + 10 + random.below(30) {
+        for _ in 0..u32::from(STARTUP_CHECK_STEPS) + 10 + random.below(30) {
             rig.exchange();
         }
         let (place, instructions) = match case % 3 {
@@ -165,7 +166,7 @@ fn stops(cases: Range<u32>) -> f64 {
         if case % 10 == 0 {
             rig.replace_muscle(&scenario(period));
             rig.start(SetPoint::Vent);
-            for _ in 0..JUDGING_STEPS {
+            for _ in 0..STARTUP_CHECK_STEPS {
                 rig.exchange();
             }
         }
@@ -216,7 +217,7 @@ fn assert_stops_vent(cases: u32) {
     assert!((0.5..=3.0).contains(&worst_ms), "{worst_ms} ms");
 }
 
-/// What floods the line.
+/// Kind of flood.
 #[derive(Debug, Clone, Copy)]
 #[allow(clippy::large_enum_variant)] // A handful of them.
 enum Flood {
@@ -304,7 +305,8 @@ impl Flood {
     }
 }
 
-/// A flood of so many milliseconds, before each of an emergency stop and a stop that it must not delay.
+/// A flood of so many milliseconds, before each of an emergency stop and a stop that it must not
+/// delay.
 fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     let period = usize::from(rig.muscle.config().pwm_period_steps);
     rig.board.discard();
@@ -313,7 +315,7 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     rig.board.send(HostCommand::ClearFaults);
     rig.exchange();
     rig.start(SetPoint::Duty { inlet: FLOOD_INLET, outlet: 0.0 });
-    for _ in 0..usize::from(JUDGING_STEPS) + period + 5 {
+    for _ in 0..usize::from(STARTUP_CHECK_STEPS) + period + 5 {
         rig.exchange();
     }
     let mut inlet = Vec::new();
@@ -327,7 +329,7 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     for _ in 0..milliseconds {
         poured(rig, false);
     }
-    // The line is open for as long as it takes: to clear faults does not help.
+    // The emergency stop stays open: clearing faults does not help.
     let exchanges: Vec<Exchange> = (0..120 + period).map(|_| poured(rig, true)).collect();
     let stopped = exchanges.iter().rposition(powered).map_or(0, |last| last + 1);
     assert!(stopped <= 3, "{flood:?}: {stopped} ms to the emergency stop");
@@ -377,7 +379,7 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     assert!(faults.unwrap().intersects(Faults::LINK_FLOODED), "{flood:?}: {faults:?}");
 }
 
-/// Floods at one PWM period; what control and the watchdog noticed of them.
+/// Floods at one PWM period; returns their effect on control and watchdog.
 fn assert_floods_change_nothing(period: u32, milliseconds: u32, each: bool) {
     let mut rig = rig(period);
     let mut random = Random::new(period.into());

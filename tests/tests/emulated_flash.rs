@@ -14,7 +14,7 @@ use thermyo_boards::pty::PtyBoard;
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 const PICO: &str = "UF2 Bootloader v3.0\r\nModel: Raspberry Pi RP2\r\nBoard-ID: RPI-RP2\r\n";
 const PICO_2: &str = "UF2 Bootloader v1.0\r\nModel: Raspberry Pi RP2350\r\nBoard-ID: RP2350\r\n";
-/// Of a UF2 file, by its chip.
+/// Family of a UF2 file, by its chip.
 const FAMILIES: [(&str, u32); 2] = [(PICO, 0xe48b_ff56), (PICO_2, 0xe48b_ff59)];
 
 fn drive(folder: &Path, info: &str) -> PathBuf {
@@ -28,15 +28,15 @@ fn request(target: &str) -> Request {
     Request { target: Some(target.to_owned()), ..Request::default() }
 }
 
-/// What a run says, or why it ends, when boards appear as drives in this folder.
+/// Output or error of a run when boards appear as drives in this folder.
 fn flash(request: &Request, mount: &Path) -> Result<Vec<String>, FlashError> {
-    let mut said = Vec::new();
-    run(request, &|| vec![mount.to_path_buf()], &mut |line| said.push(line.to_owned()))
-        .map(|_| said)
+    let mut output = Vec::new();
+    run(request, &|| vec![mount.to_path_buf()], &mut |line| output.push(line.to_owned()))
+        .map(|_| output)
 }
 
 #[test]
-fn a_running_board_is_flashed_and_runs_what_was_written() {
+fn a_running_board_is_flashed_and_runs_the_new_image() {
     if skip_emulator() {
         return;
     }
@@ -50,7 +50,7 @@ fn a_running_board_is_flashed_and_runs_what_was_written() {
     };
     let mut running = plug_in(EmulatedBoard::new().unwrap());
     let name = port.display().to_string();
-    let said = thread::scope(|scope| {
+    let output = thread::scope(|scope| {
         let flashing = scope.spawn(|| flash(&request(&name), &mount));
         // The board is a drive now, until it has a file.
         while !running.in_boot_loader() {
@@ -75,9 +75,12 @@ fn a_running_board_is_flashed_and_runs_what_was_written() {
         flashing.join().unwrap().unwrap()
     });
     let version = env!("CARGO_PKG_VERSION");
-    let last = said.last().unwrap();
-    assert!(last.starts_with(&format!("{name} runs firmware {version} (Rp2040, ")), "{said:#?}");
-    assert!(said.iter().any(|line| line.ends_with("restarts into its boot loader")), "{said:#?}");
+    let last = output.last().unwrap();
+    assert!(last.starts_with(&format!("{name} runs firmware {version} (Rp2040, ")), "{output:#?}");
+    assert!(
+        output.iter().any(|line| line.ends_with("restarts into its boot loader")),
+        "{output:#?}"
+    );
     drop(running);
 }
 
@@ -89,8 +92,8 @@ fn a_dry_run_leaves_the_board_alone() {
     let pty = PtyBoard::new(EmulatedBoard::new().unwrap(), HEALTHY).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let dry = Request { dry_run: true, ..request(pty.port()) };
-    let said = flash(&dry, folder.path()).unwrap();
-    assert!(said.last().unwrap().starts_with("would write "), "{said:#?}");
+    let output = flash(&dry, folder.path()).unwrap();
+    assert!(output.last().unwrap().starts_with("would write "), "{output:#?}");
     assert!(!pty.in_boot_loader());
 }
 
@@ -100,9 +103,13 @@ fn a_drive_gets_the_firmware_of_its_chip() {
     for (info, family) in FAMILIES {
         let folder = tempfile::tempdir().unwrap();
         let drive = drive(folder.path(), info);
-        let said = thermyo(&["flash", &drive.display().to_string()]);
-        assert_eq!(said.code, 0, "{}", said.err);
-        assert!(said.out.ends_with("a folder, and no drive: no board restarts\n"), "{}", said.out);
+        let output = thermyo(&["flash", &drive.display().to_string()]);
+        assert_eq!(output.code, 0, "{}", output.err);
+        assert!(
+            output.out.ends_with("a folder, and no drive: no board restarts\n"),
+            "{}",
+            output.out
+        );
         let file = fs::read(drive.join("thermyo.uf2")).unwrap();
         let word =
             |block: &[u8], at: usize| u32::from_le_bytes(block[at..at + 4].try_into().unwrap());
@@ -114,7 +121,7 @@ fn a_drive_gets_the_firmware_of_its_chip() {
 }
 
 #[test]
-fn what_cannot_be_flashed_is_said_in_one_line_and_nothing_is_written() {
+fn a_bad_image_is_refused_in_one_line_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let (empty, other, pico) =
         (folder.path().join("empty"), folder.path().join("other"), folder.path().join("pico"));
@@ -142,7 +149,7 @@ fn what_cannot_be_flashed_is_said_in_one_line_and_nothing_is_written() {
 }
 
 #[test]
-fn a_port_where_nobody_answers_is_named() {
+fn a_port_without_an_answer_is_named() {
     let (_master, slave) = serialport::TTYPort::pair().unwrap();
     let name = serialport::SerialPort::name(&slave).unwrap();
     let folder = tempfile::tempdir().unwrap();
@@ -155,12 +162,13 @@ fn without_a_name_the_only_board_is_taken() {
     let folder = tempfile::tempdir().unwrap();
     let [a, b] = ["a", "b"].map(|name| drive(&folder.path().join(name), PICO));
     let dry = |mounts: Vec<PathBuf>| {
-        let mut said = Vec::new();
+        let mut output = Vec::new();
         let request = Request { dry_run: true, model: Some(Model::Pico), target: None };
-        run(&request, &move || mounts.clone(), &mut |line| said.push(line.to_owned())).map(|_| said)
+        run(&request, &move || mounts.clone(), &mut |line| output.push(line.to_owned()))
+            .map(|_| output)
     };
     let several = dry(vec![a.clone(), b]).unwrap_err();
     assert!(matches!(&several, FlashError::Several(names) if names.len() == 2), "{several}");
-    let said = dry(vec![a.clone(), folder.path().to_path_buf()]).unwrap();
-    assert!(said.last().unwrap().contains(&a.display().to_string()), "{said:?}");
+    let output = dry(vec![a.clone(), folder.path().to_path_buf()]).unwrap();
+    assert!(output.last().unwrap().contains(&a.display().to_string()), "{output:?}");
 }

@@ -11,7 +11,7 @@ use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 /// Number pairs per operation and kind.
 const PAIRS: usize = 40_000;
 
-/// A name that compiled code calls, and what it is to give.
+/// A name that compiled code calls, and its expected result.
 type Operation = (&'static str, fn(f32, f32) -> f32);
 
 const ARITHMETIC: [Operation; 4] = [
@@ -32,8 +32,8 @@ fn truth(is: bool) -> f32 {
     f32::from_bits(u32::from(is))
 }
 
-/// A call of a function with two arguments; the arguments of another call of it, by an interrupt after
-/// this many instructions.
+/// A call of a function with two arguments; the arguments of another call of it, by an interrupt
+/// after this many instructions.
 struct Call {
     arguments: (u32, u32),
     interrupt: Option<(u32, (u32, u32))>,

@@ -1,9 +1,9 @@
-//! Two hosts at one emulated board, over UART and USB: only the one whose order holds keeps it alive, and a stop
-//! overtakes what was sent before it.
+//! Two hosts at one emulated board, over UART and USB: only the one whose order holds keeps it
+//! alive, and a stop overtakes what was sent before it.
 
 use model_core::link::{Answer, HostCommand};
 use model_core::{Config, Sample, SetPoint};
-use system_tests::rig::{JUDGING_STEPS, Rig};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
 
@@ -26,7 +26,7 @@ fn plugged() -> Rig {
     rig
 }
 
-/// Without the words of a host that the emulated board says by itself.
+/// Without the requests that the emulated board sends by itself as a host.
 fn silent(sample: Sample) -> Sample {
     Sample { heard: false, ..sample }
 }
@@ -49,7 +49,7 @@ fn fill(rig: &mut Rig, port: Port) {
     rig.board.ask(HostCommand::ClearFaults).unwrap();
     rig.start(FILL);
     let mut closed = false;
-    for ms in 0..u32::from(JUDGING_STEPS) + 60 {
+    for ms in 0..u32::from(STARTUP_CHECK_STEPS) + 60 {
         if ms % 20 == 0 {
             rig.board.send(HostCommand::Alive);
         }
@@ -102,7 +102,7 @@ fn a_refused_request_of_another_host_keeps_no_set_point_alive() {
     }
 }
 
-/// What the other host sends together, so that it is on its way while the stop is carried out.
+/// Orders that the other host sends together, to be on their way while the stop is carried out.
 fn sent_before(rig: &Rig) -> [Vec<HostCommand>; 4] {
     let arm = HostCommand::Arm { most_pa: None };
     let configure = HostCommand::Configure(*rig.muscle.config());
@@ -114,7 +114,8 @@ fn sent_before(rig: &Rig) -> [Vec<HostCommand>; 4] {
     ]
 }
 
-/// A stop so many microseconds after the other host's orders; afterwards each of the hosts drives as before.
+/// A stop so many microseconds after the other host's orders; afterwards each of the hosts drives
+/// as before.
 fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
     let mut rig = plugged();
     let mut refused = 0;
@@ -136,7 +137,7 @@ fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
                 let stop = rig.board.request(HostCommand::Stop);
                 let mut stopped_ms = None;
                 let mut last_powered_ms = 0;
-                for ms in 1..=u32::from(JUDGING_STEPS) + 40 {
+                for ms in 1..=u32::from(STARTUP_CHECK_STEPS) + 40 {
                     if powered(&rig.exchange_with(silent)) {
                         last_powered_ms = ms;
                     }
@@ -169,7 +170,7 @@ fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
 }
 
 #[test]
-fn a_stop_overtakes_what_another_host_has_sent_before_it() {
+fn a_stop_overtakes_earlier_orders_of_another_host() {
     if !skip_emulator() {
         assert_a_stop_overtakes((0..=600).step_by(60));
     }
@@ -185,7 +186,7 @@ fn a_stop_overtakes_at_every_moment() {
 
 /// The stop is in the middle of what its own host sends.
 #[test]
-fn what_follows_a_stop_on_its_line_holds() {
+fn orders_after_a_stop_on_its_line_hold() {
     if skip_emulator() {
         return;
     }

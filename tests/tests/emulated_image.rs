@@ -1,4 +1,4 @@
-//! The image itself: its size, and what must not be in it.
+//! The image: its size, and symbols that it must not contain.
 
 use model_core::link::HostCommand;
 use model_core::{Sample, SetPoint};
@@ -15,7 +15,7 @@ const FLASH: u64 = 128 * 1024;
 const RAM: u64 = 24 * 1024;
 /// Cycles of the RP2040 in a millisecond.
 const CYCLES_PER_MS: f64 = 125.0e3;
-/// Share of the time for which the processor is busy, telemetry as at the start included.
+/// Fraction of the time for which the processor is busy, telemetry as at the start included.
 const BUSY: f64 = 0.18;
 
 #[test]
@@ -37,22 +37,23 @@ fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
         "{flash} bytes of flash, {copied} of them code and constants that are copied into RAM; \
          {ram} bytes of static memory beside them"
     );
-    // Boot loader, vector table and what copies the rest.
+    // Boot loader, vector table and the code that copies the rest.
     assert!((256..1024).contains(&start), "{start} bytes stay in flash");
     assert!((20_000..=FLASH).contains(&flash), "{flash} bytes of flash");
     assert!((2_000..=RAM).contains(&ram), "{ram} bytes of static memory");
 
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     assert!(names.iter().any(|name| name.contains("aeabi_fmul")), "no symbols to look at");
-    // The last are embassy's functions on the divider, which the division of `float.s` has for itself.
+    // The last are embassy's functions on the divider, which the division of `float.s` has for
+    // itself.
     let never = ["__aeabi_d", "__rust_alloc", "_erphal_"];
     let unwanted: Vec<_> =
         names.iter().filter(|name| never.iter().any(|part| name.contains(part))).collect();
     assert!(unwanted.is_empty(), "{unwanted:?}");
 }
 
-/// After the start nothing is read from flash: neither code nor constants nor the vector table, whatever the
-/// board is at, unless it saves. The start itself shows what a read costs.
+/// After the start nothing is read from flash: neither code nor constants nor the vector table,
+/// whatever the board is at, unless it saves. The start itself shows what a read costs.
 #[test]
 fn the_image_runs_from_ram() {
     if skip_emulator() {
@@ -85,7 +86,7 @@ fn the_image_runs_from_ram() {
             busy_cycles += f64::from(exchange.busy_cycles);
         }
     }
-    // To write down what vents is another matter.
+    // The venting event is written to flash; the counter has to notice its reads.
     rig.exchange_with(|sample| Sample { emergency_stop: true, ..sample });
     assert!((0..5).any(|_| rig.exchange().flash_reads > 0), "a read of flash is not noticed");
     let busy = busy_cycles / (500.0 * CYCLES_PER_MS);
@@ -94,7 +95,7 @@ fn the_image_runs_from_ram() {
 }
 
 #[test]
-fn what_is_no_image_is_named() {
+fn a_file_that_is_no_image_is_named() {
     if skip_emulator() {
         return;
     }

@@ -71,7 +71,7 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     poll_until(&mut session, |session| session.refused().is_some());
     assert!(shown(&session).contains("refused: "), "{}", shown(&session));
 
-    // Who kills the monitor now has what it has shown.
+    // The file has every row shown, so that killing the monitor loses none.
     let seen = session.rows();
     poll_until(&mut session, |_| {
         std::fs::read_to_string(&trace).unwrap().lines().count() as u64 > seen

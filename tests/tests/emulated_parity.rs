@@ -56,7 +56,7 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
 }
 
 #[test]
-fn the_board_says_who_it_is_and_refuses_what_it_cannot_do() {
+fn the_board_identifies_itself_and_refuses_unsupported_requests() {
     if skip_emulator() {
         return;
     }

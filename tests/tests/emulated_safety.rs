@@ -1,10 +1,9 @@
-//! Whatever happens to the firmware, the valves are safe within 100 ms and it can say afterwards
-//! what happened.
+//! After any failure of the firmware the valves are safe within 100 ms, and it can report the cause.
 
 use model_core::config::LinkConfig;
 use model_core::link::{Answer, HostCommand, LastReset, Phase, Refusal};
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
-use system_tests::rig::{JUDGING_STEPS, Rig};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Injection, Place};
 use thermyo_simulation::board::BoardError;
@@ -15,7 +14,7 @@ const SAFE_MS: u32 = 100;
 /// The control task's next instruction becomes an endless loop.
 const HANG: Injection = Injection::Hang { place: Place::Control, instruction: 1 };
 
-/// What the board reads instead of the muscle's sample.
+/// Sample that the board reads instead of the muscle's.
 type Change = fn(Sample) -> Sample;
 const AS_IT_IS: Change = |sample| sample;
 const PRESSED: Change = |sample| Sample { emergency_stop: true, ..sample };
@@ -25,8 +24,8 @@ fn fill(inlet: f32) -> SetPoint {
     SetPoint::Duty { inlet, outlet: 0.0 }
 }
 
-/// A muscle that follows the core's model, at a board right after power came. Filled for long it stays
-/// below the limit of its pressure.
+/// A muscle that follows the core's model, at a board right after power came. Filled for long it
+/// stays below the limit of its pressure.
 fn lumped() -> Rig {
     Rig::new("[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 600000.0\n")
 }
@@ -35,7 +34,7 @@ fn lumped() -> Rig {
 fn filling() -> Rig {
     let mut rig = lumped();
     rig.start(fill(0.5));
-    let judging_ms = u32::from(JUDGING_STEPS);
+    let judging_ms = u32::from(STARTUP_CHECK_STEPS);
     let shares = mean_shares(&mut rig, judging_ms + 40, 20);
     assert!((0.49..=0.51).contains(&shares.0) && shares.1 > 0.999, "{shares:?}");
     rig
@@ -65,7 +64,8 @@ fn time_to_vent(rig: &mut Rig, change: impl Fn(Sample) -> Sample) -> u32 {
     vented.iter().rposition(|&vented| !vented).map_or(0, |last| last as u32 + 1)
 }
 
-/// A board starts, and sends nothing before the host has said something: every 100 ms that it is alive.
+/// A board starts, and sends nothing before the host has said something: every 100 ms that it is
+/// alive.
 fn until_asked(rig: &mut Rig) {
     for _ in 0..100 {
         rig.exchange();
@@ -133,7 +133,7 @@ fn starts_do_not_go_round_the_supervisor() {
     }
 }
 
-/// What is latched, and what was first, stays so over a restart of the board, until it is cleared.
+/// Latched faults and the first failure survive a restart of the board until they are cleared.
 #[test]
 fn latched_faults_survive_a_restart() {
     if skip_emulator() {
@@ -189,7 +189,7 @@ fn nonsense_is_refused() {
     }
 }
 
-/// Silence of the host vents what is driven, within the time that is configured.
+/// Silence of the host vents a driven muscle within the configured time.
 #[test]
 fn a_lost_link_vents() {
     if skip_emulator() {
@@ -208,7 +208,7 @@ fn a_lost_link_vents() {
     rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
     rig.board.ask(HostCommand::Set(pressure)).unwrap();
     assert!(held(&mut rig, 100), "armed again, it goes on");
-    // And a board that is told to go on alone does.
+    // A board configured to run without a host continues.
     let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
     rig.board.ask(HostCommand::Configure(alone)).unwrap();
     rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
@@ -229,7 +229,7 @@ fn the_emergency_stop_does_not_wait_for_the_period() {
         let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n[valve]\npwm_hz = 9.804\n");
         assert_eq!(rig.muscle.config().pwm_period_steps, 102);
         rig.start(fill(1.0));
-        for _ in 0..u32::from(JUDGING_STEPS) + after_ms {
+        for _ in 0..u32::from(STARTUP_CHECK_STEPS) + after_ms {
             rig.exchange();
         }
         let ms = time_to_vent(&mut rig, PRESSED);
@@ -266,7 +266,7 @@ fn a_hang_of_the_control_task_ends_in_the_watchdog() {
     let reason = rig.board.last_reset().unwrap();
     assert!(matches!(reason, LastReset::Watchdog { .. }), "{reason:?}");
     assert_eq!(rig.exchange().restarts, 1);
-    // It runs again, on defaults that nobody has configured, and takes no set point.
+    // It runs again on the defaults, is not configured, and takes no set point.
     let refused = |answer| match answer {
         Err(BoardError::Refused(refusal)) => refusal,
         other => panic!("{other:?}"),
@@ -298,7 +298,7 @@ fn a_fault_of_the_processor_vents_at_once_and_is_remembered() {
     assert_eq!(rig.exchange().restarts, 1);
 }
 
-/// Share of a second in which the LED is on, how often it goes on, and the fault output.
+/// Fraction of a second in which the LED is on, how often it goes on, and the fault output.
 fn shown(rig: &mut Rig, change: Change) -> (f64, usize, bool) {
     let second: Vec<Exchange> = (0..1000).map(|_| rig.exchange_with(change)).collect();
     let lit = second.iter().filter(|exchange| exchange.led).count() as f64 / 1000.0;
@@ -308,10 +308,10 @@ fn shown(rig: &mut Rig, change: Change) -> (f64, usize, bool) {
     (lit, flashes, second[0].fault_output)
 }
 
-/// A board that waits for its configuration says so in every frame and with its LED, after power and
-/// after a restart; the fault output is for faults.
+/// A board that waits for its configuration shows it in every frame and with its LED, after power-on
+/// and after a restart; the fault output is for faults only.
 #[test]
-fn a_board_without_configuration_says_so() {
+fn a_board_without_configuration_reports_it() {
     if skip_emulator() {
         return;
     }
@@ -387,7 +387,7 @@ fn missed_steps_are_counted_and_vent_when_they_come_together() {
 }
 
 #[test]
-fn a_stalled_converter_ends_in_the_watchdog_which_knows_the_phase() {
+fn a_stalled_converter_ends_in_the_watchdog_with_its_phase() {
     if skip_emulator() {
         return;
     }
@@ -412,7 +412,7 @@ fn a_million_random_bytes_change_nothing() {
         return;
     }
     let mut rig = lumped();
-    // No word of the host gets through: the board goes on alone.
+    // No request gets through, so the board is configured to run without a host.
     let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
     rig.board.ask(HostCommand::Configure(alone)).unwrap();
     rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();

@@ -65,7 +65,7 @@ fn inject(fault: PartFault) -> impl Fn(&mut Rig, Sample) -> Sample {
     }
 }
 
-/// What the chip itself finds: a reading at the end of its scale.
+/// Faults that the chip itself detects: a reading at the end of its scale.
 fn gas_reads(reading: u16) -> impl Fn(&mut Rig, Sample) -> Sample {
     move |_, sample| Sample { gas: AdcCode::of_part(reading, sample.gas.is_fresh()), ..sample }
 }

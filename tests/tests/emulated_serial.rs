@@ -54,7 +54,7 @@ fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
 }
 
 #[test]
-fn what_a_board_said_before_its_line_broke_is_kept() {
+fn telemetry_before_a_broken_line_is_kept() {
     if skip_emulator() {
         return;
     }

@@ -1,12 +1,13 @@
-//! What must be still on the emulated board is still: after a fault was acknowledged, after the board was armed again,
-//! and whatever two hosts, the stop button and the USB cable do in any order.
+//! What must be still on the emulated board is still: after a fault was acknowledged, after the
+//! board was armed again, and whatever two hosts, the stop button and the USB cable do in any
+//! order.
 
 use model_core::link::{Answer, HostCommand};
 use model_core::{Config, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::env;
-use system_tests::rig::{JUDGING_STEPS, Rig};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
 
@@ -44,7 +45,7 @@ fn fill(inlet: f32) -> SetPoint {
 fn filling(in_period_ms: u32) -> Rig {
     let mut rig = Rig::new(&scenario(9.804));
     rig.start(fill(1.0));
-    for _ in 0..u32::from(JUDGING_STEPS) + in_period_ms {
+    for _ in 0..u32::from(STARTUP_CHECK_STEPS) + in_period_ms {
         rig.exchange_with(silent);
     }
     assert!(rig.exchange_with(silent).inlet_coil > 0.99);
@@ -84,7 +85,7 @@ fn arming_after_a_lost_link_opens_nothing() {
     assert!(ms == 0.0, "the inlet is open for {ms} ms after the board was armed");
 }
 
-/// What may be carried out, or was.
+/// An order that may be, or was, carried out.
 #[derive(Debug, Clone, Copy)]
 struct Sent {
     port: Port,
@@ -108,17 +109,17 @@ struct Asked {
     sent: Sent,
 }
 
-/// What the hosts, the button and the cable have done, and whether the inlet may be open after it: by what was sent
-/// and answered alone.
+/// What the hosts, the button and the cable have done, and whether the inlet may be open after it:
+/// by what was sent and answered alone.
 struct Witness {
     asked: Vec<Asked>,
     /// Set points, arming, and acknowledgements that may hold.
     drives: Vec<Sent>,
     arms: Vec<Sent>,
     clears: Vec<Sent>,
-    /// When each host has sent last.
+    /// Time at which each host sent last.
     last_sent: [u64; 2],
-    /// When anybody has sent last what may change anything.
+    /// Time of the last request of any host that may change anything.
     last_order: u64,
     /// When the button was pressed first, and released last; it is pressed.
     button: Option<(u64, u64)>,
@@ -175,9 +176,9 @@ impl Witness {
             rig.board.use_port(sent.port);
             match rig.board.take_answer(sequence) {
                 Some(answer) => {
-                    let said: String = format!("{answer:?}").chars().take(60).collect();
+                    let text: String = format!("{answer:?}").chars().take(60).collect();
                     self.log.push(format!(
-                        "{:.2} ms {:?} answers {sequence}: {said}",
+                        "{:.2} ms {:?} answers {sequence}: {text}",
                         now as f64 / MS as f64,
                         sent.port
                     ));
@@ -309,7 +310,7 @@ impl Random {
         }
     }
 
-    /// What a host sends together.
+    /// Requests that a host sends together.
     fn requests(&mut self, config: &Config) -> Vec<HostCommand> {
         let arm = HostCommand::Arm { most_pa: None };
         let set = HostCommand::Set(self.set_point());
@@ -426,7 +427,7 @@ fn assert_only_what_may_be_driven_is(interleavings: u64) {
 }
 
 #[test]
-fn a_hundred_interleavings_of_two_hosts_drive_only_what_may_be_driven() {
+fn a_hundred_interleavings_of_two_hosts_drive_only_allowed_orders() {
     if !skip_emulator() {
         assert_only_what_may_be_driven_is(100);
     }
@@ -434,7 +435,7 @@ fn a_hundred_interleavings_of_two_hosts_drive_only_what_may_be_driven() {
 
 #[test]
 #[ignore = "minutes: cargo test --release -p system-tests emulated_still -- --ignored --nocapture"]
-fn a_thousand_interleavings_of_two_hosts_drive_only_what_may_be_driven() {
+fn a_thousand_interleavings_of_two_hosts_drive_only_allowed_orders() {
     if !skip_emulator() {
         assert_only_what_may_be_driven_is(1000);
     }

@@ -1,34 +1,35 @@
-//! What the board remembers without power, on the emulated board: power fails in every operation of its flash.
+//! What the board remembers without power, on the emulated board: power fails in every operation of
+//! its flash.
 
 use model_core::link::{Answer, ConfigSource, Event, HostCommand, Name, Refusal, Status, checksum};
 use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
-use system_tests::rig::{JUDGING_STEPS, Rig};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{EmulatedBoard, Injection};
 use thermyo_simulation::board::BoardError;
 
 /// Saves that are cut in each of their operations: some 13 fill a sector.
 const ROUNDS: u32 = 15;
-/// Shares of an operation's time that it had when power failed.
+/// Fractions of an operation's time after which power fails.
 const DONE: [f32; 4] = [0.0, 0.3, 0.7, 0.98];
 /// Time in which a board starts and has its configuration \[ms\].
 const START_MS: u32 = 40;
-/// Time between two frames of telemetry, if nobody has asked for another one \[ms\].
+/// Default time between two frames of telemetry \[ms\].
 const TELEMETRY_MS: u32 = 10;
 /// Time in which the board takes two more large requests \[ms\].
 const REQUESTS_MS: u32 = 40;
-/// Time of a save that erases in both copies, told \[ms\].
+/// Time until the answer to a save that erases in both copies \[ms\].
 const SAVE_MS: u32 = 150;
 
 /// The start of a step is this close to its mean delay \[us\].
 const JITTER_US: u32 = 5;
 
-/// Power fails whatever the flash is at.
+/// Power fails at once, during any operation of the flash.
 const AT_ONCE: u32 = u32::MAX;
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
-/// A configuration that is told from others by its link timeout.
+/// A configuration that differs from others in its link timeout.
 fn config(number: u32) -> Config {
     let mut config = Config::default();
     config.link.timeout_s = 1.0 + number as f32 / 100.0;
@@ -98,7 +99,7 @@ fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
     assert!(!telemetry.faults.intersects(Faults::NOT_CONFIGURED), "{telemetry:?}");
     board.ask(HostCommand::Arm { most_pa: None }).unwrap();
     board.ask(HostCommand::Start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 })).unwrap();
-    // It vents while it judges, and drives of its own accord when that is done.
+    // It vents during the startup check and then drives by itself.
     let refused = board.ask(HostCommand::Forget);
     assert!(matches!(refused, Err(BoardError::Refused(Refusal::NotVented))), "{refused:?}");
     board.ask(HostCommand::Stop).unwrap();
@@ -112,17 +113,17 @@ fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
     assert!(telemetry.faults.intersects(Faults::NOT_CONFIGURED), "{telemetry:?}");
 }
 
-/// A board that has judged its sensors and fills its muscle.
+/// A board after its startup check that fills its muscle.
 fn driving() -> Rig {
     let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
     rig.start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 });
-    for _ in 0..JUDGING_STEPS + 20 {
+    for _ in 0..STARTUP_CHECK_STEPS + 20 {
         rig.exchange();
     }
     rig
 }
 
-/// What is driven is not saved to, and goes on.
+/// A board that drives refuses to save and continues.
 #[test]
 fn a_board_that_drives_does_not_save() {
     if skip_emulator() {
@@ -166,7 +167,7 @@ fn control_goes_on_while_the_flash_is_busy() {
     assert_eq!(read(&mut board), config(29));
 }
 
-/// What vented is known when power comes back.
+/// The last venting is known after a loss of power.
 #[test]
 fn the_last_failure_survives_the_power() {
     if skip_emulator() {
@@ -187,13 +188,14 @@ fn the_last_failure_survives_the_power() {
         assert_eq!(first.faults, Faults::EMERGENCY_STOP);
         assert!(first.pressure_pa > 1.05e5, "{first:?}");
     }
-    // What the board's start found, it has not seen happen.
+    // A failure recalled at the start is not recorded again.
     let before = rig.board.ask(HostCommand::History(1)).unwrap();
     assert!(matches!(before, Answer::Event(None)), "{before:?}");
 }
 
-/// Power fails in every operation of saves that fill the pages of both copies, erase them and begin anew: each
-/// time the board starts, and has the old configuration or the new one, whole; and the next save is kept.
+/// Power fails in every operation of saves that fill the pages of both copies, erase them and begin
+/// anew: each time the board starts, and has the old configuration or the new one, whole; and the
+/// next save is kept.
 #[test]
 fn power_that_fails_while_it_saves_leaves_the_old_or_the_new_configuration() {
     if skip_emulator() {

@@ -4,7 +4,7 @@ use model_core::link::{Answer, HostCommand, PROTOCOL, Refusal, Timing};
 use model_core::{Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-use system_tests::rig::{JUDGING_STEPS, Rig};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
 use thermyo_simulation::board::BoardError;
@@ -29,8 +29,8 @@ fn powered(exchange: &Exchange) -> bool {
     exchange.inlet_coil > 0.0 || exchange.outlet_coil > 0.0
 }
 
-/// Lets a host that says that it is there every so often watch for so long; whether the outlet was closed
-/// at the end.
+/// Lets a host that says that it is there every so often watch for so long; whether the outlet was
+/// closed at the end.
 fn run(rig: &mut Rig, milliseconds: u32) -> bool {
     let mut closed = false;
     for ms in 0..milliseconds {
@@ -42,14 +42,14 @@ fn run(rig: &mut Rig, milliseconds: u32) -> bool {
     closed
 }
 
-/// Lets time pass in which no host says anything.
+/// Lets time pass in which no host sends anything.
 fn wait(rig: &mut Rig, milliseconds: u32) {
     for _ in 0..milliseconds {
         rig.exchange_with(silent);
     }
 }
 
-/// Without the words of a host that the emulated board says by itself.
+/// Without the requests that the emulated board sends by itself as a host.
 fn silent(sample: Sample) -> Sample {
     Sample { heard: false, ..sample }
 }
@@ -65,7 +65,7 @@ fn random(seed: u64) -> impl FnMut(u32) -> u32 {
 }
 
 #[test]
-fn the_board_says_who_it_is() {
+fn the_board_identifies_itself() {
     if skip_emulator() {
         return;
     }
@@ -75,7 +75,7 @@ fn the_board_says_who_it_is() {
     assert_eq!(rig.board.version().unwrap().protocol, PROTOCOL);
 }
 
-/// What one host asks for, it gets; the other line stays as it is.
+/// A host's requests change its own line only.
 #[test]
 fn each_line_has_its_own_telemetry() {
     if skip_emulator() {
@@ -89,7 +89,7 @@ fn each_line_has_its_own_telemetry() {
         })
     };
     wait(&mut rig, 100);
-    assert_eq!(frames(&mut rig), [0, 0], "nobody has asked");
+    assert_eq!(frames(&mut rig), [0, 0], "no request yet");
     rig.board.ask(HostCommand::TelemetryDivider(1)).unwrap();
     frames(&mut rig);
     wait(&mut rig, 100);
@@ -215,8 +215,8 @@ fn assert_it_can_be_plugged_in(cycles: u32) {
     let timing = rig.board.timing().unwrap();
     println!("{cycles} cycles: {timing:?}");
     assert_eq!((timing.missed_steps, rig.exchange().restarts), (0, 0), "{timing:?}");
-    // For 3 ms after the cable was pulled the bus is not yet a suspended one; a third of the hosts is sent a
-    // frame a step.
+    // For 3 ms after the cable was pulled the bus is not yet a suspended one; a third of the hosts
+    // is sent a frame a step.
     assert!(timing.dropped_telemetry <= cycles, "{timing:?}");
     assert!(jitter_us(&timing) <= JITTER_US, "{timing:?}");
 }
@@ -251,7 +251,10 @@ fn assert_a_lost_host_vents(cases: u32) {
         rig.board.use_port(port);
         rig.board.ask(HostCommand::ClearFaults).unwrap();
         rig.start(FILL);
-        assert!(run(&mut rig, u32::from(JUDGING_STEPS) + 40 + random(60)), "case {case}: it fills");
+        assert!(
+            run(&mut rig, u32::from(STARTUP_CHECK_STEPS) + 40 + random(60)),
+            "case {case}: it fills"
+        );
         let last = random(1_000_000);
         rig.board.send(HostCommand::Alive);
         rig.run(last, silent);
@@ -280,7 +283,7 @@ fn assert_a_lost_host_vents(cases: u32) {
         run(&mut rig, 30);
         let telemetry = rig.board.take_telemetry();
         let faults = telemetry.last().map(|telemetry| telemetry.faults);
-        // Where the other line is pulled out, nobody is left to be told.
+        // If the other line is unplugged too, there is no host left to report to.
         if port == Port::Usb {
             assert_eq!(faults, Some(Faults::LINK_LOST), "case {case}");
         }

@@ -1,5 +1,5 @@
-//! The gas temperature: short cases of what `thermyo evaluate estimator` measures in full, and what a
-//! broken line does to it. Bounds on both sides: a figure far better than it can be is a broken
+//! The gas temperature: short cases of what `thermyo evaluate estimator` measures in full, and what
+//! a broken line does to it. Bounds on both sides: a figure far better than it can be is a broken
 //! measurement.
 
 use model_core::Faults;
@@ -17,13 +17,13 @@ fn broken(line: &str, fault: &str) -> Finished {
     cycle("lumped", &format!("[faults]\n{line} = \"{fault}\"\nfrom_s = 15.0\nuntil_s = 25.0\n"))
 }
 
-/// What the estimate was worth from one time to another.
+/// Quality of the estimate from one time to another.
 struct Worth {
     /// RMS error [K].
     error_k: f64,
-    /// Share of the time within two stated deviations.
+    /// Fraction of the time within two stated deviations.
     within: f64,
-    /// Share of the time in which it was marked as valid.
+    /// Fraction of the time in which it was marked as valid.
     valid: f64,
     faults: u16,
 }
@@ -51,7 +51,7 @@ fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
 }
 
 #[test]
-fn told_right_told_wrong_and_started_wrong() {
+fn configured_right_configured_wrong_and_started_wrong() {
     let cold = "[believed.heat]\nscale = 0.7\n";
     let quick = "[believed.sensor.gas]\ntime_constant_s = 2.4\n";
     let warm = "initial_temperature_k = 308.0\n";
@@ -84,7 +84,7 @@ fn a_sensor_off_the_middle_is_believed_less() {
 }
 
 #[test]
-fn a_correlation_of_the_heat_transfer_is_told_as_two_coefficients() {
+fn a_correlation_of_the_heat_transfer_is_configured_as_two_coefficients() {
     let run = cycle("lumped", "[heat]\nmodel = \"correlation\"\n");
     assert_within("RMS", worth(&run, 15.0, 40.0).error_k, (0.2, 1.0));
     // Still gas loses next to nothing then: it swings by three times as much.

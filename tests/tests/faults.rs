@@ -16,14 +16,14 @@ use thermyo_scenario::{Faults as Injected, PlantModel};
 const RUNS: u64 = 4;
 
 #[test]
-fn every_fault_is_found_in_time_and_what_has_to_follow_does() {
+fn every_fault_is_found_in_time_with_the_right_reaction() {
     let lines = table(&cases::all(), RUNS, &|| ()).unwrap();
     print!("{}", thermyo_evaluate::table(&lines));
     assert_eq!(missed(&lines).0, 0);
     assert_eq!(lines.len(), 31);
 }
 
-/// The same runs without their fault: what is found is found because of it.
+/// The same runs without their fault: detection is due to the fault.
 #[test]
 fn without_its_fault_no_run_shows_it() {
     let mut trials: Vec<Trial> = cases::all()
@@ -59,7 +59,7 @@ fn venting_takes_a_second_where_the_valve_is_large_enough() {
 }
 
 #[test]
-fn what_is_healthy_is_left_alone() {
+fn healthy_runs_raise_no_fault() {
     let configured_wrong = alarms::configured_wrong(0.2);
     let muscles = alarms::muscles();
     let healthy: Vec<_> = configured_wrong.iter().chain(&muscles[..6]).collect();
@@ -70,7 +70,7 @@ fn what_is_healthy_is_left_alone() {
 
 /// Every fault that the pins of the board show, one run each: as soon as in this process.
 #[test]
-fn the_emulated_board_finds_what_the_core_in_this_process_finds() {
+fn the_emulated_board_finds_the_same_faults_as_the_core() {
     if skip_emulator() {
         return;
     }

@@ -1,5 +1,5 @@
-//! What the firmware's arithmetic has in plain Rust against the host's FPU, to the bit. The rest of it
-//! is in `emulated_float`.
+//! What the firmware's arithmetic has in plain Rust against the host's FPU, to the bit. The rest of
+//! it is in `emulated_float`.
 
 use system_tests::float_pairs::{KINDS, Random, edge_pairs, same};
 

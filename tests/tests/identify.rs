@@ -1,8 +1,8 @@
 //! `thermyo identify`: it finds the parameters that a trace was made with, says how sure it is, and
 //! refuses what it cannot use.
 //!
-//! More seeds: `THERMYO_IDENTIFY_SEEDS=20 cargo test -p system-tests identify`. The measured
-//! cases need `THERMYO_DATA`, the folder with `gas_spring` and `hyddown`; without it they are skipped.
+//! More seeds: `THERMYO_IDENTIFY_SEEDS=20 cargo test -p system-tests identify`. The measured cases
+//! need `THERMYO_DATA`, the folder with `gas_spring` and `hyddown`; without it they are skipped.
 
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::trace::Row;
@@ -22,7 +22,7 @@ use thermyo_simulation::run;
 
 /// A short cycle of the lumped muscle; the default values are the true ones.
 const CYCLE: &str = "[run]\nduration_s = 15.0\nseed = 1\n[plant]\nmodel = \"lumped\"\n";
-/// What is believed at first, up to half wrong.
+/// Believed at first, wrong by up to 50 %.
 const WRONG: &str = "[plant]\nmodel = \"lumped\"\n\
     [heat]\ninner_w_m2_k = 120.0\n\
     [wall]\nheat_capacity_j_k = 45.0\n\
@@ -162,8 +162,8 @@ fn the_result_runs_and_the_report_shows_it() {
     }
 }
 
-/// A muscle that is shut and leaks, as a monitor records it; and the scenario that asks for the leak, configured five
-/// times too large.
+/// A muscle that is shut and leaks, as a monitor records it; and the scenario that asks for the
+/// leak, configured five times too large.
 fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
     let hold = format!(
         "[run]\nduration_s = {seconds:?}\nlog_every = 100\n\
@@ -182,7 +182,7 @@ fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
 }
 
 #[test]
-fn a_hold_tells_the_leak_or_says_that_it_cannot() {
+fn a_hold_identifies_the_leak_or_reports_that_it_cannot() {
     let found = held(20.0, 2.0e-12);
     assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
     let (value, error) = found.parameter("leak.conductance_m3_s_pa");
@@ -202,8 +202,8 @@ fn a_hold_tells_the_leak_or_says_that_it_cannot() {
     assert!(open || out.contains("is not determined"), "{out}");
 }
 
-/// A muscle's record as a board's monitor makes it, from some time on: 100 rows per second, its sensors'
-/// own noise and codes, no flow.
+/// A muscle's record as a board's monitor makes it, from some time on: 100 rows per second, its
+/// sensors' own noise and codes, no flow.
 fn monitored(model: &str, from_s: f64) -> String {
     let cycle = "[run]\nduration_s = 60.0\nlog_every = 10\n[plant]\nmodel = ";
     let run = run_text(&format!("{cycle}{model:?}\n"), &[]);
@@ -224,7 +224,7 @@ fn monitored(model: &str, from_s: f64) -> String {
     text
 }
 
-/// What the core believes of a muscle, up to half wrong.
+/// The core's believed values of a muscle, wrong by up to 50 %.
 fn configured(model: &str) -> String {
     format!(
         "[plant]\nmodel = {model:?}\n\
@@ -289,8 +289,8 @@ fn a_record_with_holes_or_of_something_else_is_remarked() {
     assert!(!whole.outcome.out.contains("is missed by"), "{}", whole.outcome.out);
 
     let time_s = |line: &str| line.split(',').next().and_then(|cell| cell.parse::<f64>().ok());
-    let told = |line: &&str| time_s(line).is_none_or(|time_s| !(20.005..35.0).contains(&time_s));
-    let holed: String = record.lines().filter(told).map(|line| line.to_owned() + "\n").collect();
+    let kept = |line: &&str| time_s(line).is_none_or(|time_s| !(20.005..35.0).contains(&time_s));
+    let holed: String = record.lines().filter(kept).map(|line| line.to_owned() + "\n").collect();
     let found = identify_texts(&holed, &configured("lumped"));
     let out = &found.outcome.out;
     assert!(out.contains("The record has holes, from 20.00 to 35.00 s: "), "{out}");
@@ -338,8 +338,8 @@ fn cooling_trace() -> String {
 }
 
 #[test]
-fn what_cannot_be_distinguished_is_said() {
-    // Heat flow is coefficient times surface: pressure knows the product only.
+fn indistinguishable_parameters_are_reported() {
+    // Heat flow is coefficient times surface: pressure shows only the product.
     let config = asking_for(COOLING, &["heat.inner_w_m2_k", "heat.scale"]);
     let found = identify_texts(&cooling_trace(), &config);
     assert_eq!(found.outcome.code, 1, "{}{}", found.outcome.out, found.outcome.err);
@@ -347,7 +347,7 @@ fn what_cannot_be_distinguished_is_said() {
     assert_eq!(found.summary["converged"], Value::Bool(false));
     assert!(found.summary["parameters"]["heat.scale"]["standard_error"].is_null());
 
-    // What nothing measured depends on.
+    // A parameter that no measurement depends on.
     let config = asking_for(COOLING, &["heat.inner_w_m2_k", "valve.conductance_m3_s_pa"]);
     let found = identify_texts(&cooling_trace(), &config);
     assert_eq!(found.outcome.code, 1, "{}", found.outcome.out);
@@ -482,7 +482,8 @@ fn measured_air_discharge() {
     let of = |key| found.figure(&["rmse", key]);
     let (pressure, temperature) = (of("pressure_pa"), of("temperature_k"));
     assert!((1.2..2.0).contains(&temperature), "{temperature} K");
-    // The readings themselves scatter by 1.4 kPa about a smooth curve; see docs/background/identification.md.
+    // The readings themselves scatter by 1.4 kPa about a smooth curve; see
+    // docs/background/identification.md.
     assert!((2_000.0..3_700.0).contains(&pressure), "{pressure} Pa");
     let (coefficient, error) = found.parameter("orifice.discharge_coefficient");
     assert!((0.82..0.92).contains(&coefficient) && error < 0.02, "{coefficient} ± {error}");

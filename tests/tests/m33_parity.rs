@@ -1,7 +1,7 @@
 //! The core on a Cortex-M33, which has an FPU, computes what it computes on the host, to the bit.
 //!
-//! The emulator computes with the host's FPU: what this shows is that the compiled code does the same
-//! operations in the same order. That the chip's FPU rounds as the host's does is IEEE 754.
+//! The emulator computes with the host's FPU: what this shows is that the compiled code does the
+//! same operations in the same order. That the chip's FPU rounds as the host's does is IEEE 754.
 
 use system_tests::m33::EmulatedM33;
 use system_tests::{parity, skip_emulator};

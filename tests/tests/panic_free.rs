@@ -1,4 +1,4 @@
-//! model-core linked alone has no way to a panic.
+//! model-core linked alone has no panic path.
 
 use system_tests::skip_emulator;
 use thermyo_boards::checkout::{Build, target_folder, workspace};

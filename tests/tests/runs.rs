@@ -1,18 +1,18 @@
-//! What holds for every run: the books close, the same seed gives the same bytes, what is printed
-//! is what was written.
+//! Properties of every run: mass and energy balance, the same seed gives the same bytes, and printed
+//! figures equal the written ones.
 
 use system_tests::{repository, run_file, run_text, thermyo};
 
 #[test]
-fn the_books_close_over_100_s() {
+fn mass_and_energy_balance_over_100_s() {
     for model in ["full", "lumped"] {
         let run = run_text(&format!("[plant]\nmodel = \"{model}\"\n"), &[]);
         assert_eq!(run.figure("strokes"), 20.0);
         assert_eq!(run.figure("core.steps"), 100_001.0);
         let (mass, energy) = (run.figure("mass_balance_error"), run.figure("energy_balance_error"));
         assert!(mass < 1e-9, "{model}: mass {mass}");
-        // The integrator and the books are of one order, not of one piece: an error of nothing
-        // would mean that the balance is closed by construction.
+        // Integrator and balance have the same order but are separate: an error of zero would mean
+        // that the balance is closed by construction.
         assert!(energy < 1e-6 && energy > 1e-16, "{model}: energy {energy}");
     }
 }

@@ -61,7 +61,7 @@ fn tune(text: &str, more: &[&str]) -> (Outcome, TempDir) {
 }
 
 #[test]
-fn what_it_writes_can_be_used_next() {
+fn the_written_scenario_can_be_used() {
     let (outcome, folder) = tune("[believed.friction]\nforce_n = 10.0\n", &["--json"]);
     assert_eq!(outcome.code, 0, "{}", outcome.err);
     let summary: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
@@ -69,7 +69,7 @@ fn what_it_writes_can_be_used_next() {
     assert_eq!((&first["path"], &first["before"]), (&"friction.force_n".into(), &10.0.into()));
     let tuned = thermyo_setup::load(&folder.path().join("out/tuned.toml")).unwrap();
     assert_eq!(Some(tuned.believed.friction.force_n), first["after"].as_f64());
-    // What the plant is stays what it was; the controller has no truth to differ from.
+    // The plant's keys are unchanged; the controller's have no true value.
     assert_eq!(tuned.plant.friction.force_n, 15.0);
     assert_eq!(tuned.plant.controller, tuned.believed.controller);
     assert!(
@@ -78,7 +78,7 @@ fn what_it_writes_can_be_used_next() {
 }
 
 #[test]
-fn the_pressure_stays_below_what_is_allowed() {
+fn the_pressure_stays_below_its_limit() {
     let (outcome, _folder) = tune("", &["--json", "--max-pressure", "250000"]);
     assert_eq!(outcome.code, 0, "{}", outcome.err);
     let summary: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
@@ -126,19 +126,19 @@ fn poor_data_is_refused_and_nothing_written() {
 }
 
 #[test]
-fn what_cannot_be_tuned_is_bad_input() {
+fn an_untunable_chamber_is_bad_input() {
     let vessel = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"discharge\"\n";
     let bellows = format!(
         "[plant]\nkind = \"table\"\n[table]\ncsv = \"{}/../scenarios/bellows.csv\"\n",
         env!("CARGO_MANIFEST_DIR")
     );
-    for (text, said) in [
+    for (text, message) in [
         (vessel, "plant.kind = \"vessel\": must be another one: a vessel has neither friction nor"),
         (&bellows, "plant.kind = \"table\": must be another one: area and stiffness of this one"),
     ] {
         let (outcome, folder) = tune(text, &[]);
         assert_eq!(outcome.code, 2, "{}", outcome.err);
-        assert!(outcome.err.contains(said), "{}", outcome.err);
+        assert!(outcome.err.contains(message), "{}", outcome.err);
         assert!(!folder.path().join("out").exists());
     }
 }

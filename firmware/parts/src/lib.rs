@@ -1,5 +1,5 @@
-//! Drivers of the digital sensors that the firmware reads, over the traits of `embedded-hal-async`. They give raw codes:
-//! what a code stands for is `model_core::sensing`'s business.
+//! Drivers of the digital sensors that the firmware reads, over the traits of `embedded-hal-async`.
+//! They return raw codes, which `model_core::sensing` converts.
 
 #![no_std]
 #![forbid(unsafe_code)]
@@ -14,11 +14,11 @@ pub mod mpr;
 /// Why there is no reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Error<E> {
-    /// The bus failed, or nobody answered.
+    /// The bus failed, or there was no answer.
     Bus(E),
-    /// Not the part that was started: nobody is there, another chip is, or its power was gone.
+    /// Not the chip that was started: none is there, another one is, or it has lost power.
     NotThere,
-    /// The part says that its sensor, or it itself, is broken.
+    /// The chip reports that its sensor or itself is broken.
     Broken,
 }
 
@@ -28,7 +28,7 @@ impl<E> From<E> for Error<E> {
     }
 }
 
-/// Waits for what a mock has ready at once.
+/// Runs a future that is ready at once, as a mock's are.
 #[cfg(test)]
 fn now<F: Future>(future: F) -> F::Output {
     let mut future = std::boxed::Box::pin(future);

@@ -1,36 +1,31 @@
-//! Maxim MAX31865, RTD to digital (data sheet 19-6478): SPI mode 1 or 3, 5 MHz at most. It converts by itself every
-//! 20 ms, and its DRDY goes low when there is a reading that nobody has read.
+//! Maxim MAX31865, RTD to digital (data sheet 19-6478): SPI mode 1 or 3, 5 MHz at most. It converts
+//! by itself every 20 ms, and its DRDY is low while there is an unread reading.
 
 use crate::Error;
 use embedded_hal_async::spi::SpiDevice;
 
-/// Address of the configuration; with this bit it is written.
+/// Address of the configuration, and the bit of an address that writes.
 const CONFIG: u8 = 0x00;
 const WRITE: u8 = 0x80;
-/// Bits of the configuration: bias on, conversions one after the other, clear the faults, filter for 50 Hz. 2 or 4
+/// Bits of the configuration: bias, continuous conversion, clear faults, 50 Hz filter. 2 or 4
 /// wires.
 const BIAS: u8 = 0x80;
 const CONTINUOUS: u8 = 0x40;
 const CLEAR: u8 = 0x02;
 const FILTER_50_HZ: u8 = 0x01;
-/// What it then reads back as.
+/// Configuration as it reads back once started.
 const RUNNING: u8 = BIAS | CONTINUOUS | FILTER_50_HZ;
 
-/// The chip.
 pub struct Max31865<S>(S);
 
 impl<S: SpiDevice> Max31865<S> {
-    /// The one behind this bus.
     pub fn new(spi: S) -> Self {
         Self(spi)
     }
 
-    /// Has it convert. The first reading takes 63 ms.
-    ///
-    /// # Errors
-    /// [`Error::Bus`]
+    /// Starts conversions. The first reading takes 63 ms.
     pub async fn start(&mut self) -> Result<(), Error<S::Error>> {
-        // The filter must not be changed while it converts.
+        // The filter must not change during conversions.
         self.configure(BIAS | CLEAR | FILTER_50_HZ).await?;
         self.configure(RUNNING).await
     }
@@ -39,11 +34,8 @@ impl<S: SpiDevice> Max31865<S> {
         Ok(self.0.write(&[CONFIG | WRITE, config]).await?)
     }
 
-    /// The last reading: R/R_ref in parts of 32768. With it comes the configuration, so that a chip that was without
-    /// power is noticed.
-    ///
-    /// # Errors
-    /// [`Error`]; a fault is cleared in the chip.
+    /// Reads the last reading, R/R_ref in parts of 32768, with the configuration, which shows a
+    /// loss of power. A fault is returned as [`Error::Broken`] and cleared in the chip.
     pub async fn read(&mut self) -> Result<u16, Error<S::Error>> {
         let mut bytes = [CONFIG; 4];
         self.0.transfer_in_place(&mut bytes).await?;
@@ -66,7 +58,7 @@ mod tests {
     use embedded_hal_async::spi::{ErrorKind, ErrorType, Operation};
     use std::vec::Vec;
 
-    /// The chip's registers behind a bus, as the data sheet has them.
+    /// The chip's registers behind a bus, as in the data sheet.
     #[derive(Default)]
     struct Chip {
         registers: [u8; 8],
@@ -90,7 +82,7 @@ mod tests {
                 match operation {
                     Operation::Write([0x80, config]) => {
                         self.written.push(*config);
-                        // The fault bit clears itself, and the faults.
+                        // The bit clears the faults and itself.
                         self.registers[0] = config & !CLEAR;
                         if config & CLEAR != 0 {
                             self.registers[7] = 0;
@@ -115,9 +107,8 @@ mod tests {
     }
 
     #[test]
-    fn it_is_started_before_it_converts() {
+    fn start_sets_the_filter_before_conversions() {
         let chip = running([0; 8]);
-        // The filter first, then the conversions.
         assert_eq!(chip.0.written, [0x83, 0xc1]);
     }
 
@@ -128,24 +119,24 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_told_and_cleared() {
+    fn a_fault_is_reported_and_cleared() {
         // Open: the reading is above the high threshold.
         let mut chip = running([0, 0xff, 0xff, 0xff, 0xff, 0, 0, 0]);
         chip.0.registers[2] = 0xff;
         chip.0.registers[7] = 0x80;
         assert_eq!(now(chip.read()), Err(Error::Broken));
         assert_eq!(chip.0.written.last(), Some(&0xc3));
-        assert_eq!(now(chip.read()), Ok(0x7fff), "until the chip says so again");
+        assert_eq!(now(chip.read()), Ok(0x7fff), "until the chip reports it again");
     }
 
     #[test]
     fn a_bus_without_the_chip_gives_no_reading() {
         let mut chip = running([0; 8]);
-        for nobody in [0x00, 0xff] {
-            chip.0.registers = [nobody; 8];
+        for level in [0x00, 0xff] {
+            chip.0.registers = [level; 8];
             assert_eq!(now(chip.read()), Err(Error::NotThere));
         }
-        // Power came back: its registers are what they are at the start.
+        // After a loss of power the registers have their initial values.
         chip.0.registers = [0, 0x40, 0, 0xff, 0xff, 0, 0, 0];
         assert_eq!(now(chip.read()), Err(Error::NotThere));
         chip.0.fails = true;

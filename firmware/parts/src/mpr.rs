@@ -1,38 +1,31 @@
-//! Honeywell MPR, pressure (data sheet 32332628): I2C at 0x18, 400 kHz at most. A measurement takes 5 ms after its
-//! command.
+//! Honeywell MPR, pressure (data sheet 32332628): I2C at 0x18, 400 kHz at most. A measurement takes
+//! 5 ms.
 
 use crate::Error;
 use embedded_hal_async::i2c::I2c;
 
 /// Address of most of the series.
 const ADDRESS: u8 = 0x18;
-/// Have it measure.
+/// Command that starts a measurement.
 const MEASURE: [u8; 3] = [0xaa, 0, 0];
-/// Status: powered; busy; its memory is damaged; its arithmetic saturated. The other bits are 0.
+/// Bits of the status. Those of damaged memory and saturated arithmetic are 0 in a healthy sensor.
 const POWERED: u8 = 0x40;
 const BUSY: u8 = 0x20;
 
-/// The part.
 pub struct Mpr<I>(I);
 
 impl<I: I2c> Mpr<I> {
-    /// The one on this bus.
     pub fn new(i2c: I) -> Self {
         Self(i2c)
     }
 
-    /// Has it measure: there is a reading 5 ms later.
-    ///
-    /// # Errors
-    /// [`Error::Bus`]
+    /// Starts a measurement: there is a reading 5 ms later.
     pub async fn start(&mut self) -> Result<(), Error<I::Error>> {
         Ok(self.0.write(ADDRESS, &MEASURE).await?)
     }
 
-    /// What it has measured, in parts of 2^24; `None` while it is busy.
-    ///
-    /// # Errors
-    /// [`Error`]: a healthy part's status is 0x40 alone.
+    /// Reads the measurement, in parts of 2^24; `None` while busy. Every status but powered and
+    /// busy is [`Error::Broken`].
     pub async fn read(&mut self) -> Result<Option<u32>, Error<I::Error>> {
         let mut bytes = [0; 4];
         self.0.read(ADDRESS, &mut bytes).await?;
@@ -83,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_asked_and_read() {
+    fn a_measurement_is_started_and_read() {
         let mut part = Mpr::new(Part { answer: Some([0x40, 0x66, 0x66, 0x67]), ..Part::default() });
         now(part.start()).unwrap();
         assert_eq!(part.0.written, [[0xaa, 0, 0]]);
@@ -91,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_busy_broken_or_gone_gives_no_reading() {
+    fn a_busy_broken_or_missing_sensor_gives_no_reading() {
         let mut part = Mpr::new(Part { answer: Some([0x60, 0, 0, 0]), ..Part::default() });
         assert_eq!(now(part.read()), Ok(None));
         // Memory, arithmetic, no power, a bus that is stuck high.
@@ -100,8 +93,8 @@ mod tests {
             assert_eq!(now(part.read()), Err(Error::Broken));
         }
         part.0.answer = None;
-        let nobody = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
-        assert_eq!(now(part.read()), Err(Error::Bus(nobody)));
-        assert_eq!(now(part.start()), Err(Error::Bus(nobody)));
+        let no_answer = ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address);
+        assert_eq!(now(part.read()), Err(Error::Bus(no_answer)));
+        assert_eq!(now(part.start()), Err(Error::Bus(no_answer)));
     }
 }

@@ -1,4 +1,4 @@
-//! What Raspberry Pi Pico (RP2040) and Pico 2 (RP2350) share: the same pins, the same peripherals.
+//! Common code of Raspberry Pi Pico (RP2040) and Pico 2 (RP2350): the same pins and peripherals.
 //!
 //! | pin | signal |
 //! |---|---|
@@ -46,13 +46,12 @@ unsafe fn SWI_IRQ_1() {
     unsafe { crate::on_control_interrupt() }
 }
 
-/// What the boards differ in.
+/// Differences between the boards.
 pub trait Member {
-    /// The chip.
     const CHIP: Chip;
-    /// What tells the board from all others; zeros where it cannot be read.
+    /// Unique number of the board; zeros where it cannot be read.
     fn unique_id(flash: Peri<'_, FLASH>) -> [u8; 8];
-    /// Has the boot ROM restart the chip as if BOOTSEL was pressed.
+    /// Restarts the chip into the boot ROM as if BOOTSEL was pressed.
     fn boot_loader() -> !;
 }
 
@@ -62,7 +61,7 @@ pub struct Rp<M>(PhantomData<M>);
 impl<M: Member> Board for Rp<M> {
     const CHIP: Chip = M::CHIP;
 
-    /// The PWM's divider has eight bits before the point and four behind.
+    /// The PWM's divider has eight integer bits and four fractional bits.
     fn maximum_period_steps() -> u16 {
         (0xfff / divider_sixteenths(1)) as u16
     }
@@ -106,12 +105,12 @@ impl<M: Member> Board for Rp<M> {
             uart_config,
         );
         let (sender, receiver) = uart.split();
-        // Half of the receiver's 32 bytes is room: 170 us.
+        // The interrupt comes at half of the receiver's 32 bytes, which leaves room for 170 us.
         pac::UART0.uartifls().modify(|levels| levels.set_rxiflsel(0b010));
-        // Above control, whose step is longer than that lasts.
+        // Above control, whose step takes longer than that.
         interrupt::UART0_IRQ.set_priority(Priority::P0);
         let usb = usb::Driver::new(p.USB, Irqs);
-        // Below control: the host waits until there is time for it.
+        // Below control: the USB host waits.
         interrupt::USBCTRL_IRQ.set_priority(Priority::P2);
 
         let mut spi_config = spi::Config::default();
@@ -150,14 +149,14 @@ impl<M: Member> Board for Rp<M> {
     }
 
     fn feed() {
-        // SAFETY: a single write of a register.
+        // SAFETY: it writes a single register.
         Watchdog::new(unsafe { peripherals::WATCHDOG::steal() }).feed(WATCHDOG);
     }
 
     fn vent() {
         // SAFETY: nothing else runs any more.
         let (inlet, outlet) = unsafe { (PIN_16::steal(), PIN_17::steal()) };
-        // A dropped output lets go of its pin.
+        // Forgotten, because a dropped output releases its pin.
         core::mem::forget((Output::new(inlet, Level::Low), Output::new(outlet, Level::Low)));
     }
 
@@ -177,24 +176,24 @@ impl<M: Member> Board for Rp<M> {
     const BOOT_LOADER: Option<fn() -> !> = Some(|| {
         cortex_m::interrupt::disable();
         Self::vent();
-        // Nobody feeds it there.
+        // The boot loader does not feed the watchdog.
         pac::WATCHDOG.ctrl().modify(|ctrl| ctrl.set_enable(false));
         M::boot_loader()
     });
 }
 
-/// Words of the vector table: 16 of the core and those of the chip's interrupts.
+/// Words of the vector table: 16 of the Arm core, and one for each interrupt of the chip.
 const VECTORS: usize = 16 + if cfg!(feature = "pico2") { 52 } else { 32 };
 
-/// The vector table, in RAM as the rest of the program: an interrupt that reads flash waits, and finds
-/// nothing while flash is written. Aligned for the longer of both (Armv8-M, VTOR).
+/// Vector table in RAM, as the rest of the program: flash cannot be read while it is written.
+/// Aligned for the longer of both tables (Armv8-M, VTOR).
 #[repr(C, align(512))]
 struct VectorTable([u32; VECTORS]);
 
-/// Interrupts take their handlers from RAM from here on. Once.
+/// Moves the vector table to RAM. To be called once.
 fn vectors_to_ram() {
     static TABLE: StaticCell<VectorTable> = StaticCell::new();
-    // SAFETY: the table in use is as long as this; the same handlers are in both.
+    // SAFETY: the active table has this length, and both have the same handlers.
     unsafe {
         let scb = &*cortex_m::peripheral::SCB::PTR;
         let table = TABLE.init_with(|| VectorTable(*(scb.vtor.read() as *const _)));
@@ -202,7 +201,6 @@ fn vectors_to_ram() {
     }
 }
 
-/// Single conversions in turn.
 pub struct Converter {
     adc: adc::Adc<'static, Blocking>,
     pressure: adc::Channel<'static>,
@@ -217,16 +215,16 @@ impl Adc for Converter {
             Channel::Gas => &mut self.gas,
             Channel::Length => &mut self.length,
         };
-        // A failed conversion reads as a broken sensor, which the core's supervisor knows.
+        // A failed conversion reads as a broken sensor, which the core's supervisor detects.
         self.adc.blocking_read(channel).unwrap_or(0)
     }
 
-    /// The UART's: its receiver has room.
+    /// Masks the UART, whose receiver buffers meanwhile.
     fn hold_others(&mut self, held: bool) {
         if held {
             interrupt::UART0_IRQ.disable();
         } else {
-            // SAFETY: it was before.
+            // SAFETY: it was enabled before.
             unsafe { interrupt::UART0_IRQ.enable() };
         }
     }
@@ -240,12 +238,12 @@ pub struct Slice {
     over: Outover,
 }
 
-/// GP16 and GP17.
+// GP16 and GP17.
 const INLET_PIN: usize = 16;
 const OUTLET_PIN: usize = 17;
 
-/// Divider of the system clock, in sixteenths, with which the counter takes `steps`. Exact for
-/// every whole number of milliseconds at 125 MHz and at 150 MHz.
+/// Divider of the system clock, in sixteenths, for a period of `steps`. Exact for every whole
+/// number of milliseconds at 125 MHz and at 150 MHz.
 fn divider_sixteenths(steps: u16) -> u32 {
     let clocks = clk_sys_freq() / 1_000_000 * STEP_US * u32::from(steps);
     16 * clocks / u32::from(Duty::FULL.ticks())
@@ -287,7 +285,7 @@ impl Valves for Slice {
     fn drive(&mut self, command: Command) {
         let before = (self.config.compare_a, self.config.compare_b);
         self.set_coils(command);
-        // A pad's override acts at once, and the PWM's phase stays.
+        // The pad's override acts at once and keeps the PWM's phase.
         let over = if command == Command::VENT { Outover::LOW } else { Outover::NORMAL };
         if over != self.over {
             for pin in [INLET_PIN, OUTLET_PIN] {
@@ -296,7 +294,7 @@ impl Valves for Slice {
             self.over = over;
         }
         if (self.config.compare_a, self.config.compare_b) != before {
-            // Compare values are taken over where the counter wraps: a pulse is never cut.
+            // Compare values take effect where the counter wraps, so that no pulse is cut.
             self.pwm.set_config(&self.config);
         }
     }

@@ -1,6 +1,6 @@
-//! SPI and I2C for digital sensors, whose messages fit the peripherals' own buffers: bytes go in, the task sleeps for the
-//! time that they take on the wire, and what came is there. No interrupt and no DMA, which would be 5 KiB of the
-//! image with embassy's drivers, and a bus that stands still ends no wait.
+//! SPI and I2C for digital sensors, whose messages fit the peripherals' FIFOs. The task fills the
+//! FIFO, sleeps for the time on the wire, and reads the answer. embassy's drivers with interrupts
+//! and DMA would take 5 KiB of the image; here a bus that hangs blocks no task.
 
 use embassy_rp::gpio::Output;
 use embassy_rp::i2c::{self, I2c};
@@ -11,21 +11,20 @@ use embassy_time::Timer;
 use embedded_hal_async::i2c as hal_i2c;
 use embedded_hal_async::spi as hal_spi;
 
-/// Bytes that the SPI holds.
+/// Depth of the SPI's FIFO \[bytes\].
 const SPI_BYTES: usize = 8;
-/// Time that a byte takes at 1 MHz, and that may be lost around them \[us\].
+/// Time of a byte at 1 MHz, and margin per message \[us\].
 const SPI_BYTE_US: u64 = 8;
 const SPI_ROOM_US: u64 = 4;
 
 /// One device on SPI1, at 1 MHz.
 pub struct SpiDevice {
-    /// Set up by embassy, and not used any further.
+    /// Set up by embassy, and only kept.
     _spi: Spi<'static, SPI1, spi::Blocking>,
     select: Output<'static>,
 }
 
 impl SpiDevice {
-    /// Behind this chip select.
     pub fn new(spi: Spi<'static, SPI1, spi::Blocking>, select: Output<'static>) -> Self {
         Self { _spi: spi, select }
     }
@@ -36,7 +35,7 @@ impl hal_spi::ErrorType for SpiDevice {
 }
 
 impl hal_spi::SpiDevice for SpiDevice {
-    /// Bytes that are written, or written and read in place, [`SPI_BYTES`] at most.
+    /// One write or transfer in place, of [`SPI_BYTES`] at most.
     async fn transaction(
         &mut self,
         operations: &mut [hal_spi::Operation<'_, u8>],
@@ -72,22 +71,21 @@ impl hal_spi::SpiDevice for SpiDevice {
     }
 }
 
-/// Commands that the I2C holds, and bytes that it holds for us.
+/// Depth of the I2C's FIFOs of commands and of received bytes.
 const I2C_BYTES: usize = 16;
 /// Speed of the bus \[Hz\].
 pub const I2C_HZ: u32 = 400_000;
-/// Time that a byte takes, and the address and what is around it \[us\].
+/// Time of a byte, and of the address with a margin \[us\].
 const I2C_BYTE_US: u64 = 24;
 const I2C_ROOM_US: u64 = 60;
 
 /// I2C0, at [`I2C_HZ`].
 pub struct I2cBus {
-    /// Set up by embassy, and not used any further.
+    /// Set up by embassy, and only kept.
     _i2c: I2c<'static, I2C0, i2c::Blocking>,
 }
 
 impl I2cBus {
-    /// The one that was set up.
     pub fn new(i2c: I2c<'static, I2C0, i2c::Blocking>) -> Self {
         Self { _i2c: i2c }
     }
@@ -98,7 +96,7 @@ impl hal_i2c::ErrorType for I2cBus {
 }
 
 impl hal_i2c::I2c for I2cBus {
-    /// One message, of 16 bytes at most.
+    /// One message of [`I2C_BYTES`] at most.
     async fn transaction(
         &mut self,
         address: u8,
@@ -115,7 +113,7 @@ impl hal_i2c::I2c for I2cBus {
             return Err(hal_i2c::ErrorKind::Overrun);
         }
         let registers = pac::I2C0;
-        // What is left of another message goes with that.
+        // Disabling it discards the rest of an earlier message.
         registers.ic_enable().write(|enable| enable.set_enable(false));
         registers.ic_tar().write(|target| target.set_ic_tar(address.into()));
         registers.ic_clr_intr().read();

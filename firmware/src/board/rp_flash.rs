@@ -1,7 +1,7 @@
-//! The end of the flash of a Raspberry Pi Pico or Pico 2, erased and programmed by the functions of the boot ROM.
+//! The end of the flash of a Raspberry Pi Pico or Pico 2, erased and programmed by the boot ROM.
 //!
-//! Interrupts stay on: the program and its vector table are in RAM, so that control goes on while the flash
-//! is busy and cannot be read.
+//! Interrupts stay on: the program and its vector table are in RAM, so that control continues while
+//! the flash is busy and cannot be read.
 
 use embassy_rp::Peri;
 use embassy_rp::flash::FLASH_BASE;
@@ -14,10 +14,10 @@ unsafe extern "C" {
     static __store: u8;
 }
 
-/// Erased and programmed in pieces of this many bytes (W25Q16JV).
+/// Bytes that are erased and programmed at once (W25Q16JV).
 const SECTOR: usize = 4096;
 const PAGE: usize = 256;
-/// The command that erases more at once, of which the ROM makes no use for a sector.
+/// Command that erases a larger block, which the ROM does not use for a single sector.
 const BLOCK: u32 = 1 << 16;
 const ERASE_BLOCK: u8 = 0xd8;
 
@@ -25,12 +25,11 @@ const ERASE_BLOCK: u8 = 0xd8;
 pub struct StoreFlash(());
 
 impl StoreFlash {
-    /// The chip's only one.
     pub fn new(_flash: Peri<'static, FLASH>) -> Self {
         Self(())
     }
 
-    /// Offset in the flash of a piece of the store.
+    /// Converts an offset in the store to an offset in the flash.
     fn place(offset: u32, bytes: usize) -> Result<usize, NorFlashErrorKind> {
         let store = (&raw const __store).addr() - FLASH_BASE.addr();
         let offset = offset as usize;
@@ -43,15 +42,15 @@ impl StoreFlash {
     /// Runs one of the ROM's functions while the flash cannot be read.
     ///
     /// # Safety
-    /// It keeps to the store.
+    /// The operation must stay within the store.
     unsafe fn write_with(operation: impl FnOnce()) {
-        // SAFETY: nothing reads flash but this very module, which is at this.
+        // SAFETY: only this module reads flash, and it does not while this function runs.
         unsafe {
             rom_data::connect_internal_flash();
             rom_data::flash_exit_xip();
             operation();
             rom_data::flash_flush_cache();
-            // Slower than what the boot loader had set up; only a start needs that, and sets it up again.
+            // Slower than the boot loader's mode, which only a start needs and sets up again.
             rom_data::flash_enter_cmd_xip();
         }
     }
@@ -66,7 +65,8 @@ impl ReadNorFlash for StoreFlash {
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
         let from = FLASH_BASE.addr() + Self::place(offset, bytes.len())?;
-        // SAFETY: it is flash, which can be read and is not being written: that happens here.
+        // SAFETY: the range is flash, which only this module writes, and it is not being written
+        // now.
         bytes.copy_from_slice(unsafe {
             core::slice::from_raw_parts(from as *const u8, bytes.len())
         });
@@ -99,7 +99,7 @@ impl NorFlash for StoreFlash {
         let mut place = Self::place(offset, bytes.len())?;
         let mut rest = bytes;
         while !rest.is_empty() {
-            // A page at a time; ones leave what is there.
+            // A page at a time. Programming ones changes nothing.
             let mut page = [0xff; PAGE];
             let room = page.split_at_mut(place % PAGE).1;
             let count = room.len().min(rest.len());

@@ -6,14 +6,12 @@ use embassy_time::{Duration, Instant, with_timeout};
 use model_core::Sample;
 use model_core::sensing::Sensors;
 
-/// The host's samples, one step for each.
 pub struct Host {
     shared: &'static Shared,
     sample: Sample,
 }
 
 impl Host {
-    /// Samples that the link leaves in `shared`.
     pub fn new(shared: &'static Shared) -> Self {
         Self { shared, sample: Sample::default() }
     }

@@ -9,19 +9,20 @@ use model_core::sample::OVERSAMPLING;
 use model_core::sensing::Sensors;
 use model_core::{AdcCode, Sample};
 
-/// The timer is set this much ahead, and the rest is waited for in place: the way from the timer's
-/// interrupt to the task takes some 14 us, and the line's interrupt may come in between. It is held back then.
+/// The timer is set this much early, and the task polls for the rest: the timer's interrupt takes
+/// some 14 us to reach the task, and the serial interrupt may delay it. That one is masked while
+/// polling.
 const LEAD: Duration = Duration::from_micros(30);
 
-/// The board's own inputs, at every whole millisecond.
 pub struct Inputs<A, P> {
     adc: A,
     run_line: P,
-    /// Time of the next step; of the first one when it is asked for: what comes before takes its time.
+    /// Time of the next step. The first one is set when it is requested, since the start takes
+    /// time.
     due: Option<Instant>,
-    /// Steps left out since the last one: kept here, because an order may end a wait early.
+    /// Steps left out since the last one; a field, because an order may end a wait early.
     missed: u32,
-    /// Where the digital sensors' readings are, and the last ones of pressure and gas.
+    /// Digital sensors, and their last readings of pressure and gas.
     #[cfg(feature = "parts")]
     parts: (&'static crate::parts::Parts, [u32; 2]),
 }
@@ -40,7 +41,7 @@ impl<A: Adc, P: InputPin> Inputs<A, P> {
         }
     }
 
-    /// A sum of conversions: averaging costs no division, and the core knows the sum's scale.
+    /// Sum of conversions. The core scales the sum, which saves a division.
     fn code(&mut self, channel: Channel) -> AdcCode {
         let mut sum = 0_u16;
         for _ in 0..OVERSAMPLING {
@@ -90,7 +91,7 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
             }
         }
         self.adc.hold_others(false);
-        // A line that cannot be read is a line that is open.
+        // An input that cannot be read counts as open.
         Sample { emergency_stop: !self.run_line.is_high().unwrap_or(false), ..codes }
     }
 }

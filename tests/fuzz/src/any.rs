@@ -1,4 +1,4 @@
-//! Any value of a type that serde can read, whatever its fields are: from choices, not from text.
+//! Values of any type that serde can read, made from choices instead of text.
 
 use arbitrary::Unstructured;
 use serde::de::{
@@ -6,22 +6,22 @@ use serde::de::{
     VariantAccess, Visitor,
 };
 
-/// Where the choices come from.
+/// Source of choices.
 pub trait Choices {
     /// A number.
     fn real(&mut self) -> f32;
-    /// A whole number of so many bits, or fewer.
+    /// A whole number of at most so many bits.
     fn whole(&mut self, bits: u32) -> u64;
     /// One of so many.
     fn one_of(&mut self, count: u32) -> u32;
 }
 
-/// A value made of `choices`; none where they make no value, such as a duty of twice the period.
+/// A value made of `choices`; `None` where they make none, such as a duty above 1.
 pub fn value<T: DeserializeOwned>(choices: &mut impl Choices) -> Option<T> {
     T::deserialize(Chosen(choices)).ok()
 }
 
-/// Any bits, and those that matter most more often. Bytes that have run out are zeros.
+/// Any bits, edge cases more often. When the input has run out, zeros.
 impl Choices for Unstructured<'_> {
     fn real(&mut self) -> f32 {
         const SPECIAL: [f32; 12] = [

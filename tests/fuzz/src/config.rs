@@ -1,4 +1,4 @@
-//! Configurations that `Config::check` allows, over the whole of what it allows.
+//! Configurations over the whole range that `Config::check` allows.
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
@@ -24,22 +24,22 @@ struct Kind {
     names: Vec<&'static str>,
 }
 
-/// How far from a usual configuration.
+/// Distance from a usual configuration.
 #[derive(Clone, Copy, PartialEq)]
 enum Spread {
-    /// It is the usual one.
+    /// The usual one.
     Usual,
-    /// These alone are anywhere.
+    /// Only these are anywhere in their range.
     Some([usize; 3]),
-    /// Everything is within a factor of two.
+    /// Every number is within a factor of two.
     Near,
-    /// A quarter of the numbers is anywhere.
+    /// A quarter of the numbers is anywhere in its range.
     Quarter,
-    /// Every number is anywhere.
+    /// Every number is anywhere in its range.
     All,
 }
 
-/// A configuration. No bytes: the default one.
+/// A configuration; without bytes the default one.
 pub fn from_bytes(bytes: &mut Unstructured) -> Config {
     let kinds = kinds();
     let kind = any::one_of(bytes, kinds);
@@ -67,7 +67,7 @@ pub fn from_bytes(bytes: &mut Unstructured) -> Config {
     drawn.unwrap_or(kind.base)
 }
 
-/// A share of 1, in 2^16 parts.
+/// A fraction of 1, in 2^16 parts.
 pub fn share(bytes: &mut Unstructured) -> f32 {
     bytes.whole(16) as f32 / 65_535.0
 }
@@ -87,8 +87,8 @@ fn anywhere(bytes: &mut Unstructured, usual: f32, allowed: &ConfigError) -> f32 
     }
 }
 
-/// The configuration whose numbers are what `number` says, asked in the order in which they are checked; none
-/// where the rows of a table leave the next one no room.
+/// The configuration whose numbers are what `number` says, asked in the order in which they are
+/// checked; none where the rows of a table leave the next one no room.
 fn filled(kind: &Kind, mut number: impl FnMut(usize, &ConfigError) -> f32) -> Option<Config> {
     let mut numbers = vec![f32::NAN; kind.numbers.len()];
     loop {

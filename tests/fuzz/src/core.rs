@@ -1,4 +1,4 @@
-//! Whole lives of a core: any configuration, any samples, whatever the host asks and whenever.
+//! Whole lives of a core: any configuration, any samples, any requests at any time.
 
 use crate::any::{self, Choices, byte};
 use crate::config;
@@ -11,7 +11,7 @@ use rand_xoshiro::Xoshiro128PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use thermyo_runs::replay::identical;
 
-/// Faults that vent, as the table of `model_core::safety::supervisor` has them.
+/// Venting faults, as in the table of `model_core::safety::supervisor`.
 const VENTING: Faults = Faults::EMERGENCY_STOP
     .with(Faults::PRESSURE_SENSOR)
     .with(Faults::OVERPRESSURE)
@@ -25,19 +25,19 @@ const VENTING: Faults = Faults::EMERGENCY_STOP
     .with(Faults::FORCE)
     .with(Faults::GAS_LOST);
 
-/// Temperatures beyond which neither gas nor wall lies \[K\].
+/// Limits of gas and wall temperature \[K\].
 const POSSIBLE_K: std::ops::RangeInclusive<f32> = 100.0..=1000.0;
 
-/// Requests of one case.
+/// Maximum number of requests of a case.
 const MOST_REQUESTS: usize = 100;
 
-/// The steps between two requests. Long ones are rare, so that a case takes milliseconds.
+/// Steps between two requests. Long pauses are rare, so that a case takes milliseconds.
 const STEPS: [u16; 16] = [1, 2, 5, 9, 10, 11, 20, 30, 49, 50, 70, 100, 200, 400, 1000, 3000];
 
 /// Lives one life; returns its steps.
 ///
 /// # Panics
-/// Where something does not hold.
+/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let mut life = Life::new(&mut bytes);
@@ -55,9 +55,9 @@ struct Life {
     core: Core,
     /// The same core where subnormal numbers are zeros.
     flushed: Core,
-    /// The set point given since the core last vented, by whatever cause.
+    /// The set point given since the core last vented for any cause.
     set_point: SetPoint,
-    /// The set point that the openings of this PWM period come from.
+    /// The set point from which the duties of this PWM period come.
     held: SetPoint,
     armed: bool,
     /// Steps since the PWM period began, the coming one not counted.
@@ -97,7 +97,7 @@ impl Life {
         }
     }
 
-    /// What the host asks between two steps.
+    /// Requests between two steps.
     fn request(&mut self, bytes: &mut Unstructured) {
         match byte(bytes) % 16 {
             0 => {}
@@ -136,7 +136,7 @@ impl Life {
                 self.set(set_point);
             }
         }
-        self.keeps_what_is_latched();
+        self.keeps_latched_faults();
         match byte(bytes) % 4 {
             0 => {}
             1 => self.pressure.change(bytes),
@@ -262,7 +262,7 @@ impl Life {
             let same = command == self.command;
             self.holds(same, "openings change where a period begins", about);
         }
-        self.keeps_what_is_latched();
+        self.keeps_latched_faults();
         self.holds(faults.of(self.latched) == self.latched, "what is latched shows", about);
 
         self.latched = self.core.supervisor().latched();
@@ -270,7 +270,7 @@ impl Life {
         self.step += 1;
     }
 
-    /// Openings with which a period begins are what its set point allows.
+    /// Checks that the duties at the begin of a period are allowed by its set point.
     fn asked_for(&self, telemetry: &Telemetry) {
         let about = Some(telemetry);
         let Command { inlet, outlet } = telemetry.command;
@@ -291,7 +291,7 @@ impl Life {
         self.holds(!above, "no pulse of the inlet begins above the working limit", about);
     }
 
-    fn keeps_what_is_latched(&self) {
+    fn keeps_latched_faults(&self) {
         let latched = self.core.supervisor().latched();
         self.holds(latched.of(self.latched) == self.latched, "what is latched stays", None);
     }
@@ -326,7 +326,7 @@ fn started(config: &Config) -> (Core, Core) {
     (new(), flushed(new))
 }
 
-/// A set point, mostly one that is taken.
+/// A set point, mostly one that is accepted.
 fn set_point(bytes: &mut Unstructured, config: &Config) -> SetPoint {
     let kind = byte(bytes) % 16;
     if kind >= 12 {

@@ -1,7 +1,7 @@
 //! The processor's mode in which subnormal numbers are zeros.
 
-/// What `work` gives where subnormal operands and results are zeros: flush-to-zero and
-/// denormals-are-zero of x86_64. On other processors it is what `work` gives.
+/// Runs `work` with subnormal operands and results as zeros: flush-to-zero and denormals-are-zero of
+/// x86_64. On other processors it runs `work` unchanged.
 pub fn flushed<R>(work: impl FnOnce() -> R) -> R {
     let _mode = Mode::flush();
     apart(work)
@@ -13,7 +13,7 @@ fn apart<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// The mode before; returned to when dropped, by a panic too.
+/// The mode before; restored when dropped, also by a panic.
 struct Mode(u32);
 
 #[cfg(target_arch = "x86_64")]
@@ -30,7 +30,7 @@ impl Mode {
     }
 
     fn load(mxcsr: u32) {
-        // SAFETY: what was stored, with two bits that x86_64 has.
+        // SAFETY: the stored value with two bits that x86_64 defines.
         unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const mxcsr) };
     }
 }

@@ -1,4 +1,4 @@
-//! The wire: any bytes, and frames that were meant.
+//! The wire: random bytes, and valid frames.
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
@@ -12,7 +12,7 @@ const MOST_FRAMES: usize = 64;
 /// Sends a stream; returns its frames, those of garbage included.
 ///
 /// # Panics
-/// Where something does not hold.
+/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     match byte(&mut bytes) % 4 {
@@ -25,8 +25,8 @@ pub fn run(bytes: &[u8]) -> u64 {
     }
 }
 
-/// Bytes that nobody meant. Each frame is a message or is counted as none, and what is a message is
-/// one again when it is sent.
+/// Random bytes. Each frame is a message or is counted as malformed, and each message survives being
+/// sent again.
 fn garbage<T: Serialize + DeserializeOwned>(bytes: &[u8]) -> u64 {
     let mut decoder = Decoder::new();
     let mut messages = 0;
@@ -41,8 +41,8 @@ fn garbage<T: Serialize + DeserializeOwned>(bytes: &[u8]) -> u64 {
     u64::from(messages + dropped)
 }
 
-/// Frames of any messages, some of them damaged. A frame that is whole arrives, whatever came before
-/// the zero before it.
+/// Frames of any messages, some of them damaged. A frame that is whole arrives, whatever came
+/// before the zero before it.
 fn stream<T: Serialize + DeserializeOwned>(bytes: &mut Unstructured) -> u64 {
     let mut decoder = Decoder::new();
     let mut frames = 0;

@@ -1,5 +1,6 @@
-//! Two hosts at one arbiter: whatever they send and however late the board reads it, a stop overtakes what was sent
-//! before it, and a host that falls silent is not kept alive by the other one.
+//! Two hosts at one arbiter: whatever they send and however late the board reads it, a stop
+//! overtakes what was sent before it, and a host that falls silent is not kept alive by the other
+//! one.
 
 use crate::any::byte;
 use arbitrary::Unstructured;
@@ -11,8 +12,8 @@ const LINES: usize = 2;
 const TIMEOUT_STEPS: u64 = 5;
 /// Steps for which a frame that was sent may not be seen by the board.
 const MOST_HIDDEN_STEPS: u8 = SETTLING_STEPS;
-/// Steps after the last frame of its line, and the other line's last stop, after which an order is carried out where
-/// the board reads at once.
+/// Steps after the last frame of its line, and the other line's last stop, after which an order is
+/// carried out where the board reads at once.
 const SETTLED_STEPS: u64 = SETTLING_STEPS as u64 + MOST_HIDDEN_STEPS as u64 + 3;
 /// The steps between two events.
 const STEPS: [u8; 8] = [1, 1, 1, 2, 3, 5, 8, 40];
@@ -63,7 +64,8 @@ struct Hosts {
     lines: [Line; LINES],
     event: u64,
     step: u64,
-    /// Line whose order holds, and the steps for which its host has been silent by what the arbiter says.
+    /// Line whose order holds, and the steps for which its host has been silent by what the arbiter
+    /// says.
     driven: Option<(usize, u64)>,
     /// The tasks never wait.
     prompt: bool,
@@ -72,7 +74,7 @@ struct Hosts {
 /// Lives one life of both hosts; returns its steps.
 ///
 /// # Panics
-/// Where something does not hold.
+/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let mut hosts = Hosts { prompt: byte(&mut bytes).is_multiple_of(2), ..Hosts::default() };

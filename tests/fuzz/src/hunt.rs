@@ -1,4 +1,4 @@
-//! Cases by the thousand: made, tried, and shortened where something does not hold.
+//! Makes thousands of cases, tries them, and shortens those that violate a property.
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -14,14 +14,14 @@ const MOST_BYTES: u32 = 600;
 /// Cases that are tried to make one shorter.
 const SHORTENINGS: u32 = 20_000;
 
-/// What is fed.
+/// Code under test.
 #[derive(Debug, Clone, Copy)]
 pub struct Target {
-    /// Its name, that of its folder in `corpus/`.
+    /// Name, also of its folder in `corpus/`.
     pub name: &'static str,
-    /// What it counts.
+    /// Unit of its count.
     pub counts: &'static str,
-    /// Takes a case, returns its count, panics where something does not hold.
+    /// Takes a case and returns its count; panics when a property is violated.
     pub run: fn(&[u8]) -> u64,
 }
 
@@ -34,10 +34,10 @@ pub const TARGETS: [Target; 5] = [
     Target { name: "hosts", counts: "steps of two hosts", run: crate::hosts::run },
 ];
 
-/// Something that does not hold.
+/// A violated property.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Violation {
-    /// Where in the source, one kind each.
+    /// Place in the source, one for each kind.
     pub place: String,
     /// What does not hold.
     pub what: String,
@@ -45,7 +45,7 @@ pub struct Violation {
     pub case: Vec<u8>,
 }
 
-/// What a hunt has seen.
+/// Result of a hunt.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hunted {
     /// Cases tried.
@@ -70,15 +70,12 @@ pub fn catch_panics() {
 }
 
 impl Target {
-    /// Tries one case; returns its count.
-    ///
-    /// # Errors
-    /// What does not hold.
+    /// Tries one case; returns its count, or the violation.
     pub fn attempt(&self, case: &[u8]) -> Result<u64, Violation> {
         catch_unwind(AssertUnwindSafe(|| (self.run)(case))).map_err(|panic| {
-            let said = panic.downcast_ref::<String>().cloned();
-            let said = said.or_else(|| panic.downcast_ref::<&str>().map(ToString::to_string));
-            let what = said.unwrap_or_default();
+            let message = panic.downcast_ref::<String>().cloned();
+            let message = message.or_else(|| panic.downcast_ref::<&str>().map(ToString::to_string));
+            let what = message.unwrap_or_default();
             let first = what.lines().next().unwrap_or_default();
             let place = PLACE.take();
             // Violations of one property have one place, whatever numbers they name.
@@ -88,9 +85,6 @@ impl Target {
     }
 
     /// The cases in `corpus/`, by name.
-    ///
-    /// # Errors
-    /// When they cannot be read.
     pub fn corpus(&self) -> io::Result<Vec<(PathBuf, Vec<u8>)>> {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(self.name);
         let mut files = fs::read_dir(folder)?
@@ -105,9 +99,6 @@ impl Target {
     }
 
     /// Tries cases on all cores until they count `count`; the same `seed` tries the same ones.
-    ///
-    /// # Errors
-    /// When the corpus cannot be read.
     pub fn hunt(&self, count: u64, seed: u64) -> io::Result<Hunted> {
         let corpus: Vec<Vec<u8>> = self.corpus()?.into_iter().map(|(_, bytes)| bytes).collect();
         let (next, counted) = (AtomicU64::new(0), AtomicU64::new(0));
@@ -142,7 +133,7 @@ impl Target {
         })
     }
 
-    /// The same violation by a shorter and plainer case.
+    /// Finds a shorter and simpler case with the same violation.
     fn shortened(&self, violation: Violation) -> Violation {
         let mut best = violation;
         let mut left = SHORTENINGS;
@@ -184,7 +175,7 @@ impl Target {
     }
 }
 
-/// Case `number`: bytes of chance, or one of the corpus changed in a few places.
+/// Case `number`: random bytes, or a case of the corpus changed in a few places.
 fn made(corpus: &[Vec<u8>], seed: u64, number: u64) -> Vec<u8> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     // As far from each other as chance is.

@@ -1,8 +1,8 @@
-//! Inputs that nobody would think of, and what has to hold for every one of them.
+//! Random inputs, and properties that have to hold for all of them.
 //!
-//! A case is a few hundred bytes. [`core`], [`frames`], [`scenarios`], [`tables`] and [`hosts`] each make their
-//! input of them, and panic where something does not hold. [`hunt`] makes cases, half of them from those
-//! of `corpus/`, and shortens the ones that fail.
+//! A case is a few hundred bytes. [`core`], [`frames`], [`scenarios`], [`tables`] and [`hosts`]
+//! each make their input of them, and panic where something does not hold. [`hunt`] makes cases,
+//! half of them from those of `corpus/`, and shortens the ones that fail.
 
 pub mod any;
 pub mod config;

@@ -1,4 +1,4 @@
-//! Hunts: cases of chance and from the corpus, until they count as many as asked for.
+//! Tries random cases and changed cases of the corpus, up to a requested count.
 
 use clap::Parser;
 use fuzz::hunt::{TARGETS, Target, Violation, catch_panics};
@@ -77,8 +77,8 @@ fn again(cases: &[PathBuf]) -> io::Result<bool> {
         let folder = file.parent().and_then(Path::file_name);
         let named = |target: &&Target| folder.is_some_and(|name| name == target.name);
         let Some(target) = TARGETS.iter().find(named) else {
-            let said = format!("{}: its folder is no target's", file.display());
-            return Err(io::Error::new(io::ErrorKind::InvalidInput, said));
+            let message = format!("{}: its folder is no target's", file.display());
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
         };
         match target.attempt(&fs::read(file)?) {
             Ok(count) => println!("{}: {count} {}, holds", file.display(), target.counts),

@@ -1,4 +1,4 @@
-//! Scenario files: any text, and text made of the keys that there are.
+//! Scenario files: random text, and text made of valid keys.
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
@@ -13,13 +13,13 @@ use thermyo_setup::{Loaded, OBSERVABLE};
 
 /// Keys of one case.
 const MOST_KEYS: usize = 24;
-/// In no folder that exists, so that no CSV file is found.
+/// In a folder that does not exist, so that no CSV file is found.
 const ORIGIN: &str = "nowhere/scenario.toml";
 
 /// Loads a scenario; returns 1.
 ///
 /// # Panics
-/// Where something does not hold.
+/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let text = match byte(&mut bytes) % 4 {
@@ -28,12 +28,12 @@ pub fn run(bytes: &[u8]) -> u64 {
     };
     match thermyo_setup::parse(&text, Path::new(ORIGIN)) {
         Ok(loaded) => loads(&loaded, &text),
-        Err(error) => says_where(&error, ORIGIN),
+        Err(error) => assert_names_place(&error, ORIGIN),
     }
     1
 }
 
-/// What is loaded, the core takes, and it is the same once it is printed.
+/// Checks that the core accepts a loaded scenario, and that printing preserves it.
 fn loads(loaded: &Loaded, text: &str) {
     for side in [&loaded.plant, &loaded.believed] {
         if let Err(error) = Core::new(&core_config(side)) {
@@ -47,13 +47,13 @@ fn loads(loaded: &Loaded, text: &str) {
     }
 }
 
-/// One line that begins with the file.
-pub fn says_where(error: &InputError, file: &str) {
-    let said = error.to_string();
-    let rest = said.strip_prefix(file).and_then(|rest| rest.strip_prefix(':'));
-    assert!(rest.is_some_and(|rest| rest.len() > 4), "names no file: {said:?}");
-    assert!(!said.contains(char::is_control), "more than one line: {said:?}");
-    assert!(said.len() < 4000, "{} bytes: {said}", said.len());
+/// Asserts that the message is one line that begins with the file.
+pub fn assert_names_place(error: &InputError, file: &str) {
+    let message = error.to_string();
+    let rest = message.strip_prefix(file).and_then(|rest| rest.strip_prefix(':'));
+    assert!(rest.is_some_and(|rest| rest.len() > 4), "names no file: {message:?}");
+    assert!(!message.contains(char::is_control), "more than one line: {message:?}");
+    assert!(message.len() < 4000, "{} bytes: {message}", message.len());
 }
 
 /// A scenario of the repository, or none, with some keys changed.
@@ -79,7 +79,7 @@ fn made(bytes: &mut Unstructured) -> String {
         }
         let (table, key) = any::one_of(bytes, &KEYS);
         let path = match byte(bytes) {
-            // Whether `[believed]` may have it or not.
+            // Also keys that `[believed]` does not allow.
             0..64 => format!("believed.{}.{}", table.name, key.name),
             64..80 if table.name == "faults" => format!("faults.later.{}", key.name),
             80..84 => format!("{}.{}x", table.name, key.name),
@@ -91,7 +91,7 @@ fn made(bytes: &mut Unstructured) -> String {
     lines.iter().map(|(path, value)| format!("{path} = {value}\n")).collect()
 }
 
-/// Path and value of every key, as they are written.
+/// Path and value of every key as written.
 fn flat(text: &str) -> BTreeMap<String, String> {
     fn add(lines: &mut BTreeMap<String, String>, path: &str, value: &toml::Value) {
         match value {

@@ -7,15 +7,16 @@ use model_core::{AdcCode, Command};
 use rand_xoshiro::Xoshiro128PlusPlus;
 use rand_xoshiro::rand_core::Rng;
 
-/// How a channel's code goes on.
+/// Course of a channel's code.
 #[derive(Debug, Clone, Copy)]
 enum Waveform {
-    /// It follows what the valves let in and out, by so much a step, and stays within a usual range.
+    /// It follows what the valves let in and out, by so much a step, and stays within a usual
+    /// range.
     Follow(f32),
     Still,
-    /// By so much a step.
+    /// Changes by this much per step.
     Ramp(f32),
-    /// To and fro by so much.
+    /// Alternates by this much.
     Toggle(u16),
     /// Anything at any step.
     Random,
@@ -32,12 +33,12 @@ pub struct Signal {
 }
 
 impl Signal {
-    /// One that stands at a usual code, with the noise of eight summed conversions.
+    /// Constant at a usual code, with the noise of eight summed conversions.
     pub fn usual(code: u16) -> Self {
         Self { waveform: Waveform::Still, code: f32::from(code), noise: 6, odd: false }
     }
 
-    /// Another waveform from here, or from elsewhere.
+    /// Another waveform from the current code, or from another one.
     pub fn change(&mut self, bytes: &mut Unstructured) {
         let slope = (f32::from(byte(bytes)) - 128.0) / 4.0;
         match byte(bytes) % 16 {
@@ -46,7 +47,7 @@ impl Signal {
             9 | 10 => self.waveform = Waveform::Ramp(slope),
             11 => self.waveform = Waveform::Toggle(bytes.whole(16) as u16),
             12 => self.waveform = Waveform::Random,
-            // From a rail, from beyond what eight conversions add up to, and from elsewhere.
+            // From a rail, from above the sum of eight conversions, or from any code.
             13 => self.code = if slope < 0.0 { 0.0 } else { f32::from(CODE_MAX) },
             14 => self.code = f32::from(u16::MAX),
             _ => self.code = bytes.whole(16) as f32,

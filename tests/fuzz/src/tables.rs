@@ -1,7 +1,7 @@
-//! Tables: any bytes, and records of runs that have been damaged.
+//! Tables: random bytes, and damaged records of runs.
 
 use crate::any::{self, Choices, byte};
-use crate::scenarios::says_where;
+use crate::scenarios::assert_names_place;
 use arbitrary::Unstructured;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -30,7 +30,7 @@ static SCENARIOS: LazyLock<Vec<Loaded>> = LazyLock::new(|| {
     .into()
 });
 
-/// Where a record has its scenario beside it.
+/// Path of a record with its scenario beside it.
 static RUN: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(folder.path().join("scenario.toml"), "").expect("it is written");
@@ -41,7 +41,7 @@ static RUN: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
 /// Reads a table; returns 1.
 ///
 /// # Panics
-/// Where something does not hold.
+/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let scenario = any::one_of(&mut bytes, &SCENARIOS);
@@ -57,16 +57,16 @@ pub fn run(bytes: &[u8]) -> u64 {
     }
     match table {
         Ok(table) => used(&table, scenario),
-        Err(error) => says_where(&error, FILE),
+        Err(error) => assert_names_place(&error, FILE),
     }
     1
 }
 
-/// A beginning of a record has the beginning of its rows.
+/// Checks that the beginning of a record has the beginning of its rows.
 fn cut_anywhere(beginning: &[u8], whole: Option<&Table>) {
     let table = match Table::parse_record(beginning, Path::new(FILE)) {
         Ok(table) => table,
-        Err(error) => return says_where(&error, FILE),
+        Err(error) => return assert_names_place(&error, FILE),
     };
     let Some(whole) = whole else { return };
     let what = || format!("{}", beginning.escape_ascii());
@@ -77,22 +77,22 @@ fn cut_anywhere(beginning: &[u8], whole: Option<&Table>) {
     }
 }
 
-/// A table that is read as a whole is the same record, without damage.
+/// Checks that a table read as a whole is the same record, without damage.
 fn whole(text: &str, record: Option<&Table>) {
     match Table::parse(text, Path::new(FILE)) {
         Ok(table) => {
             let rows = table.columns().iter().all(|column| column.cells.len() == table.rows());
             assert!(rows && table.rows() > 0 && table.damage().is_none());
-            // A last line without an end is one that counts here, and none of a record.
+            // A last line without a line end counts here, but not in a record.
             if text.ends_with('\n') {
                 assert_eq!(Some(table.columns()), record.map(Table::columns));
             }
         }
-        Err(error) => says_where(&error, FILE),
+        Err(error) => assert_names_place(&error, FILE),
     }
 }
 
-/// What measurements and records are made of it.
+/// Reads the table as measurement and as record.
 fn used(table: &Table, scenario: &Loaded) {
     if let Some(damage) = table.damage() {
         assert!(!damage.to_string().contains(char::is_control), "{damage}");
@@ -104,17 +104,17 @@ fn used(table: &Table, scenario: &Loaded) {
                 let above = |deviation: f64| deviation.is_finite() && deviation > 0.0;
                 assert!(data.observed.iter().all(|observed| above(observed.deviation)));
             }
-            Err(error) => says_where(&error, FILE),
+            Err(error) => assert_names_place(&error, FILE),
         },
-        Err(error) => says_where(&error, FILE),
+        Err(error) => assert_names_place(&error, FILE),
     }
     match replay::read_record(&RUN.1, table) {
         Ok((_, rows)) => assert_eq!(rows.len(), table.rows()),
-        Err(error) => says_where(&error, FILE),
+        Err(error) => assert_names_place(&error, FILE),
     }
 }
 
-/// A table of columns that there are, with some cells that do not belong there.
+/// A table of valid columns, with some invalid cells.
 fn made(bytes: &mut Unstructured) -> Vec<u8> {
     const ENDS: [&str; 4] = ["\n", "\r\n", "\n\n", " \n"];
     const WRONG: [&[u8]; 12] = [
@@ -123,7 +123,7 @@ fn made(bytes: &mut Unstructured) -> Vec<u8> {
     ];
     let end = *any::one_of(bytes, &ENDS);
     let names: Vec<&str> = match byte(bytes) % 4 {
-        // All that a record has.
+        // All columns of a record.
         0 => COLUMNS.to_vec(),
         _ => std::iter::once("time_s")
             .chain((0..byte(bytes) % 6).map(|_| *any::one_of(bytes, &COLUMNS)))

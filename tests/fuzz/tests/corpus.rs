@@ -1,4 +1,4 @@
-//! Every case of `corpus/` holds: what a hunt has found once stays found.
+//! No case of `corpus/` violates a property: faults found once do not come back.
 
 use fuzz::hunt::TARGETS;
 

@@ -1,4 +1,4 @@
-//! Where the test and the guest meet: a static of the guest, which the test finds by its symbol.
+//! Mailbox between test and guest: a static of the guest, which the test finds by its symbol.
 
 /// Bytes of the link, one exchange at a time.
 #[repr(C)]

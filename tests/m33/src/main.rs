@@ -1,4 +1,4 @@
-//! The core on a Cortex-M33: carries out what the test asks through a mailbox in memory.
+//! The core on a Cortex-M33: carries out the test's requests, through a mailbox in memory.
 
 #![no_std]
 #![no_main]
@@ -28,7 +28,7 @@ core::arch::global_asm!(
     "str r1, [r0]",
     "dsb",
     "isb",
-    // The second core has nothing to do (SIO CPUID).
+    // The second core sleeps (SIO CPUID).
     "ldr r0, =0xd0000000",
     "ldr r0, [r0]",
     "cmp r0, #0",
@@ -41,9 +41,9 @@ core::arch::global_asm!(
     ".size start, . - start",
 );
 
-/// Debug exception and monitor control: its bit 24 switches the trace on, which has the counter.
+/// Debug exception and monitor control: bit 24 enables the trace unit, which has the counter.
 const DEMCR: *mut u32 = 0xe000_edfc as *mut u32;
-/// Control of the cycle counter, on by bit 0, and its count.
+/// Control of the cycle counter, enabled by bit 0, and its count.
 const DWT_CTRL: *mut u32 = 0xe000_1000 as *mut u32;
 const DWT_CYCCNT: *mut u32 = 0xe000_1004 as *mut u32;
 
@@ -59,7 +59,7 @@ static MAILBOX: Shared =
 #[unsafe(no_mangle)]
 extern "C" fn run() -> ! {
     let mailbox = MAILBOX.0.get();
-    // SAFETY: the mailbox and the counter are there, and nobody else runs.
+    // SAFETY: mailbox and counter exist, and no other code runs.
     unsafe {
         write_volatile(DEMCR, read_volatile(DEMCR) | 1 << 24);
         write_volatile(DWT_CTRL, read_volatile(DWT_CTRL) | 1);
@@ -85,7 +85,7 @@ extern "C" fn run() -> ! {
 }
 
 /// # Safety
-/// The counter of cycles is there.
+/// The cycle counter exists.
 unsafe fn carry_out(
     command: HostCommand,
     sequence: u8,
@@ -118,7 +118,7 @@ unsafe fn carry_out(
 
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
-    // SAFETY: nobody else runs.
+    // SAFETY: no other code runs.
     unsafe { write_volatile(&raw mut (*MAILBOX.0.get()).turn, PANICKED) };
     loop {
         core::hint::spin_loop();

@@ -1,7 +1,8 @@
-//! Everything that the firmware asks of model-core, on inputs that the compiler knows nothing about.
+//! Everything that the firmware asks of model-core, on inputs that the compiler knows nothing
+//! about.
 //!
-//! The panic handler calls a function that nobody has: if the optimiser leaves one way to a panic, this
-//! does not link.
+//! The panic handler calls a function that nobody has: if the optimiser leaves one way to a panic,
+//! this does not link.
 
 #![no_std]
 #![no_main]
@@ -20,7 +21,7 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
     unsafe { model_core_can_panic() }
 }
 
-/// Where inputs and outputs would lie.
+/// Address of inputs and outputs.
 const MEMORY: usize = 0x2000_0000;
 
 #[unsafe(no_mangle)]

@@ -1,4 +1,5 @@
-//! NUCLEO-G474RE: an STM32G474RE, Cortex-M4F, with a debug probe whose serial port is the line to the host.
+//! NUCLEO-G474RE: an STM32G474RE, Cortex-M4F, with a debug probe whose serial port is the line to
+//! the host.
 //!
 //! | pin | Arduino | signal |
 //! |---|---|---|
@@ -40,10 +41,9 @@ unsafe fn UART4() {
     unsafe { crate::on_control_interrupt() }
 }
 
-/// The system's clock, all timers' too: a millisecond is a whole number of PWM ticks \[Hz\].
+/// Clock of the system and of all timers \[Hz\]: a millisecond is a whole number of PWM ticks.
 const CLOCK_HZ: u32 = 150_000_000;
 
-/// NUCLEO-G474RE.
 pub struct NucleoG474re;
 
 impl Board for NucleoG474re {
@@ -74,7 +74,7 @@ impl Board for NucleoG474re {
         static RX: StaticCell<[u8; 512]> = StaticCell::new();
         let mut uart_config = UartConfig::default();
         uart_config.baudrate = BAUD;
-        // Also read what comes without a pause.
+        // Also delivers bytes that come without a pause.
         uart_config.eager_reads = Some(32);
         let Ok(uart) = BufferedUart::new(
             p.USART2,
@@ -88,7 +88,7 @@ impl Board for NucleoG474re {
             panic!("the clock gives the line's rate");
         };
         let (sender, receiver) = uart.split();
-        // Above control, whose step is longer than the receiver's buffer lasts.
+        // Above control, whose step takes longer than the receiver can buffer.
         interrupt::USART2.set_priority(Priority::P0);
 
         Parts {
@@ -126,11 +126,11 @@ impl Board for NucleoG474re {
         cortex_m::peripheral::SCB::sys_reset()
     }
 
-    /// Its probe flashes it.
+    /// The debug probe flashes this board.
     const BOOT_LOADER: Option<fn() -> !> = None;
 }
 
-/// 150 MHz from the crystal of 24 MHz, for the converter too.
+/// 150 MHz from the 24 MHz crystal, also for the converter.
 fn clocks() -> embassy_stm32::Config {
     let mut config = embassy_stm32::Config::default();
     config.rcc.hse = Some(rcc::Hse { freq: Hertz(24_000_000), mode: rcc::HseMode::Oscillator });
@@ -147,8 +147,8 @@ fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Why the chip started; its note of that is then clear. Every reset also pulls the reset pin, and power
-/// sets no flag of its own but that of the brown-out.
+/// Reads and clears the reset cause. Every reset also sets the flag of the reset pin, and power-on
+/// sets that of the brown-out.
 fn reset() -> Reset {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -163,7 +163,6 @@ fn reset() -> Reset {
     }
 }
 
-/// Single conversions in turn.
 pub struct Converter {
     adc: adc::Adc<'static, ADC1>,
     pressure: AnyAdcChannel<'static, ADC1>,
@@ -178,12 +177,12 @@ impl Adc for Converter {
             Channel::Gas => &mut self.gas,
             Channel::Length => &mut self.length,
         };
-        // At 37.5 MHz: 1.6 us with the conversion itself.
+        // 1.6 us at 37.5 MHz, with the conversion.
         self.adc.blocking_read(channel, SampleTime::CYCLES47_5)
     }
 }
 
-/// This board keeps nothing: its program runs from the flash that it would write.
+/// This board has no store: its program runs from the flash that would be written.
 pub enum NoFlash {}
 
 impl ErrorType for NoFlash {

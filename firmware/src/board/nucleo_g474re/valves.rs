@@ -1,5 +1,5 @@
-//! Both valves at TIM3. Its counter runs from 0 to 49 999, so that a duty is its compare value, and 100 %
-//! is above the counter's top: always on.
+//! Both valves, on TIM3. Its counter runs from 0 to 49 999, so that a duty is its compare value,
+//! and 100 % is above the counter's top: always on.
 
 use super::CLOCK_HZ;
 use crate::board::{PWM_DELAY, Valves};
@@ -14,7 +14,7 @@ use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::timer::{Ch1, Ch2, Channel};
 use model_core::{Command, Duty};
 
-/// Clocks of the timer in a tick of the counter, per step of the period.
+/// Timer clocks per tick of the counter, for each step of the period.
 const CLOCKS_PER_STEP: u32 = {
     let clocks = CLOCK_HZ / 1_000_000 * STEP_US;
     let ticks = Duty::FULL.ticks() as u32;
@@ -25,27 +25,26 @@ const CLOCKS_PER_STEP: u32 = {
 /// The prescaler divides by up to 65 536.
 pub const MAXIMUM_PERIOD_STEPS: u16 = (65_536 / CLOCKS_PER_STEP) as u16;
 
-/// PA6 and PA7.
+// PA6 and PA7.
 const COIL_PINS: [usize; 2] = [6, 7];
 
-/// Both pins are low at once whatever the timer does, or show it again. After a level that is forced in the timer
-/// itself the PWM may come back only when its comparison changes, with a coil that is always on: never.
+/// Forces both pins low at once, or gives them back to the timer. A level forced in the timer
+/// itself would end only when its comparison changes: never, for a coil that is always on.
 pub fn force_low(low: bool) {
-    // Their output registers hold low since the start.
+    // Their output registers are low since reset.
     let mode = if low { Moder::OUTPUT } else { Moder::ALTERNATE };
     GPIOA.moder().modify(|pins| COIL_PINS.iter().for_each(|&pin| pins.set_moder(pin, mode)));
 }
 
-/// TIM3 with its first two channels.
 pub struct Timer3 {
     timer: Timer<'static, TIM3>,
-    /// Dropped, they would let go of the pins.
+    /// Kept, because dropping them releases the pins.
     _pins: (PwmPin<'static, TIM3, Ch1>, PwmPin<'static, TIM3, Ch2>),
     forced_low: bool,
 }
 
 impl Timer3 {
-    /// The timer stands still, and both coils are without power.
+    /// The timer is stopped, and both coils are without power.
     pub fn new(
         timer: Peri<'static, TIM3>,
         inlet: Peri<'static, PA6>,
@@ -55,7 +54,7 @@ impl Timer3 {
         timer.regs_core().arr().write(|top| top.set_arr(Duty::FULL.ticks() - 1));
         for channel in [Channel::Ch1, Channel::Ch2] {
             timer.set_output_compare_mode(channel, OutputCompareMode::PwmMode1);
-            // Compare values are taken over where the counter wraps: a pulse is never cut.
+            // Compare values take effect where the counter wraps, so that no pulse is cut.
             timer.set_output_compare_preload(channel, true);
             timer.enable_channel(channel, true);
         }
@@ -65,7 +64,7 @@ impl Timer3 {
         Self { timer, _pins: pins, forced_low: false }
     }
 
-    /// Compare values of both channels, taken over together.
+    /// Sets the compare values of both channels, which take effect together.
     fn compare(&self, command: Command) {
         let (inlet, outlet) = command.coils();
         let cr1 = self.timer.regs_core().cr1();
@@ -84,7 +83,7 @@ impl Valves for Timer3 {
         let registers = self.timer.regs_core();
         self.timer.stop();
         registers.psc().write_value((CLOCKS_PER_STEP * steps - 1) as u16);
-        // Takes over the divider, and sets the counter to zero.
+        // Loads the prescaler and sets the counter to zero.
         self.timer.generate_update_event();
         registers.cnt().write(|counter| counter.set_cnt((full - delay.max(1)) as u16));
         self.timer.start();
@@ -92,7 +91,7 @@ impl Valves for Timer3 {
     }
 
     fn drive(&mut self, command: Command) {
-        // A pin acts at once, and the PWM's phase stays.
+        // The pin's mode acts at once and keeps the PWM's phase.
         let low = command == Command::VENT;
         if low != self.forced_low {
             force_low(low);

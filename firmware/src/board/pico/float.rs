@@ -1,6 +1,6 @@
-//! Single-precision multiply and divide as plain integer functions, for every input and short rather
-//! than fast. On the RP2040 they do what is rare: subnormal, infinite, not a number, over- and
-//! underflow. The rest is `float.s`. Same results to the bit: round to nearest, ties to even
+//! Single-precision multiply and divide in integers, for every input, short rather than fast. The
+//! RP2040 uses them for rare inputs: subnormal, infinite, not a number, over- and underflow. All
+//! others are in `float.s`. The results equal an FPU's to the bit: round to nearest, ties to even
 //! (IEEE 754).
 
 const SIGN: u32 = 0x8000_0000;
@@ -22,7 +22,7 @@ pub fn multiply(a: u32, b: u32) -> u32 {
         return sign;
     }
     let ((i, x), (j, y)) = (parts(a), parts(b));
-    // 24 by 24 bits from three products, none of which leaves 32 bits.
+    // 24 by 24 bits from three products, each of which fits 32 bits.
     let low = (x & 0xff) * y;
     let middle = (x >> 8) * (y & 0xfff) + (low >> 8);
     let high = (((x >> 8) * (y >> 12)) << 4) + (middle >> 8);
@@ -55,7 +55,7 @@ pub fn divide(a: u32, b: u32) -> u32 {
     sign | rounded(i - j + 127, quotient << 1 | u32::from(x != 0))
 }
 
-/// Biased exponent and fraction of a positive number, its first bit where the hidden bit is.
+/// Biased exponent and fraction of a positive number, normalised to the place of the hidden bit.
 fn parts(x: u32) -> (i32, u32) {
     let (mut exponent, mut fraction) = ((x >> 23) as i32, x & (HIDDEN - 1));
     if exponent == 0 {
@@ -70,8 +70,8 @@ fn parts(x: u32) -> (i32, u32) {
     (exponent, fraction)
 }
 
-/// The positive number of a biased exponent and a fraction whose first bit is the topmost or the one
-/// after it, the last bit standing for all below.
+/// Rounds a positive number of this biased exponent and fraction. The fraction's first set bit is
+/// the topmost or the next, and its last bit is sticky.
 fn rounded(mut exponent: i32, mut fraction: u32) -> u32 {
     if fraction & SIGN == 0 {
         fraction <<= 1;
@@ -85,7 +85,7 @@ fn rounded(mut exponent: i32, mut fraction: u32) -> u32 {
         fraction = fraction >> shift | u32::from(fraction & ((1 << shift) - 1) != 0);
         exponent = 1;
     }
-    // The hidden bit adds one to the exponent; a carry another, up to the infinite.
+    // The hidden bit adds one to the exponent, and a carry another, up to infinity.
     let fraction =
         (fraction >> 8) + u32::from(fraction & 0xff > 0x7f + u32::from(fraction & 0x100 == 0));
     ((exponent as u32 - 1) << 23) + fraction

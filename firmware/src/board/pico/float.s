@@ -4,11 +4,11 @@
 @ the linker takes these instead of the compiler's, which are weak.
 @
 @ Same results as an FPU's, to the bit: IEEE 754, round to nearest, ties to even, subnormals too.
-@ Of a result that is not a number, only that it is none is said.
+@ The bits of a NaN are not defined.
 @
-@ Rounding: a result whose fraction has more bits than there is room for is shifted right by what is
-@ too much. The last bit shifted out is in the carry then, and added: that rounds, but for ties,
-@ which go up. So a result whose other spare bits are all zero goes another way, slower and rare.
+@ Rounding: a fraction with too many bits is shifted right. The last bit shifted out is then in the
+@ carry and is added, which rounds correctly except ties, which go up. So a result whose other spare
+@ bits are all zero takes another path, slower and rare.
 
     .syntax unified
     .thumb
@@ -303,7 +303,7 @@ __aeabi_fmul:
     lsls r1, #9
     lsrs r1, #9
     orrs r1, r3
-@ 24 by 24 bits from three products, none of which leaves 32 bits: of weight one in r3, 2^8 in r4 and
+@ 24 by 24 bits from three products that fit 32 bits: of weight one in r3, 2^8 in r4 and
 @ 2^20 in r1.
     uxtb r3, r0
     muls r3, r1
@@ -373,12 +373,12 @@ __aeabi_fmul:
     .pool
     .size __aeabi_fmul, . - __aeabi_fmul
 
-@ r0 = r0 / r1. With fractions x and y, x in [y, 2 y), the reciprocal of y's upper 16 bits comes from
-@ the divider and is a little too small; two steps of long division with it, 14 and 10 bits, leave
-@ at most the last bit to be corrected. A tie is not possible.
+@ r0 = r0 / r1. With fractions x and y, x in [y, 2 y), the reciprocal of y's upper 16 bits comes
+@ from the divider and is a little too small; two steps of long division with it, 14 and 10 bits,
+@ leave at most the last bit to be corrected. A tie is not possible.
 @
-@ An interrupt may divide too, so what the divider holds afterwards is compared with what was put
-@ in: the quotient belongs to it, whoever had it computed. The dividend is always the same, since
+@ An interrupt may divide too, so the divisor is read back and compared: if it is the same, the
+@ quotient is right, no matter which context computed it. The dividend is always the same, since
 @ nothing else in the image uses the divider.
     .section .text.__aeabi_fdiv, "ax", %progbits
     .balign 4
@@ -414,7 +414,7 @@ __aeabi_fdiv:
     lsrs r3, #16
     adds r3, #1
     str r3, [r4, #DIV_UDIVISOR]
-@ It takes eight cycles: sign, exponent and fractions meanwhile.
+@ The divider takes eight cycles. Meanwhile: sign, exponent and fractions.
     movs r5, r0
     eors r5, r1
     lsrs r5, #31
@@ -478,9 +478,9 @@ __aeabi_fdiv:
     .pool
     .size __aeabi_fdiv, . - __aeabi_fdiv
 
-@ Whether r0 is greater than r1, greater or equal, and with their places changed, less, or less or
-@ equal. Of two numbers with the same sign, their bits say so; not a number is beyond infinity, so
-@ that only the one further out can be none.
+@ Whether r0 is greater than r1, or greater or equal; with swapped arguments, less, or less or
+@ equal. Numbers of the same sign compare as their bits do. A NaN is beyond infinity, so that only
+@ the one of greater magnitude can be one.
     .macro compare less, greater, unless, zeros
     .section .text.\greater, "ax", %progbits
     .balign 4

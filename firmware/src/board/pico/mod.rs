@@ -1,4 +1,4 @@
-//! Raspberry Pi Pico: the RP2040. It has no FPU; its arithmetic is here.
+//! Raspberry Pi Pico, with the RP2040. It has no FPU, so its arithmetic is here.
 
 mod float;
 mod float_calls;
@@ -10,16 +10,14 @@ use model_core::link::Chip;
 
 const FLASH_BYTES: usize = 2 * 1024 * 1024;
 
-/// Raspberry Pi Pico.
 pub type Pico = Rp<Rp2040>;
 
-/// Its chip.
 pub enum Rp2040 {}
 
 impl Member for Rp2040 {
     const CHIP: Chip = Chip::Rp2040;
 
-    /// That of the flash: the chip has none.
+    /// The flash's number: the chip has none.
     fn unique_id(flash: Peri<'_, FLASH>) -> [u8; 8] {
         let mut id = [0; 8];
         match Flash::<_, _, FLASH_BYTES>::new_blocking(flash).blocking_unique_id(&mut id) {

@@ -8,16 +8,13 @@ use model_core::link::Chip;
 const REBOOT_TO_BOOTSEL: u32 = 2;
 const NO_RETURN_ON_SUCCESS: u32 = 0x100;
 
-/// Raspberry Pi Pico 2.
 pub type Pico2 = Rp<Rp2350>;
 
-/// Its chip.
 pub enum Rp2350 {}
 
 impl Member for Rp2350 {
     const CHIP: Chip = Chip::Rp2350;
 
-    /// The chip's own.
     fn unique_id(_flash: Peri<'_, FLASH>) -> [u8; 8] {
         otp::get_chipid().unwrap_or(0).to_be_bytes()
     }
