@@ -137,6 +137,7 @@ pub struct Balance {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Estimator {
+    motion: Trend,
     mass_kg: CompensatedSum,
     gas_k: f32,
     wall_k: f32,
@@ -159,7 +160,6 @@ pub struct Estimator {
     missing_steps: u16,
     entering: bool,
     started: bool,
-    motion: Trend,
     energy: Energy,
     interval: Interval,
     coefficients: Coefficients,
