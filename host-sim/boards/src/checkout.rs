@@ -197,6 +197,8 @@ fn watched_by(
     let (began, mut sign_due, mut message) = (Instant::now(), interval, String::new());
     // The latest line about work, if any.
     let mut working: Option<String> = None;
+    // Another build holds the lock, often for a moment only.
+    let mut blocked = false;
     let begin = format!("{doing}; this can take minutes");
     if begins == Begins::AtOnce {
         say(&begin);
@@ -211,9 +213,14 @@ fn watched_by(
                     }
                     working = Some(format!(", {}", line.trim()));
                 }
+                blocked |= line.trim_start().starts_with("Blocking");
                 message += &line;
             }
             Err(RecvTimeoutError::Timeout) => {
+                if blocked && working.is_none() {
+                    say(&begin);
+                    working = Some(", waiting for another build".to_owned());
+                }
                 if let Some(line) = &working {
                     say(&format!("{doing}: {} s{line}", began.elapsed().as_secs()));
                 }
@@ -231,9 +238,9 @@ fn watched_by(
     Ok((status, message))
 }
 
-/// Whether cargo prints this line when it works, or waits for a lock.
+/// Whether cargo prints this line when it works.
 fn is_work(line: &str) -> bool {
-    let work = ["Blocking", "Compiling", "Downloading", "Updating"];
+    let work = ["Compiling", "Downloading", "Updating"];
     work.iter().any(|word| line.trim_start().starts_with(word))
 }
 
@@ -278,6 +285,11 @@ mod tests {
         assert_eq!(message, "   Compiling one v\nwarning: two\n");
         let (lines, message) = messages("sleep 0.2; echo '    Finished' >&2", Begins::WhenStale);
         assert_eq!((lines, message.as_str()), (Vec::new(), "    Finished\n"));
+        // A lock is reported only if it lasts.
+        let (lines, _) = messages("echo '    Blocking waiting' >&2", Begins::WhenStale);
+        assert_eq!(lines, Vec::<String>::new());
+        let (lines, _) = messages("echo '    Blocking waiting' >&2; sleep 0.5", Begins::WhenStale);
+        assert_eq!(lines.first().unwrap(), "building it; this can take minutes");
         let (lines, _) = messages("exit 1", Begins::AtOnce);
         assert_eq!(lines, ["building it; this can take minutes"]);
     }

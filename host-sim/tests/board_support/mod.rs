@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
+use thermyo_boards::image::{self, Variant};
 
 pub fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -14,6 +15,10 @@ pub fn skip_emulator() -> bool {
     let skip = std::env::var_os("THERMYO_SKIP_EMULATOR").is_some_and(|value| value == "1");
     if skip {
         eprintln!("skipped: THERMYO_SKIP_EMULATOR=1");
+    } else {
+        // Here, where its progress is no part of the output that a test compares.
+        image::firmware(Variant::Standard).unwrap();
+        image::prepare_emulator().unwrap();
     }
     skip
 }
