@@ -303,7 +303,7 @@ mod tests {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
         let nothing = [f32::INFINITY, f32::NEG_INFINITY];
         let mut seen: Vec<_> = kinds.iter().map(|kind| vec![nothing; kind.names.len()]).collect();
-        for _ in 0..20_000 {
+        for _ in 0..150_000 {
             let mut bytes = [0; 512];
             random.fill_bytes(&mut bytes);
             let config = from_bytes(&mut Unstructured::new(&bytes));
