@@ -157,7 +157,7 @@ def licence_texts(emulator):
 
 
 def cargo(task, target, *arguments, cwd=ROOT, **variables):
-    """A build for a target, in which nothing says where it was made."""
+    """A build for a target, without paths of this machine in it."""
     line = ["cargo", task, "--locked", "--quiet", "--target", target, "--target-dir", BUILD, *arguments]
     run(*line, cwd=cwd, **flags(target), **variables)
 

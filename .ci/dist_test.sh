@@ -27,7 +27,7 @@ refuse() {
 step "checksums"
 (cd dist && sha256sum --check --quiet SHA256SUMS && ls -s --block-size=KiB)
 
-step "one static program, which does not say where it was built"
+step "one static program, without paths of this machine"
 if readelf --program-headers dist/thermyo | grep INTERP; then
     refuse "thermyo needs a dynamic linker"
 fi

@@ -5,8 +5,8 @@ use crate::board::Reset;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use model_core::Faults;
-use model_core::link::{LastReset, Phase};
 use model_core::safety::supervisor::FirstFailure;
+use thermyo_protocol::{LastReset, Phase};
 
 /// First failure before the restart, and the faults latched then.
 pub type Remembered = Option<(FirstFailure, Faults)>;
@@ -98,11 +98,11 @@ impl BlackBox {
         self.note(Phase::Starting);
         self.end.set(0);
         let first = FirstFailure {
-            faults: Faults(self.failure.get() as u16),
+            faults: Faults(self.failure.get()),
             pressure_pa: f32::from_bits(self.failure_pressure.get()),
             step: self.failure_step.get(),
         };
-        let latched = Faults(self.latched.get() as u16);
+        let latched = Faults(self.latched.get());
         (last_reset, (first.faults != Faults::NONE).then_some((first, latched)))
     }
 
@@ -117,11 +117,11 @@ impl BlackBox {
 
     pub fn record(&self, first: Option<FirstFailure>, latched: Faults) {
         if let Some(FirstFailure { faults, pressure_pa, step }) = first {
-            self.failure.set(u32::from(faults.0));
+            self.failure.set(faults.0);
             self.failure_pressure.set(pressure_pa.to_bits());
             self.failure_step.set(step);
         }
-        self.latched.set(u32::from(latched.0));
+        self.latched.set(latched.0);
     }
 
     /// Records why the firmware is about to restart.

@@ -8,9 +8,9 @@ use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
 use model_core::control::Mode;
-use model_core::link::arbiter::Arbiter;
-use model_core::link::{Phase, Refusal};
 use model_core::{Command, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
+use thermyo_protocol::arbiter::Arbiter;
+use thermyo_protocol::{Phase, Refusal};
 
 /// Waits of [`Source::due`] without a sample after which the muscle is vented.
 const PATIENCE: u32 = 4;
@@ -116,14 +116,14 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         let telemetry = self.core.step(&sample);
         let after = Instant::now();
         self.black_box.note(Phase::Driving);
-        let judging = telemetry.mode == Mode::Judging;
-        if self.fresh && !judging {
+        let checking = telemetry.mode == Mode::StartupCheck;
+        if self.fresh && !checking {
             self.valves.restart(self.core.config().pwm_period_steps, telemetry.command);
             self.fresh = false;
         } else {
             self.valves.drive(telemetry.command);
         }
-        self.next_step = telemetry.step.wrapping_add(u32::from(!judging));
+        self.next_step = telemetry.step.wrapping_add(u32::from(!checking));
         self.publish(telemetry);
         self.tally.missed_steps += missed;
         self.tally.add(us(due, start), us(before, after), us(start, Instant::now()));
@@ -174,8 +174,8 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             shared.post_status();
         }
         // The core's own count does not advance during the startup check.
-        let judging = telemetry.mode == Mode::Judging;
-        let step = if judging { self.tally.steps as u32 } else { telemetry.step };
+        let checking = telemetry.mode == Mode::StartupCheck;
+        let step = if checking { self.tally.steps as u32 } else { telemetry.step };
         let arbiter = shared.arbitrate(|arbiter| *arbiter);
         for (index, line) in shared.lines.iter().enumerate() {
             if line.wants(step, arbiter.obeys(index)) {

@@ -11,8 +11,8 @@ use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
 use model_core::Config;
-use model_core::link::{ConfigSource, Event, LastReset, Name, Refusal};
 use serde::{Deserialize, Serialize};
+use thermyo_protocol::{ConfigSource, Event, LastReset, Name, Refusal};
 
 const EVENTS: usize = 8;
 

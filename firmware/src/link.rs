@@ -1,4 +1,4 @@
-//! The links to the host: [`model_core::link`] over every serial port at once.
+//! The links to the host: [`thermyo_protocol`] over every serial port at once.
 
 use crate::shared::{ActiveConfig, Answer, Line, Order, Requester, Shared, StoreRequest};
 use crate::source::STEP;
@@ -7,11 +7,11 @@ use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
-use model_core::link::{
+use model_core::{Config, Core};
+use thermyo_protocol::{
     Chip, ConfigSource, Decoder, HostCommand, LastReset, Name, PROTOCOL, Refusal, Request, Version,
     encode,
 };
-use model_core::{Config, Core};
 
 /// Properties of the board that the link reports or checks.
 #[derive(Clone, Copy)]
@@ -130,25 +130,29 @@ pub async fn receive<R: Read>(
                     continue;
                 }
                 let requester = Requester { line, sequence, ticket };
-                match carry_out(command, &identity, line, shared).await {
-                    Outcome::Answer(answer) => line.answer(sequence, answer),
-                    Outcome::Order(order) => shared.order(Some(requester), order).await,
-                    Outcome::Restart(order) => shared.restart(Some(requester), order).await,
-                    Outcome::Store(request) => {
-                        shared.store_requests.send((requester, request)).await
-                    }
-                    Outcome::Leave(boot_loader) => {
-                        line.answer(sequence, Answer::Done { step: shared.tally().steps as u32 });
-                        Timer::after(ANSWERING).await;
-                        boot_loader()
-                    }
-                    Outcome::Silent => (),
-                }
+                let outcome = carry_out(command, &identity, line, shared).await;
+                hand_on(outcome, requester, shared).await;
             }
             line.malformed.store(decoder.malformed(), Ordering::Relaxed);
         }
         // `read` does not yield while bytes wait.
         yield_now().await;
+    }
+}
+
+/// Answers a request, or hands it on to the task that does.
+async fn hand_on(outcome: Outcome, requester: Requester, shared: &'static Shared) {
+    match outcome {
+        Outcome::Answer(answer) => requester.line.answer(requester.sequence, answer),
+        Outcome::Order(order) => shared.order(Some(requester), order).await,
+        Outcome::Restart(order) => shared.restart(Some(requester), order).await,
+        Outcome::Store(request) => shared.store_requests.send((requester, request)).await,
+        Outcome::Leave(boot_loader) => {
+            requester.line.answer(requester.sequence, done(shared));
+            Timer::after(ANSWERING).await;
+            boot_loader()
+        }
+        Outcome::Silent => (),
     }
 }
 

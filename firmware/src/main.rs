@@ -25,18 +25,20 @@ mod supervisor;
 #[cfg(feature = "usb")]
 mod usb;
 
-use black_box::{BlackBox, End};
+use black_box::{BlackBox, End, Remembered};
 use board::{Board, Chosen, Parts};
 use control::Control;
 use core::panic::PanicInfo;
 use cortex_m_rt::ExceptionFrame;
 use defmt_rtt as _;
+#[cfg(any(feature = "parts", feature = "usb"))]
+use embassy_executor::Spawner;
 use embassy_executor::{Executor, InterruptExecutor};
 use embassy_time::Instant;
-use model_core::link::{LastReset, checksum};
 use model_core::{Config, Core};
 use shared::{Line, Shared};
 use static_cell::StaticCell;
+use thermyo_protocol::{LastReset, checksum};
 
 type Valves = <Chosen as Board>::Valves;
 type Flash = <Chosen as Board>::Flash;
@@ -83,17 +85,7 @@ fn main() -> ! {
     let [serial, usb_line] = &SHARED.lines;
     #[cfg(not(feature = "usb"))]
     let [serial] = &SHARED.lines;
-    // Static: a task that owned the core would hold three copies, in `main`, argument and variable.
-    static CORE: StaticCell<Core> = StaticCell::new();
-    let core = CORE.init_with(|| {
-        let Ok(mut core) = Core::unconfigured() else {
-            panic!("the default configuration holds");
-        };
-        if let Some((first, latched)) = remembered {
-            core.recall(first, latched);
-        }
-        core
-    });
+    let core = core(remembered);
     let control = Chosen::start_control(&CONTROL);
     static THREAD: StaticCell<Executor> = StaticCell::new();
     THREAD.init_with(Executor::new).run(|thread| {
@@ -112,31 +104,51 @@ fn main() -> ! {
         thread.spawn(supervise);
         control.spawn(step);
         #[cfg(feature = "parts")]
-        {
-            let (gas_bus, ready) = parts.gas_bus;
-            let (Ok(gas), Ok(pressure)) =
-                (read_gas(gas_bus, ready), read_pressure(parts.pressure_bus))
-            else {
-                panic!("each task is started once");
-            };
-            thread.spawn(gas);
-            thread.spawn(pressure);
-        }
+        start_parts(thread, parts.gas_bus, parts.pressure_bus);
         #[cfg(feature = "usb")]
-        {
-            let (device, sender, receiver) = usb::open(parts.usb, usb_line);
-            let (Ok(run), Ok(send), Ok(receive)) = (
-                run_usb(device),
-                send_usb(sender, usb_line),
-                receive_usb(receiver, usb_line, identity),
-            ) else {
-                panic!("each task is started once");
-            };
-            thread.spawn(run);
-            thread.spawn(send);
-            thread.spawn(receive);
-        }
+        start_usb(thread, parts.usb, usb_line, identity);
     })
+}
+
+/// The core, with the first failure from before a restart.
+fn core(remembered: Remembered) -> &'static mut Core {
+    // Static: a task that owned the core would hold three copies, in `main`, argument and variable.
+    static CORE: StaticCell<Core> = StaticCell::new();
+    CORE.init_with(|| {
+        let Ok(mut core) = Core::unconfigured() else {
+            panic!("the default configuration holds");
+        };
+        if let Some((first, latched)) = remembered {
+            core.recall(first, latched);
+        }
+        core
+    })
+}
+
+#[cfg(feature = "parts")]
+fn start_parts(
+    thread: Spawner,
+    (gas_bus, ready): (<Chosen as Board>::GasBus, <Chosen as Board>::Input),
+    pressure_bus: <Chosen as Board>::PressureBus,
+) {
+    let (Ok(gas), Ok(pressure)) = (read_gas(gas_bus, ready), read_pressure(pressure_bus)) else {
+        panic!("each task is started once");
+    };
+    thread.spawn(gas);
+    thread.spawn(pressure);
+}
+
+#[cfg(feature = "usb")]
+fn start_usb(thread: Spawner, usb: (Usb, [u8; 8]), line: &'static Line, identity: link::Identity) {
+    let (device, sender, receiver) = usb::open(usb, line);
+    let (Ok(run), Ok(send), Ok(receive)) =
+        (run_usb(device), send_usb(sender, line), receive_usb(receiver, line, identity))
+    else {
+        panic!("each task is started once");
+    };
+    thread.spawn(run);
+    thread.spawn(send);
+    thread.spawn(receive);
 }
 
 /// Runs the control task.

@@ -9,7 +9,7 @@ use embassy_time::{Instant, Timer};
 use embedded_hal::digital::InputPin;
 use embedded_hal_async::i2c::I2c;
 use embedded_hal_async::spi::SpiDevice;
-use model_core::AdcCode;
+use model_core::RawCode;
 use model_core::sensing::Sensors;
 use sensor_parts::Error;
 use sensor_parts::max31865::Max31865;
@@ -37,9 +37,9 @@ impl Part {
     }
 
     /// Returns the code for a step; `seen` is the reading of the step before.
-    pub fn code(&self, seen: &mut u32) -> AdcCode {
+    pub fn code(&self, seen: &mut u32) -> RawCode {
         let last = self.last.load(Ordering::Relaxed);
-        AdcCode::of_part(last as u16, core::mem::replace(seen, last) != last)
+        RawCode::of_part(last as u16, core::mem::replace(seen, last) != last)
     }
 
     fn enable(&self, enabled: bool) {

@@ -2,17 +2,17 @@
 
 use crate::source::{STEP, into_step};
 use core::cell::Cell;
-use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::{Mutex, raw::CriticalSectionRawMutex};
 use embassy_sync::channel::Channel;
 use embassy_sync::mutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
-use model_core::link::arbiter::{Arbiter, Ticket};
-use model_core::link::{self, ConfigSource, Name, ReplyWith, Status, Timing, checksum};
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{Config, Core, Faults, Sample, SetPoint};
 use serde::{Serialize, Serializer};
+use thermyo_protocol::arbiter::{Arbiter, Ticket};
+use thermyo_protocol::{self as link, ConfigSource, Name, ReplyWith, Status, Timing, checksum};
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
@@ -192,7 +192,7 @@ pub struct Shared {
     /// Grows with every turn of the control task.
     pub heartbeat: AtomicU32,
     /// Faults of the last step.
-    pub faults: AtomicU16,
+    pub faults: AtomicU32,
     /// Held while the flash is written and while an order is given. The flash is written only while
     /// the muscle is vented, since a hang during a write is found late.
     pub flash: mutex::Mutex<CriticalSectionRawMutex, ()>,
@@ -227,7 +227,7 @@ impl Shared {
             recalled: AtomicBool::new(false),
             samples: Channel::new(),
             heartbeat: AtomicU32::new(0),
-            faults: AtomicU16::new(0),
+            faults: AtomicU32::new(0),
             vented: AtomicBool::new(false),
             dropped_requests: AtomicU32::new(0),
             arbiter: Mutex::new(Cell::new(Arbiter::new())),

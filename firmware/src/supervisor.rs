@@ -13,7 +13,7 @@ use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Ticker};
 use embedded_hal::digital::OutputPin;
 use model_core::Faults;
-use model_core::link::LastReset;
+use thermyo_protocol::LastReset;
 
 const LOOK: Duration = Duration::from_millis(20);
 

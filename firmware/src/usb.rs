@@ -10,8 +10,8 @@ use embassy_usb::control::{OutResponse, Request, RequestType};
 use embassy_usb::driver::{Driver, EndpointError};
 use embassy_usb::{Builder, Config, Handler, UsbDevice};
 use embedded_io_async::{ErrorKind, ErrorType, Write};
-use model_core::link::{USB_ID, USB_MANUFACTURER};
 use static_cell::{ConstStaticCell, StaticCell};
+use thermyo_protocol::{USB_ID, USB_MANUFACTURER};
 
 /// Longest packet of a bulk endpoint at full speed.
 const PACKET: u16 = 64;

@@ -26,7 +26,7 @@ for _ in {1..600}; do
     sleep 0.05
 done
 [[ -n ${process:-} ]] || { echo "no task was found to kill"; exit 1; }
-wait "$submitted" && { echo "the array does not say that a task died"; exit 1; }
+wait "$submitted" && { echo "the array does not report that a task died"; exit 1; }
 if "$program" sweep --merge "$folder"/killed/shard-* --out "$folder/merged" 2>"$folder/missing.txt"; then
     echo "points of the dead task are not missed"
     exit 1

@@ -2,9 +2,9 @@
 //! `docs/how-to/start-a-board.md`.
 
 use model_core::SetPoint;
-use model_core::link::{HostCommand, Request, encode};
 use serde_json::json;
 use std::fs;
+use thermyo_protocol::{HostCommand, Request, encode};
 
 use crate::board_support::{Bench, repository, skip_emulator};
 
@@ -26,10 +26,29 @@ fn a_board_is_configured_armed_driven_and_queried() {
     fs::write(bench.path("bar.csv"), "time_s,pressure_pa\n0,1.2\n1,1.4\n").unwrap();
     let bar = bench.path("bar.csv").display().to_string();
     let bar = bench.refused(&format!("thermyo board emulated drive {bar} --arm --out out/drive"));
-    assert!(bar.contains("bar.csv: pressure_pa = 1.2: must be at least 101325 Pa"), "{bar}");
+    assert!(
+        bar.contains("bar.csv:2: column pressure_pa = 1.2: must be a number from 101325 to "),
+        "{bar}"
+    );
+    // The whole profile is checked before the board is armed. A new configuration disarms.
+    bench.ok("thermyo board emulated config write scenarios/contraction.toml");
+    fs::write(bench.path("late.csv"), "time_s,value\n0,0.01\n0.2,0.02\n9,0.6\n").unwrap();
+    let late = bench.path("late.csv").display().to_string();
+    let drive = format!("thermyo board emulated drive {late} --arm --out out/drive");
+    let unnamed = bench.refused(&drive);
+    assert!(unnamed.contains("late.csv: column value: of which quantity? Name it "), "{unnamed}");
+    let row = bench.refused(&format!("{drive} --kind contraction"));
+    assert!(row.contains("late.csv:4: column value = 0.6: must be a number from 0 to 0."), "{row}");
+    assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
     assert!(bench.ok("thermyo board emulated arm --max-pressure 200000").contains("200.0 kPa"));
     let above = bench.refused("thermyo board emulated set pressure 210000");
     assert!(above.contains("configured) to 200000 Pa\n"), "{above}");
+    fs::write(bench.path("above.csv"), "time_s,pressure_pa\n0,120000\n1,210000\n").unwrap();
+    let above = bench.path("above.csv").display().to_string();
+    let above = bench.refused(&format!("thermyo board emulated drive {above} --out out/drive"));
+    let expected = "above.csv: pressure_pa = 210000 at 1 s: must be a number from 101325 to 2e5 Pa, \
+                    as the board is armed";
+    assert!(above.contains(expected), "{above}");
     let held = bench.ok(set);
     let last = held.lines().last().unwrap();
     let mean_kpa: f64 = last.split_whitespace().next().unwrap().parse().unwrap();
@@ -40,28 +59,34 @@ fn a_board_is_configured_armed_driven_and_queried() {
         "{info}"
     );
 
-    // The board returns its configuration, to the bit.
-    let json = |text: String| serde_json::from_str::<serde_json::Value>(&text).unwrap();
+    assert_configurations_are_returned(&bench);
+    assert_a_drive_is_recorded(&bench);
+}
+
+/// The board returns its configuration, to the bit.
+fn assert_configurations_are_returned(bench: &Bench) {
     let checksum = |bench: &Bench| {
         json(bench.ok("thermyo board emulated info --json"))["status"]["config_checksum"].clone()
     };
-    let before = checksum(&bench);
+    let before = checksum(bench);
     let file = bench.path("read.toml").display().to_string();
     bench.ok(&format!("thermyo board emulated config read {file}"));
     assert!(
         bench.refused(&format!("thermyo board emulated config read {file}")).contains("exists")
     );
     bench.ok("thermyo board emulated config write scenarios/reproduce.toml");
-    assert_ne!(checksum(&bench), before);
+    assert_ne!(checksum(bench), before);
     bench.ok(&format!("thermyo board emulated config write {file}"));
-    assert_eq!(checksum(&bench), before);
+    assert_eq!(checksum(bench), before);
     fs::write(bench.path("wrong.toml"), "[valve]\ncritical_ratio = 7\n").unwrap();
     let wrong = bench.path("wrong.toml").display().to_string();
     let message = bench.refused(&format!("thermyo board emulated config write {wrong}"));
     assert!(message.contains("wrong.toml:2: valve.critical_ratio = 7"), "{message}");
-    assert_eq!(checksum(&bench), before, "refused as a whole");
+    assert_eq!(checksum(bench), before, "refused as a whole");
+}
 
-    // A run on it is recorded as a simulated one, and replays to the bit.
+/// A run on it is recorded as a simulated one, and replays to the bit.
+fn assert_a_drive_is_recorded(bench: &Bench) {
     fs::write(bench.path("steps.csv"), "time_s,pressure_pa\n0,120000\n0.2,140000\n0.6,125000\n")
         .unwrap();
     let steps = bench.path("steps.csv").display().to_string();
@@ -72,6 +97,10 @@ fn a_board_is_configured_armed_driven_and_queried() {
     let replayed = json(bench.ok("thermyo replay out/drive/trace.csv --json --out out/again"));
     assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&601.into(), &0.into()));
     assert!(bench.path("out/drive/report.html").is_file());
+}
+
+fn json(text: String) -> serde_json::Value {
+    serde_json::from_str(&text).unwrap()
 }
 
 #[test]

@@ -24,9 +24,13 @@ fn bad_input_is_one_line_and_exit_code_2() {
     let out = folder.path().join("out");
     let missing = folder.path().join("missing.toml").display().to_string();
     let unknown = scenario(folder.path(), "[heat]\niner_w_m2_k = 3.0\n");
+    let misspelt = folder.path().join("scenaro.toml").display().to_string();
     let nominal = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/nominal.toml").to_owned();
     for (arguments, expected) in [
         (vec!["run", &missing], "missing.toml: no such file"),
+        (vec!["rnu", &unknown], "a similar subcommand exists: 'run'"),
+        (vec!["run", "nominal"], "nominal: no such file; did you mean scenarios/nominal.toml?"),
+        (vec!["run", &misspelt], "did you mean "),
         (vec!["run", &unknown], "scenario.toml:2: unknown key heat.iner_w_m2_k"),
         (vec!["check", &unknown], "did you mean heat.inner_w_m2_k"),
         (
@@ -596,7 +600,8 @@ fn a_shipped_scenario_runs_where_its_file_is_not() {
     let unknown = check("scenarios/bellow.toml");
     assert_eq!(unknown.status.code(), Some(2));
     assert!(
-        stderr_of(&unknown).contains("scenarios/bellow.toml: no such file"),
+        stderr_of(&unknown)
+            .contains("scenarios/bellow.toml: no such file; did you mean scenarios/bellows.toml?"),
         "{}",
         stderr_of(&unknown)
     );

@@ -168,6 +168,7 @@ fn the_page_runs_and_is_turned() {
     assert_eq!(seen["mode"].as_str(), Some("mass flow"));
     assert_ne!(seen["hovered"], seen["not_hovered"]);
     assert_eq!(seen["narrow_px"], 390, "{seen:#}");
+    assert_eq!(seen["nameless"], 0, "{seen:#}");
     let refused = seen["refused"].as_str().unwrap();
     assert!(refused.starts_with("scenario.toml:2: supply.pressure_pa = -1"), "{refused}");
     // `thermyo run` accepts a saved scenario and gives the same trace.

@@ -48,6 +48,11 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
         assert_ne!(chart["zoomed"], chart["whole"], "{name}: {chart}");
         assert_ne!(chart["panned"], chart["zoomed"], "{name}: {chart}");
         assert_eq!(chart["back"], chart["whole"], "{name}: {chart}");
+        // Charts without data in the window stay as they are, and print shows none of it.
+        assert_eq!(chart["empty"], Value::Array(Vec::new()), "{name}: {chart}");
+        assert_eq!(chart["printed"], chart["still"], "{name}: {chart}");
+        let shown = ["touched", "left", "keyed"].map(|how| chart[how].as_bool().unwrap());
+        assert_eq!(shown, [true, false, true], "{name}: {chart}");
         let [all, without, again] = [0, 1, 2].map(|i| chart["traces"][i].as_u64());
         assert!(without.is_none() || without < all && again == all, "{name}: {chart}");
     }
@@ -108,11 +113,20 @@ fn pages_can_be_looked_into() {
 
 #[test]
 fn the_paper_s_page_can_be_looked_into() {
-    let Some(chromium) = chromium() else { return };
     let folder = tempfile::tempdir().unwrap();
     let reproduce = page(&folder, "reproduce", &["reproduce"]);
+    let text = fs::read_to_string(&reproduce).unwrap();
+    // A bar of energy that enters is positive, and named so.
+    let value = |label: &str| {
+        let row = text.split(&format!("text-anchor=\"end\">{label}<")).nth(1)?;
+        let shown = row.split("class=\"value\"").nth(1)?.split(['>', '<']).nth(1)?;
+        shown.replace('−', "-").parse::<f64>().ok()
+    };
+    assert!(value("heat from the wall").is_some_and(|joule| joule > 0.0));
+    assert!(value("heat to the gas").is_some_and(|joule| joule < 0.0));
+    let Some(chromium) = chromium() else { return };
     let bytes = fs::metadata(&reproduce).unwrap().len();
     assert!((100_000..3_000_000).contains(&bytes), "{bytes} bytes");
-    let figures = fs::read_to_string(&reproduce).unwrap().matches("<figure ").count();
+    let figures = text.matches("<figure ").count();
     looked_into(&chromium, &reproduce, "reproduce", figures);
 }

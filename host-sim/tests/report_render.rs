@@ -380,6 +380,36 @@ fn a_cell_shows_its_value_where_there_is_room_for_it() {
 }
 
 #[test]
+fn residuals_are_neutral_at_zero_and_their_label_is_whole() {
+    let label = "Law less reading, N";
+    let map = Heatmap {
+        x_label: String::new(),
+        y_label: String::new(),
+        value_label: label.into(),
+        x: ["1", "2", "3"].map(str::to_owned).to_vec(),
+        y: vec!["1".into()],
+        cells: vec![vec![-1.0, 0.0, 4.0]],
+        style: Style { signed: true, ..Style::default() },
+    };
+    let svg = map.figure("", "").svg().to_owned();
+    let fills = svg.split("<rect class=\"cell\"").skip(1);
+    let channels: Vec<Vec<u8>> = fills
+        .map(|cell| {
+            let colour = cell.split("fill=\"#").nth(1).unwrap();
+            (0..3).map(|i| u8::from_str_radix(&colour[2 * i..2 * i + 2], 16).unwrap()).collect()
+        })
+        .collect();
+    let spread = |c: &[u8]| c.iter().max().unwrap() - c.iter().min().unwrap();
+    assert!(spread(&channels[1]) < 16, "{channels:?}");
+    // The colours' scale is the same on both sides: -1 is paler than 4.
+    assert!((16..spread(&channels[2])).contains(&spread(&channels[0])), "{channels:?}");
+    let before = svg.split(&format!(">{label}<")).next().unwrap();
+    let middle: f64 =
+        before.rsplit("x=\"").next().unwrap().split('"').next().unwrap().parse().unwrap();
+    assert!(middle + 0.5 * 6.7 * label.len() as f64 <= 860.5, "{middle}");
+}
+
+#[test]
 fn static_charts_have_a_narrow_version() {
     for figure in bars().iter().chain(&muscles()) {
         let narrow: Vec<&str> = figure.svg().split("<svg class=\"chart narrow\"").skip(1).collect();

@@ -394,7 +394,7 @@ fn geometry_that_is_none_is_refused() {
         (
             "[muscle]\nthread_length_m = 0.3259\nturns = 2.027\nrest_length_m = 0.3\ndiameter_m = 0.03",
             "scenario.toml:5: muscle.diameter_m = 0.03: must be a number from 0.019974 to 0.0200139 \
-             m, as thread_length_m, turns and rest_length_m say",
+             m, by thread_length_m, turns and rest_length_m",
         ),
         (
             "[muscle]\nrest_length_m = 0.3\ndiameter_m = 5",
@@ -509,6 +509,13 @@ fn broken_profiles_are_named_by_file_line_and_column() {
             "steps.csv",
             "time_s,value\n0,0.1\n1,0.5\n",
             "steps.csv:3: column value = 0.5: must be a number from 0 to 0.372789, \
+             from its longest to its shortest length",
+        ),
+        (
+            STEPS,
+            "steps.csv",
+            "time_s,contraction\n0,0.1\n1,0.5\n",
+            "steps.csv:3: column contraction = 0.5: must be a number from 0 to 0.372789, \
              from its longest to its shortest length",
         ),
         (

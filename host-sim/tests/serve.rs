@@ -96,7 +96,7 @@ impl Served {
         assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
     }
 
-    /// Ends it by a signal, which is what its exit code says; what it prints then.
+    /// Ends it by a signal, which its exit code shows; returns what it prints then.
     fn end(&mut self, signal: &str) -> String {
         self.signal(signal);
         let mut text = String::new();
@@ -198,7 +198,8 @@ fn only_its_own_page_comes_in() {
     let (status, text) = served.get(&served.path(""), &host);
     assert_eq!(status, 200, "{text}");
     assert!(text.contains("content-security-policy: default-src 'none'"), "{text}");
-    for file in ["page.js", "plot.js", "muscle.js", "palette.js", "page.css", "drawing.css"] {
+    let scripts = ["page.js", "chart.js", "live.js", "muscle.js", "palette.js"];
+    for file in scripts.into_iter().chain(["page.css", "chart.css", "drawing.css"]) {
         assert_eq!(served.get(&served.path(file), &host).0, 200, "{file}");
     }
     for (path, host) in [
@@ -214,43 +215,20 @@ fn only_its_own_page_comes_in() {
     assert!(served.page_from(Some(&format!("http://{host}"))).is_some());
 }
 
-#[test]
-fn a_page_steers_and_another_watches() {
-    if skip_emulator() {
-        return;
-    }
-    let mut served = Served::new("emulated");
-    let mut first = served.page();
-    first.until("a state", HANGS_S, |page| page.state.is_object());
-    first.order(json!({ "arm": { "most_pa": null } }));
-    first.until("refused", HANGS_S, |page| page.happened("cleared: not configured"));
-    first.say(json!({ "fire": 1 }));
-    first.until("garbage", HANGS_S, |page| page.happened("not understood"));
-    first.drive(1.3e5);
-    first.order(json!({ "set": { "Pressure": { "pressure_pa": 9e6 } } }));
-    first.until("out of range", HANGS_S, |page| page.happened("must be from 101325 Pa"));
-    first.order(json!({ "set": { "Pressure": { "pressure_pa": -3000 } } }));
-    first
-        .until("below ambient", HANGS_S, |page| page.happened("pressure_pa = -3000: must be from"));
-
-    // A scenario that names a file: what is in it is for no page.
+/// A scenario that names a file: its content is for no page.
+fn assert_no_file_is_shown(served: &Served, page: &mut Page) {
     let file = served.bench.path("profile.csv");
     fs::write(&file, "a-line-of-the-file,7\n").unwrap();
     let text = format!("[drive]\nkind = \"pressure\"\nprofile_csv = \"{}\"\n", file.display());
-    first.order(json!({ "configure": { "name": "sent.toml", "text": text } }));
-    first.until("a file is refused", HANGS_S, |page| {
+    page.order(json!({ "configure": { "name": "sent.toml", "text": text } }));
+    page.until("a file is refused", HANGS_S, |page| {
         page.happened("sent.toml:") && page.happened("must be left out")
     });
-    assert!(!first.happened("a-line-of-the-file"), "{}", first.state["events"]);
+    assert!(!page.happened("a-line-of-the-file"), "{}", page.state["events"]);
+}
 
-    let mut second = served.page();
-    second.until("a seat", HANGS_S, |page| page.own.is_object());
-    assert_eq!(second.own["steers"], false);
-    second.order(json!({ "set": { "Pressure": { "pressure_pa": 2e5 } } }));
-    second.until("watches", HANGS_S, |page| page.happened("another page steers"));
-    assert!((second.pressure_pa() - 1.3e5).abs() < 2e3, "{}", second.frame);
-
-    // However many messages follow, the earlier ones stay in the log.
+/// However many messages follow, the earlier ones stay in the log.
+fn assert_a_flood_is_logged_once(second: &mut Page) {
     for i in 0..300 {
         second.say(json!({ "fire": i }));
         second.order(json!("save"));
@@ -261,9 +239,40 @@ fn a_page_steers_and_another_watches() {
         let events = page.state["events"].as_array().unwrap().iter();
         events.filter(|event| event["text"].as_str().unwrap().contains(what)).count()
     };
-    assert_eq!(times(&second, "not understood"), 2, "one of each page: {}", second.state["events"]);
-    assert_eq!(times(&second, "another page steers"), 1);
+    assert_eq!(times(second, "not understood"), 2, "one of each page: {}", second.state["events"]);
+    assert_eq!(times(second, "another page steers"), 1);
     assert!(second.happened("connected with"));
+}
+
+#[test]
+fn a_page_steers_and_another_watches() {
+    if skip_emulator() {
+        return;
+    }
+    let mut served = Served::new("emulated");
+    let mut first = served.page();
+    first.until("a state", HANGS_S, |page| page.state.is_object());
+    first.order(json!({ "arm": { "most_pa": null } }));
+    first.until("refused", HANGS_S, |page| page.happened("the board does not know its muscle"));
+    first.say(json!({ "fire": 1 }));
+    first.until("garbage", HANGS_S, |page| page.happened("not understood"));
+    first.drive(1.3e5);
+    first.order(json!({ "set": { "Pressure": { "pressure_pa": 9e6 } } }));
+    first.until("out of range", HANGS_S, |page| page.happened("must be from 101325 Pa"));
+    first.order(json!({ "set": { "Pressure": { "pressure_pa": -3000 } } }));
+    first
+        .until("below ambient", HANGS_S, |page| page.happened("pressure_pa = -3000: must be from"));
+
+    assert_no_file_is_shown(&served, &mut first);
+
+    let mut second = served.page();
+    second.until("a seat", HANGS_S, |page| page.own.is_object());
+    assert_eq!(second.own["steers"], false);
+    second.order(json!({ "set": { "Pressure": { "pressure_pa": 2e5 } } }));
+    second.until("watches", HANGS_S, |page| page.happened("another page steers"));
+    assert!((second.pressure_pa() - 1.3e5).abs() < 2e3, "{}", second.frame);
+
+    assert_a_flood_is_logged_once(&mut second);
 
     // From the page to the board and back. What is ordered before a vent is carried out is dropped.
     first.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
@@ -585,7 +594,8 @@ fn the_page_in_a_browser() {
     let Some(chromium) = crate::browser_support::chromium() else { return };
     let served = Served::new("emulated");
     let place = served.bench.path("");
-    let more = [env!("CARGO_BIN_EXE_thermyo").as_ref(), place.as_os_str()];
+    let server = served.child.id().to_string();
+    let more = [env!("CARGO_BIN_EXE_thermyo").as_ref(), place.as_os_str(), server.as_ref()];
     let seen =
         crate::browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve", &more);
     assert_eq!(seen["problems"], json!([]), "{seen}");
@@ -615,6 +625,9 @@ fn the_page_in_a_browser() {
     assert_eq!(seen["watching"], true, "{seen}");
     assert!(seen["report"].as_str().unwrap().contains("record-1"), "{seen}");
     assert_eq!(seen["narrow_px"], 390, "{seen}");
+    assert_eq!(seen["temperature_above"], true, "{seen}");
+    assert_eq!(seen["ends"][0], seen["ends"][1], "the muscle's colours: {seen}");
+    assert_eq!(seen["killed"], json!({ "armed": "was armed", "set": false }), "{seen}");
 }
 
 /// A record at 1 kHz over ten minutes, or `THERMYO_SERVE_S` seconds.

@@ -2,7 +2,8 @@
 
 use host_sim::cli;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 const SCENARIO: &str = "[run]\nduration_s = 4.0\nlog_every = 1\n[plant]\nmodel = \"full\"\n\
                         [muscle]\nzones = 4\n[drive]\nperiod_s = 1.0\n";
@@ -97,97 +98,125 @@ fn every_point_is_the_run_that_the_file_would_give() {
     assert!(scenario.contains("zones = 4"), "{scenario}");
 }
 
+/// A study in three shards.
+struct Shards {
+    folder: TempDir,
+    scenario: String,
+    places: [String; 3],
+}
+
+impl Shards {
+    const GRID: [&str; 4] =
+        ["--vary", "believed.heat.inner_w_m2_k=50:130:4:log", "--vary", "run.seed=1:3:3"];
+
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let scenario = file(
+            folder.path(),
+            "scenario.toml",
+            "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[believed.heat]\ninner_w_m2_k = 70.0\n",
+        );
+        let places = ["a", "b", "c"].map(|name| folder.path().join(name).display().to_string());
+        for (shard, place) in ["1/3", "2/3", "3/3"].iter().zip(&places) {
+            let own = [&Self::GRID[..], &["--shard", shard]].concat();
+            assert_eq!(sweep(&scenario, &own, Path::new(place)).lines().count(), 5);
+        }
+        Self { folder, scenario, places }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Merges the shards into `merged`; exit code, standard output and error.
+    fn merge(&self, places: &[&str]) -> (u8, String, String) {
+        let merged = self.path("merged").display().to_string();
+        thermyo(&[&["sweep", "--merge"], places, &["--out", &merged]].concat())
+    }
+
+    fn merge_all(&self) -> (u8, String, String) {
+        self.merge(&self.places.each_ref().map(String::as_str))
+    }
+}
+
 #[test]
 fn shards_add_up_to_the_whole_to_the_byte() {
-    let folder = tempfile::tempdir().unwrap();
-    let scenario = file(
-        folder.path(),
-        "scenario.toml",
-        "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[believed.heat]\ninner_w_m2_k = 70.0\n",
-    );
-    let grid = ["--vary", "believed.heat.inner_w_m2_k=50:130:4:log", "--vary", "run.seed=1:3:3"];
-    let whole = sweep(&scenario, &grid, &folder.path().join("whole"));
+    let shards = Shards::new();
+    let whole = sweep(&shards.scenario, &Shards::GRID, &shards.path("whole"));
     assert_eq!(whole.lines().count(), 13);
-    let places: Vec<String> =
-        ["a", "b", "c"].map(|name| folder.path().join(name).display().to_string()).to_vec();
-    for (shard, place) in ["1/3", "2/3", "3/3"].iter().zip(&places) {
-        let own = [&grid[..], &["--shard", shard]].concat();
-        assert_eq!(sweep(&scenario, &own, Path::new(place)).lines().count(), 5);
-    }
-    let merged = folder.path().join("merged");
-    let merged_text = merged.display().to_string();
-    let into = ["--out", &merged_text];
-    let merge = |places: &[&str]| thermyo(&[&["sweep", "--merge"], places, &into[..]].concat());
-    let [a, b, c] = [0, 1, 2].map(|i| places[i].as_str());
+    let merged = shards.path("merged");
+    let [a, b, c] = shards.places.each_ref().map(String::as_str);
 
-    let (code, _, err) = merge(&[a, c]);
+    let (code, _, err) = shards.merge(&[a, c]);
     assert_eq!(code, 2);
     let missing =
         "4 of 12 points are missing: point 2 (believed.heat.inner_w_m2_k = 50, run.seed = 2), ";
     assert!(err.contains(missing) && err.contains(" and 1 more"), "{err}");
     assert!(!merged.exists(), "something was written");
 
-    let (code, said, err) = merge(&[c, a, b]);
+    let (code, said, err) = shards.merge(&[c, a, b]);
     assert_eq!((code, err.as_str()), (0, ""), "{said}");
     for name in ["sweep.csv", "summary.json", "report.html", "scenario.toml", "study.json"] {
-        assert!(read(&merged, name) == read(&folder.path().join("whole"), name), "{name}");
+        assert!(read(&merged, name) == read(&shards.path("whole"), name), "{name}");
     }
 
-    // A folder with a damaged label is not skipped: its points would be called missing.
-    let label = folder.path().join("b/study.json");
+    let other = shards.path("other");
+    sweep(&shards.scenario, &["--vary", "run.seed=1:3:3"], &other);
+    let other = other.display().to_string();
+    for (places, message) in [
+        ([a, other.as_str()], "not the same sweep as in"),
+        ([a, &shards.scenario], "no folder of a sweep"),
+    ] {
+        let (code, _, err) = shards.merge(&places);
+        assert!(code == 2 && err.contains(message), "{err}");
+    }
+}
+
+/// A folder with a damaged label is not skipped: its points would be called missing.
+#[test]
+fn a_damaged_label_of_a_shard_is_reported() {
+    let shards = Shards::new();
+    let label = shards.path("b/study.json");
     let text = fs::read_to_string(&label).unwrap();
     for cut in [text[..text.len() / 2].to_owned(), text.replace("run.seed=1:3:3", "run.seed")] {
         fs::write(&label, cut).unwrap();
-        let (code, _, err) = merge(&[b, a, c]);
-        let place = label.display();
-        assert!(
-            code == 2 && err.starts_with(&format!("thermyo: {place}: says no sweep (")),
-            "{err}"
-        );
+        let [a, b, c] = shards.places.each_ref().map(String::as_str);
+        let (code, _, err) = shards.merge(&[b, a, c]);
+        let expected = format!("thermyo: {}: is damaged (", label.display());
+        assert!(code == 2 && err.starts_with(&expected), "{err}");
     }
+}
 
-    fs::write(&label, text).unwrap();
-
-    // No altered bit of a table is accepted.
-    let table = folder.path().join("b/sweep.csv");
+#[test]
+fn no_altered_bit_of_a_table_is_accepted() {
+    let shards = Shards::new();
+    let table = shards.path("b/sweep.csv");
     let text = fs::read(&table).unwrap();
     for place in 0..text.len() - 1 {
         let mut altered = text.clone();
         altered[place] ^= 1 << (place % 7);
         fs::write(&table, &altered).unwrap();
-        let (code, _, err) = merge(&[a, b, c]);
+        let (code, _, err) = shards.merge_all();
         let line = 1 + text[..place].iter().filter(|byte| **byte == b'\n').count();
         // If the end of a row is damaged, the message names the row's first line.
         let named = format!("thermyo: {}:{line}: ", table.display());
         assert!(code == 2 && err.starts_with(&named), "byte {place}: {code} {err}");
     }
-    assert!(!merged.join("earlier").exists());
+    assert!(!shards.path("merged").exists());
     let mut altered = text.clone();
     let rows: Vec<usize> = (0..text.len()).filter(|place| text[*place] == b'\n').collect();
     altered[rows[1] - 1] ^= 1;
     altered[rows[2] - 1] ^= 1;
     fs::write(&table, &altered).unwrap();
-    let (_, _, err) = merge(&[a, b, c]);
+    let (_, _, err) = shards.merge_all();
     let said = "b/sweep.csv:2: does not match its checksum, nor does a line below it; run that shard again";
     assert!(err.contains(said), "{err}");
     // The same command runs the damaged points again, and reports it.
-    let own =
-        [&["sweep", &scenario, "--quiet", "--out", b], &grid[..], &["--shard", "2/3"]].concat();
-    let (code, _, err) = thermyo(&own);
+    let begin = ["sweep", &shards.scenario, "--quiet", "--out", &shards.places[1]];
+    let (code, _, err) = thermyo(&[&begin[..], &Shards::GRID, &["--shard", "2/3"]].concat());
     let kept = "2 of 4 points were done and are kept; what is damaged is run again: ";
     assert!(code == 0 && err.contains(kept), "{err}");
     assert_eq!(fs::read(&table).unwrap(), text);
-
-    let other = folder.path().join("other");
-    sweep(&scenario, &["--vary", "run.seed=1:3:3"], &other);
-    let other = other.display().to_string();
-    for (places, message) in [
-        ([a, other.as_str()], "not the same sweep as in"),
-        ([a, &scenario], "no folder of a sweep"),
-    ] {
-        let (code, _, err) = merge(&places);
-        assert!(code == 2 && err.contains(message), "{err}");
-    }
 }
 
 #[test]

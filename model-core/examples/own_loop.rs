@@ -2,6 +2,7 @@
 //! a real one, puts it in the place of `muscle`.
 
 use model_core::forward_model::Model;
+use model_core::physics::gas::Reservoir;
 use model_core::sample::CODE_MAX;
 use model_core::{AdcCode, Config, Core, Sample, SetPoint};
 
@@ -43,19 +44,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let pressure_pa = muscle.pressure_pa();
         let open = telemetry.command;
         let inflow_kg_s = open.inlet.share()
-            * config.valve.mass_flow_kg_s(
-                &config.gas,
-                supply.pressure_pa,
-                supply.temperature_k,
-                pressure_pa,
-            );
+            * config.valve.mass_flow_kg_s(&config.gas, supply.into(), pressure_pa);
+        let inside = Reservoir { pressure_pa, temperature_k: muscle.gas_k() };
         let outflow_kg_s = open.outlet.share()
-            * config.valve.mass_flow_kg_s(
-                &config.gas,
-                pressure_pa,
-                muscle.gas_k(),
-                ambient.pressure_pa,
-            );
+            * config.valve.mass_flow_kg_s(&config.gas, inside, ambient.pressure_pa);
         muscle.step(inflow_kg_s, outflow_kg_s, None);
     }
     Ok(())

@@ -22,7 +22,7 @@ pub const STEP_S: Parameter = Parameter {
 
 /// Configuration of the core. [`Config::default`] is the nominal muscle of the project's scenarios.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Config {
     /// Fixed step of the core \[s\].
     pub step_s: f32,
@@ -99,7 +99,7 @@ parameters! {
 
 /// The load that the chamber moves, or the length at which it is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Load {
     /// A constant force \[N\].
     Isotonic {

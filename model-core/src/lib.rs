@@ -29,8 +29,6 @@ pub mod config;
 pub mod control;
 pub mod estimation;
 pub mod forward_model;
-#[cfg(feature = "link")]
-pub mod link;
 pub mod math;
 pub mod parameter;
 pub mod physics;
@@ -43,5 +41,7 @@ pub mod step_counts;
 pub use config::Config;
 pub use control::SetPointError;
 pub use parameter::ConfigError;
-pub use sample::{AdcCode, Command, Duty, Estimate, Faults, Mode, Sample, SetPoint, Telemetry};
+pub use sample::{
+    AdcCode, Command, Duty, Estimate, Faults, Mode, PartCode, RawCode, Sample, SetPoint, Telemetry,
+};
 pub use step::Core;

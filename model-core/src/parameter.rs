@@ -52,7 +52,7 @@ pub(crate) fn check(values: &[f32], limits: &[Limit]) -> Result<(), ConfigError>
 
 /// A value that the core cannot work with.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ConfigError {
     /// Key of the scenario, with the converted quantity in brackets where the value is converted.
     /// Empty without the feature `keys`.
@@ -157,19 +157,19 @@ macro_rules! parameters {
             }
         }
 
-        #[cfg(feature = "link")]
+        #[cfg(feature = "serde")]
         impl $crate::parameter::wire::Table for $struct {
             const PARAMETERS: &'static [$crate::parameter::Parameter] = Self::PARAMETERS;
         }
 
-        #[cfg(feature = "link")]
+        #[cfg(feature = "serde")]
         impl serde::Serialize for $struct {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 $crate::parameter::wire::write::<S, Self>(serializer, &[$(self.$name),*])
             }
         }
 
-        #[cfg(feature = "link")]
+        #[cfg(feature = "serde")]
         impl<'de> serde::Deserialize<'de> for $struct {
             fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
                 let Self { $($name),* } = Self::default();
@@ -186,7 +186,7 @@ pub(crate) use parameters;
 
 /// Tables on the wire and in files. The values are read and written by loops: derived code for each of some
 /// eighty fields takes kilobytes of flash.
-#[cfg(feature = "link")]
+#[cfg(feature = "serde")]
 pub(crate) mod wire {
     use super::Parameter;
     use core::fmt;

@@ -5,81 +5,121 @@ pub const OVERSAMPLING: u16 = 8;
 /// Largest code: eight conversions of 4095.
 pub const CODE_MAX: u16 = OVERSAMPLING * 4095;
 
-/// Sum of [`OVERSAMPLING`] conversions of one channel, 0 to [`CODE_MAX`]; of a digital part the last reading, 15
-/// bits, whose lowest bit marks whether it is [fresh](Self::is_fresh).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct AdcCode(pub u16);
+/// Two bytes, little end first: most codes would take three as a varint of the link.
+#[cfg(feature = "serde")]
+mod two_bytes {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-impl AdcCode {
-    /// The last reading of a digital part, 15 bits; 0 where the sensor reports a failure. It is fresh in the
-    /// one step in which it came.
-    ///
-    /// ```
-    /// use model_core::AdcCode;
-    ///
-    /// let code = AdcCode::of_part(0x4012, true);
-    /// assert!(code.is_fresh() && code.stale() == AdcCode::of_part(0x4012, false));
-    /// ```
-    pub const fn of_part(reading: u16, fresh: bool) -> Self {
-        Self(reading << 1 | fresh as u16)
+    pub fn serialize<S: Serializer>(number: &u16, serializer: S) -> Result<S::Ok, S::Error> {
+        number.to_le_bytes().serialize(serializer)
     }
 
-    /// Whether a digital part's reading has come in this step.
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u16, D::Error> {
+        <[u8; 2]>::deserialize(deserializer).map(u16::from_le_bytes)
+    }
+}
+
+/// Sum of [`OVERSAMPLING`] conversions of one channel, 0 to [`CODE_MAX`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct AdcCode(#[cfg_attr(feature = "serde", serde(with = "two_bytes"))] pub u16);
+
+/// Reading of a digital part, 15 bits of its own scale; 0 where the part reports a failure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct PartCode(#[cfg_attr(feature = "serde", serde(with = "two_bytes"))] pub u16);
+
+/// Raw code of one channel in one step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum RawCode {
+    /// From the board's converter.
+    Adc(AdcCode),
+    /// Last reading of a digital part, in the one step in which it arrived.
+    Fresh(PartCode),
+    /// Last reading of a digital part, in every step after that one.
+    Stale(PartCode),
+}
+
+impl Default for RawCode {
+    fn default() -> Self {
+        Self::Adc(AdcCode(0))
+    }
+}
+
+impl From<AdcCode> for RawCode {
+    fn from(code: AdcCode) -> Self {
+        Self::Adc(code)
+    }
+}
+
+impl RawCode {
+    /// The last reading of a digital part.
+    ///
+    /// ```
+    /// use model_core::RawCode;
+    ///
+    /// let code = RawCode::of_part(0x4012, true);
+    /// assert!(code.is_fresh() && code.stale() == RawCode::of_part(0x4012, false));
+    /// ```
+    pub const fn of_part(reading: u16, fresh: bool) -> Self {
+        if fresh { Self::Fresh(PartCode(reading)) } else { Self::Stale(PartCode(reading)) }
+    }
+
+    /// Whether a digital part's reading has arrived in this step.
     pub const fn is_fresh(self) -> bool {
-        self.0 & 1 != 0
+        matches!(self, Self::Fresh(_))
     }
 
     /// The same reading, no longer fresh.
     pub const fn stale(self) -> Self {
-        Self(self.0 & !1)
+        match self {
+            Self::Fresh(code) => Self::Stale(code),
+            Self::Adc(_) | Self::Stale(_) => self,
+        }
+    }
+
+    /// The converter's code; that of an open line where a digital part gave the reading.
+    pub const fn adc(self) -> AdcCode {
+        match self {
+            Self::Adc(code) => code,
+            Self::Fresh(_) | Self::Stale(_) => AdcCode(0),
+        }
+    }
+
+    /// One number for a file: the converter's code, or a part's reading with 1 behind it where it
+    /// is fresh and 0 where it is stale.
+    pub const fn to_bits(self) -> u16 {
+        match self {
+            Self::Adc(AdcCode(code)) => code,
+            Self::Fresh(PartCode(code)) => code << 1 | 1,
+            Self::Stale(PartCode(code)) => code << 1,
+        }
+    }
+
+    /// The code of [`Self::to_bits`], from a sensor that is a digital part or not.
+    pub const fn from_bits(bits: u16, digital: bool) -> Self {
+        if digital { Self::of_part(bits >> 1, bits & 1 != 0) } else { Self::Adc(AdcCode(bits)) }
     }
 }
 
-/// Share of a PWM period, 0 to [`Duty::FULL`]; nothing else can be read from a frame either.
+/// Share of a PWM period, in parts of 65 535: any number is a duty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "link", serde(try_from = "u16", into = "u16"))]
-pub struct Duty(pub(crate) u16);
-
-/// More than [`Duty::FULL`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct NoDuty(pub u16);
-
-impl core::fmt::Display for NoDuty {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "a duty of {}: must be from 0 to {}", self.0, Duty::FULL.0)
-    }
-}
-
-impl core::error::Error for NoDuty {}
-
-impl TryFrom<u16> for Duty {
-    type Error = NoDuty;
-
-    fn try_from(ticks: u16) -> Result<Self, NoDuty> {
-        if ticks <= Self::FULL.0 { Ok(Self(ticks)) } else { Err(NoDuty(ticks)) }
-    }
-}
-
-impl From<Duty> for u16 {
-    fn from(duty: Duty) -> Self {
-        duty.0
-    }
-}
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Duty(#[cfg_attr(feature = "serde", serde(with = "two_bytes"))] pub u16);
 
 impl Duty {
     /// Not at all.
     pub const ZERO: Self = Self(0);
     /// The whole period.
-    pub const FULL: Self = Self(50_000);
+    pub const FULL: Self = Self(u16::MAX);
 
     /// The duty nearest to `share`, which is limited to 0 ..= 1 (NaN: 0).
     ///
     /// ```
     /// use model_core::Duty;
     ///
-    /// assert_eq!(Duty::from_share(0.5).ticks(), 25_000);
+    /// assert_eq!(Duty::from_share(1.0), Duty::FULL);
     /// assert_eq!(Duty::from_share(f32::NAN), Duty::ZERO);
     /// ```
     pub fn from_share(share: f32) -> Self {
@@ -87,31 +127,40 @@ impl Duty {
         Self((limited * f32::from(Self::FULL.0) + 0.5) as u16)
     }
 
-    /// The duty in ticks; a period has 50 000.
-    pub const fn ticks(self) -> u16 {
-        self.0
+    /// The duty in ticks of a timer whose period has so many, to the nearest one.
+    ///
+    /// ```
+    /// use model_core::Duty;
+    ///
+    /// assert_eq!(Duty::from_share(0.25).ticks(50_000), 12_500);
+    /// ```
+    pub const fn ticks(self, period: u16) -> u16 {
+        let full = Self::FULL.0 as u32;
+        // At most 65 535 (65 535 + 1/2), which is below 2^32.
+        ((self.0 as u32 * period as u32 + full / 2) / full) as u16
     }
 
     /// Share of the period, 0 to 1.
     pub fn share(self) -> f32 {
-        f32::from(self.0) * (1.0 / 50_000.0)
+        f32::from(self.0) * (1.0 / 65_535.0)
     }
 
     /// The rest of the period.
     pub const fn complement(self) -> Self {
-        Self(Self::FULL.0.saturating_sub(self.0))
+        Self(!self.0)
     }
 }
 
 /// Everything that one step takes in: the same samples and set points give the same outputs, to the
 /// bit, on every machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[repr(align(4))]
 pub struct Sample {
-    /// ADC0: muscle pressure.
-    pub pressure: AdcCode,
-    /// ADC1: gas temperature.
-    pub gas: AdcCode,
+    /// Muscle pressure: ADC0, or a digital part.
+    pub pressure: RawCode,
+    /// Gas temperature: ADC1, or a digital part.
+    pub gas: RawCode,
     /// ADC2: muscle length.
     pub length: AdcCode,
     /// The emergency stop line is open or low.
@@ -125,7 +174,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Codes from a board that has nothing else to tell: not stopped, in time, its host heard.
+    /// Codes of the converter alone; the board is not stopped, is in time, and hears its host.
     ///
     /// ```
     /// use model_core::{AdcCode, Sample};
@@ -135,8 +184,8 @@ impl Sample {
     /// ```
     pub const fn new(pressure: AdcCode, gas: AdcCode, length: AdcCode) -> Self {
         Self {
-            pressure,
-            gas,
+            pressure: RawCode::Adc(pressure),
+            gas: RawCode::Adc(gas),
             length,
             emergency_stop: false,
             heard: true,
@@ -148,7 +197,8 @@ impl Sample {
 
 /// Valve openings of one step, as shares of the PWM period in which air passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[repr(align(4))]
 pub struct Command {
     /// Inlet open.
     pub inlet: Duty,
@@ -175,10 +225,11 @@ impl Command {
     }
 }
 
-/// Faults, one bit each. [`crate::safety::supervisor`] lists what follows from each.
+/// Faults, one bit each; half of the bits are free. [`crate::safety::supervisor`] lists what follows
+/// from each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
-pub struct Faults(pub u16);
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Faults(pub u32);
 
 impl Faults {
     /// Nothing.
@@ -258,6 +309,11 @@ impl Faults {
         Self(self.0 & other.0)
     }
 
+    /// These, less the ones in `other`.
+    pub const fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
     /// Their names, in the order of the bits.
     pub fn names(self) -> impl Iterator<Item = &'static str> {
         let held = Self::NAMES.iter().filter(move |(fault, _)| self.intersects(*fault));
@@ -282,7 +338,7 @@ impl core::fmt::Display for Faults {
 
 /// The gas temperature and what goes with it, as the core believes it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Estimate {
     /// Gas temperature \[K\].
     pub gas_k: f32,
@@ -304,10 +360,10 @@ pub struct Estimate {
 
 /// Mode of the core.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Mode {
     /// Startup check: the core vents and tests the sensors.
-    Judging,
+    StartupCheck,
     /// Inlet closed, outlet open.
     Vent,
     /// Fixed openings.
@@ -327,7 +383,7 @@ pub enum Mode {
 impl Mode {
     /// Every mode and its name; a mode's index here is its number in a trace.
     pub const NAMES: [(Self, &'static str); 8] = [
-        (Self::Judging, "judging the sensors"),
+        (Self::StartupCheck, "startup check"),
         (Self::Vent, "vent"),
         (Self::Duty, "duty"),
         (Self::MassFlow, "mass flow"),
@@ -340,7 +396,7 @@ impl Mode {
 
 /// The quantity that the core is asked to reach; see [`crate::Core::set`].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SetPoint {
     /// Inlet closed, outlet open.
     #[default]
@@ -378,9 +434,9 @@ pub enum SetPoint {
 
 /// Everything that one step leaves behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Telemetry {
-    /// Number of the step, from 0 once the sensors are judged; wraps.
+    /// Number of the step, from 0 after the startup check; wraps.
     pub step: u32,
     /// The inputs.
     pub sample: Sample,
@@ -422,9 +478,15 @@ mod tests {
             prop_assert_eq!(duty.complement().complement(), duty);
         }
 
+        /// The timer gives what is asked for, to half a tick; a timer of fewer ticks than a duty
+        /// has parts may give all or none of them for a duty that is neither.
         #[test]
-        fn a_duty_is_never_more_than_full(ticks in any::<u16>()) {
-            prop_assert_eq!(Duty::try_from(ticks).is_ok(), ticks <= 50_000);
+        fn a_timer_gives_the_nearest_ticks(parts in any::<u16>(), period in 1_u16..) {
+            let ticks = f64::from(Duty(parts).ticks(period));
+            let exact = f64::from(parts) / 65_535.0 * f64::from(period);
+            prop_assert!((ticks - exact).abs() <= 0.5 + 1e-9, "{ticks} for {exact}");
+            prop_assert_eq!(Duty::ZERO.ticks(period), 0);
+            prop_assert_eq!(Duty::FULL.ticks(period), period);
         }
     }
 }

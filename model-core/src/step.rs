@@ -6,39 +6,42 @@ use crate::estimation::{Estimator, Measurement, Openings};
 use crate::math::limit;
 use crate::parameter::ConfigError;
 use crate::physics::chamber::{AnyChamber, Chamber};
-use crate::safety::supervisor::{Activity, FirstFailure, Supervisor};
-use crate::safety::watch::{EMPTY, Watch};
+use crate::safety::plausibility::PlausibilityMonitor;
+use crate::safety::supervisor::{Activity, FirstFailure, State, Supervisor};
 use crate::sample::{Command, Duty, Faults, Mode, Sample, SetPoint, Telemetry};
 use crate::sensing::{Reading, Readings, Sensing};
 
 /// Model, estimator, controller and supervisor of one muscle.
+///
+/// The small fields come first, within reach of a Cortex-M0+'s short load.
 #[derive(Debug, Clone, PartialEq)]
+#[repr(C)]
 pub struct Core {
-    config: Config,
-    chamber: AnyChamber,
-    sensing: Sensing,
-    supervisor: Supervisor,
-    estimator: Estimator,
-    controller: Controller,
-    watch: Watch,
     found: Faults,
     /// Absolute pressure that was read last \[Pa\].
     pressure_pa: f32,
     command: Command,
-    /// The last step's openings were others than those of the one before.
-    turned: bool,
+    step: u32,
     /// Steps for which the inlet, and the outlet, may still pass gas after their last duty.
     inlet_steps: u16,
     outlet_steps: u16,
-    step: u32,
+    /// The last step's openings were others than those of the one before.
+    turned: bool,
     /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: it takes none.
     armed_pa: Option<f32>,
+    supervisor: Supervisor,
+    sensing: Sensing,
+    controller: Controller,
+    monitor: PlausibilityMonitor,
+    estimator: Estimator,
+    chamber: AnyChamber,
+    config: Config,
 }
 
 /// The faults of a step, and what follows from them.
 struct Verdict {
     faults: Faults,
-    venting: bool,
+    state: State,
     /// Measured length, or the one that the load implies without its sensor \[m\].
     length_m: f32,
 }
@@ -51,7 +54,7 @@ struct Action {
 }
 
 impl Core {
-    /// A core that vents until it has judged its sensors and is given a set point. It is
+    /// A core that vents until it has tested its sensors and is given a set point. It is
     /// [armed](Self::arm), because a program that creates a core also drives it.
     ///
     /// ```
@@ -75,7 +78,7 @@ impl Core {
             supervisor: Supervisor::new(config, true),
             estimator: Estimator::new(config),
             controller: Controller::new(config),
-            watch: Watch::new(config),
+            monitor: PlausibilityMonitor::new(config),
             found: Faults::NONE,
             pressure_pa: 0.0,
             command: Command::VENT,
@@ -108,8 +111,8 @@ impl Core {
     }
 
     /// Restarts as `other`, with its configuration and, where the core is armed, its set point. The
-    /// supervisor stays: what is latched is latched, what it has counted counts, and the sensors are judged
-    /// again. So does the arming, as far as the new configuration allows.
+    /// supervisor stays: what is latched is latched, what it has counted counts, and the startup check
+    /// begins again. So does the arming, as far as the new configuration allows.
     pub fn restart_as(&mut self, other: Self) {
         let armed_pa = self.armed_pa;
         *self = Self {
@@ -239,14 +242,15 @@ impl Core {
         self.controller.set(Target::VENT);
     }
 
-    /// One step. During the startup check ([`Mode::Judging`]) the core vents, and neither estimates nor
+    /// One step. During the startup check ([`Mode::StartupCheck`]) the core vents, and neither estimates nor
     /// counts steps: step 0 is the first after the check.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let readings = self.sense(sample);
-        let verdict = self.judge(sample, &readings);
-        if self.supervisor.judging() {
+        let verdict = self.supervise(sample, &readings);
+        if let State::StartupCheck { .. } = verdict.state {
             self.follow(Command::VENT);
-            let action = Action { command: Command::VENT, mode: Mode::Judging, limited: false };
+            let mode = Mode::StartupCheck;
+            let action = Action { command: Command::VENT, mode, limited: false };
             return self.report(sample, &verdict, action);
         }
         let command = self.control(sample, &verdict);
@@ -264,16 +268,16 @@ impl Core {
     fn sense(&mut self, sample: &Sample) -> Readings {
         // A muscle that is not empty, and that a set point lets out.
         let let_out = self.controller.driven()
-            && !self.supervisor.judging()
+            && matches!(self.supervisor.state(), State::Ready)
             && self.command.outlet > Duty::ZERO
-            && self.pressure_pa > EMPTY * self.config.ambient.pressure_pa;
+            && self.monitor.has_gas(self.pressure_pa);
         let readings = self.sensing.read(sample, self.inlet_steps > 0 || let_out);
         self.pressure_pa = readings.pressure.value;
         readings
     }
 
     /// The faults of this step, and what follows from them for the length and for the set point.
-    fn judge(&mut self, sample: &Sample, readings: &Readings) -> Verdict {
+    fn supervise(&mut self, sample: &Sample, readings: &Readings) -> Verdict {
         let read_m = readings.length.value;
         let activity = Activity {
             driven: self.controller.driven(),
@@ -284,14 +288,16 @@ impl Core {
         let faults = self.supervisor.step(&sample.into(), readings, activity);
         let length_m = self.length_m(read_m, self.pressure_pa, faults);
         // Also during the startup check: a set point that waits is dropped like one that drives.
-        let venting = self.supervisor.venting() != Faults::NONE;
-        if venting {
+        let state = self.supervisor.state();
+        if let State::StartupCheck { causes, .. } | State::Venting { causes } = state
+            && causes != Faults::NONE
+        {
             self.controller.set(Target::VENT);
             if self.armed_pa.is_some() {
                 self.set_armed(None);
             }
         }
-        Verdict { faults, venting, length_m }
+        Verdict { faults, state, length_m }
     }
 
     /// The openings of this step.
@@ -304,7 +310,7 @@ impl Core {
         // While venting too: the controller counts the PWM periods, which the hardware continues.
         let wanted =
             self.controller.step(&self.config, &self.chamber, &feedback, sample.missed_steps);
-        if verdict.venting { Command::VENT } else { wanted }
+        if matches!(verdict.state, State::Ready) { wanted } else { Command::VENT }
     }
 
     /// Feeds the estimator and the plausibility monitor; returns the gas sensor's fault where its
@@ -345,7 +351,7 @@ impl Core {
         self.estimator.step(&self.chamber, &measurement);
         if let Some(balance) = self.estimator.take_balance() {
             let length_m = (!faults.intersects(Faults::LENGTH_SENSOR)).then_some(length_m);
-            self.found = self.watch.add(&self.chamber, &balance, length_m);
+            self.found = self.monitor.add(&self.chamber, &balance, length_m);
         }
         Faults::GAS_SENSOR.when(self.estimator.sensor_implausible())
     }
@@ -372,7 +378,7 @@ impl Core {
         let passing = |duty: Duty, steps: u16| {
             if duty > Duty::ZERO { period.saturating_add(1) } else { steps.saturating_sub(1) }
         };
-        self.watch.drive(command);
+        self.monitor.drive(command);
         self.inlet_steps = passing(command.inlet, self.inlet_steps);
         self.outlet_steps = passing(command.outlet, self.outlet_steps);
         self.command = command;
@@ -399,7 +405,7 @@ mod tests {
     use super::*;
     use crate::config::LinkConfig;
     use crate::physics::chamber::{ChamberConfig, Vessel};
-    use crate::sample::AdcCode;
+    use crate::sample::{AdcCode, RawCode};
     use crate::sensing::Sensors;
     use crate::sensing::gas::{GasElement, Max31865};
 
@@ -414,11 +420,11 @@ mod tests {
         core
     }
 
-    /// The first telemetry after the sensors have been judged.
-    fn judged(core: &mut Core, sample: &Sample) -> Telemetry {
+    /// The first telemetry after the startup check.
+    fn checked(core: &mut Core, sample: &Sample) -> Telemetry {
         core::iter::repeat_with(|| core.step(sample))
             .take(1000)
-            .find(|telemetry| telemetry.mode != Mode::Judging)
+            .find(|telemetry| telemetry.mode != Mode::StartupCheck)
             .unwrap()
     }
 
@@ -436,7 +442,7 @@ mod tests {
         };
         let sample = |core: usize, step: u16| {
             let pressure = 7770 + (step % 700) * if core == 0 { 3 } else { 5 };
-            Sample { pressure: AdcCode(pressure), ..HEALTHY }
+            Sample { pressure: AdcCode(pressure).into(), ..HEALTHY }
         };
         let mut together = cores();
         let mut alternating = [Vec::new(), Vec::new()];
@@ -452,23 +458,23 @@ mod tests {
     }
 
     #[test]
-    fn a_start_judges_the_sensors_before_it_counts() {
+    fn a_start_tests_the_sensors_before_it_counts() {
         let mut core = core_with(HALF);
-        let judging = (0..1000).map(|_| core.step(&HEALTHY)).take_while(|telemetry| {
+        let in_check = (0..1000).map(|_| core.step(&HEALTHY)).take_while(|telemetry| {
             assert_eq!(telemetry.step, 0);
-            let judging = telemetry.mode == Mode::Judging;
-            assert_eq!(judging, telemetry.command == Command::VENT);
-            judging
+            let in_check = telemetry.mode == Mode::StartupCheck;
+            assert_eq!(in_check, telemetry.command == Command::VENT);
+            in_check
         });
-        assert_eq!(judging.count(), 49);
+        assert_eq!(in_check.count(), 49);
         assert_eq!(core.step(&HEALTHY).step, 1);
     }
 
     /// Neither a short nor a pressure above the limit hides behind starts in quick succession.
     #[test]
     fn restarts_do_not_go_round_the_supervisor() {
-        let shorted = Sample { pressure: AdcCode(0), ..HEALTHY };
-        let high = Sample { pressure: AdcCode(29_300), ..HEALTHY };
+        let shorted = Sample { pressure: AdcCode(0).into(), ..HEALTHY };
+        let high = Sample { pressure: AdcCode(29_300).into(), ..HEALTHY };
         for (sample, fault) in [(shorted, Faults::PRESSURE_SENSOR), (high, Faults::OVERPRESSURE)] {
             for every in [1, 5, 9, 60] {
                 let mut core = core_with(HALF);
@@ -485,7 +491,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restart_with_healthy_sensors_vents_while_it_judges() {
+    fn a_restart_with_healthy_sensors_vents_in_the_startup_check() {
         let mut core = core_with(HALF);
         for step in 0..1000 {
             if step % 9 == 0 {
@@ -498,7 +504,7 @@ mod tests {
     #[test]
     fn latched_is_latched_whatever_is_started() {
         let mut core = core_with(HALF);
-        judged(&mut core, &HEALTHY);
+        checked(&mut core, &HEALTHY);
         core.step(&Sample { emergency_stop: true, ..HEALTHY });
         core.restart_as(core_with(HALF));
         for _ in 0..200 {
@@ -508,19 +514,19 @@ mod tests {
         }
         core.clear_faults();
         core.restart_as(core_with(HALF));
-        assert_eq!(judged(&mut core, &HEALTHY).command, Command::VENT, "not armed");
+        assert_eq!(checked(&mut core, &HEALTHY).command, Command::VENT, "not armed");
         core.arm(None).unwrap();
         core.restart_as(core_with(HALF));
-        assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
+        assert_ne!(checked(&mut core, &HEALTHY).command, Command::VENT);
     }
 
     /// A code that stands still shows while gas is let out too, but not in a muscle that vents anyway.
     #[test]
     fn a_frozen_pressure_shows_while_gas_is_let_out() {
-        let full = Sample { pressure: AdcCode(15_000), ..HEALTHY };
+        let full = Sample { pressure: AdcCode(15_000).into(), ..HEALTHY };
         let first = |set_point| {
             let mut core = core_with(set_point);
-            judged(&mut core, &full);
+            checked(&mut core, &full);
             let frozen = |core: &mut Core| {
                 let telemetry = core.step(&Sample {
                     length: AdcCode(full.length.0 + core.step as u16 % 2),
@@ -540,7 +546,7 @@ mod tests {
     fn a_fault_vents_at_once_and_leaves_the_period_in_phase() {
         let mut core = Core::new(&Config::default()).unwrap();
         core.set(HALF).unwrap();
-        assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
+        assert_ne!(checked(&mut core, &HEALTHY).command, Command::VENT);
         for _ in 1..4 {
             core.step(&HEALTHY);
         }
@@ -566,7 +572,7 @@ mod tests {
         let link = LinkConfig { timeout_s: 0.02 };
         let config = Config { pwm_period_steps, link, ..Config::default() };
         let full = SetPoint::Duty { inlet: 1.0, outlet: 0.0 };
-        let mut core = judged_core(&config, full, &HEALTHY);
+        let mut core = checked_core(&config, full, &HEALTHY);
         for _ in 0..3 {
             assert_eq!(core.step(&HEALTHY).command.inlet, Duty::FULL);
         }
@@ -614,13 +620,13 @@ mod tests {
 
     /// Nor does a set point that was given before the stop drive afterwards.
     #[test]
-    fn a_fault_while_the_sensors_are_judged_disarms() {
+    fn a_fault_in_the_startup_check_disarms() {
         let config = Config::default();
-        let mut core = judged_core(&config, HALF, &HEALTHY);
+        let mut core = checked_core(&config, HALF, &HEALTHY);
         core.restart_as(core_with(HALF));
         for _ in 0..5 {
             let telemetry = core.step(&STOPPED);
-            assert_eq!((telemetry.mode, telemetry.command), (Mode::Judging, Command::VENT));
+            assert_eq!((telemetry.mode, telemetry.command), (Mode::StartupCheck, Command::VENT));
         }
         core.step(&HEALTHY);
         core.clear_faults();
@@ -632,8 +638,8 @@ mod tests {
         }
     }
 
-    /// A core with this configuration and set point that has judged such samples.
-    fn judged_core(config: &Config, set_point: SetPoint, sample: &Sample) -> Core {
+    /// A core with this configuration and set point whose sensors have passed the startup check with such samples.
+    fn checked_core(config: &Config, set_point: SetPoint, sample: &Sample) -> Core {
         let mut core = Core::new(config).unwrap();
         core.set(set_point).unwrap();
         for _ in 1..50 {
@@ -645,9 +651,9 @@ mod tests {
     /// The openings that a sample has seen are those of the step before, and what a pulse moves after
     /// its duty comes for one PWM period. An estimator with the same inputs set by hand agrees.
     #[test]
-    fn the_estimator_is_told_of_the_openings_that_a_sample_has_seen() {
+    fn the_estimator_gets_the_openings_that_a_sample_has_seen() {
         let start = Sample::new(AdcCode(11_538), AdcCode(16_200), AdcCode(20_500));
-        let mut core = judged_core(&Config::default(), HALF, &start);
+        let mut core = checked_core(&Config::default(), HALF, &start);
         let muscle = AnyChamber::new(&Config::default().chamber);
         let mut estimator = Estimator::new(&Config::default());
         let sensors = Sensors::default();
@@ -708,7 +714,7 @@ mod tests {
     #[test]
     fn a_code_that_stands_still_while_the_inlet_passes_gas_is_frozen() {
         let frozen_after = |driven_steps: u16| {
-            let mut core = judged_core(&Config::default(), HALF, &HEALTHY);
+            let mut core = checked_core(&Config::default(), HALF, &HEALTHY);
             (0..200_u16).find(|&step| {
                 if step == driven_steps {
                     core.vent();
@@ -726,7 +732,7 @@ mod tests {
     #[test]
     fn a_restart_does_not_forget_a_pulse_that_still_ends() {
         let config = Config { pwm_period_steps: 100, ..Config::default() };
-        let mut core = judged_core(&config, HALF, &HEALTHY);
+        let mut core = checked_core(&config, HALF, &HEALTHY);
         for _ in 0..10 {
             core.step(&HEALTHY);
         }
@@ -739,7 +745,7 @@ mod tests {
 
     #[test]
     fn what_is_asked_to_vent_vents_in_the_middle_of_a_period() {
-        let mut core = judged_core(&Config::default(), HALF, &HEALTHY);
+        let mut core = checked_core(&Config::default(), HALF, &HEALTHY);
         for _ in 0..3 {
             assert_ne!(core.step(&HEALTHY).command, Command::VENT);
         }
@@ -750,7 +756,7 @@ mod tests {
 
     #[test]
     fn while_a_fault_vents_nothing_else_is_taken() {
-        let mut core = judged_core(&Config::default(), HALF, &HEALTHY);
+        let mut core = checked_core(&Config::default(), HALF, &HEALTHY);
         core.step(&Sample { emergency_stop: true, ..HEALTHY });
         let refused = Err(SetPointError::Faults(Faults::EMERGENCY_STOP));
         assert_eq!(core.set(HALF), refused);
@@ -768,7 +774,7 @@ mod tests {
     /// After a lost link, arming is enough; other latched faults stay.
     #[test]
     fn a_lost_link_is_forgotten_by_arming() {
-        let mut core = judged_core(&Config::default(), CLOSED, &HEALTHY);
+        let mut core = checked_core(&Config::default(), CLOSED, &HEALTHY);
         let silent = Sample { heard: false, ..HEALTHY };
         while core.step(&silent).faults == Faults::NONE {}
         assert_eq!(core.armed_pa(), None);
@@ -787,7 +793,7 @@ mod tests {
     #[test]
     fn what_is_armed_takes_no_more_than_it_is_armed_for() {
         let config = Config::default();
-        let mut core = judged_core(&config, SetPoint::Vent, &HEALTHY);
+        let mut core = checked_core(&config, SetPoint::Vent, &HEALTHY);
         let pressure = |pressure_pa| SetPoint::Pressure { pressure_pa };
         for most_pa in [f32::NAN, 1.1e5, 6.7e5] {
             assert!(core.arm(Some(most_pa)).is_err(), "{most_pa}");
@@ -801,7 +807,7 @@ mod tests {
         assert_eq!(core.set(pressure(value)), Err(refused));
         // A twentieth of the gauge pressure above it, 29.4 kPa, it vents: 26.7 Pa a code.
         let above = |pa: f32| Sample {
-            pressure: AdcCode(HEALTHY.pressure.0 + ((pa + 29_408.0 - 120_033.0) / 26.71) as u16),
+            pressure: AdcCode(7770 + ((pa + 29_408.0 - 120_033.0) / 26.71) as u16).into(),
             ..HEALTHY
         };
         core.set(CLOSED).unwrap();
@@ -814,40 +820,40 @@ mod tests {
 
     #[test]
     fn what_vented_before_the_board_restarted_vents_after_it() {
-        let mut before = judged_core(&Config::default(), HALF, &HEALTHY);
+        let mut before = checked_core(&Config::default(), HALF, &HEALTHY);
         before.step(&Sample { emergency_stop: true, ..HEALTHY });
         let first = before.supervisor().first_failure().unwrap();
         let mut core = core_with(HALF);
         core.recall(first, before.supervisor().latched());
-        assert_eq!(judged(&mut core, &HEALTHY).command, Command::VENT);
+        assert_eq!(checked(&mut core, &HEALTHY).command, Command::VENT);
         assert_eq!(core.supervisor().first_failure(), Some(first));
     }
 
     /// Also if there was no fault, or none of this start.
     #[test]
     fn who_clears_faults_vents() {
-        let mut driving = judged_core(&Config::default(), HALF, &HEALTHY);
+        let mut driving = checked_core(&Config::default(), HALF, &HEALTHY);
         driving.clear_faults();
         assert_eq!(driving.step(&HEALTHY).command, Command::VENT);
         let first = FirstFailure { faults: Faults::BURST, pressure_pa: 2.5e5, step: 9 };
         let mut recalled = core_with(HALF);
         recalled.recall(first, Faults::BURST);
         recalled.clear_faults();
-        assert_eq!(judged(&mut recalled, &HEALTHY).command, Command::VENT);
+        assert_eq!(checked(&mut recalled, &HEALTHY).command, Command::VENT);
         assert_eq!(recalled.set(HALF), Ok(()), "it has not vented yet");
     }
 
     #[test]
-    fn a_board_that_nobody_has_configured_vents() {
+    fn a_board_without_a_configuration_vents() {
         let mut core = Core::unconfigured().unwrap();
-        let telemetry = judged(&mut core, &HEALTHY);
+        let telemetry = checked(&mut core, &HEALTHY);
         assert_eq!((telemetry.command, telemetry.faults), (Command::VENT, Faults::NOT_CONFIGURED));
         assert_eq!(core.set(HALF), Err(SetPointError::Faults(Faults::NOT_CONFIGURED)));
         core.restart_as(core_with(HALF));
-        assert_eq!(judged(&mut core, &HEALTHY).command, Command::VENT, "nor armed");
+        assert_eq!(checked(&mut core, &HEALTHY).command, Command::VENT, "nor armed");
         core.arm(None).unwrap();
         core.restart_as(core_with(HALF));
-        assert_ne!(judged(&mut core, &HEALTHY).command, Command::VENT);
+        assert_ne!(checked(&mut core, &HEALTHY).command, Command::VENT);
     }
 
     /// 2.5 bar at 0.27 m.
@@ -877,10 +883,10 @@ mod tests {
 
     #[test]
     fn a_pressure_that_climbs_while_both_valves_are_shut_vents() {
-        let mut core = judged_core(&Config::default(), CLOSED, &INFLATED);
+        let mut core = checked_core(&Config::default(), CLOSED, &INFLATED);
         let faults: Vec<_> = (0..600_u16)
             .map(|step| {
-                let pressure = AdcCode(12_688 + 10 * step);
+                let pressure = AdcCode(12_688 + 10 * step).into();
                 core.step(&Sample { pressure, ..INFLATED }).faults
             })
             .collect();
@@ -890,18 +896,18 @@ mod tests {
         assert_eq!(core.step(&INFLATED).command, Command::VENT);
     }
 
-    /// The watch knows which valve is driven: gas that does not move has another fault for each.
+    /// The monitor knows which valve is driven: gas that does not move has another fault for each.
     #[test]
     fn a_valve_that_is_driven_and_moves_nothing_vents() {
         for (inlet, outlet, fault) in
             [(0.5, 0.0, Faults::NO_INFLOW), (0.0, 0.5, Faults::NO_OUTFLOW)]
         {
             let set_point = SetPoint::Duty { inlet, outlet };
-            let mut core = judged_core(&Config::default(), set_point, &INFLATED);
+            let mut core = checked_core(&Config::default(), set_point, &INFLATED);
             let found = (0..2000_u16).find_map(|step| {
                 // A line that is alive.
-                let [pressure, length] =
-                    [INFLATED.pressure, INFLATED.length].map(|code| AdcCode(code.0 + step % 2));
+                let pressure = AdcCode(12_688 + step % 2).into();
+                let length = AdcCode(21_545 + step % 2);
                 let faults = core.step(&Sample { pressure, length, ..INFLATED }).faults;
                 (faults != Faults::NONE).then_some(faults)
             });
@@ -913,10 +919,10 @@ mod tests {
     /// 6 bar would hold four times the load there; where the length is lost, it is made of the load.
     #[test]
     fn an_impossible_force_is_found_where_the_length_is_trusted() {
-        let strong = Sample { pressure: AdcCode(25_746), ..INFLATED };
+        let strong = Sample { pressure: AdcCode(25_746).into(), ..INFLATED };
         let lost = Sample { length: AdcCode(0), ..strong };
         for (sample, found) in [(strong, true), (lost, false)] {
-            let mut core = judged_core(&Config::default(), CLOSED, &sample);
+            let mut core = checked_core(&Config::default(), CLOSED, &sample);
             let force = (0..3000).any(|_| core.step(&sample).faults.intersects(Faults::FORCE));
             assert_eq!(force, found, "length code {:?}", sample.length);
         }
@@ -924,11 +930,11 @@ mod tests {
 
     #[test]
     fn a_gas_sensor_that_contradicts_the_model_is_shown_and_vents_nothing() {
-        let mut core = judged_core(&Config::default(), CLOSED, &INFLATED);
+        let mut core = checked_core(&Config::default(), CLOSED, &INFLATED);
         // 16 K warmer from one step to the next, though nothing happens.
         for (gas, shown) in [(15_950, false), (23_950, true)] {
             let faults = (0..3000_u16).map(|step| {
-                let gas = AdcCode(gas + step % 2);
+                let gas = AdcCode(gas + step % 2).into();
                 let telemetry = core.step(&Sample { gas, ..INFLATED });
                 assert_eq!(telemetry.command, Command::CLOSED);
                 telemetry.faults
@@ -946,12 +952,12 @@ mod tests {
         let sensors = Sensors { gas_element, ..Sensors::default() };
         let config = Config { sensors, ..Config::default() };
         let sample = |step: u16, reading: u16| {
-            let gas = AdcCode::of_part(reading, step.is_multiple_of(20));
+            let gas = RawCode::of_part(reading, step.is_multiple_of(20));
             Sample { gas, ..INFLATED }
         };
         let healthy = |step: u16| sample(step, 8457 + step / 20 % 2);
         for (silent, expected) in [(true, 100), (false, 40)] {
-            let mut core = judged_core(&config, CLOSED, &healthy(0));
+            let mut core = checked_core(&config, CLOSED, &healthy(0));
             for step in 1..=200 {
                 assert_eq!(core.step(&healthy(step)).faults, Faults::NONE);
             }
@@ -973,7 +979,7 @@ mod tests {
     fn a_silent_host_vents_what_it_drives() {
         let silent = Sample { heard: false, ..HEALTHY };
         for (set_point, after) in [(CLOSED, Some(499)), (SetPoint::Vent, None)] {
-            let mut core = judged_core(&Config::default(), set_point, &HEALTHY);
+            let mut core = checked_core(&Config::default(), set_point, &HEALTHY);
             let lost = (0..2000).find(|_| core.step(&silent).faults == Faults::LINK_LOST);
             assert_eq!(lost, after, "{set_point:?}");
         }

@@ -2,7 +2,6 @@
 
 use crate::repository;
 use model_core::control::Mode;
-use model_core::link::{Answer, HostCommand};
 use model_core::{Config, Sample, SetPoint};
 use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol, SectionKind};
 use rp2350_emu::{Config as EmulatorConfig, Emulator, EmulatorBuilder};
@@ -10,6 +9,7 @@ use std::collections::BTreeMap;
 use std::mem::offset_of;
 use thermyo_boards::checkout::{Build, target_folder};
 use thermyo_boards::link::Link;
+use thermyo_protocol::{Answer, HostCommand};
 use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 #[path = "../m33/src/mailbox.rs"]
@@ -145,7 +145,7 @@ impl Board for EmulatedM33 {
             self.exchange(HostCommand::Step(*sample));
             self.step_cycles.push(self.read(offset_of!(Mailbox, step_cycles)));
             let telemetry = self.link.take_telemetry().expect("a step is answered by telemetry");
-            if telemetry.mode != Mode::Judging {
+            if telemetry.mode != Mode::StartupCheck {
                 break telemetry;
             }
         };
@@ -189,13 +189,14 @@ fn code(file: &object::File) -> BTreeMap<u64, bool> {
     ends.chain(marks).collect()
 }
 
-/// Puts two kinds of instructions down as the emulator reads them. The compiler could be told to do
-/// without them, but then this would not be the code that the boards run.
+/// Encodes three kinds of instructions as the emulator reads them. The compiler could avoid them, but then this would
+/// not be the code that the boards run.
 ///
 /// - VSEL, VMAXNM, VMINNM: rp2350-emu 0.2.6 takes the lowest bit of the destination from bit 4 of the first
 ///   halfword and the condition from bits 6:5; they are in bit 6 and bits 5:4 (Armv8-M Architecture
 ///   Reference Manual, C2.4).
 /// - VPUSH, VPOP of double registers: it knows those of the single registers that they consist of.
+/// - PKHBT Rd, Rd, Rm, LSL #16, which it does not know, is BFI Rd, Rm, #16, #16.
 fn adapt(content: &mut [u8], address: u64, code: &BTreeMap<u64, bool>) {
     let halfword = |content: &[u8], at: usize| u16::from_le_bytes([content[at], content[at + 1]]);
     let end = address + content.len() as u64;
@@ -209,6 +210,11 @@ fn adapt(content: &mut [u8], address: u64, code: &BTreeMap<u64, bool>) {
                     (first & !0x70 | (first & 0x30) << 1 | (first & 0x40) >> 2, second)
                 }
                 (0xed2d | 0xecbd, _) if second & 0x0f00 == 0x0b00 => (first, second & !0x0100),
+                (0xeac0..=0xeacf, _)
+                    if second & 0xf0f0 == 0x4000 && first & 0xf == second >> 8 & 0xf =>
+                {
+                    (0xf360 | second & 0xf, second & 0xff00 | 0x1f)
+                }
                 same => same,
             };
             content[at..at + 2].copy_from_slice(&as_first.to_le_bytes());

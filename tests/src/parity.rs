@@ -17,7 +17,7 @@ const PRESSURE: SetPoint = SetPoint::Pressure { pressure_pa: 3.0e5 };
 
 /// Two sensors fail for a while, and the emergency stop opens once.
 fn with_faults(step: u32, sample: Sample) -> Sample {
-    let gas = if (3000..3200).contains(&step) { AdcCode(0) } else { sample.gas };
+    let gas = if (3000..3200).contains(&step) { AdcCode(0).into() } else { sample.gas };
     let length = if (4000..4200).contains(&step) { AdcCode(32_760) } else { sample.length };
     Sample { gas, length, emergency_stop: step == 8000, ..sample }
 }

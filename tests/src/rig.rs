@@ -4,7 +4,7 @@ use thermyo_boards::emulated::{EmulatedBoard, Exchange};
 use thermyo_plant::{Actuation, Plant};
 use thermyo_simulation::board::Board;
 
-use model_core::{AdcCode, Config, Sample, SetPoint};
+use model_core::{Config, Sample, SetPoint};
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::adc::VirtualAdc;
 
@@ -37,8 +37,7 @@ impl Muscle {
 
     /// Current sample of the sensors.
     pub fn sample(&mut self) -> Sample {
-        let codes = self.adc.convert(&self.plant.truth());
-        Sample::new(AdcCode(codes.pressure), AdcCode(codes.gas), AdcCode(codes.length))
+        self.adc.convert(&self.plant.truth()).into()
     }
 
     /// Advances the plant by one step.

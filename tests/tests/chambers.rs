@@ -15,7 +15,7 @@ const BELLOWS: &str = concat!(
     "/../scenarios/bellows.csv\"\n[load]\nforce_n = -40.0\n"
 );
 
-/// What is moved, its rest length and its stroke \[m\], and the contraction of half of it.
+/// Name and scenario of a chamber, its rest length and its stroke \[m\], and the contraction of half of it.
 const MOVING: [(&str, &str, f64, f64); 3] = [
     ("pushes", PUSHES, 0.25, -0.1),
     ("pulls", PULLS, 0.35, 0.1),

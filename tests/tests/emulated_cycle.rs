@@ -29,7 +29,7 @@ fn the_papers_cycle_is_the_same_on_the_emulated_board() {
     // Its timer rounds the duties: the same to the bit would mean that nothing was emulated.
     assert!((1e-9..0.05).contains(&estimate_k), "{estimate_k} K");
     assert!((1e-12..0.005).contains(&pressure), "{pressure}");
-    // What the board computed is what the core computes of the same samples.
+    // The core computes the same from the same samples.
     let trace = there.path("trace.csv").display().to_string();
     let place = there.path("replay").display().to_string();
     let outcome = thermyo(&["replay", &trace, "--json", "--out", &place]);

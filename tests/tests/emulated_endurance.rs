@@ -5,7 +5,6 @@
 //! `cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture`
 
 use model_core::control::Mode;
-use model_core::link::{HostCommand, LastReset, Name, Phase, Request, encode};
 use model_core::{Command, Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -14,6 +13,7 @@ use std::thread;
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Injection, Place};
+use thermyo_protocol::{HostCommand, LastReset, Name, Phase, Request, encode};
 
 /// Both coils must be without power within this time \[ms\].
 const SAFE_MS: f64 = 100.0;
@@ -79,6 +79,25 @@ fn side_by_side<T: Send>(cases: u32, half: impl Fn(Range<u32>) -> T + Sync) -> [
     })
 }
 
+/// Runs until the injected hang is met. Returns the steps since the inlet was powered.
+fn meet(rig: &mut Rig) -> Option<u32> {
+    let mut powered_at = 0;
+    for before in 1..=500 {
+        // The thread has something to do.
+        if before % 5 == 1 {
+            rig.board.send(HostCommand::Timing);
+        }
+        let exchange = rig.exchange();
+        if powered(&exchange) {
+            powered_at = before;
+        }
+        if !exchange.hang_to_come {
+            return Some(before - powered_at);
+        }
+    }
+    None
+}
+
 /// Hangs one instruction after the other; returns the worst time to vent \[ms\] and how often the
 /// board said that control was waiting, sampling, stepping or driving when it ended.
 fn hangs(cases: Range<u32>) -> (u32, [u32; 5]) {
@@ -103,23 +122,10 @@ fn hangs(cases: Range<u32>) -> (u32, [u32; 5]) {
         let restarts = rig.exchange().restarts;
         let injection = Injection::Hang { place, instruction: 1 + random.below(instructions) };
         rig.board.inject(injection);
-        let (mut before, mut powered_at) = (0, 0);
-        while {
-            // The thread has something to do.
-            if before % 5 == 0 {
-                rig.board.send(HostCommand::Timing);
-            }
-            before += 1;
-            let exchange = rig.exchange();
-            if powered(&exchange) {
-                powered_at = before;
-            }
-            exchange.hang_to_come
-        } {
-            assert!(before < 500, "case {case}: {injection:?} is not met");
-        }
+        let since_powered =
+            meet(&mut rig).unwrap_or_else(|| panic!("case {case}: {injection:?} is not met"));
         // A period with the outlet open may be among them.
-        assert!(before - powered_at < 20, "case {case}: nothing to vent, {set_point:?}");
+        assert!(since_powered < 20, "case {case}: nothing to vent, {set_point:?}");
         let (mut until_vented, mut running_ms) = (1, 0);
         for ms in 2..150 {
             let exchange = rig.exchange();
@@ -266,9 +272,10 @@ impl Flood {
             match self {
                 Self::Of(command) => rig.board.send(command),
                 Self::Mixed | Self::Garbled => rig.board.send(match (any, random.below(16)) {
-                    // What is refused, and what is not.
+                    // Refused and accepted ones.
                     (HostCommand::Set(_), 0..4) => HostCommand::Set(SetPoint::Duty {
-                        inlet: 1.0 + random.share(),
+                        // A share may be 0, and 1 is allowed.
+                        inlet: 1.001 + random.share(),
                         outlet: 0.0,
                     }),
                     (HostCommand::Set(_), 4..8) => {
@@ -355,7 +362,20 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
         "{flood:?}: the inlet was powered for {most} of a period"
     );
 
-    // And the host's own stop, in the middle of what it asked for before.
+    assert_stops(rig, flood, period);
+    rig.board.discard();
+    rig.board.write(&[0]);
+    rig.board.take_telemetry();
+    // It may ask a few things at once again.
+    for _ in 0..80 {
+        rig.exchange();
+    }
+    let faults = rig.board.take_telemetry().last().map(|telemetry| telemetry.faults);
+    assert!(faults.unwrap().intersects(Faults::LINK_FLOODED), "{flood:?}: {faults:?}");
+}
+
+/// The host's own stop, in the middle of what it asked for before.
+fn assert_stops(rig: &mut Rig, flood: Flood, period: usize) {
     rig.board.send(HostCommand::Stop);
     let stopping = rig.board.waiting().div_ceil(92);
     let after: Vec<Exchange> = (0..100 + period)
@@ -368,15 +388,6 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
         .collect();
     let stopped = after.iter().rposition(powered).map_or(0, |last| last + 1);
     assert!(stopped <= stopping + 3, "{flood:?}: {stopped} ms to stop");
-    rig.board.discard();
-    rig.board.write(&[0]);
-    rig.board.take_telemetry();
-    // It may ask a few things at once again.
-    for _ in 0..80 {
-        rig.exchange();
-    }
-    let faults = rig.board.take_telemetry().last().map(|telemetry| telemetry.faults);
-    assert!(faults.unwrap().intersects(Faults::LINK_FLOODED), "{flood:?}: {faults:?}");
 }
 
 /// Floods at one PWM period; returns their effect on control and watchdog.
@@ -413,7 +424,7 @@ fn assert_no_step_is_missed(seconds: u32, mean_ns: u32) {
         }
         assert_eq!(rig.exchange().restarts, 0, "restarted at {ms} ms");
         for telemetry in rig.board.take_telemetry() {
-            frames += u32::from(telemetry.mode != Mode::Judging);
+            frames += u32::from(telemetry.mode != Mode::StartupCheck);
             moved += u32::from(telemetry.command != Command::CLOSED);
             worst = worst.with(telemetry.faults);
         }

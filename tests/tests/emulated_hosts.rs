@@ -1,11 +1,11 @@
 //! Two hosts at one emulated board, over UART and USB: only the one whose order holds keeps it
 //! alive, and a stop overtakes what was sent before it.
 
-use model_core::link::{Answer, HostCommand};
 use model_core::{Config, Sample, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
+use thermyo_protocol::{Answer, HostCommand};
 
 /// One microsecond \[ns\].
 const US: u32 = 1_000;

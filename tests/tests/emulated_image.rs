@@ -1,12 +1,12 @@
 //! The image: its size, and symbols that it must not contain.
 
-use model_core::link::HostCommand;
 use model_core::{Sample, SetPoint};
 use object::{Object, ObjectSection, ObjectSymbol};
 use system_tests::rig::Rig;
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::image::{Variant, firmware, prepare_emulator};
+use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
 /// Flash of the image \[bytes\].
@@ -44,7 +44,7 @@ fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
 
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     assert!(names.iter().any(|name| name.contains("aeabi_fmul")), "no symbols to look at");
-    // The last are embassy's functions on the divider, which the division of `float.s` has for
+    // The last are embassy's functions on the divider, which the division of `routines.s` has for
     // itself.
     let never = ["__aeabi_d", "__rust_alloc", "_erphal_"];
     let unwanted: Vec<_> =

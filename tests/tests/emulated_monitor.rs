@@ -2,13 +2,13 @@
 #![cfg(unix)]
 
 use host_sim::commands::monitor::{Session, Status, view};
-use model_core::link::LastReset;
 use model_core::{AdcCode, Sample};
 use std::fs::File;
 use std::time::{Duration, Instant};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::pty::PtyBoard;
+use thermyo_protocol::LastReset;
 use thermyo_record::board_trace::Recorder;
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
@@ -86,8 +86,14 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     poll_until(&mut session, |session| session.rows() > rows + 50);
     assert_eq!((session.status(), session.connections()), (Status::Connected, 2));
     session.finish().unwrap();
-    let recorded = std::fs::read_to_string(&trace).unwrap();
-    assert_eq!(recorded.lines().count() as u64, session.rows() + 1);
+    assert_recorded_as_one(&std::fs::read_to_string(&trace).unwrap(), session.rows());
+    assert_eq!(session.configurations().len(), 1, "both boards were configured the same");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// The rows of two boards, one after the other.
+fn assert_recorded_as_one(recorded: &str, rows: u64) {
+    assert_eq!(recorded.lines().count() as u64, rows + 1);
     let columns = recorded.lines().next().unwrap().split(',').count();
     assert!(recorded.lines().all(|line| line.split(',').count() == columns));
     // The second board counts from 0, as soon as it has judged its sensors; time goes on.
@@ -101,6 +107,4 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     assert_eq!(times[0], 0.0);
     assert!(times.is_sorted_by(|a, b| a < b), "time falls");
     assert_eq!(steps.windows(2).filter(|pair| pair[1] < pair[0]).count(), 1, "no restart");
-    assert_eq!(session.configurations().len(), 1, "both boards were configured the same");
-    std::fs::remove_dir_all(&folder).unwrap();
 }

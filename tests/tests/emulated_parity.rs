@@ -1,12 +1,12 @@
 //! The image that is flashed computes what the core computes on the host, to the bit, and on time.
 
-use model_core::link::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
 use model_core::{Config, Sample};
 use system_tests::log::lines;
 use system_tests::parity::{self, STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::image::{Variant, firmware};
+use thermyo_protocol::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
 use thermyo_simulation::board::BoardError;
 
 /// A PWM period of the configuration that is run.

@@ -1,11 +1,11 @@
 //! After any failure of the firmware the valves are safe within 100 ms, and it can report the cause.
 
 use model_core::config::LinkConfig;
-use model_core::link::{Answer, HostCommand, LastReset, Phase, Refusal};
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Injection, Place};
+use thermyo_protocol::{Answer, HostCommand, LastReset, Phase, Refusal};
 use thermyo_simulation::board::BoardError;
 
 /// Valves must be safe within this time \[ms\].
@@ -18,7 +18,7 @@ const HANG: Injection = Injection::Hang { place: Place::Control, instruction: 1 
 type Change = fn(Sample) -> Sample;
 const AS_IT_IS: Change = |sample| sample;
 const PRESSED: Change = |sample| Sample { emergency_stop: true, ..sample };
-const SHORTED: Change = |sample| Sample { pressure: AdcCode(0), ..sample };
+const SHORTED: Change = |sample| Sample { pressure: AdcCode(0).into(), ..sample };
 
 fn fill(inlet: f32) -> SetPoint {
     SetPoint::Duty { inlet, outlet: 0.0 }
@@ -34,8 +34,8 @@ fn lumped() -> Rig {
 fn filling() -> Rig {
     let mut rig = lumped();
     rig.start(fill(0.5));
-    let judging_ms = u32::from(STARTUP_CHECK_STEPS);
-    let shares = mean_shares(&mut rig, judging_ms + 40, 20);
+    let startup_ms = u32::from(STARTUP_CHECK_STEPS);
+    let shares = mean_shares(&mut rig, startup_ms + 40, 20);
     assert!((0.49..=0.51).contains(&shares.0) && shares.1 > 0.999, "{shares:?}");
     rig
 }

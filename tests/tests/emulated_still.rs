@@ -1,8 +1,7 @@
-//! What must be still on the emulated board is still: after a fault was acknowledged, after the
+//! The emulated board keeps the inlet shut: after a fault was acknowledged, after the
 //! board was armed again, and whatever two hosts, the stop button and the USB cable do in any
 //! order.
 
-use model_core::link::{Answer, HostCommand};
 use model_core::{Config, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -10,6 +9,7 @@ use std::env;
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
+use thermyo_protocol::{Answer, HostCommand};
 
 /// One millisecond \[ns\].
 const MS: u64 = 1_000_000;
@@ -91,7 +91,7 @@ struct Sent {
     port: Port,
     sent: u64,
     answered: u64,
-    /// What it has done does not hold any more from then on.
+    /// Count of messages from which on its orders no longer hold.
     dead: u64,
 }
 
@@ -109,7 +109,7 @@ struct Asked {
     sent: Sent,
 }
 
-/// What the hosts, the button and the cable have done, and whether the inlet may be open after it:
+/// Actions of hosts, button and cable, and whether the inlet may be open after it:
 /// by what was sent and answered alone.
 struct Witness {
     asked: Vec<Asked>,
@@ -336,6 +336,39 @@ impl Random {
     }
 }
 
+impl Random {
+    /// The two parts of a millisecond, with the port that is served in each.
+    fn slices(&mut self) -> [(Port, u64); 2] {
+        let first = 1 + self.below(MS - 1);
+        if self.once_in(2) {
+            return [(Port::Usb, first), (Port::Uart, MS - first)];
+        }
+        [(Port::Uart, first), (Port::Usb, MS - first)]
+    }
+
+    /// Sends a request or several, or none. Returns until when the port is left alone.
+    fn ask(
+        &mut self,
+        rig: &mut Rig,
+        witness: &mut Witness,
+        port: Port,
+        config: &Config,
+        now: u64,
+    ) -> u64 {
+        if self.once_in(300) {
+            return now + (60 + self.below(150)) * MS;
+        }
+        if self.once_in(25) {
+            for command in self.requests(config) {
+                witness.send(rig, port, command, now);
+            }
+        } else if self.once_in(15) {
+            witness.send(rig, port, HostCommand::Alive, now);
+        }
+        0
+    }
+}
+
 /// So many interleavings on one board; returns the time for which the inlet was powered \[ms\].
 fn interleave(seed: u64) -> Result<f64, String> {
     let mut random = Random(Xoshiro256PlusPlus::seed_from_u64(seed));
@@ -372,25 +405,13 @@ fn interleave(seed: u64) -> Result<f64, String> {
             unplugged_ms = 3 + random.below(60);
             busy_until[Port::Usb as usize] = u64::MAX;
         }
-        let first = 1 + random.below(MS - 1);
-        let mut ports = [(Port::Uart, first), (Port::Usb, MS - first)];
-        if random.once_in(2) {
-            ports = [(Port::Usb, first), (Port::Uart, MS - first)];
-        }
+        let ports = random.slices();
         let mut set_duty = Default::default();
         for (port, slice) in ports {
             rig.board.use_port(port);
             let index = port as usize;
             if now >= busy_until[index] && rig.board.waiting() == 0 {
-                if random.once_in(300) {
-                    busy_until[index] = now + (60 + random.below(150)) * MS;
-                } else if random.once_in(25) {
-                    for command in random.requests(&config) {
-                        witness.send(&mut rig, port, command, now);
-                    }
-                } else if random.once_in(15) {
-                    witness.send(&mut rig, port, HostCommand::Alive, now);
-                }
+                busy_until[index] = random.ask(&mut rig, &mut witness, port, &config, now);
             }
             let emergency_stop = witness.pressed;
             let exchange = rig.run(slice as u32, |sample| Sample { emergency_stop, ..sample });

@@ -1,11 +1,10 @@
-//! What the board remembers without power, on the emulated board: power fails in every operation of
-//! its flash.
+//! The stored configuration on the emulated board: power fails in every operation of its flash.
 
-use model_core::link::{Answer, ConfigSource, Event, HostCommand, Name, Refusal, Status, checksum};
 use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{EmulatedBoard, Injection};
+use thermyo_protocol::{Answer, ConfigSource, Event, HostCommand, Name, Refusal, Status, checksum};
 use thermyo_simulation::board::BoardError;
 
 /// Saves that are cut in each of their operations: some 13 fill a sector.
@@ -194,7 +193,7 @@ fn the_last_failure_survives_the_power() {
 }
 
 /// Power fails in every operation of saves that fill the pages of both copies, erase them and begin
-/// anew: each time the board starts, and has the old configuration or the new one, whole; and the
+/// again: each time the board starts, and has the old configuration or the new one, whole; and the
 /// next save is kept.
 #[test]
 fn power_that_fails_while_it_saves_leaves_the_old_or_the_new_configuration() {

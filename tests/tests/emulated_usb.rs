@@ -1,12 +1,12 @@
 //! The link over the chip's own USB, alone and together with the UART.
 
-use model_core::link::{Answer, HostCommand, PROTOCOL, Refusal, Timing};
 use model_core::{Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
+use thermyo_protocol::{Answer, HostCommand, PROTOCOL, Refusal, Timing};
 use thermyo_simulation::board::BoardError;
 
 /// A step starts this much off its mean delay at most \[us\].
@@ -152,7 +152,7 @@ fn a_step_starts_on_time_while_both_lines_are_busy() {
     assert!(timing.dropped_telemetry < 10, "{timing:?}");
 }
 
-/// As much as the bus carries, of anything: the rest is dropped, and nobody else notices.
+/// A bus full of random bytes: requests are dropped, and neither steps nor telemetry are lost.
 #[test]
 fn a_flood_over_usb_changes_nothing() {
     if skip_emulator() {
@@ -200,7 +200,7 @@ fn assert_it_can_be_plugged_in(cycles: u32) {
             wait(&mut rig, 1 + random(10));
         }
         rig.board.connect_usb().unwrap_or_else(|error| panic!("cycle {cycle}: {error}"));
-        // What was sent before the cable was pulled may have ended in the middle of a frame.
+        // The cable may have been pulled in the middle of a frame.
         rig.board.write(&[0]);
         assert_eq!(rig.board.version().unwrap().protocol, PROTOCOL, "cycle {cycle}");
         match cycle % 3 {

@@ -25,7 +25,7 @@ struct Worth {
     within: f64,
     /// Fraction of the time in which it was marked as valid.
     valid: f64,
-    faults: u16,
+    faults: u32,
 }
 
 fn worth(run: &Finished, from_s: f64, until_s: f64) -> Worth {
@@ -42,7 +42,7 @@ fn worth(run: &Finished, from_s: f64, until_s: f64) -> Worth {
         error_k: mean(&|i| error(i).powi(2)).sqrt(),
         within: mean(&|i| f64::from(u8::from(error(i).abs() <= 2.0 * deviation[i]))),
         valid: mean(&|i| valid[i]),
-        faults: rows.iter().fold(0, |all, &i| all | faults[i] as u16),
+        faults: rows.iter().fold(0, |all, &i| all | faults[i] as u32),
     }
 }
 

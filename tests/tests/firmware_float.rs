@@ -1,17 +1,15 @@
-//! What the firmware's arithmetic has in plain Rust against the host's FPU, to the bit. The rest of
-//! it is in `emulated_float`.
+//! The firmware's arithmetic in plain Rust against the host's FPU, to the bit. The assembly is
+//! tested in `emulated_float`.
 
+use rp2040_float::rare;
 use system_tests::float_pairs::{KINDS, Random, edge_pairs, same};
-
-#[path = "../../firmware/src/board/pico/float.rs"]
-mod float;
 
 /// Number pairs per kind.
 const PAIRS: usize = 1_000_000;
 
 fn assert_same(kind: &str, a: u32, b: u32) {
     let (x, y) = (f32::from_bits(a), f32::from_bits(b));
-    let (product, quotient) = (float::multiply(a, b), float::divide(a, b));
+    let (product, quotient) = (rare::multiply(a, b), rare::divide(a, b));
     assert!(same(product, x * y), "{kind}: {a:#010x} * {b:#010x} = {product:#010x}");
     assert!(same(quotient, x / y), "{kind}: {a:#010x} / {b:#010x} = {quotient:#010x}");
 }
@@ -29,7 +27,7 @@ fn products_and_quotients_are_those_of_the_fpu() {
     }
 }
 
-/// The two steps of the assembly's division, `float.s`.
+/// The two steps of the assembly's division, `routines.s`.
 #[test]
 fn two_steps_with_a_reciprocal_leave_at_most_the_last_bit() {
     let mut random = Random(1);

@@ -34,7 +34,7 @@ use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
 use model_core::Command;
-use model_core::link::Chip;
+use thermyo_protocol::Chip;
 
 pub trait Board: Sized {
     const CHIP: Chip;
@@ -61,7 +61,7 @@ pub trait Board: Sized {
     type PressureBus: embedded_hal_async::i2c::I2c;
 
     /// Called once, before all else. It takes the power from both coils first. The serial line runs
-    /// at [`BAUD`](model_core::link::BAUD); its interrupt has a higher priority than control's, and
+    /// at [`BAUD`](thermyo_protocol::BAUD); its interrupt has a higher priority than control's, and
     /// the USB interrupt a lower one. The watchdog runs when this returns.
     fn start() -> Parts<Self>;
     /// Starts control's executor in an interrupt below the serial line's priority, whose handler

@@ -31,9 +31,9 @@ use embassy_rp::uart::{
 };
 use embassy_rp::watchdog::{ResetReason, Watchdog};
 use embassy_rp::{Peri, usb};
-use model_core::link::{BAUD, Chip};
-use model_core::{Command, Duty};
+use model_core::Command;
 use static_cell::StaticCell;
+use thermyo_protocol::{BAUD, Chip};
 
 embassy_rp::bind_interrupts!(struct Irqs {
     UART0_IRQ => BufferedInterruptHandler<UART0>;
@@ -91,24 +91,7 @@ impl<M: Member> Board for Rp<M> {
         watchdog.pause_on_debug(true);
         watchdog.start(WATCHDOG);
 
-        static TX: StaticCell<[u8; 512]> = StaticCell::new();
-        static RX: StaticCell<[u8; 512]> = StaticCell::new();
-        let mut uart_config = UartConfig::default();
-        uart_config.baudrate = BAUD;
-        let uart = BufferedUart::new(
-            p.UART0,
-            p.PIN_0,
-            p.PIN_1,
-            Irqs,
-            TX.init_with(|| [0; 512]),
-            RX.init_with(|| [0; 512]),
-            uart_config,
-        );
-        let (sender, receiver) = uart.split();
-        // The interrupt comes at half of the receiver's 32 bytes, which leaves room for 170 us.
-        pac::UART0.uartifls().modify(|levels| levels.set_rxiflsel(0b010));
-        // Above control, whose step takes longer than that.
-        interrupt::UART0_IRQ.set_priority(Priority::P0);
+        let (sender, receiver) = serial(p.UART0, p.PIN_0, p.PIN_1);
         let usb = usb::Driver::new(p.USB, Irqs);
         // Below control: the USB host waits.
         interrupt::USBCTRL_IRQ.set_priority(Priority::P2);
@@ -182,6 +165,25 @@ impl<M: Member> Board for Rp<M> {
     });
 }
 
+/// The serial line. To be called once.
+fn serial(
+    uart: Peri<'static, peripherals::UART0>,
+    tx: Peri<'static, peripherals::PIN_0>,
+    rx: Peri<'static, peripherals::PIN_1>,
+) -> (BufferedUartTx, BufferedUartRx) {
+    static TX: StaticCell<[u8; 512]> = StaticCell::new();
+    static RX: StaticCell<[u8; 512]> = StaticCell::new();
+    let mut config = UartConfig::default();
+    config.baudrate = BAUD;
+    let [tx_buffer, rx_buffer] = [&TX, &RX].map(|buffer| buffer.init_with(|| [0; 512]));
+    let uart = BufferedUart::new(uart, tx, rx, Irqs, tx_buffer, rx_buffer, config);
+    // The interrupt comes at half of the receiver's 32 bytes, which leaves room for 170 us.
+    pac::UART0.uartifls().modify(|levels| levels.set_rxiflsel(0b010));
+    // Above control, whose step takes longer than that.
+    interrupt::UART0_IRQ.set_priority(Priority::P0);
+    uart.split()
+}
+
 /// Words of the vector table: 16 of the Arm core, and one for each interrupt of the chip.
 const VECTORS: usize = 16 + if cfg!(feature = "pico2") { 52 } else { 32 };
 
@@ -230,8 +232,12 @@ impl Adc for Converter {
     }
 }
 
-/// PWM slice 0. Its counter runs from 0 to 49 999, so that a duty is its compare value, and 100 %
-/// is above the counter's top: always on.
+/// Counts of the PWM per period: with them the divider is exact for every whole number of
+/// milliseconds at 125 MHz and at 150 MHz.
+const TICKS: u16 = 50_000;
+
+/// PWM slice 0. Its counter runs from 0 to [`TICKS`] - 1: the full duty is above the counter's top,
+/// always on.
 pub struct Slice {
     pwm: Pwm<'static>,
     config: PwmConfig,
@@ -242,11 +248,10 @@ pub struct Slice {
 const INLET_PIN: usize = 16;
 const OUTLET_PIN: usize = 17;
 
-/// Divider of the system clock, in sixteenths, for a period of `steps`. Exact for every whole
-/// number of milliseconds at 125 MHz and at 150 MHz.
+/// Divider of the system clock, in sixteenths, for a period of `steps`.
 fn divider_sixteenths(steps: u16) -> u32 {
     let clocks = clk_sys_freq() / 1_000_000 * STEP_US * u32::from(steps);
-    16 * clocks / u32::from(Duty::FULL.ticks())
+    16 * clocks / u32::from(TICKS)
 }
 
 impl Slice {
@@ -256,15 +261,15 @@ impl Slice {
 
     fn off() -> PwmConfig {
         let mut config = PwmConfig::default();
-        config.top = Duty::FULL.ticks() - 1;
+        config.top = TICKS - 1;
         config.enable = false;
         config
     }
 
     fn set_coils(&mut self, command: Command) {
         let (inlet, outlet) = command.coils();
-        self.config.compare_a = inlet.ticks();
-        self.config.compare_b = outlet.ticks();
+        self.config.compare_a = inlet.ticks(TICKS);
+        self.config.compare_b = outlet.ticks(TICKS);
     }
 }
 
@@ -274,7 +279,7 @@ impl Valves for Slice {
         self.pwm.set_config(&self.config);
         self.config.divider = fixed::FixedU16::from_bits(divider_sixteenths(period_steps) as u16);
         let period_us = u32::from(period_steps.max(1)) * STEP_US;
-        let ticks = u32::from(Duty::FULL.ticks());
+        let ticks = u32::from(TICKS);
         let delay = ticks * PWM_DELAY.as_micros() as u32 / period_us;
         self.pwm.set_counter((ticks - delay.max(1)) as u16);
         self.config.enable = true;

@@ -1,5 +1,5 @@
-use model_core::link::{Answer, Refusal};
 use model_core::{SetPoint, SetPointError};
+use thermyo_protocol::{Answer, Refusal};
 use thermyo_simulation::board::BoardError;
 
 /// Set point of the first step. While a fault vents, only `Vent` is accepted; the telemetry has the

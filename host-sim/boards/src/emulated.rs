@@ -9,13 +9,13 @@ use super::armed::if_armed;
 use super::image;
 use super::link::Link;
 use model_core::control::Mode;
-use model_core::link::{Answer, BAUD, HostCommand, LastReset, PROTOCOL, Timing, Version};
 use model_core::step_counts::StepCounts;
 use model_core::{AdcCode, Config, Sample, SetPoint, Telemetry};
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use thermyo_plant::Actuation;
+use thermyo_protocol::{Answer, BAUD, HostCommand, LastReset, PROTOCOL, Timing, Version};
 use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 /// One exchange [ns].
@@ -175,7 +175,7 @@ pub struct EmulatedBoard {
     restarted: bool,
     shown: Option<Exchange>,
     /// Steps since the start during which the core is in its startup check.
-    judging_steps: u16,
+    startup_steps: u16,
     started: Exchange,
     /// Steps since the last keep-alive message.
     quiet_steps: u32,
@@ -236,7 +236,7 @@ impl EmulatedBoard {
             restarts: 0,
             restarted: false,
             shown: None,
-            judging_steps: 0,
+            startup_steps: 0,
             started: Exchange::default(),
             quiet_steps: 0,
         };
@@ -248,7 +248,7 @@ impl EmulatedBoard {
         Ok(board)
     }
 
-    /// Runs one millisecond with these inputs. If the sample says that the host is heard,
+    /// Runs one millisecond with these inputs. If the host is heard in the sample,
     /// keep-alive messages are sent.
     pub fn exchange(&mut self, sample: &Sample) -> Result<Exchange, BoardError> {
         self.quiet_steps = if sample.heard { self.quiet_steps + 1 } else { 0 };
@@ -414,8 +414,8 @@ impl EmulatedBoard {
         let usb = drain(&mut usb.to_board, USB_BYTES);
         let mut request = Vec::with_capacity(26 + uart.len() + usb.len());
         request.extend_from_slice(&nanoseconds.to_le_bytes());
-        for code in [sample.pressure, sample.gas, sample.length] {
-            request.extend_from_slice(&code.0.to_le_bytes());
+        for code in [sample.pressure, sample.gas, sample.length.into()] {
+            request.extend_from_slice(&code.to_bits().to_le_bytes());
         }
         let fault = core::mem::take(&mut self.fault);
         request.push(
@@ -544,7 +544,7 @@ impl Board for EmulatedBoard {
         self.send(HostCommand::Start(set_point));
         let inputs = self.inputs;
         self.exchange(&inputs)?;
-        self.judging_steps = StepCounts::new(config.step_s).startup_steps;
+        self.startup_steps = StepCounts::new(config.step_s).startup_steps;
         self.restarted = false;
         Ok(())
     }
@@ -556,7 +556,7 @@ impl Board for EmulatedBoard {
 
     fn step(&mut self, sample: &Sample) -> Result<BoardStep, BoardError> {
         let wanted = self.restarts + u32::from(self.fault);
-        for _ in 1..std::mem::take(&mut self.judging_steps) {
+        for _ in 1..std::mem::take(&mut self.startup_steps) {
             self.exchange(sample)?;
         }
         let exchange = self.exchange(sample)?;
@@ -568,7 +568,7 @@ impl Board for EmulatedBoard {
         let restarted = self.restarted;
         let link = &mut self.wire().link;
         let mut telemetry = std::iter::from_fn(|| link.take_telemetry());
-        let telemetry = telemetry.find(|seen| restarted || seen.mode != Mode::Judging);
+        let telemetry = telemetry.find(|seen| restarted || seen.mode != Mode::StartupCheck);
         Ok(BoardStep { telemetry, actuation: exchange.set_duty() })
     }
 

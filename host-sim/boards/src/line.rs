@@ -4,8 +4,8 @@ use super::link::Link;
 use super::port::{self, Port};
 use super::serial_port;
 use model_core::Telemetry;
-use model_core::link::{Answer, HostCommand, PROTOCOL, Status, Version};
 use std::time::{Duration, Instant};
+use thermyo_protocol::{Answer, HostCommand, PROTOCOL, Status, Version};
 use thermyo_simulation::board::BoardError;
 
 /// A request without an answer fails after this time; an emulated board may be slow.

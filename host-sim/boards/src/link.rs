@@ -1,8 +1,8 @@
 //! The host's end of the protocol, over any transport: bytes in, bytes out.
 
 use model_core::Telemetry;
-use model_core::link::{Answer, Decoder, HostCommand, Message, Reply, Request, Status, encode};
 use std::collections::VecDeque;
+use thermyo_protocol::{Answer, Decoder, HostCommand, Message, Reply, Request, Status, encode};
 
 /// Received frames and the state of requests.
 #[derive(Debug, Default)]

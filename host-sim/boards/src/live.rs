@@ -2,11 +2,11 @@
 
 use super::line::Line;
 use model_core::control::Mode;
-use model_core::link::{
-    Answer, Chip, Event, HostCommand, LastReset, Name, Refusal, Status, Timing, Version, checksum,
-};
 use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
 use std::time::{Duration, Instant};
+use thermyo_protocol::{
+    Answer, Chip, Event, HostCommand, LastReset, Name, Refusal, Status, Timing, Version, checksum,
+};
 use thermyo_simulation::board::BoardError;
 
 /// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
@@ -228,7 +228,8 @@ impl LiveBoard {
     /// Vents; returns when the telemetry confirms it.
     pub fn stop(&mut self) -> Result<(), BoardError> {
         self.vent()?;
-        let vents = |telemetry: &Telemetry| matches!(telemetry.mode, Mode::Vent | Mode::Judging);
+        let vents =
+            |telemetry: &Telemetry| matches!(telemetry.mode, Mode::Vent | Mode::StartupCheck);
         self.fresh(vents).map(drop)
     }
 
@@ -295,10 +296,10 @@ impl Drop for LiveBoard {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use model_core::link::{Decoder, Message, PROTOCOL, Reply, Request, encode};
     use model_core::{AdcCode, Core, Sample};
     use std::collections::VecDeque;
     use std::io::{self, Read, Write};
+    use thermyo_protocol::{Decoder, Message, PROTOCOL, Reply, Request, encode};
 
     /// Step of the board when it is read again.
     const NOW: u32 = 3_000;

@@ -5,8 +5,8 @@ use super::armed::if_armed;
 use super::line::Line;
 use super::link::Link;
 use model_core::control::Mode;
-use model_core::link::HostCommand;
 use model_core::{Config, Sample, SetPoint, Telemetry};
+use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 pub struct SerialBoard {
@@ -42,7 +42,7 @@ impl Board for SerialBoard {
         let telemetry = loop {
             self.line.send(HostCommand::Step(*sample))?;
             let telemetry: Telemetry = self.line.wait(Link::take_telemetry, "step")?;
-            if telemetry.mode != Mode::Judging {
+            if telemetry.mode != Mode::StartupCheck {
                 break telemetry;
             }
         };

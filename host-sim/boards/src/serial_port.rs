@@ -1,7 +1,7 @@
-use model_core::link::BAUD;
 use serialport::{ErrorKind, SerialPort};
 use std::io::{self, Read, Write};
 use std::time::Duration;
+use thermyo_protocol::BAUD;
 use thermyo_simulation::board::BoardError;
 
 /// Longest wait of one read.

@@ -10,13 +10,13 @@
 use super::emulated::EmulatedBoard;
 use super::image::{self, Variant};
 use super::serial_port::READ;
-use model_core::link::PROTOCOL;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use std::{env, fs, io, thread};
+use thermyo_protocol::PROTOCOL;
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::rig::Rig;

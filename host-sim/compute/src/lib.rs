@@ -1,7 +1,6 @@
-//! f64 functions that give the same bits on every machine, parallel jobs, and the stop request.
+//! f64 functions that give the same bits on every machine, and parallel jobs.
 
 #![warn(clippy::disallowed_methods)]
 
 pub mod math;
 pub mod parallel;
-pub mod stop;

@@ -4,41 +4,39 @@ use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-/// Receives the progress of jobs.
+/// Receives the progress of long work, and ends it early on request.
 pub trait Watch: Sync {
     /// `count` more parts are to be done.
     fn parts(&self, _count: usize) {}
     /// One part is done.
     fn done(&self) {}
+    /// Whether to end early, such as by Ctrl-C: finished parts are kept.
+    fn stopped(&self) -> bool {
+        false
+    }
 }
 
 impl Watch for () {}
 
-/// [`map`], watched: each job is a part.
+/// Results of `work`, in the order of the jobs. Each job is a part; when stopped, no further job
+/// begins, and the results are those of the first jobs.
 pub fn map_watched<J: Sync, R: Send>(
     jobs: &[J],
     watch: &dyn Watch,
     work: impl Fn(&J) -> R + Sync,
 ) -> Vec<R> {
     watch.parts(jobs.len());
-    map(jobs, |job| {
-        let result = work(job);
-        watch.done();
-        result
-    })
-}
-
-/// Results of `work`, in the order of the jobs.
-pub fn map<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync) -> Vec<R> {
     let next = AtomicUsize::new(0);
     // Jobs take different times, so each thread takes the next job as soon as it is free.
     let worker = || {
         let mut done = Vec::new();
-        loop {
+        while !watch.stopped() {
             let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(job) = jobs.get(index) else { break done };
+            let Some(job) = jobs.get(index) else { break };
             done.push((index, work(job)));
+            watch.done();
         }
+        done
     };
     let threads = thread::available_parallelism().map_or(1, usize::from).min(jobs.len());
     let mut results: Vec<(usize, R)> = thread::scope(|scope| {
@@ -48,6 +46,11 @@ pub fn map<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync) -> Vec<R
     });
     results.sort_by_key(|(index, _)| *index);
     results.into_iter().map(|(_, result)| result).collect()
+}
+
+/// Results of `work`, in the order of the jobs.
+pub fn map<J: Sync, R: Send>(jobs: &[J], work: impl Fn(&J) -> R + Sync) -> Vec<R> {
+    map_watched(jobs, &(), work)
 }
 
 #[cfg(test)]
@@ -68,8 +71,30 @@ mod tests {
         }
     }
 
+    /// Stops after so many parts.
+    struct After(AtomicUsize);
+
+    impl Watch for After {
+        fn done(&self) {
+            self.0.fetch_sub(1, Ordering::Relaxed);
+        }
+
+        fn stopped(&self) -> bool {
+            self.0.load(Ordering::Relaxed) as isize <= 0
+        }
+    }
+
     #[test]
-    fn every_part_is_told_of() {
+    fn when_stopped_the_first_results_are_kept() {
+        let jobs: Vec<usize> = (0..1000).collect();
+        let results = map_watched(&jobs, &After(AtomicUsize::new(10)), |job| *job);
+        assert!((10..1000).contains(&results.len()), "{}", results.len());
+        assert_eq!(results, jobs[..results.len()]);
+        assert!(map_watched(&jobs, &After(AtomicUsize::new(0)), |job| *job).is_empty());
+    }
+
+    #[test]
+    fn every_part_is_counted() {
         let counts = Counts::default();
         map_watched(&[1, 2, 3], &counts, |job| job + 1);
         assert_eq!(counts.0.map(AtomicU64::into_inner), [3, 3]);

@@ -2,7 +2,7 @@
 //! PID baseline.
 
 use super::pid::{PidBoard, PidGains};
-use super::{CaseFigures, Figure, finished};
+use super::{CaseFigures, Figure};
 use model_core::Duty;
 use std::f64::consts::TAU;
 use thermyo_compute::parallel;
@@ -519,5 +519,5 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>,
         .into_iter()
         .flatten()
         .collect();
-    finished(parallel::map_watched(&jobs, watch, |job| job()))
+    parallel::map_watched(&jobs, watch, |job| job()).into_iter().collect()
 }

@@ -3,7 +3,7 @@
 //! samples.
 
 use super::faults::muscle::{self, Draw, Spread, Task};
-use super::{CaseFigures, Figure, finished};
+use super::{CaseFigures, Figure};
 use crate::smoother;
 use model_core::Telemetry;
 use thermyo_compute::parallel;
@@ -220,14 +220,15 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>,
     let cases = cases();
     let jobs: Vec<(usize, usize)> =
         (0..cases.len()).flat_map(|case| [(case, 0), (case, 1)]).collect();
-    let results = parallel::map_watched(&jobs, watch, |&(case, plant)| {
-        let mut loaded = [&lumped, &full][plant].clone();
-        loaded.plant.run.log_every = 1;
-        (cases[case].change)(&mut loaded);
-        measure(&loaded, cases[case].from_s).map(|errors| (case, plant, errors))
-    });
+    let results: Vec<Result<_, RunError>> =
+        parallel::map_watched(&jobs, watch, |&(case, plant)| {
+            let mut loaded = [&lumped, &full][plant].clone();
+            loaded.plant.run.log_every = 1;
+            (cases[case].change)(&mut loaded);
+            measure(&loaded, cases[case].from_s).map(|errors| (case, plant, errors))
+        });
     let mut lines = Vec::new();
-    for (case, plant, errors) in finished(results)? {
+    for (case, plant, errors) in results.into_iter().collect::<Result<Vec<_>, _>>()? {
         let case = &cases[case];
         let times_smoother = errors.rms_k() / errors.smoother_rms_k();
         let mut figures = vec![
@@ -289,7 +290,7 @@ pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigure
         let (case, loaded) = random_muscle(seed, number);
         run(&loaded, SETTLED_S, |_| {}).map(|errors| (case, errors))
     });
-    let results = finished(results)?;
+    let results = results.into_iter().collect::<Result<Vec<_>, _>>()?;
     if results.is_empty() {
         return Ok(Vec::new());
     }

@@ -12,7 +12,6 @@ pub mod truth;
 pub mod tune;
 
 use serde::Serialize;
-use thermyo_compute::stop;
 use thermyo_files::input::InputError;
 use thermyo_files::number::{COUNT, fixed, significant};
 use thermyo_files::shipped;
@@ -22,13 +21,6 @@ use thermyo_setup::Loaded;
 /// The nominal scenario.
 pub fn nominal() -> Result<Loaded, InputError> {
     thermyo_setup::parse(shipped::text("nominal.toml"), "scenarios/nominal.toml".as_ref())
-}
-
-/// Results of all jobs; when they were stopped ([`thermyo_compute::stop`]), those of the finished
-/// ones.
-fn finished<R, E>(results: impl IntoIterator<Item = Result<R, E>>) -> Result<Vec<R>, E> {
-    let results = results.into_iter();
-    if stop::is_requested() { Ok(results.flatten().collect()) } else { results.collect() }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]

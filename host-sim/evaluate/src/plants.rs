@@ -2,7 +2,7 @@
 //! must balance, and a loop that does not come to rest must report it.
 
 use super::faults::muscle::Draw;
-use super::{CaseFigures, Figure, finished};
+use super::{CaseFigures, Figure};
 use model_core::{Duty, Faults};
 use std::f64::consts::PI;
 use thermyo_compute::parallel::{self, Watch};
@@ -245,7 +245,7 @@ pub fn evaluate(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigu
         };
         Ok::<_, RunError>((name, outcome))
     });
-    let results: Vec<(String, Outcome)> = finished(results)?;
+    let results = results.into_iter().collect::<Result<Vec<(String, Outcome)>, _>>()?;
     let mut lines: Vec<CaseFigures> = results
         .iter()
         .map(|(name, outcome)| CaseFigures {

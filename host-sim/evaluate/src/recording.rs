@@ -69,7 +69,7 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
         recording.header_error(Problem::UnusableColumn { column: REFERENCE.to_owned(), why })
     };
     if rows == 0 {
-        return Err(unusable(format!("says nothing from {from_s} s on")));
+        return Err(unusable(format!("has no value from {from_s} s on")));
     }
     if bare_square == 0.0 {
         return Err(unusable("is the sensor's own reading: must be another sensor's".to_owned()));
@@ -168,7 +168,7 @@ mod tests {
             ("0,,0.1,300,300\n", "trace.csv:2: column estimate_k"),
             (
                 "0,300,0.1,300,300\n20,300,0.1,300,\n",
-                "trace.csv: column reference_gas_k: says nothing from 10 s on",
+                "trace.csv: column reference_gas_k: has no value from 10 s on",
             ),
             (
                 "0,300,0.1,300,300\n20,301,0.1,300,300\n",

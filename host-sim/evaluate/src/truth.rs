@@ -7,7 +7,6 @@ use model_core::physics::chamber::{AnyChamber, Chamber};
 use std::path::{Path, PathBuf};
 use thermyo_compute::parallel;
 use thermyo_compute::parallel::Watch;
-use thermyo_compute::stop;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::shipped;
 use thermyo_files::table::read_whole;
@@ -66,7 +65,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     let mut lines = Vec::new();
     let mut add = |more: Result<Vec<CaseFigures>, TruthError>| match more {
         // A search that was stopped has no result.
-        _ if stop::is_requested() => Ok(()),
+        _ if watch.stopped() => Ok(()),
         Ok(more) => {
             lines.extend(more);
             Ok(())
@@ -83,7 +82,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     if discharge.exists() {
         add(air_discharge(&discharge, watch))?;
     }
-    if lines.is_empty() && !stop::is_requested() {
+    if lines.is_empty() && !watch.stopped() {
         return Err(InputError::file(folder, Problem::NoTruth).into());
     }
     Ok(lines)

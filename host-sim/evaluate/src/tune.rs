@@ -2,7 +2,7 @@
 //! benefit.
 
 use super::control::{Change, full, rest, sine, volume};
-use super::{CaseFigures, Figure, finished};
+use super::{CaseFigures, Figure};
 use std::path::Path;
 use thermyo_compute::parallel;
 use thermyo_compute::parallel::Watch;
@@ -88,5 +88,5 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, Tun
 /// The first case that was refused or could not be finished.
 pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TuneError> {
     let lines = parallel::map_watched(&CASES, watch, |(name, change)| line(nominal, name, *change));
-    finished(lines)
+    lines.into_iter().collect()
 }

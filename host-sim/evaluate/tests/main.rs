@@ -1,3 +1,4 @@
-//! The smoother.
+//! The smoother, and work that is stopped.
 
 mod smoother;
+mod stop;

@@ -88,7 +88,7 @@ fn it_sees_samples_and_duties_only() {
     assert_eq!(recorded.smooth(), smoothed);
     // 250 of 29 491 codes over 60 K: a foil that reads 0.5 K too high, without any contradiction.
     for telemetry in &mut recorded.telemetry {
-        telemetry.sample.gas = AdcCode(telemetry.sample.gas.0 + 250);
+        telemetry.sample.gas = AdcCode(telemetry.sample.gas.adc().0 + 250).into();
     }
     let warmer_k = recorded.rms_k(&recorded.smooth(), 5, 20);
     assert!((0.3..0.7).contains(&warmer_k), "{warmer_k} K");

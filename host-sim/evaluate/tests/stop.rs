@@ -1,11 +1,9 @@
-//! Partial results of long work that is stopped. The stop request is global to the process: this
-//! must stay the only test.
+//! Partial results of long work that is stopped.
 
+use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
 use thermyo_compute::parallel::Watch;
-use thermyo_compute::stop;
 use thermyo_evaluate::estimator;
 use thermyo_identify::{IdentifyError, identify};
 use thermyo_record::measured::{Column, Measured};
@@ -14,40 +12,71 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Requests a stop after so many parts.
-struct After(AtomicUsize);
+/// Stops after so many parts.
+struct After {
+    parts: usize,
+    done: AtomicUsize,
+}
 
-impl Watch for After {
-    fn done(&self) {
-        if self.0.fetch_sub(1, Ordering::Relaxed) == 1 {
-            stop::request();
-        }
+impl After {
+    fn new(parts: usize) -> Self {
+        Self { parts, done: AtomicUsize::new(0) }
     }
 }
 
-fn after(parts: usize) -> After {
-    stop::reset();
-    After(AtomicUsize::new(parts))
+impl Watch for After {
+    fn done(&self) {
+        self.done.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn stopped(&self) -> bool {
+        self.done.load(Ordering::Relaxed) >= self.parts
+    }
+}
+
+/// Steps after which a simulation is stopped.
+const STEPS: usize = 10_000;
+
+/// Stops when it has been asked so often.
+#[derive(Default)]
+struct AtQuestion(AtomicUsize);
+
+impl Watch for AtQuestion {
+    fn stopped(&self) -> bool {
+        self.0.fetch_add(1, Ordering::Relaxed) + 1 >= STEPS
+    }
 }
 
 #[test]
-fn finished_parts_are_kept() {
-    // Only the lines of the finished cases.
-    let lines = estimator::random(1, 30, &after(3)).unwrap();
+fn a_stopped_evaluation_returns_the_lines_of_the_finished_cases() {
+    let lines = estimator::random(1, 30, &After::new(3)).unwrap();
     let (total, muscles) = lines.split_last().unwrap();
     assert!((3..30).contains(&muscles.len()), "{lines:?}");
     assert_eq!(total.case, format!("{} muscles of seed 1", muscles.len()));
     assert_eq!(thermyo_evaluate::missed(muscles).1, 2 * muscles.len());
+}
 
-    // A run reports that it was stopped, in any phase.
+#[test]
+fn an_observer_stops_a_run() {
+    let loaded =
+        thermyo_setup::parse("[plant]\nmodel = \"lumped\"\n", Path::new("a.toml")).unwrap();
+    let mut rows = 0;
+    let mut third = |_: &Row| {
+        rows += 1;
+        if rows == 3 { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
+    };
+    let ended = run::run(&loaded, &mut CoreBoard::default(), None, &mut third);
+    assert!(matches!(ended, Err(RunError::Stopped)), "{ended:?}");
+    assert_eq!(rows, 3);
+}
+
+/// The finished searches are kept, a row each.
+#[test]
+fn a_stopped_identification_returns_its_finished_searches() {
     let text = "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 40\n\
                 parameters = [\"heat.inner_w_m2_k\", \"friction.force_n\"]\n";
     let name = Path::new("scenario.toml");
     let loaded = thermyo_setup::parse(text, name).unwrap();
-    let mut ignored = |_: &Row| Ok(());
-    let ended = run::run(&loaded, &mut CoreBoard::default(), None, &mut ignored);
-    assert!(matches!(ended, Err(RunError::Stopped)), "{ended:?}");
-    stop::reset();
     let names = ["flow_in_kg_s", "flow_out_kg_s", "pressure_pa"];
     let mut columns =
         names.map(|name| Column { name: name.to_owned(), points: Vec::new(), lines: Vec::new() });
@@ -59,9 +88,8 @@ fn finished_parts_are_kept() {
     };
     run::run(&loaded, &mut CoreBoard::default(), None, &mut each).unwrap();
 
-    // One row per finished search.
     let measured = Measured { columns: columns.to_vec() };
-    let ended = identify(&loaded, name, &measured, Path::new("data.csv"), &after(5));
+    let ended = identify(&loaded, name, &measured, Path::new("data.csv"), &After::new(5));
     let Err(IdentifyError::Stopped { finished, starts: 40, csv }) = ended else {
         panic!("{ended:?}");
     };
@@ -74,22 +102,20 @@ fn finished_parts_are_kept() {
         4,
         "{csv}"
     );
-    stop::reset();
+}
 
-    // Stopped in the middle of one long simulation.
+#[test]
+fn one_long_simulation_is_stopped_at_its_next_step() {
     let text = "[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
                 parameters = [\"heat.inner_w_m2_k\"]\n";
-    let loaded = thermyo_setup::parse(text, name).unwrap();
+    let loaded = thermyo_setup::parse(text, Path::new("scenario.toml")).unwrap();
     let points = (0..10).map(|row| (1.0e5 * f64::from(row), 1.2e5)).collect();
     let columns = vec![Column { name: "pressure_pa".to_owned(), points, lines: Vec::new() }];
-    let presser = std::thread::spawn(|| {
-        std::thread::sleep(Duration::from_millis(300));
-        stop::request();
-        Instant::now()
-    });
-    let ended = identify(&loaded, name, &Measured { columns }, Path::new("data.csv"), &());
-    let waited = presser.join().unwrap().elapsed();
+    let (measured, data, watch) =
+        (Measured { columns }, Path::new("data.csv"), AtQuestion::default());
+    let ended = identify(&loaded, data, &measured, data, &watch);
     assert!(matches!(ended, Err(IdentifyError::Stopped { finished: 0, .. })), "{ended:?}");
-    assert!(waited < Duration::from_secs(1), "{waited:?}");
-    stop::reset();
+    // A whole simulation asks a billion times.
+    let asked = watch.0.load(Ordering::Relaxed);
+    assert!((STEPS..STEPS + 10).contains(&asked), "{asked}");
 }

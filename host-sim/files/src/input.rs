@@ -21,8 +21,11 @@ pub struct InputError {
 /// The problem. The texts follow the file's name and the line.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
-    #[error("no such file")]
-    NotFound,
+    #[error("no such file{}", near.as_ref().map_or_else(String::new, |near| format!("; did you mean {}?", near.display())))]
+    NotFound {
+        /// A file of a similar name.
+        near: Option<PathBuf>,
+    },
     /// A folder in place of a file.
     #[error("is a folder; a file is needed")]
     IsFolder,
@@ -51,7 +54,7 @@ pub enum Problem {
     #[error("another thermyo is at work in it: wait for it, or choose another folder")]
     AtWork,
     /// The folder belongs to another sweep.
-    #[error("says no sweep ({0}): run that shard again, into another folder")]
+    #[error("is damaged ({0}): run that shard again, into another folder")]
     DamagedStudy(String),
     /// A damaged line in a sweep's table.
     #[error("{}", damaged_line(*more))]
@@ -75,14 +78,14 @@ pub enum Problem {
     #[error("unknown key {key}; {instead}")]
     UnknownKey {
         key: String,
-        /// What to write instead.
+        /// The correct name, or the allowed ones.
         instead: Instead,
     },
     /// An unknown table.
     #[error("unknown table [{table}]; {instead}")]
     UnknownTable {
         table: String,
-        /// What to write instead.
+        /// The correct name, or the allowed ones.
         instead: Instead,
     },
     /// A value where a table belongs.
@@ -162,7 +165,7 @@ pub enum Problem {
     #[error("unknown column {column}; {instead}")]
     UnknownColumn {
         column: String,
-        /// What to write instead.
+        /// The correct name, or the allowed ones.
         instead: Instead,
     },
     /// A missing column.
@@ -199,7 +202,7 @@ pub enum Problem {
     #[error("column {column}: {why}")]
     UnusableColumn {
         column: String,
-        /// What they have to be.
+        /// The requirement that they do not meet.
         why: String,
     },
     /// Fewer measured values than parameters.
@@ -238,7 +241,7 @@ pub enum Problem {
     /// A folder without the measurements that are needed.
     #[error(
         "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv or hyddown/air_discharge.csv in it; \
-         docs/background/validation.md says where they are from"
+         docs/background/validation.md lists their sources"
     )]
     NoTruth,
     /// A file that ends within a line: the rest of the value is unknown.
@@ -357,7 +360,7 @@ fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>, InputError> {
     let because = |problem| InputError::file(path, problem);
     let unreadable = |error: io::Error| {
         because(match error.kind() {
-            io::ErrorKind::NotFound => Problem::NotFound,
+            io::ErrorKind::NotFound => Problem::NotFound { near: similar(path) },
             _ => Problem::Unreadable(error.to_string()),
         })
     };
@@ -377,6 +380,24 @@ fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>, InputError> {
     let read = File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
     read.map_err(unreadable)?;
     if bytes.len() as u64 > most { Err(because(Problem::TooLarge { most })) } else { Ok(bytes) }
+}
+
+/// The file beside `path`, or the shipped scenario, that its name may be a misspelling of.
+fn similar(path: &Path) -> Option<PathBuf> {
+    let name = path.file_name()?.to_str()?;
+    let folder = path.parent()?;
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let files = fs::read_dir(here).into_iter().flatten().flatten();
+    let files = files.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
+    let mut names: Vec<String> =
+        files.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    names.sort();
+    let beside = nearest(name, names.iter().map(String::as_str)).map(|near| folder.join(near));
+    let of_shipped = ["", "scenarios"].map(Path::new).contains(&folder);
+    beside.or_else(|| {
+        let near = nearest(name, shipped::names().filter(|_| of_shipped))?;
+        Some(Path::new("scenarios").join(near))
+    })
 }
 
 /// Whether bytes are UTF-16: they begin with a byte order mark, or one byte of each of the first
@@ -479,7 +500,7 @@ mod tests {
             error.to_string(),
             "scenario.toml:12: muscle.zones = -3: must be a whole number from 1 to 64"
         );
-        let missing = InputError::file(Path::new("a.csv"), Problem::NotFound);
+        let missing = InputError::file(Path::new("a.csv"), Problem::NotFound { near: None });
         assert_eq!(missing.to_string(), "a.csv: no such file");
     }
 

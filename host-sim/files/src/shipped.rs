@@ -22,6 +22,10 @@ pub fn text(name: &str) -> &'static str {
     of_name(name.as_ref()).expect("the repository has that scenario")
 }
 
+pub fn names() -> impl Iterator<Item = &'static str> {
+    FILES.iter().map(|(name, _)| *name)
+}
+
 fn of_name(name: &OsStr) -> Option<&'static str> {
     FILES.iter().find(|(file, _)| name == *file).map(|(_, text)| *text)
 }

@@ -7,7 +7,7 @@ use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use nalgebra::{DMatrix, DVector};
-use thermyo_compute::stop;
+use thermyo_compute::parallel::Watch;
 use thermyo_plant::Diverged;
 use thermyo_scenario::Scenario;
 use thermyo_scenario::profile::Profile;
@@ -67,6 +67,7 @@ impl Balance {
         &self,
         scenario: &Scenario,
         points: &[(f64, f64)],
+        watch: &dyn Watch,
     ) -> Result<Vec<f64>, Failed> {
         let config = Config { step_s: self.step_s as f32, ..core_config(scenario) };
         let chamber = AnyChamber::new(&config.chamber);
@@ -82,7 +83,7 @@ impl Balance {
             state[WALL] = wall_k;
             state[HOUSING] = sensor_k;
             state[SENSOR] = sensor_k;
-            let readings = self.readings(&model, &known, state)?;
+            let readings = self.readings(&model, &known, state, watch)?;
             let at = points.iter().map(|(time_s, _)| readings.value(*time_s));
             Ok(DVector::from_iterator(points.len(), at))
         };
@@ -109,11 +110,12 @@ impl Balance {
         model: &Model,
         known: &[Known],
         mut state: State,
+        watch: &dyn Watch,
     ) -> Result<Profile, Failed> {
         let mut inflow_kg_s = 0.0;
         let mut readings = vec![(self.start_s, state[SENSOR])];
         for first in (0..known.len() - 1).step_by(INTERVAL_STEPS) {
-            if stop::is_requested() {
+            if watch.stopped() {
                 return Err(Failed::Stopped);
             }
             let last = (first + INTERVAL_STEPS).min(known.len() - 1);

@@ -133,13 +133,7 @@ impl Model {
                 * (f64::from(inner_w_m2_k) + f64::from(inner_per_flow) * inflow_kg_s.max(0.0));
             let heat_j = inner_w_k * (gas_k - state[WALL]) * self.step_s;
             let leaked_kg = self.leak_kg_s(before.pressure_pa, gas_k) * self.step_s;
-            let mean_volume_m3 = 0.5 * (before.volume_m3 + now.volume_m3);
-            let mean_pa = 0.5 * (before.pressure_pa + now.pressure_pa);
-            let enthalpy_j = (mean_volume_m3 * (now.pressure_pa - before.pressure_pa)
-                + k * mean_pa * (now.volume_m3 - before.volume_m3))
-                / (k - 1.0)
-                + heat_j
-                + cp * gas_k * leaked_kg;
+            let enthalpy_j = compression_j(before, now, k) + heat_j + cp * gas_k * leaked_kg;
             // One-sided duties give the direction; otherwise noise would be rectified.
             let entering = now.charging && (!now.discharging || enthalpy_j > 0.0);
             let port_k = if entering { f64::from(self.config.supply.temperature_k) } else { gas_k };
@@ -210,6 +204,15 @@ impl Model {
         drift[LAG] = forget * f64::from(tuning.lag_sd).powi(2);
         drift
     }
+}
+
+/// Enthalpy that the gas takes up beside its heat, by the change of pressure and volume \[J\].
+fn compression_j(before: &Known, now: &Known, k: f64) -> f64 {
+    let mean_volume_m3 = 0.5 * (before.volume_m3 + now.volume_m3);
+    let mean_pa = 0.5 * (before.pressure_pa + now.pressure_pa);
+    (mean_volume_m3 * (now.pressure_pa - before.pressure_pa)
+        + k * mean_pa * (now.volume_m3 - before.volume_m3))
+        / (k - 1.0)
 }
 
 /// Drift of housing and element per interval, as in the core: just enough to keep the covariance

@@ -136,65 +136,13 @@ impl Data {
     /// # Errors
     /// When needed columns are missing or have too few values.
     pub fn new(measured: &Measured, path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
-        let column = |name: &str| find(measured, name);
-        let needed = |name: &str| find_needed(measured, path, name);
-        let is_vessel = scenario.plant.kind == PlantKind::Vessel;
+        let columns = Columns { measured, path };
         let observed = observed(measured, path, scenario)?;
-        let unusable = |name: &str, why: &str| {
-            let (column, why) = (name.to_owned(), why.to_owned());
-            InputError::file(path, Problem::UnusableColumn { column, why })
-        };
-        let pair = |names: [&str; 2]| -> Result<Vec<(f64, [f64; 2])>, InputError> {
-            let (inlet, outlet) = (needed(names[0])?, needed(names[1])?);
-            if !times(&inlet.points).eq(times(&outlet.points)) {
-                return Err(unusable(names[1], &format!("must be filled where {} is", names[0])));
-            }
-            let both = inlet.points.iter().zip(&outlet.points);
-            Ok(both.map(|((time, inlet), (_, outlet))| (*time, [*inlet, *outlet])).collect())
-        };
-        let free = match scenario.drive.kind {
-            DriveKind::Closed => true,
-            DriveKind::Discharge | DriveKind::Fill => is_vessel,
-            _ => false,
-        };
-        let fits_paths = scenario.identify.parameters.iter().any(|path| {
-            path.starts_with("valve.") || path.starts_with("leak.") || path == "supply.pressure_pa"
-        });
-        let profile = |name: &str| -> Result<Profile, InputError> {
-            let Column { points, lines, .. } = needed(name)?;
-            Profile::new(points.clone()).map_err(|error| match error {
-                ProfileError::NotIncreasing { row } => {
-                    let problem = Problem::Cell {
-                        column: TIME.to_owned(),
-                        value: format!("{:?}", points[row].0),
-                        allowed: format!(
-                            "later than the row before, where {name} drives the plant"
-                        ),
-                    };
-                    InputError { line: lines.get(row).copied(), ..InputError::file(path, problem) }
-                }
-                error => unusable(name, &error.to_string()),
-            })
-        };
-        let gauged = ["pressure_pa", "length_m"].into_iter().all(|name| column(name).is_some());
-        let sensor_only = matches!(&observed[..], [only] if only.quantity == Quantity::SensorGas);
-        let input = if free {
-            Input::Scenario
-        } else if sensor_only && gauged && !is_vessel {
-            Input::Given(Given {
-                pressure: profile("pressure_pa")?,
-                length: profile("length_m")?,
-                duties: pair(["duty_in", "duty_out"])?,
-                sensor_k: observed[0].points[0].1,
-            })
-        } else if column("flow_in_kg_s").is_some() && !fits_paths {
-            Input::Flows(pair(["flow_in_kg_s", "flow_out_kg_s"])?)
-        } else {
-            Input::Duties(pair(["duty_in", "duty_out"])?)
-        };
-
-        let volume = column("volume_m3").filter(|column| is_vessel && varies(&column.points));
-        let volume = volume.map(|column| profile(&column.name)).transpose()?;
+        let input = columns.input(scenario, &observed)?;
+        let is_vessel = scenario.plant.kind == PlantKind::Vessel;
+        let volume = find(measured, "volume_m3");
+        let volume = volume.filter(|column| is_vessel && varies(&column.points));
+        let volume = volume.map(|column| columns.profile(&column.name)).transpose()?;
         let holes = recorded_holes(measured, path, &input, volume.as_ref())?;
         Ok(Self { spacing_s: spacing(&observed), observed, input, volume, holes })
     }
@@ -210,6 +158,74 @@ impl Data {
     /// Number of measured values in all columns.
     pub fn values(&self) -> usize {
         self.observed.iter().map(|observed| observed.points.len()).sum()
+    }
+}
+
+/// The columns that drive a plant; `path` names their file in messages.
+struct Columns<'a> {
+    measured: &'a Measured,
+    path: &'a Path,
+}
+
+impl Columns<'_> {
+    /// What drives the plant of a scenario that is compared with `observed`.
+    fn input(&self, scenario: &Scenario, observed: &[Observed]) -> Result<Input, InputError> {
+        let has = |name: &str| find(self.measured, name).is_some();
+        let is_vessel = scenario.plant.kind == PlantKind::Vessel;
+        let free = match scenario.drive.kind {
+            DriveKind::Closed => true,
+            DriveKind::Discharge | DriveKind::Fill => is_vessel,
+            _ => false,
+        };
+        let fits_paths = scenario.identify.parameters.iter().any(|path| {
+            path.starts_with("valve.") || path.starts_with("leak.") || path == "supply.pressure_pa"
+        });
+        let gauged = has("pressure_pa") && has("length_m");
+        let sensor_only = matches!(observed, [only] if only.quantity == Quantity::SensorGas);
+        Ok(if free {
+            Input::Scenario
+        } else if sensor_only && gauged && !is_vessel {
+            Input::Given(Given {
+                pressure: self.profile("pressure_pa")?,
+                length: self.profile("length_m")?,
+                duties: self.pair(["duty_in", "duty_out"])?,
+                sensor_k: observed[0].points[0].1,
+            })
+        } else if has("flow_in_kg_s") && !fits_paths {
+            Input::Flows(self.pair(["flow_in_kg_s", "flow_out_kg_s"])?)
+        } else {
+            Input::Duties(self.pair(["duty_in", "duty_out"])?)
+        })
+    }
+
+    fn unusable(&self, name: &str, why: &str) -> InputError {
+        let (column, why) = (name.to_owned(), why.to_owned());
+        InputError::file(self.path, Problem::UnusableColumn { column, why })
+    }
+
+    fn pair(&self, names: [&str; 2]) -> Result<Vec<(f64, [f64; 2])>, InputError> {
+        let inlet = find_needed(self.measured, self.path, names[0])?;
+        let outlet = find_needed(self.measured, self.path, names[1])?;
+        if !times(&inlet.points).eq(times(&outlet.points)) {
+            return Err(self.unusable(names[1], &format!("must be filled where {} is", names[0])));
+        }
+        let both = inlet.points.iter().zip(&outlet.points);
+        Ok(both.map(|((time, inlet), (_, outlet))| (*time, [*inlet, *outlet])).collect())
+    }
+
+    fn profile(&self, name: &str) -> Result<Profile, InputError> {
+        let Column { points, lines, .. } = find_needed(self.measured, self.path, name)?;
+        Profile::new(points.clone()).map_err(|error| match error {
+            ProfileError::NotIncreasing { row } => {
+                let problem = Problem::Cell {
+                    column: TIME.to_owned(),
+                    value: format!("{:?}", points[row].0),
+                    allowed: format!("later than the row before, where {name} drives the plant"),
+                };
+                InputError { line: lines.get(row).copied(), ..InputError::file(self.path, problem) }
+            }
+            error => self.unusable(name, &error.to_string()),
+        })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Findings of an identification, and the parameters that it leaves open.
 
-use super::data::{Data, Quantity};
+use super::data::{Data, Observed, Quantity};
 use super::fit::End;
 use super::parameter::Parameter;
 use super::uncertainty::Misfit;
@@ -110,6 +110,8 @@ impl Findings {
     pub(super) fn new(parts: Parts) -> Self {
         let Parts { parameters, data, best, ends, agreeing, misfits, covariance, mass } = parts;
         let inside = |i: usize| !parameters[i].at_limit(best.place[i]);
+        let correlations = covariance
+            .map_or_else(BTreeMap::new, |covariance| correlations(covariance, parameters, inside));
         let error =
             |i: usize| covariance.filter(|_| inside(i)).map(|covariance| covariance[(i, i)].sqrt());
         let values = parameters.iter().zip(best.place.iter()).enumerate();
@@ -137,18 +139,6 @@ impl Findings {
             let rows = observed.points.len() as f64 / misfit.correlation_rows;
             effective_rows.insert(observed.quantity.column(), rows);
         }
-
-        let correlations = covariance.map_or_else(BTreeMap::new, |covariance| {
-            let correlation = |i: usize, j: usize| {
-                covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt()
-            };
-            let row = |i: usize| {
-                let paths = parameters.iter().enumerate().filter(|(j, _)| inside(*j));
-                paths.map(|(j, other)| (other.path.clone(), correlation(i, j))).collect()
-            };
-            let rows = parameters.iter().enumerate().filter(|(i, _)| inside(*i));
-            rows.map(|(i, parameter)| (parameter.path.clone(), row(i))).collect()
-        });
 
         let searches = Searches {
             starts: ends.len(),
@@ -208,70 +198,41 @@ impl Findings {
     ) -> Vec<String> {
         let mut remarks: Vec<String> = self.failed().into_iter().collect();
         for (i, parameter) in parameters.iter().enumerate() {
-            let path = &parameter.path;
             if parameter.at_limit(best.place[i]) {
                 remarks.push(format!(
-                    "{path} went to a limit of what is allowed: the data ask for more than the \
-                     model can give, or say nothing about it."
+                    "{} went to a limit of what is allowed: the data ask for more than the \
+                     model can give, or do not determine it.",
+                    parameter.path
                 ));
             }
-            let fitted = &self.parameters[path];
-            if let Some(error) = fitted.standard_error
-                && error > UNDETERMINED * fitted.value
-            {
-                remarks.push(format!(
-                    "{path} is not determined: its standard error is {:.0} % of its value.",
-                    100.0 * error / fitted.value
-                ));
-            }
-            for other in &parameters[i + 1..] {
-                let pair = self.correlations.get(path).and_then(|row| row.get(&other.path));
-                if let Some(correlation) = pair.filter(|c| c.abs() > INSEPARABLE) {
-                    remarks.push(format!(
-                        "{path} and {} cannot be distinguished (correlation {correlation:.3}): the \
-                         data determine a combination of them. Measure one of them otherwise, or fix \
-                         it.",
-                        other.path
-                    ));
-                }
-            }
+            remarks.extend(self.remarks_on(parameter, &parameters[i + 1..]));
         }
-        if !data.holes.is_empty() {
-            let named = data.holes.iter().take(NAMED_HOLES);
-            let named: Vec<String> = named
-                .map(|[from_s, to_s]| {
-                    format!("{} to {} s", significant(*from_s, 4), significant(*to_s, 4))
-                })
-                .collect();
-            let more = match data.holes.len() - named.len() {
-                0 => String::new(),
-                more => format!(", and {more} more"),
-            };
+        remarks.extend(on_holes(&data.holes));
+        remarks.extend(data.observed.iter().zip(misfits).flat_map(on_misfit));
+        remarks
+    }
+
+    /// Remarks on the error of a parameter, and on its correlation with others.
+    fn remarks_on(&self, parameter: &Parameter, others: &[Parameter]) -> Vec<String> {
+        let path = &parameter.path;
+        let mut remarks = Vec::new();
+        let fitted = &self.parameters[path];
+        if let Some(error) = fitted.standard_error
+            && error > UNDETERMINED * fitted.value
+        {
             remarks.push(format!(
-                "The record has holes, from {}{more}: what drove the plant there is not known, and what is fitted may \
-                 be wrong by it.",
-                named.join(", ")
+                "{path} is not determined: its standard error is {:.0} % of its value.",
+                100.0 * error / fitted.value
             ));
         }
-        for (observed, misfit) in data.observed.iter().zip(misfits) {
-            let column = observed.quantity.column();
-            if misfit.rms > LARGE * observed.deviation {
+        for other in others {
+            let pair = self.correlations.get(path).and_then(|row| row.get(&other.path));
+            if let Some(correlation) = pair.filter(|c| c.abs() > INSEPARABLE) {
                 remarks.push(format!(
-                    "{column} is missed by {} RMS, {:.0} times what its sensor's noise and code make: model or record \
-                     is wrong by that.",
-                    of_column(misfit.rms, column),
-                    misfit.rms / observed.deviation
-                ));
-            }
-            if misfit.correlation_rows > LASTING_ROWS && misfit.inflation > 1.0 {
-                remarks.push(format!(
-                    "The residuals of {} go on over {:.0} rows: the model is wrong there by more \
-                     than the sensor's noise. The standard errors count {:.0} independent rows of \
-                     {}.",
-                    column,
-                    misfit.correlation_rows,
-                    observed.points.len() as f64 / misfit.correlation_rows,
-                    observed.points.len()
+                    "{path} and {} cannot be distinguished (correlation {correlation:.3}): the \
+                     data determine a combination of them. Measure one of them otherwise, or fix \
+                     it.",
+                    other.path
                 ));
             }
         }
@@ -301,4 +262,60 @@ impl Findings {
         );
         self.remarks.iter().fold(text, |text, remark| text + remark + "\n")
     }
+}
+
+/// Correlations of the parameters that are not at a limit, by their paths.
+fn correlations(
+    covariance: &DMatrix<f64>,
+    parameters: &[Parameter],
+    inside: impl Fn(usize) -> bool,
+) -> BTreeMap<String, BTreeMap<String, f64>> {
+    let correlation =
+        |i: usize, j: usize| covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+    let known = || parameters.iter().enumerate().filter(|(i, _)| inside(*i));
+    let row = |i| known().map(|(j, other)| (other.path.clone(), correlation(i, j))).collect();
+    known().map(|(i, parameter)| (parameter.path.clone(), row(i))).collect()
+}
+
+fn on_holes(holes: &[[f64; 2]]) -> Option<String> {
+    let named = holes.iter().take(NAMED_HOLES);
+    let named: Vec<String> = named
+        .map(|[from_s, to_s]| format!("{} to {} s", significant(*from_s, 4), significant(*to_s, 4)))
+        .collect();
+    let more = match holes.len() - named.len() {
+        0 => String::new(),
+        more => format!(", and {more} more"),
+    };
+    (!holes.is_empty()).then(|| {
+        format!(
+            "The record has holes, from {}{more}: what drove the plant there is not known, and what is fitted may \
+             be wrong by it.",
+            named.join(", ")
+        )
+    })
+}
+
+fn on_misfit((observed, misfit): (&Observed, &Misfit)) -> Vec<String> {
+    let column = observed.quantity.column();
+    let mut remarks = Vec::new();
+    if misfit.rms > LARGE * observed.deviation {
+        remarks.push(format!(
+            "{column} is missed by {} RMS, {:.0} times what its sensor's noise and code make: model or record \
+             is wrong by that.",
+            of_column(misfit.rms, column),
+            misfit.rms / observed.deviation
+        ));
+    }
+    if misfit.correlation_rows > LASTING_ROWS && misfit.inflation > 1.0 {
+        remarks.push(format!(
+            "The residuals of {} go on over {:.0} rows: the model is wrong there by more \
+             than the sensor's noise. The standard errors count {:.0} independent rows of \
+             {}.",
+            column,
+            misfit.correlation_rows,
+            observed.points.len() as f64 / misfit.correlation_rows,
+            observed.points.len()
+        ));
+    }
+    remarks
 }

@@ -11,7 +11,6 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use thermyo_compute::parallel;
 use thermyo_compute::parallel::Watch;
-use thermyo_compute::stop;
 use thermyo_scenario::{Scenario, with_numbers};
 
 /// Step of the differences in ln x: far above the integrators' rounding, far below a curvature.
@@ -33,7 +32,7 @@ pub struct End {
 }
 
 /// The problem: a scenario, its parameters and the data.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Problem<'a> {
     /// The scenario in which the parameters are replaced.
     pub scenario: &'a Scenario,
@@ -41,6 +40,7 @@ pub struct Problem<'a> {
     pub data: &'a Data,
     /// The plant to compare with.
     pub experiment: Experiment<'a>,
+    pub watch: &'a dyn Watch,
 }
 
 impl Problem<'_> {
@@ -52,7 +52,7 @@ impl Problem<'_> {
 
     /// Prediction less measurement, column by column, in the columns' own units.
     pub fn residuals(&self, place: &DVector<f64>) -> Result<Vec<f64>, Failed> {
-        let mut residuals = self.experiment.predict(&self.scenario_at(place))?;
+        let mut residuals = self.experiment.predict(&self.scenario_at(place), self.watch)?;
         let measured = self.data.observed.iter().flat_map(|observed| &observed.points);
         for (residual, (_, value)) in residuals.iter_mut().zip(measured) {
             *residual -= value;
@@ -75,10 +75,10 @@ impl Problem<'_> {
         DMatrix::from_columns(&columns)
     }
 
-    /// Searches from the scenario's values and from others around them. Searches ended by
-    /// [`thermyo_compute::stop`] are left out.
-    pub fn search(&self, watch: &dyn Watch) -> Vec<End> {
-        let ends = parallel::map_watched(&self.starts(), watch, |start| self.minimize(start));
+    /// Searches from the scenario's values and from others around them. When stopped, returns the
+    /// finished searches.
+    pub fn search(&self) -> Vec<End> {
+        let ends = parallel::map_watched(&self.starts(), self.watch, |start| self.minimize(start));
         ends.into_iter().flatten().collect()
     }
 
@@ -106,9 +106,6 @@ impl Problem<'_> {
     }
 
     fn minimize(&self, start: &DVector<f64>) -> Option<End> {
-        if stop::is_requested() {
-            return None;
-        }
         let found = search::minimize(self, start.clone(), TOLERANCE, PATIENCE);
         if found.stopped {
             return None;
@@ -131,6 +128,10 @@ impl LeastSquares for Problem<'_> {
             *residual /= deviation;
         }
         DVector::from_vec(residuals)
+    }
+
+    fn stopped(&self) -> bool {
+        self.watch.stopped()
     }
 
     /// One-sided differences: accurate enough for the search, at half the cost.

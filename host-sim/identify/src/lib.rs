@@ -40,7 +40,6 @@ use parameter::Parameter;
 use simulate::Experiment;
 use std::path::Path;
 use thermyo_compute::parallel::Watch;
-use thermyo_compute::stop;
 use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_plant::{BuildError, Diverged};
 use thermyo_record::measured::Measured;
@@ -67,7 +66,7 @@ pub enum IdentifyError {
     Build(BuildError),
     #[error("with the scenario's own values, {0}")]
     Diverged(Diverged),
-    /// Stopped by [`thermyo_compute::stop`]; contains the results of the finished searches.
+    /// Stopped by its watch; contains the results of the finished searches.
     #[error("stopped after {finished} of {starts} searches")]
     Stopped {
         finished: usize,
@@ -90,83 +89,85 @@ pub fn identify(
     data_file: &Path,
     watch: &dyn Watch,
 ) -> Result<Identified, IdentifyError> {
-    let parameters = Parameter::all(&loaded.plant);
-    if parameters.is_empty() {
-        let problem = InputProblem::Missing {
-            key: "identify.parameters".to_owned(),
-            why: "it names what is fitted, such as [\"heat.inner_w_m2_k\"]".to_owned(),
-        };
-        return Err(InputError::file(config, problem).into());
-    }
+    let parameters = named(loaded, config)?;
     let mut data = Data::new(measured, data_file, &loaded.plant)?;
     let from_data = data.volume.is_some();
     data.volume = data.volume.or_else(|| loaded.volume_profile.clone());
-    let data = data;
     let scenario = comparable(&loaded.plant, &data);
     let problem = Problem {
         scenario: &scenario,
         parameters: &parameters,
         data: &data,
         experiment: Experiment::new(&data, &scenario),
+        watch,
     };
-    let own = DVector::from_iterator(
-        parameters.len(),
-        parameters.iter().map(|parameter| parameter.place(parameter.given)),
-    );
     let without = |failed: Failed, ends: &[End]| match failed {
         Failed::Build(error) => IdentifyError::Build(error),
         Failed::Diverged(error) => IdentifyError::Diverged(error),
         Failed::Stopped => stopped(&problem, ends),
     };
+    let own = parameters.iter().map(|parameter| parameter.place(parameter.given));
+    let own = DVector::from_iterator(parameters.len(), own);
     // A mistake in the scenario is reported as such, not as a failed search.
     problem.residuals(&own).map_err(|failed| without(failed, &[]))?;
 
-    let ends = problem.search(watch);
-    if stop::is_requested() {
+    let ends = problem.search();
+    if watch.stopped() {
         return Err(stopped(&problem, &ends));
     }
     let best = best(&ends);
     let residuals = problem.residuals(&best.place).map_err(|failed| without(failed, &ends))?;
-    let freedom = 1.0 - parameters.len() as f64 / data.values() as f64;
-    let mut misfits = Vec::new();
-    let mut columns = Vec::new();
-    let mut first = 0;
-    for observed in &data.observed {
-        let own = &residuals[first..first + observed.points.len()];
-        misfits.push(Misfit::new(own, observed.deviation, freedom));
-        columns.push(own.to_vec());
-        first += observed.points.len();
-    }
+    let residuals = by_column(&data, &residuals);
+    let misfits = misfits(&data, &residuals, parameters.len());
     let covariance = covariance_inside(&problem, &best.place, &misfits);
-    if stop::is_requested() {
+    if watch.stopped() {
         // The differences used predictions that ended early.
         return Err(stopped(&problem, &ends));
     }
-    let agreeing = agreeing(&ends, best, &parameters, covariance.as_ref());
-    let mass = gas_mass(&problem, &best.place, covariance.as_ref());
     let findings = Findings::new(findings::Parts {
         parameters: &parameters,
         data: &data,
         best,
         ends: &ends,
-        agreeing,
+        agreeing: agreeing(&ends, best, &parameters, covariance.as_ref()),
         misfits: &misfits,
         covariance: covariance.as_ref(),
-        mass,
+        mass: gas_mass(&problem, &best.place, covariance.as_ref()),
     });
-
     let values: Vec<(&str, f64)> = parameters
         .iter()
         .zip(best.place.iter())
         .map(|(parameter, u)| (parameter.path.as_str(), parameter.value(*u)))
         .collect();
-    let volume_csv = from_data.then_some(data_file);
-    Ok(Identified {
-        findings,
-        scenario: adopted(loaded, &data, &values, volume_csv),
-        data,
-        residuals: columns,
-    })
+    let scenario = adopted(loaded, &data, &values, from_data.then_some(data_file));
+    Ok(Identified { findings, scenario, data, residuals })
+}
+
+/// The parameters that the scenario names.
+fn named(loaded: &Loaded, config: &Path) -> Result<Vec<Parameter>, InputError> {
+    let parameters = Parameter::all(&loaded.plant);
+    if parameters.is_empty() {
+        let problem = InputProblem::Missing {
+            key: "identify.parameters".to_owned(),
+            why: "it names what is fitted, such as [\"heat.inner_w_m2_k\"]".to_owned(),
+        };
+        return Err(InputError::file(config, problem));
+    }
+    Ok(parameters)
+}
+
+/// Misfits of the columns to so many fitted parameters.
+fn misfits(data: &Data, residuals: &[Vec<f64>], parameters: usize) -> Vec<Misfit> {
+    let freedom = 1.0 - parameters as f64 / data.values() as f64;
+    let compared = residuals.iter().zip(&data.observed);
+    compared.map(|(own, observed)| Misfit::new(own, observed.deviation, freedom)).collect()
+}
+
+/// Residuals of each measured column.
+fn by_column(data: &Data, residuals: &[f64]) -> Vec<Vec<f64>> {
+    let mut left = residuals.iter().copied();
+    let mut take = |count| left.by_ref().take(count).collect();
+    data.observed.iter().map(|observed| take(observed.points.len())).collect()
 }
 
 #[derive(Debug)]

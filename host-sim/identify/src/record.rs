@@ -5,7 +5,6 @@ use super::{Identified, IdentifyError, identify, page};
 use serde::Serialize;
 use std::path::Path;
 use thermyo_compute::parallel::Watch;
-use thermyo_compute::stop;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_record::board_trace::every_column;
@@ -35,7 +34,7 @@ pub fn identify_table(
         let readings = Readings::of(table)?;
         let against = against.map(|other| readings.to_compare(other)).transpose()?;
         let found = static_map::identify(loaded, readings, against.as_ref(), config, data)?;
-        if stop::is_requested() {
+        if watch.stopped() {
             // The searches of a static map take a second and count as one part.
             return Err(IdentifyError::Stopped { finished: 0, starts: 1, csv: String::new() });
         }

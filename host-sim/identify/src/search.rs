@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 use rmpfit::{MPConfig, MPError, MPFitter, MPMaxFev, MPPar, MPResult, MPSide, MPSuccess};
-use thermyo_compute::stop;
 
 /// A sum of squares to minimise.
 pub trait LeastSquares {
@@ -11,6 +10,11 @@ pub trait LeastSquares {
 
     /// d([`Self::weighted`])/d(place); `residuals` are those at `place`.
     fn slopes(&self, place: &DVector<f64>, residuals: &DVector<f64>) -> DMatrix<f64>;
+
+    /// Whether the search is to end early.
+    fn stopped(&self) -> bool {
+        false
+    }
 }
 
 #[derive(Debug)]
@@ -20,7 +24,7 @@ pub struct Found {
     pub cost: f64,
     /// No better point is near.
     pub converged: bool,
-    /// The search was ended early by [`thermyo_compute::stop`].
+    /// The search was ended early: [`LeastSquares::stopped`].
     pub stopped: bool,
 }
 
@@ -76,7 +80,7 @@ struct Search<'a, P> {
 
 impl<P: LeastSquares> MPFitter for Search<'_, P> {
     fn eval(&mut self, place: &[f64], residuals: &mut [f64]) -> MPResult<()> {
-        if stop::is_requested() {
+        if self.problem.stopped() {
             return Err(MPError::Eval);
         }
         if self.place.as_slice() != place {

@@ -3,7 +3,7 @@
 use super::balance::Balance;
 use super::data::{Data, Input, holding};
 use super::failed::Failed;
-use thermyo_compute::stop;
+use thermyo_compute::parallel::Watch;
 use thermyo_plant::{Actuation, Truth};
 use thermyo_scenario::{PlantKind, Scenario};
 
@@ -46,11 +46,11 @@ impl<'a> Experiment<'a> {
     ///
     /// # Errors
     /// When the plant cannot be built, diverges, or is stopped.
-    pub fn predict(&self, scenario: &Scenario) -> Result<Vec<f64>, Failed> {
+    pub fn predict(&self, scenario: &Scenario, watch: &dyn Watch) -> Result<Vec<f64>, Failed> {
         let data = self.data;
         if let Some(balance) = &self.balance {
             let sensor_gas = &data.observed[0].points;
-            return balance.sensor_gas(scenario, sensor_gas);
+            return balance.sensor_gas(scenario, sensor_gas, watch);
         }
         let mut scenario = scenario.clone();
         scenario.run.step_s = self.step_s;
@@ -65,7 +65,7 @@ impl<'a> Experiment<'a> {
         let mut before = plant.truth();
         let mut row = 0;
         for step in 0..=steps {
-            if stop::is_requested() {
+            if watch.stopped() {
                 return Err(Failed::Stopped);
             }
             let now = plant.truth();

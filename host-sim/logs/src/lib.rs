@@ -1,6 +1,7 @@
 //! Records besides `trace.csv`.
 
 pub mod mcap;
+mod mcap_file;
 pub mod stream;
 pub mod topics;
 

@@ -5,77 +5,54 @@
 //! to the last whole chunk.
 
 use super::topics::{TOPICS, write_json};
-use mcap::records::MessageHeader;
-use mcap::{McapError, WriteOptions, Writer};
-use std::collections::BTreeMap;
+use crate::mcap_file::{Channel, Writer};
 use std::fs::File;
-use std::io::{self, Seek, Write};
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 use thermyo_record::board_trace::every_column;
 use thermyo_record::sinks::Sink;
 
 /// Longest time that messages wait.
 const LONGEST_WAIT: Duration = Duration::from_millis(500);
-/// Size of a chunk in bytes: about a hundred rows.
-const CHUNK: u64 = 1 << 17;
 
-pub struct McapLog<W: Write + Seek = File> {
+pub struct McapLog<W: Write = File> {
     writer: Writer<W>,
-    channels: Vec<Channel>,
+    /// For each channel the indices of its cells in a row, and their names.
+    channels: Vec<Vec<(usize, &'static str)>>,
     rows: u32,
     text: String,
     handed_over: Instant,
 }
 
-struct Channel {
-    id: u16,
-    /// Indices of its cells in a row, and their names.
-    cells: Vec<(usize, &'static str)>,
-}
-
-impl<W: Write + Seek> McapLog<W> {
+impl<W: Write> McapLog<W> {
     /// Begins with the topics and their schemas.
     pub fn new(out: W) -> io::Result<Self> {
-        // Without seeking, a chunk is gathered in memory and written at once.
-        let options = WriteOptions::new()
-            .library(concat!("thermyo ", env!("CARGO_PKG_VERSION")))
-            .chunk_size(Some(CHUNK))
-            .disable_seeking(true);
-        let mut writer = Writer::with_options(out, options).map_err(unwritable)?;
         let all = every_column();
-        let mut channels = Vec::new();
-        for topic in TOPICS {
-            let schema = topic.json_schema().to_string();
-            let id = writer
-                .add_schema(topic.schema, "jsonschema", schema.as_bytes())
-                .and_then(|schema| writer.add_channel(schema, topic.name, "json", &BTreeMap::new()))
-                .map_err(unwritable)?;
-            let cells = topic.places().into_iter().map(|place| (place, all[place])).collect();
-            channels.push(Channel { id, cells });
-        }
-        writer.flush().map_err(unwritable)?;
-        let handed_over = Instant::now();
-        Ok(Self { writer, channels, rows: 0, text: String::with_capacity(512), handed_over })
+        let cells = |place| (place, all[place]);
+        let channels = TOPICS.map(|topic| topic.places().into_iter().map(cells).collect());
+        let definitions = TOPICS.map(|topic| Channel {
+            topic: topic.name,
+            schema: topic.schema,
+            json_schema: topic.json_schema().to_string(),
+        });
+        Ok(Self {
+            writer: Writer::new(out, &definitions)?,
+            channels: channels.into(),
+            rows: 0,
+            text: String::with_capacity(512),
+            handed_over: Instant::now(),
+        })
     }
 }
 
-impl<W: Write + Seek + Send> Sink for McapLog<W> {
+impl<W: Write + Send> Sink for McapLog<W> {
     fn row(&mut self, cells: &[f64]) -> io::Result<()> {
         let log_time = nanoseconds(cells[0]);
-        for channel in &self.channels {
+        for (channel, columns) in self.channels.iter().enumerate() {
             self.text.clear();
-            let known =
-                channel.cells.iter().map(|(place, name)| (*name, cells.get(*place).copied()));
+            let known = columns.iter().map(|(place, name)| (*name, cells.get(*place).copied()));
             write_json(&mut self.text, known);
-            let header = MessageHeader {
-                channel_id: channel.id,
-                sequence: self.rows,
-                log_time,
-                publish_time: log_time,
-            };
-            self.writer
-                .write_to_known_channel(&header, self.text.as_bytes())
-                .map_err(unwritable)?;
+            self.writer.message(channel, self.rows, log_time, self.text.as_bytes())?;
         }
         self.rows = self.rows.wrapping_add(1);
         self.hand_over_in_time()
@@ -90,11 +67,11 @@ impl<W: Write + Seek + Send> Sink for McapLog<W> {
 
     fn hand_over(&mut self) -> io::Result<()> {
         self.handed_over = Instant::now();
-        self.writer.flush().map_err(unwritable)
+        self.writer.flush()
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {
-        self.writer.finish().map(drop).map_err(unwritable)
+        self.writer.finish()
     }
 }
 
@@ -103,28 +80,21 @@ fn nanoseconds(time_s: f64) -> u64 {
     (time_s * 1e9).round() as u64
 }
 
-fn unwritable(error: McapError) -> io::Error {
-    match error {
-        McapError::Io(error) => error,
-        other => io::Error::other(format!("trace.mcap: {other}")),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mcap::MessageStream;
     use mcap::read::Options;
+    use mcap::{Message, MessageStream, Summary};
     use serde_json::Value;
     use std::sync::{Arc, Mutex};
 
     /// Memory that a log and a test share.
     #[derive(Clone, Default)]
-    struct Memory(Arc<Mutex<io::Cursor<Vec<u8>>>>);
+    struct Memory(Arc<Mutex<Vec<u8>>>);
 
     impl Memory {
         fn bytes(&self) -> Vec<u8> {
-            self.0.lock().unwrap().get_ref().clone()
+            self.0.lock().unwrap().clone()
         }
     }
 
@@ -135,12 +105,6 @@ mod tests {
 
         fn flush(&mut self) -> io::Result<()> {
             Ok(())
-        }
-    }
-
-    impl Seek for Memory {
-        fn seek(&mut self, to: io::SeekFrom) -> io::Result<u64> {
-            self.0.lock().unwrap().seek(to)
         }
     }
 
@@ -197,6 +161,44 @@ mod tests {
         let (topic, time_ns, first) = &all[TOPICS.len()];
         assert_eq!((topic.as_str(), *time_ns), ("/muscle", 10_000_000));
         assert_eq!(first["pressure_pa"].as_f64(), Some(0.001 / 3.0));
+    }
+
+    /// By the index, as a viewer jumps in a long file, with the checksums verified.
+    #[test]
+    fn every_message_is_found_by_the_index() {
+        let memory = Memory::default();
+        let mut log = Box::new(McapLog::new(memory.clone()).unwrap());
+        for number in 0..400 {
+            log.row(&row(number)).unwrap();
+        }
+        log.finish().unwrap();
+        let whole = memory.bytes();
+        let checked = MessageStream::new_with_options(&whole, Options::ValidateChunkCrcs.into());
+        let mut all: Vec<_> = checked.unwrap().map(Result::unwrap).collect();
+        let summary = Summary::read(&whole).unwrap().unwrap();
+        let stats = summary.stats.as_ref().unwrap();
+        assert_eq!(stats.message_count, 400 * TOPICS.len() as u64);
+        assert_eq!((stats.message_start_time, stats.message_end_time), (0, 3_990_000_000));
+        assert!(stats.channel_message_counts.values().all(|count| *count == 400));
+        assert!(stats.chunk_count > 1 && stats.chunk_count as usize == summary.chunk_indexes.len());
+        let mut found = Vec::new();
+        for index in &summary.chunk_indexes {
+            for place in summary.read_message_indexes(&whole, index).unwrap().values().flatten() {
+                let message = summary.seek_message(&whole, index, place).unwrap();
+                assert!(
+                    (index.message_start_time..=index.message_end_time).contains(&message.log_time)
+                );
+                assert_eq!(message.log_time, place.log_time);
+                found.push(message);
+            }
+        }
+        let order = |message: &Message| (message.log_time, message.channel.topic.clone());
+        found.sort_by_key(order);
+        all.sort_by_key(order);
+        assert!(found == all && all[0].channel.schema.as_ref().unwrap().name == "thermyo.Control");
+        let footer = mcap::read::footer(&whole).unwrap();
+        let checked = &whole[footer.summary_start as usize..whole.len() - 12];
+        assert_eq!(footer.summary_crc, crc32fast::hash(checked));
     }
 
     #[test]

@@ -11,7 +11,7 @@ use std::str::FromStr;
 use thermyo_record::board_trace::every_column;
 use thermyo_record::sinks::Sink;
 
-/// Second name of a row's time besides `time_s`: every PlotJuggler knows it.
+/// Second name of a row's time besides `time_s`: every PlotJuggler accepts it.
 const TIMESTAMP: &str = "timestamp";
 
 /// Destination of the rows.

@@ -1,20 +1,19 @@
 // The page: core and plant run, knobs change the plant, plots show the result.
-import { Plot } from "./plot.js";
-import { Muscle, scaleAround } from "./muscle.js";
+import { Live, band, dashed, line, wide } from "./live.js";
+import { Muscle } from "./muscle.js";
 import { Simulation } from "./simulation.js";
 import scenarios from "./scenarios.js";
 
 const $ = (id) => document.getElementById(id);
-/** Seconds of data kept; steps between two points; computing time per frame [ms]. */
-const KEPT_S = 620, EVERY = 20, MOST_MS = 14;
+/** Seconds of data kept; steps between two points; computing time per frame, and least time between two drawings [ms]. */
+const KEPT_S = 620, EVERY = 20, MOST_MS = 14, DRAWN_MS = 30;
 
-/** Displayed quantities, and their columns in the trace. */
+/** Displayed quantities: column in the trace, factor from SI. */
 const SHOWN = {
-  time: "time_s", pressure: "pressure_pa", length: "length_m", gas: "gas_temperature_k", wall: "wall_temperature_k",
-  sensor: "sensor_gas_k", estimate: "estimate_k", sd: "estimate_sd_k", inlet: "duty_in", outlet: "duty_out", wanted: "set_point",
+  time: ["time_s", 1], pressure: ["pressure_pa", 1e-3], length: ["length_m", 1e3], gas: ["gas_temperature_k", 1],
+  wall: ["wall_temperature_k", 1], sensor: ["sensor_gas_k", 1], estimate: ["estimate_k", 1], sd: ["estimate_sd_k", 1],
+  inlet: ["duty_in", 100], outlet: ["duty_out", 100], wanted: ["set_point", 1],
 };
-const columns = Object.fromEntries([...Object.keys(SHOWN), "contraction", "pressureSet", "contractionSet"].map((name) => [name, []]));
-const shared = { time: columns.time, columns, span: 20, end: 0, back: null, paused: false, point };
 
 // Knobs
 
@@ -44,6 +43,8 @@ function makeKnobs() {
   const made = KNOBS.filter((knob) => knob[7](settings)).map(([key, name, unit, factor, least, most, digits]) => {
     const label = document.createElement("label");
     const value = document.createElement("output"), slide = document.createElement("input");
+    // Otherwise the label would be that of its first control, the output.
+    label.htmlFor = key;
     Object.assign(slide, { type: "range", id: key, step: "any", min: least, max: most });
     const show = () => {
       value.textContent = `${(number(key) * factor).toFixed(digits)} ${unit}`;
@@ -119,14 +120,13 @@ function fresh() {
   unconfigured = false;
   stopped = false;
   due_s = 0;
-  for (const values of Object.values(columns)) values.length = 0;
+  live.clear();
   const { kind } = settings.plant;
   const { rest_length_m, thread_length_m, turns } = settings.muscle;
   muscleFacts = kind === "muscle" ? { rest_length_m, braid: { thread_length_m, turns } } : null;
   $("plot-length").hidden = !muscleFacts;
   // A vessel has neither length nor braid.
   $("muscle").hidden = $("r-length-row").hidden = kind === "vessel";
-  plots[1].traces[0].name = kind;
   const warnings = simulation.warnings();
   $("warnings").textContent = warnings;
   $("warnings").hidden = !warnings;
@@ -136,13 +136,13 @@ function fresh() {
 
 // Simulation loop
 
-let rate = 1, before = 0, due_s = 0, stopped = false, measured = { from: 0, simulated_s: 0 };
+let rate = 1, before = 0, drawn = 0, due_s = 0, stopped = false, measured = { from: 0, simulated_s: 0 };
 
 function frame(now) {
   requestAnimationFrame(frame);
   const passed_s = Math.min(.1, (now - before) / 1e3);
   before = now;
-  if (!shared.paused && !stopped && simulation) {
+  if (!live.paused && !stopped && simulation) {
     due_s += passed_s * rate;
     const { step_s } = settings.run;
     const started = performance.now();
@@ -157,6 +157,8 @@ function frame(now) {
     due_s = Math.min(due_s, passed_s * rate);
     measure(now, done);
   }
+  if (now - drawn < DRAWN_MS) return;
+  drawn = now;
   draw();
 }
 
@@ -180,46 +182,38 @@ function measure(now, simulated_s) {
   const [mode, faults] = simulation.state();
   $("mode").textContent = faults ? `${mode}: ${faults}` : mode;
   $("mode").className = faults ? "chip bad" : "chip good";
-  $("time").textContent = `${(columns.time.at(-1) ?? 0).toFixed(0)} s`;
+  $("time").textContent = `${live.end.toFixed(0)} s`;
 }
 
 let places = null;
 function take(cells) {
-  places ??= Object.entries(SHOWN).map(([name, column]) => [columns[name], simulation.columns.indexOf(column)]);
+  places ??= Object.entries(SHOWN).map(([name, [column, factor]]) => [name, simulation.columns.indexOf(column), factor]);
   const { kind } = settings.drive, rest = muscleFacts?.rest_length_m;
-  for (let row = 0; row < cells.length; row += simulation.columns.length) {
-    for (const [values, place] of places) values.push(cells[row + place]);
-    columns.contraction.push(rest ? 1 - columns.length.at(-1) / rest : null);
-    columns.pressureSet.push(kind === "pressure" ? columns.wanted.at(-1) : null);
-    columns.contractionSet.push(kind === "contraction" ? columns.wanted.at(-1) : null);
+  for (let first = 0; first < cells.length; first += simulation.columns.length) {
+    const row = Object.fromEntries(places.map(([name, place, factor]) => [name, cells[first + place] * factor]));
+    row.low = row.estimate - 2 * row.sd;
+    row.high = row.estimate + 2 * row.sd;
+    if (rest) row.contraction = 100 * (1 - row.length / 1e3 / rest);
+    if (kind === "pressure") row.pressureSet = row.wanted / 1e3;
+    if (kind === "contraction") row.contractionSet = row.wanted * 100;
+    live.push(row);
   }
-  const surplus = columns.time.findIndex((time) => time > columns.time.at(-1) - KEPT_S);
-  // In large pieces: removing from the front moves everything.
-  if (surplus > 5000) for (const values of Object.values(columns)) values.splice(0, surplus);
-  shared.end = columns.time.at(-1) ?? 0;
+  live.trim();
 }
 
 // Display
 
-const trace = (name, column, colour, factor, more = {}) => ({ name, column, colour, factor, ...more });
-const plots = [
-  new Plot($("plot-temperature"), "Gas temperature", "K", 2, [
-    trace("gas", "gas", "green", 1), trace("sensor", "sensor", "blue", 1),
-    trace("estimate", "estimate", "vermillion", 1, { dashed: true, band: "sd" })], 2, shared),
-  new Plot($("plot-pressure"), "Pressure, absolute", "kPa", 1, [
-    trace("muscle", "pressure", "blue", 1e-3), trace("set point", "pressureSet", "vermillion", 1e-3, { dashed: true })], 10, shared),
-  new Plot($("plot-length"), "Contraction", "%", 2, [
-    trace("muscle", "contraction", "green", 100), trace("set point", "contractionSet", "vermillion", 100, { dashed: true })], 2, shared),
-  new Plot($("plot-duty"), "Valve openings", "%", 0, [
-    trace("inlet", "inlet", "blue", 100), trace("outlet", "outlet", "orange", 100)], 100, shared),
-];
-plots[3].fixed = [-3, 103];
+const live = new Live([...Object.keys(SHOWN).slice(1), "low", "high", "contraction", "pressureSet", "contractionSet"], KEPT_S, 5000);
+live.chart("plot-temperature", { label: "Gas temperature", unit: "K", digits: 2, least: 2 }, [
+  wide("gas", "truth", "gas"), line("sensor", "sensor", "sensor"), line("estimate", "estimate", "estimate"),
+  band("± 2 sd", "estimate", "low", "high")]);
+live.chart("plot-pressure", { label: "Pressure, absolute", unit: "kPa", digits: 1, least: 10 },
+  [line("simulated", "measured", "pressure"), dashed("set point", "set-point", "pressureSet")]);
+live.chart("plot-length", { label: "Contraction", unit: "%", digits: 2, least: 2 },
+  [line("simulated", "measured", "contraction"), dashed("set point", "set-point", "contractionSet")]);
+live.chart("plot-duty", { label: "Valve openings", unit: "%", digits: 0, range: [-3, 103] },
+  [line("inlet", "inlet", "inlet"), line("outlet", "outlet", "outlet")]);
 const muscle = new Muscle($("muscle"));
-let scale = [288, 308], scaleAt = -Infinity;
-
-function point(back) {
-  shared.back = back;
-}
 
 function put(id, value, unit) {
   const small = document.createElement("span");
@@ -228,29 +222,17 @@ function put(id, value, unit) {
 }
 
 function draw() {
-  for (const plot of plots) plot.draw();
-  const last = columns.time.length - 1;
-  if (last < 0) return;
-  const now = Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values[last]]));
-  if (performance.now() - scaleAt > 1000) {
-    scaleAt = performance.now();
-    let low = Infinity, high = -Infinity;
-    for (const name of ["gas", "sensor", "wall"]) {
-      for (let i = Math.max(0, last - 1000); i <= last; i++) {
-        low = Math.min(low, columns[name][i]);
-        high = Math.max(high, columns[name][i]);
-      }
-    }
-    scale = scaleAround(low, high);
-  }
-  if (!$("muscle").hidden) muscle.draw(now, muscleFacts, scale);
-  put("r-pressure", (now.pressure / 1e3).toFixed(1), "kPa");
+  live.draw();
+  const { now } = live;
+  if (!now) return;
+  if (!$("muscle").hidden) muscle.draw(now, muscleFacts);
+  put("r-pressure", now.pressure.toFixed(1), "kPa");
   put("r-gas", now.gas.toFixed(2), "K");
   put("r-sensor", now.sensor.toFixed(2), "K");
   put("r-estimate", now.estimate.toFixed(2), `± ${(2 * now.sd).toFixed(2)} K`);
-  const contracted = now.contraction !== null;
+  const contracted = Number.isFinite(now.contraction);
   $("r-length-name").textContent = contracted ? "Length, contraction" : "Length";
-  put("r-length", (now.length * 1e3).toFixed(1), contracted ? `mm, ${(now.contraction * 100).toFixed(1)} %` : "mm");
+  put("r-length", now.length.toFixed(1), contracted ? `mm, ${now.contraction.toFixed(1)} %` : "mm");
 }
 
 // User input
@@ -277,11 +259,7 @@ $("file").addEventListener("change", async ({ target }) => {
   $("choice").selectedIndex = scenarios.length - 1;
 });
 for (const radio of document.querySelectorAll("[name=rate]")) radio.addEventListener("change", () => (rate = +radio.value));
-for (const radio of document.querySelectorAll("[name=span]")) radio.addEventListener("change", () => (shared.span = +radio.value));
 $("pause").addEventListener("click", () => {
-  shared.paused = !shared.paused;
-  $("pause").setAttribute("aria-pressed", String(shared.paused));
-  $("pause").textContent = shared.paused ? "Go on" : "Pause";
   // The old speed does not apply to a page that stands still.
   $("speed").textContent = "";
   measured = { from: performance.now(), simulated_s: 0 };

@@ -219,8 +219,8 @@ pub fn telemetry_dict<'py>(py: Python<'py>, telemetry: &Telemetry) -> PyResult<B
     dict.set_item("mode", mode_name(telemetry.mode))?;
     dict.set_item("limited", telemetry.limited)?;
     dict.set_item("faults", fault_names(telemetry.faults))?;
-    dict.set_item("code_pressure", sample.pressure.0)?;
-    dict.set_item("code_gas", sample.gas.0)?;
+    dict.set_item("code_pressure", sample.pressure.to_bits())?;
+    dict.set_item("code_gas", sample.gas.to_bits())?;
     dict.set_item("code_length", sample.length.0)?;
     dict.set_item("emergency_stop", sample.emergency_stop)?;
     Ok(dict)

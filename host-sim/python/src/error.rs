@@ -1,12 +1,12 @@
 //! Exceptions, with the messages of the command.
 
-use model_core::link::Refusal;
 use model_core::{Faults, SetPointError};
 use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::{PyErr, create_exception};
 use std::fmt::Display;
 use thermyo_files::input::InputError;
 use thermyo_identify::IdentifyError;
+use thermyo_protocol::Refusal;
 use thermyo_simulation::board;
 use thermyo_simulation::run;
 
@@ -57,18 +57,17 @@ pub fn sweep(error: impl Display) -> PyErr {
     ScenarioError::new_err(text)
 }
 
-/// The command's message, with the method instead of the command that it names.
+/// The message, and the method that helps, if there is one.
 pub fn board(error: board::BoardError) -> PyErr {
     use SetPointError::{Faults as Latched, NotArmed};
-    BoardError::new_err(match error {
+    let remedy = match error {
         board::BoardError::Refused(
             Refusal::NotConfigured | Refusal::SetPoint(Latched(Faults::NOT_CONFIGURED)),
-        ) => "the board does not know its muscle yet: board.configure(scenario)".to_owned(),
-        board::BoardError::Refused(Refusal::SetPoint(NotArmed)) => {
-            "the board is not armed: board.arm()".to_owned()
-        }
-        error => error.to_string(),
-    })
+        ) => ": board.configure(scenario)",
+        board::BoardError::Refused(Refusal::SetPoint(NotArmed)) => ": board.arm()",
+        _ => "",
+    };
+    BoardError::new_err(format!("{error}{remedy}"))
 }
 
 pub fn silent(asked: &'static str) -> PyErr {

@@ -177,12 +177,12 @@ impl Readings {
 
     #[getter]
     fn code_pressure(&self) -> u16 {
-        self.sample.pressure.0
+        self.sample.pressure.to_bits()
     }
 
     #[getter]
     fn code_gas(&self) -> u16 {
-        self.sample.gas.0
+        self.sample.gas.to_bits()
     }
 
     #[getter]

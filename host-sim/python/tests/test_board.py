@@ -24,7 +24,7 @@ def place():
 def board():
     with thermyo.Board("emulated", SCENARIO) as board:
         board.configure(SCENARIO)
-        while board.read()["mode"] == "judging the sensors":
+        while board.read()["mode"] == "startup check":
             pass
         yield board
 

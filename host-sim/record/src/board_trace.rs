@@ -3,12 +3,12 @@
 
 use crate::sinks::Sinks;
 use crate::trace::{COLUMNS, Row, cells_text};
-use model_core::link::Status;
 use model_core::{Config, SetPoint, Telemetry};
 use std::fs::File;
 use std::io::{self, Write};
 use thermyo_files::rows::Rows;
 use thermyo_plant::Truth;
+use thermyo_protocol::Status;
 use thermyo_scenario::short;
 
 /// Columns after those of every trace. The set point's kind is its index in [`kind_and_values`].
@@ -209,9 +209,9 @@ mod tests {
         assert_eq!(value("mass_kg"), telemetry.estimate.mass_kg.to_bits());
         assert_eq!(value("sensor_lag_s"), telemetry.estimate.sensor_lag_s.to_bits());
         assert_eq!(cell("code_length"), "23757");
-        assert_eq!(cell("gas_temperature_k"), "", "nobody knows it on a real board");
+        assert_eq!(cell("gas_temperature_k"), "", "it is unknown on a real board");
         let restarts = lines[0].iter().position(|&column| column == "restarts").unwrap();
-        assert_eq!(lines[1][restarts], "", "the board has not said");
+        assert_eq!(lines[1][restarts], "", "the board has not reported it");
     }
 
     #[derive(Clone, Default)]
@@ -268,7 +268,7 @@ mod tests {
             ("telemetry is lost", &[0, 10, 3_600_010], &[0, 10, 3_600_010]),
             ("it restarts", &[5000, 5010, 3, 13], &[0, 10, 11, 21]),
             ("it restarts at the same step", &[10, 10, 20], &[0, 1, 11]),
-            ("its count begins anew", &[u32::MAX - 5, 4, 14], &[0, 10, 20]),
+            ("its count overflows", &[u32::MAX - 5, 4, 14], &[0, 10, 20]),
             ("it restarts after a month", &[3_000_000_000, 3_000_000_010, 7], &[0, 10, 11]),
         ] {
             assert_eq!(times_ms(steps), expected, "{what}");

@@ -4,13 +4,13 @@ use crate::limit_cycle::LimitCycle;
 use crate::measured::Measured;
 use crate::trace::{COLUMNS, Row};
 use model_core::Faults;
-use model_core::link::Timing;
 use model_core::safety::supervisor::VENTING;
 use model_core::sensing::adc::at_rail;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::number::{Unit, fixed, significant};
 use thermyo_plant::{Ledger, Truth};
+use thermyo_protocol::Timing;
 
 /// The controlled quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -138,7 +138,7 @@ pub struct CoreFigures {
     /// Steps in which the set point required more than the allowed pressure.
     pub limited: u64,
     /// Every fault bit that was ever set.
-    pub faults: u16,
+    pub faults: u32,
     /// Names of these faults.
     pub fault_names: Vec<&'static str>,
     /// Time of the first venting fault \[s\].
@@ -339,6 +339,19 @@ struct ControlSums {
     largest_value: f64,
 }
 
+impl ControlSums {
+    fn figures(&self, quantity: Controlled) -> Control {
+        let span = self.largest_set_point - self.smallest_set_point;
+        let span = if span > 0.0 { span } else { self.largest_set_point.abs() };
+        Control {
+            quantity,
+            rms_error: (self.squares / self.steps as f64).sqrt(),
+            steady_error: (self.late_steps > 0).then(|| self.late_sum / self.late_steps as f64),
+            overshoot: ((self.largest_value - self.largest_set_point) / span).max(0.0),
+        }
+    }
+}
+
 /// One measured column, compared with the run while it goes on.
 #[derive(Debug, Clone)]
 struct Comparison {
@@ -511,26 +524,15 @@ impl Accumulator {
     pub fn finish(self, ending: Ending) -> Summary {
         let count = self.steps as f64;
         let rms = |squares: f64| (squares / count).sqrt();
-        let control = ending.controlled.filter(|_| self.control.steps > 0).map(|quantity| {
-            let sums = &self.control;
-            let span = sums.largest_set_point - sums.smallest_set_point;
-            let span = if span > 0.0 { span } else { sums.largest_set_point.abs() };
-            Control {
-                quantity,
-                rms_error: (sums.squares / sums.steps as f64).sqrt(),
-                steady_error: (sums.late_steps > 0).then(|| sums.late_sum / sums.late_steps as f64),
-                overshoot: ((sums.largest_value - sums.largest_set_point) / span).max(0.0),
-            }
-        });
+        let control = ending.controlled.filter(|_| self.control.steps > 0);
+        let control = control.map(|quantity| self.control.figures(quantity));
+        let compared = self.comparisons.iter().filter(|comparison| comparison.count > 0);
         let measured = (!self.comparisons.is_empty()).then(|| {
-            self.comparisons
-                .iter()
-                .filter(|comparison| comparison.count > 0)
-                .map(|comparison| {
-                    let rmse = (comparison.squares / comparison.count as f64).sqrt();
-                    (comparison.name.clone(), Difference { rmse, max: comparison.max })
-                })
-                .collect()
+            let difference = |comparison: &Comparison| Difference {
+                rmse: (comparison.squares / comparison.count as f64).sqrt(),
+                max: comparison.max,
+            };
+            compared.map(|each| (each.name.clone(), difference(each))).collect()
         });
         Summary {
             duration_s: self.duration_s,

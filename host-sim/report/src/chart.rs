@@ -371,10 +371,7 @@ impl Chart {
 impl Panel {
     fn plot(&self, store: &mut Store) -> Value {
         let log = self.y.spacing == Spacing::Log;
-        let layers = Mark::STACK
-            .into_iter()
-            .flat_map(|mark| self.layers.iter().filter(move |layer| layer.mark == mark));
-        let layers: Vec<Value> = layers.map(|layer| layer.plot(store, log)).collect();
+        let layers: Vec<Value> = self.layers.iter().map(|layer| layer.plot(store, log)).collect();
         json!({
             "y": self.y.plot(),
             "height": self.height,
@@ -436,6 +433,6 @@ impl Panel {
 }
 
 /// Approximate width of a label, rounded up \[px\].
-fn text_width(text: &str) -> f64 {
+pub(super) fn text_width(text: &str) -> f64 {
     text.chars().count() as f64 * CHARACTER
 }

@@ -1,10 +1,23 @@
 //! The palette of Okabe and Ito (2008), distinguishable with every common colour blindness, and
 //! helpers for continuous colour scales.
 
-/// A colour of the palette. The style sheet holds its value for light and for dark mode.
+/// A colour of the palette, or the quantity that has one on every page. The style sheet holds its
+/// value for light and for dark mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Colour {
-    /// Black on white, or white on black: true values, the reference of a comparison.
+    /// True values, the reference of a comparison.
+    Truth,
+    Estimate,
+    /// Sensor in the gas.
+    Sensor,
+    Wall,
+    /// Sensor in the wall.
+    WallSensor,
+    Measured,
+    SetPoint,
+    Inlet,
+    Outlet,
+    /// Black on white, or white on black.
     Ink,
     Blue,
     /// A red-orange.
@@ -24,6 +37,15 @@ impl Colour {
     /// Class in the style sheet.
     pub(super) fn class(self) -> &'static str {
         match self {
+            Self::Truth => "c-truth",
+            Self::Estimate => "c-estimate",
+            Self::Sensor => "c-sensor",
+            Self::Wall => "c-wall",
+            Self::WallSensor => "c-wall-sensor",
+            Self::Measured => "c-measured",
+            Self::SetPoint => "c-set-point",
+            Self::Inlet => "c-inlet",
+            Self::Outlet => "c-outlet",
             Self::Ink => "c-ink",
             Self::Blue => "c-blue",
             Self::Vermillion => "c-vermillion",

@@ -1,10 +1,10 @@
 //! A quantity as a function of two others, as coloured cells.
 
-use maud::html;
+use maud::{Markup, html};
 
 use super::Colour;
 use super::axes::FOOT;
-use super::chart::{CHARACTER, FULL_WIDTH, HALF_WIDTH};
+use super::chart::{CHARACTER, FULL_WIDTH, HALF_WIDTH, text_width};
 use super::colour::{hex, text_on};
 use super::figure::{Drawing, Figure};
 use super::path::Path;
@@ -13,6 +13,8 @@ use thermyo_files::number::{MISSING, px, significant};
 
 /// Perceptually uniform, and suitable for colour-blind readers.
 const MAP: colorous::Gradient = colorous::CIVIDIS;
+/// White in the middle, suitable for colour-blind readers.
+const SIGNED_MAP: colorous::Gradient = colorous::PURPLE_ORANGE;
 /// Colour of the outline, which is far from all colours of the map.
 const LIMIT: Colour = Colour::Vermillion;
 const CELL_HEIGHT: f64 = 34.0;
@@ -53,15 +55,15 @@ pub struct Style {
     pub limit: Option<(f64, String)>,
     /// Half as wide, to stand beside another one.
     pub half: bool,
+    /// Zero is neutral, and the scale as long below it as above.
+    pub signed: bool,
 }
 
 impl Heatmap {
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
         let spacing = self.style.spacing;
-        let range = self
-            .style
-            .range
-            .unwrap_or_else(|| data_range(self.cells.iter().flatten().copied(), spacing));
+        let map = if self.style.signed { SIGNED_MAP } else { MAP };
+        let range = self.range();
         let along_scale = Scale::new(range, (0.0, 1.0), spacing);
         let (width, (bar, gap), least) =
             if self.style.half { (HALF_WIDTH, HALF_BAR, 0.0) } else { (FULL_WIDTH, BAR, 48.0) };
@@ -87,24 +89,7 @@ impl Heatmap {
                     @let top = bottom - CELL_HEIGHT * (row as f64 + 1.0);
                     text.tick x=(px(left - 7.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0)) text-anchor="end" { (y_label) }
                     @for column in 0..self.x.len() {
-                        @let value = self.cell(row, column);
-                        @let along = if along_scale.shows(value) { along_scale.position(value).clamp(0.0, 1.0) } else { 0.0 };
-                        @let x = left + cell_width * column as f64;
-                        @let (fill, ink) = if value.is_finite() {
-                            (hex(MAP, along), text_on(MAP, along))
-                        } else {
-                            ("none".to_owned(), "currentColor")
-                        };
-                        rect.cell x=(px(x)) y=(px(top)) width=(px(cell_width)) height=(px(CELL_HEIGHT)) fill=(fill) {
-                            // A cell without room for a number shows it as a tooltip.
-                            @if digits.is_none() { title { (significant(value, DIGITS[0])) } }
-                        }
-                        @if let Some(digits) = digits {
-                            text.cell-value x=(px(x + cell_width / 2.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0))
-                                text-anchor="middle" style={ "fill:" (ink) } {
-                                @if value.is_finite() { (significant(value, digits)) } @else { (MISSING) }
-                            }
-                        }
+                        (drawn(self.cell(row, column), (map, &along_scale), digits, (corner(row, column).0, top), cell_width))
                     }
                 }
                 @for (column, label) in self.x.iter().enumerate().step_by(label_every) {
@@ -117,10 +102,14 @@ impl Heatmap {
                     path.outline-ground d=(outline) {}
                     path class={ (LIMIT.class()) " outline" } d=(outline) {}
                 }
-                (colour_bar(MAP, range, spacing, &self.value_label, right + gap, (TOP, bottom.max(TOP + 120.0))))
+                (colour_bar(map, range, spacing, &self.value_label, (right + gap, width), (TOP, bottom.max(TOP + 120.0))))
             }
         };
-        let legend = html! {
+        Figure::new(title, caption, Drawing::still(self.legend(), svg))
+    }
+
+    fn legend(&self) -> Markup {
+        html! {
             @if let Some((_, label)) = &self.style.limit {
                 ul.legend { li {
                     svg class=(LIMIT.class()) width="16" height="14" aria-hidden="true" {
@@ -129,8 +118,17 @@ impl Heatmap {
                     (label)
                 } }
             }
-        };
-        Figure::new(title, caption, Drawing::still(legend, svg))
+        }
+    }
+
+    /// Ends of the colour scale.
+    fn range(&self) -> (f64, f64) {
+        let cells = || self.cells.iter().flatten().copied();
+        if self.style.signed {
+            let size = data_range(cells().map(f64::abs).chain([0.0]), Spacing::Linear).1;
+            return (-size, size);
+        }
+        self.style.range.unwrap_or_else(|| data_range(cells(), self.style.spacing))
     }
 
     fn cell(&self, row: usize, column: usize) -> f64 {
@@ -160,23 +158,53 @@ impl Heatmap {
     }
 }
 
+/// A cell whose upper left corner is given.
+fn drawn(
+    value: f64,
+    (map, scale): (colorous::Gradient, &Scale),
+    digits: Option<usize>,
+    (x, top): (f64, f64),
+    width: f64,
+) -> Markup {
+    let along = if scale.shows(value) { scale.position(value).clamp(0.0, 1.0) } else { 0.0 };
+    let (fill, ink) = if value.is_finite() {
+        (hex(map, along), text_on(map, along))
+    } else {
+        ("none".to_owned(), "currentColor")
+    };
+    html! {
+        rect.cell x=(px(x)) y=(px(top)) width=(px(width)) height=(px(CELL_HEIGHT)) fill=(fill) {
+            // A cell without room for a number shows it as a tooltip.
+            @if digits.is_none() { title { (significant(value, DIGITS[0])) } }
+        }
+        @if let Some(digits) = digits {
+            text.cell-value x=(px(x + width / 2.0)) y=(px(top + CELL_HEIGHT / 2.0 + 4.0))
+                text-anchor="middle" style={ "fill:" (ink) } {
+                @if value.is_finite() { (significant(value, digits)) } @else { (MISSING) }
+            }
+        }
+    }
+}
+
 /// Characters of the longest text.
 fn longest(texts: &[String]) -> f64 {
     texts.iter().map(|text| text.chars().count()).max().unwrap_or(0) as f64
 }
 
-/// An upright colour bar of 14 px width at `x`, with its label above and its ticks to the right.
+/// An upright colour bar of 14 px width at `x` in a drawing that ends at `end`, with its label above
+/// and its ticks to the right.
 pub(super) fn colour_bar(
     map: colorous::Gradient,
     range: (f64, f64),
     spacing: Spacing,
     label: &str,
-    x: f64,
+    (x, end): (f64, f64),
     (top, bottom): (f64, f64),
 ) -> maud::Markup {
     const STEPS: usize = 48;
     let step = (bottom - top) / STEPS as f64;
     let y = Scale::new(range, (bottom, top), spacing);
+    let middle = (x + 14.0).min(end - text_width(label) / 2.0);
     html! {
         @for i in 0..STEPS {
             // Each step extends below the next, so that no seam is visible between them.
@@ -187,6 +215,6 @@ pub(super) fn colour_bar(
         @for (value, text) in y.ticks((bottom - top) / 32.0) {
             text.tick x=(px(x + 20.0)) y=(px(y.position(value) + 4.0)) { (text) }
         }
-        text.axis x=(px(x + 14.0)) y=(px(top - 10.0)) text-anchor="middle" { (label) }
+        text.axis x=(px(middle)) y=(px(top - 10.0)) text-anchor="middle" { (label) }
     }
 }

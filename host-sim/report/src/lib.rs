@@ -7,7 +7,8 @@
 //!
 //! A drawing names its colours by class and leaves their values to the page's style sheet, so one
 //! drawing serves light mode, dark mode and print. `plot` packs the points of the charts for
-//! `plot.js`, which makes them interactive; without it the page shows the static drawings.
+//! `report.js`, which draws them again by `chart.js`, the charts of all pages; without script and
+//! in print the page shows the static drawings.
 
 mod axes;
 pub mod bars;

@@ -126,7 +126,7 @@ impl Muscle {
                 }
                 (extremes(&zones, layout))
                 g.on-dark {
-                    (colour_bar(MAP, self.scale_degc, Spacing::Linear, "°C", bar, (top, bottom)))
+                    (colour_bar(MAP, self.scale_degc, Spacing::Linear, "°C", (bar, layout.width), (top, bottom)))
                 }
                 (self.profile(&zones, layout.profile))
             }

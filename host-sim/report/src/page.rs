@@ -6,13 +6,13 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::figure::{Figure, figure_id};
 use super::plot::Store;
-use super::style::DRAWING_STYLE;
+use super::style::{CHART_SCRIPT, CHART_STYLE, DRAWING_STYLE};
 use serde_json::{Map, Value, json};
 use thermyo_files::number::{MISSING, quantity};
 
 const STYLE: &str = include_str!("style.css");
 /// Makes the charts interactive; without it the page shows the static drawings.
-const SCRIPT: &str = include_str!("plot.js");
+const SCRIPT: &str = include_str!("report.js");
 
 /// A key figure at the head of the page.
 #[derive(Debug, Clone, PartialEq)]
@@ -211,7 +211,7 @@ impl Page {
                     meta name="viewport" content="width=device-width, initial-scale=1";
                     meta name="color-scheme" content="light dark";
                     title { (self.title) }
-                    style { (PreEscaped(DRAWING_STYLE)) (PreEscaped(STYLE)) }
+                    style { (PreEscaped(DRAWING_STYLE)) (PreEscaped(STYLE)) (PreEscaped(CHART_STYLE)) }
                 }
                 body {
                     div.layout {
@@ -281,7 +281,7 @@ impl Page {
         let data = data.to_string().replace('<', "\\u003c");
         html! {
             script type="application/json" id="plots" { (PreEscaped(data)) }
-            script { (PreEscaped(SCRIPT)) }
+            script type="module" { (PreEscaped(CHART_SCRIPT)) (PreEscaped(SCRIPT)) }
         }
     }
 }

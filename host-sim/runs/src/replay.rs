@@ -7,7 +7,10 @@ use thermyo_simulation::board::{Board, BoardError};
 
 use model_core::control::Mode;
 use model_core::safety::supervisor::VENTING;
-use model_core::{AdcCode, Command, Config, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
+use model_core::sensing::Sensors;
+use model_core::{
+    AdcCode, Command, Config, Duty, Estimate, Faults, RawCode, Sample, SetPoint, Telemetry,
+};
 use std::path::Path;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::run::{MOST_LATE_STEPS, SetPoints};
@@ -84,31 +87,15 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), In
         return Err(table.cell_error(row, "step", allowed));
     }
     let drive = SetPoints::new(&loaded);
-    let [pressure, length] = [column("measured_pressure_pa")?, column("measured_length_m")?];
-    let codes = [column("code_pressure")?, column("code_gas")?, column("code_length")?];
-    let [stop, heard, flooded] = [column("emergency_stop")?, column("heard")?, column("flooded")?];
-    let missed_steps = column("missed_steps")?;
-    let estimate = [
-        column("estimate_k")?,
-        column("estimate_sd_k")?,
-        column("wall_estimate_k")?,
-        column("sensor_estimate_k")?,
-        column("mass_estimate_kg")?,
-        column("heat_scale")?,
-        column("sensor_lag_s")?,
-    ];
-    let [inlet, outlet, faults] = [column("duty_in")?, column("duty_out")?, column("faults")?];
-    let [valid, mode] = [column("estimate_valid")?, column("mode")?];
-    let limited = column("limited")?;
+    let config = core_config(&loaded.believed);
+    let recorded = Recorded::new(table, &config.sensors)?;
     let logged = logged_set_points(table)?;
     let mut held = SetPoint::Vent;
     let rows = (0..steps.len())
         .map(|i| {
-            let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
-                estimate.each_ref().map(|values| values[i] as f32);
             let set_point = match &logged {
                 // The core vents by itself on a fault.
-                Some(logged) if Faults(faults[i] as u16).intersects(VENTING) => {
+                Some(logged) if recorded.faults(i).intersects(VENTING) => {
                     held = logged[i];
                     None
                 }
@@ -117,42 +104,104 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), In
                 None => drive.acting_from(i as u64, &loaded),
             };
             held = set_point.unwrap_or(held);
-            let telemetry = Telemetry {
-                step: i as u32,
-                sample: Sample {
-                    pressure: AdcCode(codes[0][i] as u16),
-                    gas: AdcCode(codes[1][i] as u16),
-                    length: AdcCode(codes[2][i] as u16),
-                    emergency_stop: stop[i] != 0.0,
-                    heard: heard[i] != 0.0,
-                    flooded: flooded[i] != 0.0,
-                    missed_steps: missed_steps[i] as u8,
-                },
-                pressure_pa: pressure[i] as f32,
-                length_m: length[i] as f32,
-                estimate: Estimate {
-                    gas_k,
-                    gas_sd_k,
-                    valid: valid[i] != 0.0,
-                    wall_k,
-                    sensor_k,
-                    mass_kg,
-                    heat_scale,
-                    sensor_lag_s,
-                },
-                command: Command {
-                    inlet: Duty::from_share(inlet[i] as f32),
-                    outlet: Duty::from_share(outlet[i] as f32),
-                },
-                mode: Mode::NAMES.get(mode[i] as usize).map_or(Mode::Judging, |(mode, _)| *mode),
-                limited: limited[i] != 0.0,
-                set_point: held,
-                faults: Faults(faults[i] as u16),
-            };
-            Row { set_point, telemetry }
+            Row { set_point, telemetry: recorded.telemetry(i, held) }
         })
         .collect();
-    Ok((core_config(&loaded.believed), rows))
+    Ok((config, rows))
+}
+
+/// The columns of a record.
+struct Recorded {
+    readings: [Vec<f64>; 2],
+    codes: [Vec<f64>; 3],
+    /// Whether pressure and gas are read from a digital part.
+    digital: [bool; 2],
+    /// Emergency stop, heard, flooded.
+    flags: [Vec<f64>; 3],
+    missed_steps: Vec<f64>,
+    estimate: [Vec<f64>; 7],
+    duties: [Vec<f64>; 2],
+    faults: Vec<f64>,
+    valid: Vec<f64>,
+    mode: Vec<f64>,
+    limited: Vec<f64>,
+}
+
+impl Recorded {
+    fn new(table: &Table, sensors: &Sensors) -> Result<Self, InputError> {
+        let column = |name: &str| table.filled(name);
+        Ok(Self {
+            readings: [column("measured_pressure_pa")?, column("measured_length_m")?],
+            codes: [column("code_pressure")?, column("code_gas")?, column("code_length")?],
+            digital: [sensors.pressure_part.is_digital(), sensors.gas_element.is_digital()],
+            flags: [column("emergency_stop")?, column("heard")?, column("flooded")?],
+            missed_steps: column("missed_steps")?,
+            estimate: [
+                column("estimate_k")?,
+                column("estimate_sd_k")?,
+                column("wall_estimate_k")?,
+                column("sensor_estimate_k")?,
+                column("mass_estimate_kg")?,
+                column("heat_scale")?,
+                column("sensor_lag_s")?,
+            ],
+            duties: [column("duty_in")?, column("duty_out")?],
+            faults: column("faults")?,
+            valid: column("estimate_valid")?,
+            mode: column("mode")?,
+            limited: column("limited")?,
+        })
+    }
+
+    fn faults(&self, i: usize) -> Faults {
+        Faults(self.faults[i] as u32)
+    }
+
+    /// Telemetry of a row.
+    fn telemetry(&self, i: usize, set_point: SetPoint) -> Telemetry {
+        let [pressure, gas, length] = self.codes.each_ref().map(|codes| codes[i] as u16);
+        let [pressure, gas] = [(pressure, self.digital[0]), (gas, self.digital[1])]
+            .map(|(bits, digital)| RawCode::from_bits(bits, digital));
+        let length = AdcCode(length);
+        let [emergency_stop, heard, flooded] = self.flags.each_ref().map(|flags| flags[i] != 0.0);
+        let [pressure_pa, length_m] = self.readings.each_ref().map(|values| values[i] as f32);
+        let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
+            self.estimate.each_ref().map(|values| values[i] as f32);
+        let valid = self.valid[i] != 0.0;
+        let [inlet, outlet] =
+            self.duties.each_ref().map(|duties| Duty::from_share(duties[i] as f32));
+        Telemetry {
+            step: i as u32,
+            sample: Sample {
+                pressure,
+                gas,
+                length,
+                emergency_stop,
+                heard,
+                flooded,
+                missed_steps: self.missed_steps[i] as u8,
+            },
+            pressure_pa,
+            length_m,
+            estimate: Estimate {
+                gas_k,
+                gas_sd_k,
+                valid,
+                wall_k,
+                sensor_k,
+                mass_kg,
+                heat_scale,
+                sensor_lag_s,
+            },
+            command: Command { inlet, outlet },
+            mode: Mode::NAMES
+                .get(self.mode[i] as usize)
+                .map_or(Mode::StartupCheck, |(mode, _)| *mode),
+            limited: self.limited[i] != 0.0,
+            set_point,
+            faults: self.faults(i),
+        }
+    }
 }
 
 /// Set points that a board has recorded, row by row; those of a simulated run follow from its

@@ -159,8 +159,8 @@ impl RunReport<'_> {
         let set_point = unit.convert(self.column("set_point")?);
         let panel = Panel::new(Axis::new(controlled.name(), unit.symbol))
             .height(240.0)
-            .dashed("set point", Colour::Vermillion, time, &set_point)
-            .line(name, Colour::Blue, time, &unit.convert(&value));
+            .dashed("set point", Colour::SetPoint, time, &set_point)
+            .line(name, Colour::Measured, time, &unit.convert(&value));
         let mut chart = Chart::new(self.time_axis()).panel(panel);
         if let Some(error) = self.column("tracking_error") {
             let axis = Axis::new("Tracking error", unit.symbol);
@@ -249,22 +249,22 @@ impl RunReport<'_> {
     fn temperature_panel(&self) -> Panel {
         let panel = Panel::new(Axis::new("Temperature", "K")).height(260.0);
         let panel = match (self.column("time_s"), self.column(TRUTH)) {
-            (Some(time), Some(truth)) => panel.wide(label(TRUTH), Colour::Ink, time, truth),
+            (Some(time), Some(truth)) => panel.wide(label(TRUTH), Colour::Truth, time, truth),
             _ => panel,
         };
-        let panel = self.plot_measured(panel, TRUTH, Colour::Ink);
-        let panel = self.plot(panel, "wall_temperature_k", Colour::Green);
-        let panel = self.plot(panel, "sensor_wall_k", Colour::Orange);
-        let panel = self.plot(panel, "sensor_gas_k", Colour::Vermillion);
-        let panel = self.plot(panel, "estimate_k", Colour::Blue);
+        let panel = self.plot_measured(panel, TRUTH, Colour::Truth);
+        let panel = self.plot(panel, "wall_temperature_k", Colour::Wall);
+        let panel = self.plot(panel, "sensor_wall_k", Colour::WallSensor);
+        let panel = self.plot(panel, "sensor_gas_k", Colour::Sensor);
+        let panel = self.plot(panel, "estimate_k", Colour::Estimate);
         self.estimate_band(panel)
     }
 
     fn error_panel(&self) -> Panel {
         let panel =
             Panel::new(Axis::new("Error against the plant's gas temperature", "K")).height(120.0);
-        let panel = self.plot(panel, "sensor_gas_error_k", Colour::Vermillion);
-        self.plot(panel, "estimate_error_k", Colour::Blue).reference(0.0, "")
+        let panel = self.plot(panel, "sensor_gas_error_k", Colour::Sensor);
+        self.plot(panel, "estimate_error_k", Colour::Estimate).reference(0.0, "")
     }
 
     fn estimate_band(&self, panel: Panel) -> Panel {
@@ -276,14 +276,14 @@ impl RunReport<'_> {
         let edge = |side: f64| -> Vec<f64> {
             estimate.iter().zip(sd).map(|(e, sd)| e + side * 2.0 * sd).collect()
         };
-        panel.band("estimate ± 2 sd", Colour::Blue, time, &edge(-1.0), &edge(1.0))
+        panel.band("estimate ± 2 sd", Colour::Estimate, time, &edge(-1.0), &edge(1.0))
     }
 
     fn motion(&self) -> Option<Section> {
         let mut chart = Chart::new(self.time_axis());
         let pressure = self.column("pressure_pa").map(|_| {
             let panel = Panel::new(Axis::new("Absolute pressure", "kPa"));
-            self.plot(panel, "pressure_pa", Colour::Blue)
+            self.plot(panel, "pressure_pa", Colour::Measured)
         });
         let length = self.column("length_m").map(|_| {
             let panel = Panel::new(Axis::new("Length", "mm")).height(150.0);
@@ -358,16 +358,16 @@ impl RunReport<'_> {
     fn supply(&self) -> Option<Section> {
         let flows = self.column("flow_in_kg_s").map(|_| {
             let panel = Panel::new(Axis::new("Mass flow", "g/s")).height(150.0);
-            let panel = self.plot(panel, "flow_in_kg_s", Colour::Blue);
-            let panel = self.plot(panel, "flow_out_kg_s", Colour::Vermillion);
+            let panel = self.plot(panel, "flow_in_kg_s", Colour::Inlet);
+            let panel = self.plot(panel, "flow_out_kg_s", Colour::Outlet);
             self.flow_set_points().into_iter().fold(panel, |panel, (name, colour, flow)| {
                 panel.dashed(name, colour, self.column("time_s").unwrap_or_default(), &flow)
             })
         });
         let duties = self.column("duty_in").map(|_| {
             let panel = Panel::new(Axis::new("Valve duty", "").range(0.0, 1.0)).height(110.0);
-            let panel = self.plot(panel, "duty_in", Colour::Blue);
-            self.plot(panel, "duty_out", Colour::Vermillion)
+            let panel = self.plot(panel, "duty_in", Colour::Inlet);
+            self.plot(panel, "duty_out", Colour::Outlet)
         });
         let mass = self.column("mass_kg").map(|_| {
             let panel = Panel::new(Axis::new("Gas mass", "g")).height(130.0);
@@ -413,8 +413,8 @@ impl RunReport<'_> {
             set.iter().map(|v| if v * sign < 0.0 { 0.0 } else { v * sign * unit.factor }).collect()
         };
         vec![
-            ("set point, in", Colour::Blue, side(1.0)),
-            ("set point, out", Colour::Vermillion, side(-1.0)),
+            ("set point, in", Colour::Inlet, side(1.0)),
+            ("set point, out", Colour::Outlet, side(-1.0)),
         ]
     }
 
@@ -440,7 +440,7 @@ impl RunReport<'_> {
         let chart = Chart::new(Axis::new("From port to closed end", "")).panel(
             Panel::new(Axis::new("Wall", unit.symbol)).height(150.0).line(
                 "Wall",
-                Colour::Orange,
+                Colour::Wall,
                 &places,
                 &unit.convert(self.axial_wall_k),
             ),

@@ -8,9 +8,9 @@
 //!   `ControllerConfig` in `model-core/src/config.rs`, and its row in the docs; see
 //!   `model-core/src/parameter.rs`. Here: nothing.
 //! - A parameter of the plant that the core has too: its line in the core's `parameters!`, and `core NAME;` in
-//!   the `table!`. Where the scenario says something else on purpose (another default, a wider range),
+//!   the `table!`. Where the scenario differs on purpose (another default, a wider range),
 //!   `core NAME: real ...;` with a comment why. Where the core is configured with another value than the plant's,
-//!   [`thermyo_setup::core_config`] says which.
+//!   [`thermyo_setup::core_config`] sets it.
 //! - A parameter of the plant alone: one line in the `table!`.
 //! - A table: a `table!` in `scenario/tables/`, its field in `Scenario`, its line in `TABLES`.
 //!
@@ -84,13 +84,13 @@ pub const fn keys_of<const N: usize>(parameters: &[Parameter]) -> [Key; N] {
 }
 
 /// Declares a table of the scenario. Its head is the path, the meaning, and what
-/// [`super::schema::Table`] says of it; `as` names the struct of the core that has the same fields. A
+/// [`super::schema::Table`] has of it; `as` names the struct of the core that has the same fields. A
 /// field is one of
 ///
 /// ```text
 /// core name;                                      declared by the core's table
 /// core name: real default, unit, min to max, meaning;
-///                                                 the core has it too, but says something else
+///                                                 the core has it too, with other values
 /// name: from PATH;                                declared by that constant of the core
 /// name: real default, unit, min to max, meaning;
 /// name: optional unit, min to max, meaning;       a number that may be left out

@@ -191,7 +191,7 @@ fn agreeing(path: &str, given: Option<f64>, derived: f64) -> Result<f64, Violati
     if agreeing.contains(given) {
         Ok(given)
     } else {
-        let why = "as thread_length_m, turns and rest_length_m say";
+        let why = "by thread_length_m, turns and rest_length_m";
         Err(Violation::number(path, given, &agreeing, why))
     }
 }

@@ -11,7 +11,6 @@ use super::target::Target;
 use super::tuning;
 use super::word::{Order, ScenarioText};
 use model_core::control::Mode;
-use model_core::link::{ConfigSource, Refusal, Status, Timing};
 use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults, SetPoint, Telemetry};
 use std::path::{Path, PathBuf};
@@ -21,6 +20,7 @@ use std::time::{Duration, Instant};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::input::InputError;
 use thermyo_logs::Logs;
+use thermyo_protocol::{ConfigSource, Refusal, Status, Timing};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
@@ -91,7 +91,7 @@ impl Known {
 
 #[derive(Debug, thiserror::Error)]
 enum NotDone {
-    #[error("{}", plainly(.0))]
+    #[error(transparent)]
     Board(#[from] BoardError),
     #[error(transparent)]
     Input(#[from] InputError),
@@ -99,14 +99,6 @@ enum NotDone {
     Pressure(#[from] OutOfReach),
     #[error("{0}")]
     NotNow(&'static str),
-}
-
-/// Without the command-line advice: the page has buttons.
-fn plainly(error: &BoardError) -> String {
-    match error {
-        BoardError::Refused(refusal) => refusal.to_string(),
-        other => other.to_string(),
-    }
 }
 
 const NO_LINK: NotDone = NotDone::NotNow("there is no link to the board");
@@ -213,7 +205,7 @@ impl Operator {
             Some(Ok(None)) => {
                 if self.link == Link::Connected && self.heard.elapsed() > SILENCE {
                     self.link_is(Link::Silent);
-                    self.shared.log(Weight::Fault, "the board says nothing");
+                    self.shared.log(Weight::Fault, "the board does not answer");
                 }
             }
             Some(Err(error)) => self.lost(&error),
@@ -318,7 +310,7 @@ impl Operator {
         self.see_status();
         self.set_point = telemetry.set_point;
         // The core does not count the steps of its startup check.
-        if telemetry.mode == Mode::Judging {
+        if telemetry.mode == Mode::StartupCheck {
             self.next_step = None;
             return;
         }
@@ -343,7 +335,7 @@ impl Operator {
             return;
         }
         self.shown = None;
-        let changed = |from: Faults, to: Faults| Faults(to.0 & !from.0 & !Faults::NOT_CONFIGURED.0);
+        let changed = |from: Faults, to: Faults| to.without(from).without(Faults::NOT_CONFIGURED);
         let new = changed(before, faults);
         if faults.intersects(Faults::NOT_CONFIGURED) && !before.intersects(Faults::NOT_CONFIGURED) {
             self.shared.log(Weight::Plain, "the board waits for its configuration, and vents");
@@ -383,7 +375,7 @@ impl Operator {
             let name = self.known.status.config_name;
             let board = self.board.as_mut().ok_or_else(|| NO_LINK.to_string())?;
             let configured = board.configure(&config, name.as_str());
-            configured.map_err(|error| format!("Not calibrated: {}.", plainly(&error)))?;
+            configured.map_err(|error| format!("Not calibrated: {error}."))?;
             Ok(format!(
                 "Put right by {first:+.4} and {second:+.4}. The board has it, and vents; it is not saved."
             ))
@@ -443,14 +435,7 @@ impl Operator {
                 self.known.status = board.status()?;
                 self.configuration = self.known.configuration(&self.target);
             }
-            Order::Record if self.recording.is_none() => {
-                let port = self.target.port();
-                let config = self.known.config;
-                let shared = Arc::clone(&self.shared);
-                let recording = Recording::begin(&self.out, &self.logs, port, config, shared)?;
-                self.recording = Some(recording);
-                self.shared.log(Weight::Plain, "recording begins");
-            }
+            Order::Record if self.recording.is_none() => self.record()?,
             Order::Calibrate(_) if self.recording.is_some() => return Err(RECORDS),
             Order::Calibrate(_) if self.known.status.config_source == ConfigSource::Defaults => {
                 return Err(BoardError::Refused(Refusal::NotConfigured).into());
@@ -465,6 +450,15 @@ impl Operator {
             | Order::Reference(_)
             | Order::Tune { .. } => (),
         }
+        Ok(())
+    }
+
+    fn record(&mut self) -> Result<(), NotDone> {
+        let port = self.target.port();
+        let shared = Arc::clone(&self.shared);
+        let recording = Recording::begin(&self.out, &self.logs, port, self.known.config, shared)?;
+        self.recording = Some(recording);
+        self.shared.log(Weight::Plain, "recording begins");
         Ok(())
     }
 
@@ -510,15 +504,7 @@ impl Operator {
         let outcome = match tuned {
             Ok(tuned) => tuning::write(&tuned, &folder, &name).map(|()| tuned.findings.text())?,
             Err(error) => {
-                let why = match (error, self.shared.orders.vent_wanted()) {
-                    (TuneError::Run(RunError::Board(BoardError::Interrupted)), Some(why)) => {
-                        format!("{why}; the board vents")
-                    }
-                    (error, _) => error.to_string(),
-                };
-                let text = format!("Nothing was tuned: {why}.");
-                self.shared.log(Weight::Refused, text.clone());
-                self.guided = Some(Guided::over("Tuning", text, None));
+                self.not_tuned(error);
                 return Ok(());
             }
         };
@@ -529,6 +515,18 @@ impl Operator {
             format!("{outcome}The board has these values, and vents; they are not saved.");
         self.guided = Some(Guided::over("Tuning", outcome, Some(name)));
         Ok(())
+    }
+
+    fn not_tuned(&mut self, error: TuneError) {
+        let why = match (error, self.shared.orders.vent_wanted()) {
+            (TuneError::Run(RunError::Board(BoardError::Interrupted)), Some(why)) => {
+                format!("{why}; the board vents")
+            }
+            (error, _) => error.to_string(),
+        };
+        let text = format!("Nothing was tuned: {why}.");
+        self.shared.log(Weight::Refused, text.clone());
+        self.guided = Some(Guided::over("Tuning", text, None));
     }
 
     fn finish_recording(&mut self) {
@@ -595,8 +593,7 @@ fn configuration(target: &Target, text: Option<ScenarioText>) -> Result<(Config,
             (loaded, stem.to_string_lossy().into_owned())
         }
         None => {
-            let unknown =
-                NotDone::NotNow("nobody knows the muscle at this port: choose its scenario");
+            let unknown = NotDone::NotNow("no scenario is selected for this port: choose one");
             (target.muscle()?.ok_or(unknown)?, target.muscle_name())
         }
     };
@@ -640,14 +637,14 @@ mod tests {
     mod at_a_terminal {
         use super::super::*;
         use crate::word::Order;
-        use model_core::link::{
-            Answer, Chip, Decoder, HostCommand, Message, PROTOCOL, Reply, Request, Version,
-            checksum, encode,
-        };
         use serialport::{SerialPort, TTYPort};
         use std::io::{ErrorKind, Read, Write};
         use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
         use std::sync::{Mutex, OnceLock};
+        use thermyo_protocol::{
+            Answer, Chip, Decoder, HostCommand, Message, PROTOCOL, Reply, Request, Version,
+            checksum, encode,
+        };
 
         /// It bounds hanging, and is no figure.
         const HANGS: Duration = Duration::from_secs(60);

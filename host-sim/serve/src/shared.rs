@@ -4,11 +4,11 @@ use super::orders::Orders;
 use super::results::Outcome;
 use super::seats::Seats;
 use super::state::{Event, Weight};
-use axum::extract::ws::Utf8Bytes;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio::sync::{broadcast, watch};
+use tokio_tungstenite::tungstenite::Utf8Bytes;
 
 /// Frames that are kept for a page: a second. It loses older ones.
 const MOST_FRAMES: usize = 32;

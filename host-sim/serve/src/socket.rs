@@ -3,12 +3,18 @@
 use super::shared::Shared;
 use super::state::Weight;
 use super::word::Word;
-use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
+use futures_util::{SinkExt, StreamExt};
+use hyper::upgrade::Upgraded;
+use hyper_util::rt::TokioIo;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{self, MissedTickBehavior};
+use tokio_tungstenite::WebSocketStream;
+use tokio_tungstenite::tungstenite::{Message, Utf8Bytes};
+
+type WebSocket = WebSocketStream<TokioIo<Upgraded>>;
 
 /// Messages that a page may lag behind. Beyond, it loses frames; its view is never older than a
 /// second.
@@ -39,16 +45,16 @@ struct Sent {
     up_to_date: Instant,
 }
 
-/// Latest messages to a page: events are sent once, although all pages share one log.
+/// Refusals that a page has already caused: each kind is logged once per page.
 #[derive(Debug, Default)]
-struct Told {
+struct Refused {
     not_understood: bool,
     watches: bool,
 }
 
-impl Told {
-    fn refuse(told: &mut bool, shared: &Shared, text: &str) {
-        if !std::mem::replace(told, true) {
+impl Refused {
+    fn once(logged: &mut bool, shared: &Shared, text: &str) {
+        if !std::mem::replace(logged, true) {
             shared.log(Weight::Refused, text);
         }
     }
@@ -79,7 +85,7 @@ async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static 
     let mut ticks = time::interval(LOOK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut sent = Sent { messages: 0, seen: 0, up_to_date: Instant::now() };
-    let mut told = Told::default();
+    let mut refused = Refused::default();
     let mut lost_frames = 0;
     loop {
         let free = !sent.behind();
@@ -88,17 +94,11 @@ async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static 
         }
         let message: Utf8Bytes = tokio::select! {
             biased;
-            word = socket.recv() => {
+            word = socket.next() => {
                 match word {
-                    Some(Ok(Message::Text(text))) => match serde_json::from_str(&text) {
-                        // A page cannot confirm more than was sent.
-                        Ok(Word::Seen(seen)) => sent.seen = seen.min(sent.messages).max(sent.seen),
-                        Ok(word) => hear(word, shared, seat, &mut told),
-                        Err(error) => {
-                            let text = format!("not understood: {error}; no more of it is told of this page");
-                            Told::refuse(&mut told.not_understood, shared, &text);
-                        }
-                    },
+                    Some(Ok(Message::Text(text))) => {
+                        read(&text, shared, seat, &mut refused, &mut sent);
+                    }
                     Some(Ok(Message::Close(_)) | Err(_)) | None => return CLOSED,
                     Some(Ok(_)) => (),
                 }
@@ -138,7 +138,19 @@ fn own(shared: &Shared, seat: u64, lost_frames: u64) -> Utf8Bytes {
     serde_json::to_string(&own).expect("plain data").into()
 }
 
-fn hear(word: Word, shared: &Shared, seat: u64, told: &mut Told) {
+fn read(text: &str, shared: &Shared, seat: u64, refused: &mut Refused, sent: &mut Sent) {
+    match serde_json::from_str(text) {
+        // A page cannot confirm more than was sent.
+        Ok(Word::Seen(seen)) => sent.seen = seen.min(sent.messages).max(sent.seen),
+        Ok(word) => hear(word, shared, seat, refused),
+        Err(error) => {
+            let text = format!("not understood: {error}; further ones of this page are not listed");
+            Refused::once(&mut refused.not_understood, shared, &text);
+        }
+    }
+}
+
+fn hear(word: Word, shared: &Shared, seat: u64, refused: &mut Refused) {
     let order = match word {
         Word::Vent => {
             return shared.vent("Vent was pressed on a page");
@@ -148,7 +160,7 @@ fn hear(word: Word, shared: &Shared, seat: u64, told: &mut Told) {
     };
     if !shared.seats.steers(seat) {
         let text = "another page steers; this one watches, and may vent";
-        return Told::refuse(&mut told.watches, shared, text);
+        return Refused::once(&mut refused.watches, shared, text);
     }
     shared.orders.put(order);
 }

@@ -2,11 +2,11 @@
 
 use model_core::Config;
 use model_core::control::contractions;
-use model_core::link::{Chip, ConfigSource, Status, Timing, Version};
 use model_core::physics::chamber::{AnyChamber, ChamberConfig};
 use serde::Serialize;
 use std::time::{SystemTime, UNIX_EPOCH};
 use thermyo_plant::chamber;
+use thermyo_protocol::{Chip, ConfigSource, Status, Timing, Version};
 use thermyo_setup::from_config;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

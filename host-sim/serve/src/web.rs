@@ -8,30 +8,30 @@ use super::page;
 use super::results::Outcome;
 use super::shared::Shared;
 use super::socket;
-use axum::extract::ws::{WebSocketUpgrade, rejection::WebSocketUpgradeRejection};
-use axum::extract::{Path, Request, State};
-use axum::http::header::{
-    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderName, ORIGIN,
-    REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+use http_body_util::Full;
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{
+    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderMap, HeaderName, HeaderValue,
+    LOCATION, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
 };
-use axum::http::{HeaderMap, HeaderValue, StatusCode};
-use axum::middleware::{self, Next};
-use axum::response::{IntoResponse, Redirect, Response};
-use axum::routing::get;
-use axum::{Extension, Router};
 use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
 use std::collections::VecDeque;
+use std::convert::Infallible;
 use std::fmt;
 use std::io;
 use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
-use thermyo_report::muscle::palette;
-use thermyo_report::style::DRAWING_STYLE;
 use tokio::task::AbortHandle;
+use tokio_tungstenite::WebSocketStream;
+use tokio_tungstenite::tungstenite::handshake::server::create_response_with_body;
+use tokio_tungstenite::tungstenite::protocol::{Role, WebSocketConfig};
+
+type Response = hyper::Response<Full<Bytes>>;
 
 /// A message of a page is short, a scenario's text included.
 const LONGEST_MESSAGE: usize = 1 << 18;
@@ -51,13 +51,7 @@ const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'sel
 const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
                              img-src data:; sandbox allow-scripts; frame-ancestors 'none'";
 
-const FILES: [(&str, &str, &str); 5] = [
-    ("drawing.css", "text/css; charset=utf-8", DRAWING_STYLE),
-    ("page.css", "text/css; charset=utf-8", page::STYLE),
-    ("page.js", "text/javascript; charset=utf-8", include_str!("page/page.js")),
-    ("plot.js", "text/javascript; charset=utf-8", page::PLOT),
-    ("muscle.js", "text/javascript; charset=utf-8", page::MUSCLE),
-];
+const PLAIN: &str = "text/plain; charset=utf-8";
 
 /// Address of the page.
 #[derive(Debug, Clone)]
@@ -94,11 +88,11 @@ pub(super) fn run(listener: TcpListener, address: Address, shared: Arc<Shared>) 
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
     let ending = Arc::clone(&shared);
-    let app = router(Site { address: Arc::new(address), shared });
+    let site = Site { address: Arc::new(address), shared };
     runtime.block_on(async move {
         let listener = tokio::net::TcpListener::from_std(listener)?;
         tokio::select! {
-            () = accept(listener, app) => Ok(()),
+            () = accept(listener, site) => Ok(()),
             () = ended(&ending) => Ok(()),
         }
     })
@@ -110,7 +104,7 @@ struct Known(Arc<AtomicBool>);
 
 /// Serves every connection. If too many have not sent the secret, the oldest of them is closed, so
 /// that the page and a recording's files never run out of descriptors.
-async fn accept(listener: tokio::net::TcpListener, app: Router) {
+async fn accept(listener: tokio::net::TcpListener, site: Site) {
     let mut strangers: VecDeque<(Known, AbortHandle)> = VecDeque::new();
     loop {
         let Ok((stream, _)) = listener.accept().await else {
@@ -121,7 +115,11 @@ async fn accept(listener: tokio::net::TcpListener, app: Router) {
         // Frames are small, and none waits for the receipt of the one before.
         let _ = stream.set_nodelay(true);
         let known = Known::default();
-        let service = TowerToHyperService::new(app.clone().layer(Extension(known.clone())));
+        let (site, entered) = (site.clone(), known.clone());
+        let service = service_fn(move |request| {
+            let (site, entered) = (site.clone(), entered.clone());
+            async move { Ok::<_, Infallible>(door(site, &entered, request).await) }
+        });
         let mut http = http1::Builder::new();
         http.timer(TokioTimer::new()).header_read_timeout(HEADERS);
         let connection = http.serve_connection(TokioIo::new(stream), service).with_upgrades();
@@ -144,31 +142,13 @@ async fn ended(shared: &Shared) {
     tokio::time::sleep(FAREWELL).await;
 }
 
-fn router(site: Site) -> Router {
-    Router::new()
-        .route("/{token}", get(|Path(token): Path<String>| async move {
-            Redirect::permanent(&format!("/{token}/"))
-        }))
-        .route("/{token}/", get(page))
-        .route("/{token}/live", get(live))
-        .route("/{token}/{file}", get(file))
-        .route("/{token}/results/{name}/{file}", get(result))
-        .layer(middleware::from_fn_with_state(site.clone(), door))
-        .with_state(site)
-}
-
 /// Checks access, and adds the security headers.
-async fn door(
-    State(site): State<Site>,
-    Extension(known): Extension<Known>,
-    request: Request,
-    next: Next,
-) -> Response {
+async fn door(site: Site, known: &Known, request: Request<Incoming>) -> Response {
     if let Err(why) = may_enter(&site.address, request.uri().path(), request.headers()) {
-        return (StatusCode::FORBIDDEN, format!("{why}\n")).into_response();
+        return answer(StatusCode::FORBIDDEN, PLAIN, format!("{why}\n"));
     }
     known.0.store(true, Ordering::Relaxed);
-    let mut response = next.run(request).await;
+    let mut response = route(site, request).await;
     let headers = response.headers_mut();
     let fixed = |text| HeaderValue::from_static(text);
     headers.insert(REFERRER_POLICY, fixed("no-referrer"));
@@ -177,6 +157,35 @@ async fn door(
     headers.insert(CACHE_CONTROL, fixed("no-store"));
     headers.insert(HeaderName::from_static("cross-origin-opener-policy"), fixed("same-origin"));
     headers.entry(CONTENT_SECURITY_POLICY).or_insert(fixed(PAGE_POLICY));
+    response
+}
+
+/// The path begins with the secret.
+async fn route(site: Site, request: Request<Incoming>) -> Response {
+    if ![Method::GET, Method::HEAD].contains(request.method()) {
+        return answer(StatusCode::METHOD_NOT_ALLOWED, PLAIN, "");
+    }
+    let path = request.uri().path().to_owned();
+    let parts: Vec<&str> = path.split('/').skip(2).collect();
+    match parts[..] {
+        [] => {
+            let mut response = answer(StatusCode::PERMANENT_REDIRECT, PLAIN, "");
+            let whole = HeaderValue::from_str(&format!("{path}/"));
+            response.headers_mut().insert(LOCATION, whole.expect("a path is a header's value"));
+            response
+        }
+        [""] => answer(StatusCode::OK, "text/html; charset=utf-8", include_str!("page/page.html")),
+        ["live"] => live(site, request),
+        [name] => file(name),
+        ["results", name, file] => result(&site, name, file).await,
+        _ => answer(StatusCode::NOT_FOUND, PLAIN, ""),
+    }
+}
+
+fn answer(status: StatusCode, kind: &'static str, text: impl Into<Bytes>) -> Response {
+    let mut response = Response::new(Full::new(text.into()));
+    *response.status_mut() = status;
+    response.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static(kind));
     response
 }
 
@@ -207,52 +216,55 @@ fn same(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |differ, (a, b)| differ | (a ^ b)) == 0
 }
 
-async fn page() -> Response {
-    ([(CONTENT_TYPE, "text/html; charset=utf-8")], include_str!("page/page.html")).into_response()
+fn file(name: &str) -> Response {
+    let text = match name {
+        "page.js" => Some(include_str!("page/page.js").to_owned()),
+        "palette.js" => Some(page::colours()),
+        _ => page::FILES.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).into()),
+    };
+    let kind = if name.ends_with(".css") {
+        "text/css; charset=utf-8"
+    } else {
+        "text/javascript; charset=utf-8"
+    };
+    match text {
+        Some(text) => answer(StatusCode::OK, kind, text),
+        None => answer(StatusCode::NOT_FOUND, PLAIN, ""),
+    }
 }
 
-async fn file(Path((_, name)): Path<(String, String)>) -> Response {
-    if name == "palette.js" {
-        let colours = serde_json::to_string(&palette(page::PALETTE)).expect("plain data");
-        let module = format!("export default {colours};\n");
-        return ([(CONTENT_TYPE, "text/javascript; charset=utf-8")], module).into_response();
-    }
-    match FILES.iter().find(|(known, ..)| *known == name) {
-        Some((_, kind, text)) => ([(CONTENT_TYPE, *kind)], *text).into_response(),
-        None => StatusCode::NOT_FOUND.into_response(),
-    }
-}
-
-async fn result(
-    State(site): State<Site>,
-    Path((_, name, file)): Path<(String, String, String)>,
-) -> Response {
+async fn result(site: &Site, name: &str, file: &str) -> Response {
     let results = site.shared.results();
     let found = results.iter().find(|outcome| outcome.name == name);
-    let Some((path, kind)) = found.and_then(|outcome| Outcome::file(outcome, &file)) else {
-        return StatusCode::NOT_FOUND.into_response();
+    let Some((path, kind)) = found.and_then(|outcome| Outcome::file(outcome, file)) else {
+        return answer(StatusCode::NOT_FOUND, PLAIN, "");
     };
     // A trace of an hour is large: it is read on a blocking thread.
     let text = tokio::task::spawn_blocking(move || std::fs::read(path)).await;
-    match text {
-        Ok(Ok(text)) => {
-            let headers = [(CONTENT_TYPE, kind), (CONTENT_SECURITY_POLICY, REPORT_POLICY)];
-            (headers, text).into_response()
-        }
-        _ => (StatusCode::NOT_FOUND, "it is no longer where it was\n").into_response(),
-    }
+    let Ok(Ok(text)) = text else {
+        return answer(StatusCode::NOT_FOUND, PLAIN, "it is no longer where it was\n");
+    };
+    let mut response = answer(StatusCode::OK, kind, text);
+    let policy = HeaderValue::from_static(REPORT_POLICY);
+    response.headers_mut().insert(CONTENT_SECURITY_POLICY, policy);
+    response
 }
 
-async fn live(
-    State(site): State<Site>,
-    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
-) -> Response {
-    match upgrade {
-        Ok(upgrade) => upgrade
-            .max_message_size(LONGEST_MESSAGE)
-            .on_upgrade(|socket| socket::run(socket, site.shared)),
-        Err(rejection) => rejection.into_response(),
-    }
+/// The websocket of a page.
+fn live(site: Site, mut request: Request<Incoming>) -> Response {
+    let upgrading = hyper::upgrade::on(&mut request);
+    let accepted = match create_response_with_body(&request, Full::default) {
+        Ok(accepted) => accepted,
+        Err(error) => return answer(StatusCode::BAD_REQUEST, PLAIN, format!("{error}\n")),
+    };
+    tokio::spawn(async move {
+        let Ok(upgraded) = upgrading.await else { return };
+        let limits = WebSocketConfig::default().max_message_size(Some(LONGEST_MESSAGE));
+        let stream = TokioIo::new(upgraded);
+        let socket = WebSocketStream::from_raw_socket(stream, Role::Server, Some(limits)).await;
+        socket::run(socket, site.shared).await;
+    });
+    accepted
 }
 
 #[cfg(test)]
@@ -327,7 +339,7 @@ mod tests {
             stream
         }
 
-        /// What the server answers to the page with these headers.
+        /// The answer to a request of the page with these headers.
         fn page(&self, headers: &str) -> String {
             let mut stream = self.connect();
             write!(stream, "GET {} HTTP/1.1\r\n{headers}Connection: close\r\n\r\n", self.path)

@@ -7,7 +7,7 @@ use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasSensor;
-use thermyo_plant::chamber;
+use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::gas::IdealGas;
 use thermyo_plant::heat::InnerHeat;
 use thermyo_plant::load_n;
@@ -94,18 +94,7 @@ pub fn core_config(believed: &Scenario) -> Config {
     let s = believed;
     let one_zone = OneZone::of(s);
     let moving = chamber::of(s);
-    let (chamber, wall_j_k) = match &moving {
-        Some(chamber) => {
-            (chamber.configured(one_zone.tube_m3), one_zone.wall * s.wall.heat_capacity_j_k)
-        }
-        None => {
-            let vessel = Vessel {
-                section_m2: s.vessel.section_m2() as f32,
-                surface_m2: s.vessel.surface_m2 as f32,
-            };
-            (ChamberConfig::Vessel(vessel), s.vessel.wall_heat_capacity_j_k)
-        }
-    };
+    let (chamber, wall_j_k) = chamber_and_wall(s, moving.as_deref(), &one_zone);
     let full = s.plant.model == PlantModel::Full;
     let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
     Config {
@@ -136,26 +125,13 @@ pub fn core_config(believed: &Scenario) -> Config {
             (_, None) => Load::Isotonic { force_n: 0.0 },
         },
         moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
-        valve: if s.moves_in_full() {
-            // In series both pass no more than either.
-            let conductance_m3_s_pa =
-                s.valve.conductance_m3_s_pa.min(s.tube.conductance_m3_s_pa) as f32;
-            Valve { dead_time_s: dead_time_s(s) as f32, conductance_m3_s_pa, ..s.valve.core() }
-        } else {
-            // All other plants have ideal valves.
-            Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() }
-        },
+        valve: valve(s),
         pwm_period_steps: pwm_period_steps(s),
         sensors: Sensors {
             adc: s.adc.core(),
             pressure: s.sensor.pressure.core(),
             length: s.sensor.length.core(),
-            gas: GasSensor {
-                time_constant_s: ((s.sensor.gas.time_constant_s / one_zone.swing) as f32)
-                    .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
-                housing_time_constant_s: one_zone.housing_s as f32,
-                ..s.sensor.gas.core()
-            },
+            gas: gas_sensor(s, &one_zone),
             gas_element: s.sensor.gas_element(),
             pressure_part: s.sensor.pressure_part(),
         },
@@ -169,6 +145,45 @@ pub fn core_config(believed: &Scenario) -> Config {
         controller: s.controller,
         pressure_limit_pa: pressure_limit_pa(s) as f32,
         link: s.link.core(),
+    }
+}
+
+/// The chamber, and the heat capacity of its wall \[J/K\].
+fn chamber_and_wall(
+    s: &Scenario,
+    moving: Option<&dyn Chamber>,
+    one_zone: &OneZone,
+) -> (ChamberConfig, f64) {
+    match moving {
+        Some(chamber) => {
+            (chamber.configured(one_zone.tube_m3), one_zone.wall * s.wall.heat_capacity_j_k)
+        }
+        None => {
+            let vessel = Vessel {
+                section_m2: s.vessel.section_m2() as f32,
+                surface_m2: s.vessel.surface_m2 as f32,
+            };
+            (ChamberConfig::Vessel(vessel), s.vessel.wall_heat_capacity_j_k)
+        }
+    }
+}
+
+fn valve(s: &Scenario) -> Valve {
+    if !s.moves_in_full() {
+        // All other plants have ideal valves.
+        return Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() };
+    }
+    // In series both pass no more than either.
+    let conductance_m3_s_pa = s.valve.conductance_m3_s_pa.min(s.tube.conductance_m3_s_pa) as f32;
+    Valve { dead_time_s: dead_time_s(s) as f32, conductance_m3_s_pa, ..s.valve.core() }
+}
+
+fn gas_sensor(s: &Scenario, one_zone: &OneZone) -> GasSensor {
+    GasSensor {
+        time_constant_s: ((s.sensor.gas.time_constant_s / one_zone.swing) as f32)
+            .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
+        housing_time_constant_s: one_zone.housing_s as f32,
+        ..s.sensor.gas.core()
     }
 }
 

@@ -59,6 +59,31 @@ fn scenario(config: &Config) -> Option<Scenario> {
     let tube_m3 = if full { s.tube.volume_m3 } else { 0.0 };
     s.heat.model = HeatModel::Constant;
     s.heat.scale = 1.0;
+    set_chamber(&mut s, config, tube_m3)?;
+    (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
+        Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
+        Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
+    };
+    let one_zone = OneZone::of(&s);
+    let step_s = short(config.step_s);
+    let pt1000 = set_parts(&mut s, config);
+    let core = numbers_of_the_core(config, pt1000);
+    let numbers = core.into_iter().map(|(path, value)| (path, short(value))).chain([
+        ("run.step_s", step_s),
+        ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
+        ("heat.inner_per_flow", short(config.heat.inner_per_flow) / one_zone.stirring),
+        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / one_zone.wall),
+    ]);
+    let mut s = with_numbers(&s, numbers);
+    s.estimator = config.estimator;
+    let own = short(config.estimator.port_cooling) - one_zone.port_cooling;
+    s.estimator.port_cooling = own.max(0.0) as f32;
+    s.controller = config.controller;
+    Some(s)
+}
+
+/// Sets kind and dimensions; `None` where they are in the user's files.
+fn set_chamber(s: &mut Scenario, config: &Config, tube_m3: f64) -> Option<()> {
     match config.chamber {
         ChamberConfig::Muscle(muscle) => {
             s.plant.kind = PlantKind::Muscle;
@@ -82,15 +107,13 @@ fn scenario(config: &Config) -> Option<Scenario> {
             s.vessel.surface_m2 = short(surface_m2);
             s.vessel.wall_heat_capacity_j_k = short(config.wall.heat_capacity_j_k);
         }
-        // Its rows or its bore are in the user's files.
         _ => return None,
     }
-    (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
-        Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
-        Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
-    };
-    let one_zone = OneZone::of(&s);
-    let step_s = short(config.step_s);
+    Some(())
+}
+
+/// Sets the types of the sensors. Returns the element, if it is of platinum.
+fn set_parts(s: &mut Scenario, config: &Config) -> Pt1000 {
     let mut pt1000 = Pt1000::default();
     match config.sensors.gas_element {
         GasElement::Pt1000(is) => pt1000 = is,
@@ -104,19 +127,7 @@ fn scenario(config: &Config) -> Option<Scenario> {
     if let PressurePart::Mpr(is) = config.sensors.pressure_part {
         (s.sensor.pressure.kind, s.sensor.mpr) = (PressureKind::Mpr, is);
     }
-    let core = numbers_of_the_core(config, pt1000);
-    let numbers = core.into_iter().map(|(path, value)| (path, short(value))).chain([
-        ("run.step_s", step_s),
-        ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
-        ("heat.inner_per_flow", short(config.heat.inner_per_flow) / one_zone.stirring),
-        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / one_zone.wall),
-    ]);
-    let mut s = with_numbers(&s, numbers);
-    s.estimator = config.estimator;
-    let own = short(config.estimator.port_cooling) - one_zone.port_cooling;
-    s.estimator.port_cooling = own.max(0.0) as f32;
-    s.controller = config.controller;
-    Some(s)
+    pt1000
 }
 
 /// Keys that the core has unchanged.

@@ -15,8 +15,11 @@ mod rules;
 mod tree;
 mod warnings;
 
-pub use load::{assemble, load, load_with_warnings, parse, parse_alone, parse_with_warnings};
+pub use load::{
+    SET_POINT_COLUMNS, assemble, load, load_with_warnings, parse, parse_alone, parse_with_warnings,
+    set_points_in,
+};
 pub use loaded::Loaded;
 pub use render::render;
-pub use rules::{OBSERVABLE, highest_pa};
+pub use rules::{OBSERVABLE, highest_pa, set_points};
 pub use warnings::warnings;

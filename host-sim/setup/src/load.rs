@@ -6,7 +6,7 @@ use super::warnings::warnings;
 use std::path::{Path, PathBuf};
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
-use thermyo_files::table::read_table;
+use thermyo_files::table::{Table as CsvTable, read_table};
 use thermyo_plant::chamber;
 use thermyo_plant::chamber::table;
 use thermyo_scenario::document::{Document, Entries, Entry};
@@ -15,7 +15,7 @@ use thermyo_scenario::geometry::{Dimensions, Given};
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::{Allowed, Limits, limits};
 use thermyo_scenario::violation::{Fault, Violation, WrongCell};
-use thermyo_scenario::{PlantKind, Scenario};
+use thermyo_scenario::{DriveKind, PlantKind, Scenario};
 use toml::{Table, Value};
 
 /// Fraction of the length sensor's range that the longest length takes if the file does not give
@@ -95,9 +95,14 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     }
     fit_sizes(&mut plant, given, volume_profile.as_ref());
     rules::check_plant(&plant).map_err(|found| blame(found, given, origin))?;
-    let set_points = rules::set_points(&plant);
-    let drive_csv = plant.drive.profile_csv.as_deref();
-    let drive_profile = profile(drive_csv, given.get("drive.profile_csv"), set_points, origin)?;
+    let drive_profile = match (&plant.drive.profile_csv, given.get("drive.profile_csv")) {
+        (Some(path), Some(entry)) => {
+            let table = read_table(&beside(origin, path));
+            let profile = table.and_then(|table| set_points_in(&table, &plant));
+            Some(profile.map_err(|error| named(error, entry, origin))?)
+        }
+        _ => None,
+    };
     for (path, found) in [
         (&mut plant.vessel.volume_csv, given.get("vessel.volume_csv")),
         (&mut plant.table.csv, given.get("table.csv")),
@@ -201,8 +206,25 @@ fn beside(origin: &Path, path: &Path) -> PathBuf {
     origin.parent().unwrap_or(Path::new("")).join(path)
 }
 
-/// The numbers in the CSV file of an entry, by row. `wrong` finds the first cell that is not
-/// allowed, and gives the allowed values.
+/// The numbers in columns of a table, by row. `wrong` finds the first cell that is not allowed, and
+/// gives the allowed values.
+fn numbers<const N: usize>(
+    table: &CsvTable,
+    columns: [&str; N],
+    wrong: impl Fn(&[[f64; N]]) -> Option<WrongCell>,
+) -> Result<Vec<[f64; N]>, InputError> {
+    let mut rows = vec![[0.0; N]; table.rows()];
+    for (i, column) in columns.iter().enumerate() {
+        let numbers = table.filled(column)?;
+        rows.iter_mut().zip(numbers).for_each(|(row, number)| row[i] = number);
+    }
+    match wrong(&rows) {
+        Some(cell) => Err(table.cell_error(cell.row, columns[cell.column], &cell.allowed)),
+        None => Ok(rows),
+    }
+}
+
+/// The numbers in the CSV file of an entry.
 fn rows<const N: usize>(
     path: &Path,
     entry: &Entry,
@@ -210,19 +232,9 @@ fn rows<const N: usize>(
     origin: &Path,
 ) -> Result<Vec<[f64; N]>, InputError> {
     let Allowed::Csv { columns } = entry.key.allowed else { return Ok(Vec::new()) };
-    let read = || {
-        let table = read_table(&beside(origin, path))?;
-        let mut rows = vec![[0.0; N]; table.rows()];
-        for (i, column) in columns.iter().enumerate() {
-            let numbers = table.filled(column)?;
-            rows.iter_mut().zip(numbers).for_each(|(row, number)| row[i] = number);
-        }
-        match wrong(&rows) {
-            Some(cell) => Err(table.cell_error(cell.row, columns[cell.column], &cell.allowed)),
-            None => Ok(rows),
-        }
-    };
-    read().map_err(|error| named(error, entry, origin))
+    let Ok(columns) = columns.try_into() else { return Ok(Vec::new()) };
+    let table = read_table(&beside(origin, path));
+    table.and_then(|table| numbers(&table, columns, wrong)).map_err(|e| named(e, entry, origin))
 }
 
 /// If the file as a whole is wrong, the path may be the mistake.
@@ -237,10 +249,41 @@ fn named(error: InputError, entry: &Entry, origin: &Path) -> InputError {
 fn profile(
     path: Option<&Path>,
     entry: Option<&Entry>,
-    (allowed, why): (Limits, &str),
+    allowed: (Limits, &str),
     origin: &Path,
 ) -> Result<Option<Profile>, InputError> {
     let (Some(path), Some(entry)) = (path, entry) else { return Ok(None) };
+    let Allowed::Csv { columns: [.., column] } = entry.key.allowed else { return Ok(None) };
+    let table = read_table(&beside(origin, path));
+    let profile = table.and_then(|table| profile_in(&table, column, allowed));
+    profile.map(Some).map_err(|error| named(error, entry, origin))
+}
+
+/// The set points in a table, in its column `value` or that of the drive's quantity, within what the
+/// scenario allows.
+///
+/// # Errors
+/// [`InputError`] names the first cell that is not allowed.
+pub fn set_points_in(table: &CsvTable, scenario: &Scenario) -> Result<Profile, InputError> {
+    let has = |name: &str| table.columns().iter().any(|column| column.name == name);
+    let quantity = SET_POINT_COLUMNS.iter().find(|(_, kind)| *kind == scenario.drive.kind);
+    let column = quantity.map(|(name, _)| *name).filter(|name| has(name)).unwrap_or("value");
+    profile_in(table, column, rules::set_points(scenario))
+}
+
+/// Columns that may stand for `value`, and the drive of each.
+pub const SET_POINT_COLUMNS: [(&str, DriveKind); 4] = [
+    ("pressure_pa", DriveKind::Pressure),
+    ("contraction", DriveKind::Contraction),
+    ("flow_kg_s", DriveKind::MassFlow),
+    ("duty", DriveKind::Duty),
+];
+
+fn profile_in(
+    table: &CsvTable,
+    column: &str,
+    (allowed, why): (Limits, &str),
+) -> Result<Profile, InputError> {
     let separator = if why.is_empty() { "" } else { ", " };
     let wrong = |rows: &[[f64; 2]]| {
         let earlier = (1..rows.len()).find(|row| rows[*row][0] <= rows[row - 1][0]);
@@ -251,11 +294,7 @@ fn profile(
         let row = rows.iter().position(|[_, value]| !allowed.contains(*value))?;
         Some(WrongCell { row, column: 1, allowed: format!("{allowed}{separator}{why}") })
     };
-    let rows = rows(path, entry, wrong, origin)?;
-    Profile::new(rows.into_iter().map(|[time, value]| (time, value)).collect()).map(Some).map_err(
-        |error| {
-            let unreadable = Problem::Unreadable(error.to_string());
-            named(InputError::file(&beside(origin, path), unreadable), entry, origin)
-        },
-    )
+    let rows = numbers(table, ["time_s", column], wrong)?;
+    Profile::new(rows.into_iter().map(|[time, value]| (time, value)).collect())
+        .map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
 }

@@ -3,11 +3,12 @@
 use super::loaded::Loaded;
 use super::tree::{same, tree, value};
 use crate::core_config::{core_config, pressure_limit_pa};
+use model_core::Config;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
-use thermyo_plant::chamber;
+use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
 use thermyo_plant::load_n;
@@ -92,7 +93,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
     let (drive, load, heat) = (&scenario.drive, &scenario.load, &scenario.heat);
     let of_drive = |kind, why| {
         let why = (drive.kind != kind).then_some(why);
-        why.or(drive.profile_csv.is_some().then_some("drive.profile_csv says it"))
+        why.or(drive.profile_csv.is_some().then_some("drive.profile_csv sets it"))
     };
     let of_load = |kind, why| (load.kind != kind).then_some(why);
     let none = matches!(heat.model, HeatModel::Adiabatic | HeatModel::Isothermal);
@@ -116,7 +117,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
         "heat.inlet_diameter_m" => {
             (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
         }
-        "heat.scale" if none => Some("heat.model says it"),
+        "heat.scale" if none => Some("heat.model sets it"),
         "tube.diameter_m" if scenario.tube.line().is_none() => Some("tube.length_m is 0"),
         path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
             Some("plant.model is not \"full\", or it is a vessel")
@@ -227,13 +228,24 @@ const WAKES_AT_ZONES: f64 = 2.0;
 /// zone in which the loop rests beyond the other, the loop never rests. The lead on the speed,
 /// late by a PWM period and the valve, also drives a gas spring that is faster than that delay:
 /// the swing grows beyond the amplitude at which friction takes less.
-fn restless(s: &Scenario) -> Option<(&'static str, String, String)> {
+fn restless(s: &Scenario) -> Option<Unrest> {
     let moving = chamber::of(s)?;
-    let contraction = s.drive.kind == DriveKind::Contraction;
-    if !contraction && s.drive.kind != DriveKind::Pressure {
-        return None;
-    }
     let config = core_config(s);
+    match s.drive.kind {
+        DriveKind::Pressure => coarse_pressure(s, &config, moving.as_ref()),
+        DriveKind::Contraction => {
+            let spring = Spring::at_the_goal(s, &config, moving.as_ref());
+            coarse_contraction(&config, &spring).or_else(|| late_lead(s, &config, &spring))
+        }
+        _ => None,
+    }
+}
+
+/// Key, value, and why the loop may not come to rest with it.
+type Unrest = (&'static str, String, String);
+
+/// Change of pressure, times the volume, by the shortest pulse \[J\].
+fn shortest_pulse_j(s: &Scenario, config: &Config) -> f64 {
     let (tuning, valve) = (&config.controller, &config.valve);
     let [pulse_s, switch_s] = [tuning.minimum_pulse_s, valve.switch_time_s].map(f64::from);
     let opening_s = if pulse_s < switch_s { pulse_s * pulse_s / switch_s } else { pulse_s };
@@ -242,59 +254,95 @@ fn restless(s: &Scenario) -> Option<(&'static str, String, String)> {
     let open = Iso6358::valve(conductance, s.valve.critical_ratio, &gas);
     let (supply_pa, supply_k) = (s.supply.pressure_pa, s.supply.temperature_k);
     let moved_kg = opening_s * open.mass_flow(supply_pa, supply_k, 0.0);
-    let tube_m3 = if s.moves_in_full() { s.tube.volume_m3 } else { 0.0 };
-    let by_gas = |volume_m3: f64| gas.k * gas.r * supply_k * moved_kg / (volume_m3 + tube_m3);
-    let rest_m = moving.rest_length();
-    let conductance_key = "valve.conductance_m3_s_pa";
-    if !contraction {
-        let step_pa = by_gas(moving.volume(rest_m));
-        let zone_pa = f64::from(tuning.pressure_dead_zone_pa);
-        return (step_pa > 2.0 * zone_pa).then(|| {
-            let why = format!(
-                "the shortest pulse, controller.minimum_pulse_s, moves the pressure by {step_pa:.0} Pa, beyond both ends of \
-                 controller.pressure_dead_zone_pa = {zone_pa:.0}: the loop may never come to rest"
-            );
-            (conductance_key, format!("{:e}", valve.conductance_m3_s_pa), why)
-        });
+    gas.k * gas.r * supply_k * moved_kg
+}
+
+fn with_tube_m3(s: &Scenario, volume_m3: f64) -> f64 {
+    if s.moves_in_full() { volume_m3 + s.tube.volume_m3 } else { volume_m3 }
+}
+
+fn too_large_a_valve(config: &Config, why: String) -> Unrest {
+    ("valve.conductance_m3_s_pa", format!("{:e}", config.valve.conductance_m3_s_pa), why)
+}
+
+fn coarse_pressure(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest> {
+    let volume_m3 = with_tube_m3(s, moving.volume(moving.rest_length()));
+    let step_pa = shortest_pulse_j(s, config) / volume_m3;
+    let zone_pa = f64::from(config.controller.pressure_dead_zone_pa);
+    (step_pa > 2.0 * zone_pa).then(|| {
+        let why = format!(
+            "the shortest pulse, controller.minimum_pulse_s, moves the pressure by {step_pa:.0} Pa, beyond both ends of \
+             controller.pressure_dead_zone_pa = {zone_pa:.0}: the loop may never come to rest"
+        );
+        too_large_a_valve(config, why)
+    })
+}
+
+/// The gas and the elastic forces as a spring, where the loop of contraction rests.
+struct Spring {
+    gas_n_m: f64,
+    stiffness_n_m: f64,
+    /// Movement by the shortest pulse.
+    step_m: f64,
+    zone_m: f64,
+}
+
+impl Spring {
+    fn at_the_goal(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Self {
+        let rest_m = moving.rest_length();
+        let [shortest, longest] = moving.lengths();
+        let length_m = if s.drive.profile_csv.is_some() {
+            0.5 * (shortest + longest)
+        } else {
+            rest_m * (1.0 - s.drive.contraction)
+        };
+        let area_m2 = moving.force_area(length_m);
+        let volume_m3 = with_tube_m3(s, moving.volume(length_m));
+        let gauge_pa = (load_n(s, moving) - moving.elastic(length_m)) / area_m2;
+        let pressure_pa = s.ambient.pressure_pa + gauge_pa.max(0.0);
+        let gas_n_m = IdealGas::new(&s.gas).k * pressure_pa * area_m2 * area_m2 / volume_m3;
+        let stiffness_n_m = gas_n_m + moving.elastic_slope(length_m).abs();
+        let step_pa = shortest_pulse_j(s, config) / volume_m3;
+        Self {
+            gas_n_m,
+            stiffness_n_m,
+            step_m: (step_pa * area_m2).abs() / stiffness_n_m,
+            zone_m: f64::from(config.controller.contraction_dead_zone) * rest_m,
+        }
     }
-    let [shortest, longest] = moving.lengths();
-    let length_m = if s.drive.profile_csv.is_some() {
-        0.5 * (shortest + longest)
-    } else {
-        rest_m * (1.0 - s.drive.contraction)
-    };
-    let (area_m2, volume_m3) = (moving.force_area(length_m), moving.volume(length_m));
-    let gauge_pa = (load_n(s, moving.as_ref()) - moving.elastic(length_m)) / area_m2;
-    let pressure_pa = s.ambient.pressure_pa + gauge_pa.max(0.0);
-    let gas_n_m = gas.k * pressure_pa * area_m2 * area_m2 / (volume_m3 + tube_m3);
-    let stiffness_n_m = gas_n_m + moving.elastic_slope(length_m).abs();
-    let step_m = (by_gas(volume_m3) * area_m2).abs() / stiffness_n_m;
-    let zone_m = f64::from(tuning.contraction_dead_zone) * rest_m;
-    if step_m > WAKES_AT_ZONES * zone_m {
+}
+
+fn coarse_contraction(config: &Config, spring: &Spring) -> Option<Unrest> {
+    let Spring { step_m, zone_m, .. } = *spring;
+    (step_m > WAKES_AT_ZONES * zone_m).then(|| {
         let why = format!(
             "the shortest pulse, controller.minimum_pulse_s, moves the end by {:.2} mm, beyond both ends of \
              controller.contraction_dead_zone, {:.2} mm: the loop may never come to rest",
             1e3 * step_m,
             1e3 * zone_m
         );
-        return Some((conductance_key, format!("{:e}", valve.conductance_m3_s_pa), why));
-    }
+        too_large_a_valve(config, why)
+    })
+}
+
+fn late_lead(s: &Scenario, config: &Config, spring: &Spring) -> Option<Unrest> {
+    let (tuning, valve) = (&config.controller, &config.valve);
     let mass_kg = f64::from(config.moving_mass_kg);
     let lead_s = f64::from(tuning.length_lead_s) * f64::from(tuning.length_gain);
     if mass_kg <= 0.0 || lead_s <= 0.0 {
         return None;
     }
-    let swing = (stiffness_n_m / mass_kg).sqrt();
+    let swing = (spring.stiffness_n_m / mass_kg).sqrt();
     let closes = 1.0 / f64::from(tuning.length_loop_s);
     // The speed from a difference is late by half a period, and a pulse by another half.
     let late_s = f64::from(config.pwm_period_steps) * s.run.step_s
         + f64::from(valve.dead_time_s)
-        + 0.5 * switch_s;
+        + 0.5 * f64::from(valve.switch_time_s);
     let beyond = (swing * late_s + math::atan2(swing, closes) - 0.5 * PI).min(0.5 * PI);
-    let pushes_n_m =
-        gas_n_m * lead_s * closes * swing / math::hypot(swing, closes) * math::sin(beyond.max(0.0));
+    let pushes_n_m = spring.gas_n_m * lead_s * closes * swing / math::hypot(swing, closes)
+        * math::sin(beyond.max(0.0));
     let grows_from_m = 4.0 / PI * s.friction.force_n / pushes_n_m;
-    (grows_from_m < WAKES_AT_ZONES * zone_m).then(|| {
+    (grows_from_m < WAKES_AT_ZONES * spring.zone_m).then(|| {
         let why = format!(
             "the load swings at {:.0} Hz on its gas, too fast for a lead that is {:.0} ms late: from {:.2} mm on the loop \
              pushes more than friction takes, and may never come to rest; a smaller lead, or a higher valve.pwm_hz",

@@ -14,7 +14,7 @@
 
 use crate::elements;
 use crate::noise::standard_normal;
-use model_core::AdcCode;
+use model_core::{AdcCode, RawCode, Sample};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use thermyo_plant::Truth;
@@ -40,12 +40,18 @@ pub const MPR_S: f64 = 0.006;
 /// Codes of a sensor chip's scale.
 const PART_CODES: f64 = 32_768.0;
 
-/// Raw codes of one step, each 0 to 32760, or as [`AdcCode::of_part`].
+/// Raw codes of one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Codes {
-    pub pressure: u16,
-    pub gas: u16,
-    pub length: u16,
+    pub pressure: RawCode,
+    pub gas: RawCode,
+    pub length: AdcCode,
+}
+
+impl From<Codes> for Sample {
+    fn from(Codes { pressure, gas, length }: Codes) -> Self {
+        Self { pressure, gas, ..Self::new(AdcCode(0), AdcCode(0), length) }
+    }
 }
 
 /// Mean code of a conversion \[LSB\] for an ideal input \[LSB\], both 0 to 4095: the transfer
@@ -107,7 +113,7 @@ impl Part {
 
     /// The code at that time for a fraction of its scale. 0 at either end, where the chip reports
     /// a fault.
-    fn code(&mut self, time_s: f64, share: f64) -> u16 {
+    fn code(&mut self, time_s: f64, share: f64) -> RawCode {
         // Times are sums of steps.
         let fresh = time_s > self.next_s - 1.0e-6;
         if fresh {
@@ -119,7 +125,7 @@ impl Part {
                 self.next_s += self.period_s;
             }
         }
-        AdcCode::of_part(self.reading, fresh).0
+        RawCode::of_part(self.reading, fresh)
     }
 }
 
@@ -177,15 +183,20 @@ impl Channel {
 
     /// The code for a fraction of the reference, with wide codes of `excess_lsb`, or a sensor
     /// chip's code.
-    fn convert(&mut self, time_s: f64, share: f64, excess_lsb: f64) -> u16 {
-        if let Some(part) = &mut self.part {
-            return part.code(time_s, share);
+    fn convert(&mut self, time_s: f64, share: f64, excess_lsb: f64) -> RawCode {
+        match &mut self.part {
+            Some(part) => part.code(time_s, share),
+            None => self.sum(share, excess_lsb).into(),
         }
+    }
+
+    /// The converter's code.
+    fn sum(&mut self, share: f64, excess_lsb: f64) -> AdcCode {
         let noisy = share + self.noise.sample(self.converter);
         // A conversion truncates: over the noise of eight its mean lies half a code below the
         // input.
         let mean = e11_transfer(STEPS * noisy - 0.5, excess_lsb).clamp(0.0, FULL_SCALE);
-        (f64::from(OVERSAMPLING) * mean).round() as u16
+        AdcCode((f64::from(OVERSAMPLING) * mean).round() as u16)
     }
 }
 
@@ -272,7 +283,7 @@ impl VirtualAdc {
         Codes {
             pressure: self.pressure.convert(time_s, 0.1 + 0.8 * pressure_share, wide),
             gas: self.gas.convert(time_s, gas_share, wide),
-            length: self.length.convert(time_s, 0.05 + 0.9 * length_share, wide),
+            length: self.length.sum(0.05 + 0.9 * length_share, wide),
         }
     }
 
@@ -338,12 +349,12 @@ mod tests {
         scenario.sensor.gas.noise_k = 0.0;
         let codes = VirtualAdc::new(&scenario).convert(&truth());
         // Half of the pressure range and half of the travel are half of the reference.
-        for (code, share) in [(codes.pressure, 0.5), (codes.length, 0.5)] {
+        for (code, share) in [(codes.pressure.to_bits(), 0.5), (codes.length.0, 0.5)] {
             let expected = 8.0 * e11_transfer(share * 4096.0 - 0.5, RP2040_LSB);
             assert!((f64::from(code) - expected).abs() < 8.0, "{code} for {expected}");
         }
         // 300 K is in the middle of 270 to 330 K; the bridge bends by less than 2 %.
-        assert!((f64::from(codes.gas) / 32760.0 - 0.5).abs() < 0.02);
+        assert!((f64::from(codes.gas.adc().0) / 32760.0 - 0.5).abs() < 0.02);
     }
 
     /// The core corrects the sensor's errors at any pressure and length.
@@ -368,12 +379,12 @@ mod tests {
                 sensor_length_m: length_m,
                 ..truth()
             });
-            let read_pa = f64::from(sensing.pressure_pa(AdcCode(codes.pressure)));
-            let read_m = f64::from(sensing.length_m(AdcCode(codes.length)));
+            let read_pa = f64::from(sensing.pressure_pa(codes.pressure));
+            let read_m = f64::from(sensing.length_m(codes.length));
             // A code of 12 bit is 214 Pa and 0.11 mm; the converter has its noise.
             assert!((read_pa - pressure_pa).abs() < 214.0, "{read_pa} for {pressure_pa}");
             assert!((read_m - length_m).abs() < 1.1e-4, "{read_m} for {length_m}");
-            let off_pa = f64::from(straight.pressure_pa(AdcCode(codes.pressure))) - pressure_pa;
+            let off_pa = f64::from(straight.pressure_pa(codes.pressure)) - pressure_pa;
             bent_pa = bent_pa.max(off_pa.abs());
         }
         assert!((15_000.0..40_000.0).contains(&bent_pa), "{bent_pa}");
@@ -388,9 +399,10 @@ mod tests {
             sensor_gas_k: 500.0,
             ..truth()
         };
-        assert_eq!(adc.convert(&far), Codes { pressure: 32760, gas: 32760, length: 0 });
+        let top = AdcCode(32_760).into();
+        assert_eq!(adc.convert(&far), Codes { pressure: top, gas: top, length: AdcCode(0) });
         for (kelvin, rail) in [(-1000.0, 0), (1.0e5, 32760)] {
-            assert_eq!(adc.convert(&Truth { sensor_gas_k: kelvin, ..truth() }).gas, rail);
+            assert_eq!(adc.convert(&Truth { sensor_gas_k: kelvin, ..truth() }).gas.adc().0, rail);
         }
     }
 
@@ -404,7 +416,7 @@ mod tests {
         for _ in 0..n {
             let codes = adc.convert(&truth());
             assert_eq!(codes, again.convert(&truth()));
-            let code = f64::from(codes.pressure);
+            let code = f64::from(codes.pressure.to_bits());
             sum += code;
             square += code * code;
             let off = adc.wall_reading_k() - 305.0;

@@ -1,11 +1,11 @@
 //! Boards that run the core. The one here runs it in this process.
 
 use model_core::control::Mode;
-use model_core::link::{Chip, PROTOCOL, Refusal, Timing};
 use model_core::{Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use std::io;
 use std::path::PathBuf;
 use thermyo_plant::Actuation;
+use thermyo_protocol::{Chip, PROTOCOL, Refusal, Timing};
 
 /// A board: raw samples in, openings and telemetry out, once per step.
 pub trait Board {
@@ -113,10 +113,7 @@ pub enum BoardError {
     )]
     Silent { asked: &'static str },
     /// The emulated board does not answer: there is no wiring to check.
-    #[error(
-        "the emulated board does not answer ({asked}): this machine may be too busy for it; try again, or start \
-         it afresh: thermyo board emulated plug"
-    )]
+    #[error("the emulated board does not answer ({asked}): this machine may be too busy for it")]
     EmulatedSilent { asked: &'static str },
     /// The board speaks another version of the protocol.
     #[error(
@@ -152,7 +149,7 @@ pub enum BoardError {
     #[error("ended by Ctrl-C; the board vents")]
     Interrupted,
     /// Faults vent the muscle.
-    #[error("the board vents: {0}. Remove the cause, then `thermyo board PORT clear` and `arm`")]
+    #[error("the board vents: {0}")]
     Vented(Faults),
     /// A pressure that the board, as configured and armed, cannot hold.
     #[error("{}", pressure(*.pressure_pa, *.least_pa, *.most_pa))]
@@ -168,7 +165,7 @@ pub enum BoardError {
     #[error("{}", refused(.0))]
     Refused(Refusal),
     /// The board restarted in the middle of a run.
-    #[error("the board restarted in the middle of the run: `thermyo monitor` shows the reason")]
+    #[error("the board restarted in the middle of the run")]
     Restarted,
     /// This board cannot be restarted from here.
     #[error(
@@ -192,17 +189,13 @@ fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     )
 }
 
-/// A board's refusal, and the command that helps, if there is one.
 fn refused(refusal: &Refusal) -> String {
     match refusal {
         Refusal::NotConfigured
         | Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED)) => {
-            "the board does not know its muscle yet: `thermyo board PORT config write SCENARIO.toml`"
-                .to_owned()
+            "the board does not know its muscle yet".to_owned()
         }
-        Refusal::SetPoint(SetPointError::NotArmed) => {
-            "the board is not armed: `thermyo board PORT arm`, or `--arm`".to_owned()
-        }
+        Refusal::SetPoint(SetPointError::NotArmed) => "the board is not armed".to_owned(),
         refusal => format!("the board refused: {refusal}"),
     }
 }
@@ -246,7 +239,7 @@ impl Board for CoreBoard {
         let to_judge = std::mem::take(&mut self.to_judge);
         let core = self.core()?;
         let mut telemetry = core.step(sample);
-        while to_judge && telemetry.mode == Mode::Judging {
+        while to_judge && telemetry.mode == Mode::StartupCheck {
             telemetry = core.step(sample);
         }
         if let Some(set_point) = pending {

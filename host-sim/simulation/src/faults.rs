@@ -3,7 +3,7 @@
 
 use crate::adc::Codes;
 use model_core::sample::CODE_MAX;
-use model_core::{AdcCode, Sample};
+use model_core::{AdcCode, PartCode, RawCode, Sample};
 use rand_distr::{Distribution, Uniform};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
@@ -20,8 +20,6 @@ pub struct InjectedFaults {
     step_s: f64,
     /// Codes of the last step.
     arrived: Codes,
-    /// Whether pressure and gas come from sensor chips.
-    digital: [bool; 2],
     generator: Xoshiro256PlusPlus,
     noise: Uniform<i32>,
 }
@@ -34,10 +32,6 @@ impl InjectedFaults {
         Self {
             windows: windows.filter(|window| *window != unbroken).collect(),
             arrived: Codes::default(),
-            digital: [
-                scenario.sensor.pressure_part().is_digital(),
-                scenario.sensor.gas_element().is_digital(),
-            ],
             step_s: scenario.run.step_s,
             // Another seed than the ADC's: a fault changes no noise but its own.
             generator: Xoshiro256PlusPlus::seed_from_u64(!scenario.run.seed),
@@ -71,13 +65,11 @@ impl InjectedFaults {
         };
         let (pressure, gas, length) = (of(|w| w.pressure), of(|w| w.gas), of(|w| w.length));
         let emergency_stop = self.active(time_s).any(|window| window.emergency_stop);
-        let [digital_pressure, digital_gas] = self.digital;
         self.arrived = Codes {
-            pressure: self.line(pressure, codes.pressure, self.arrived.pressure, digital_pressure),
-            gas: self.line(gas, codes.gas, self.arrived.gas, digital_gas),
-            length: self.line(length, codes.length, self.arrived.length, false),
+            pressure: self.line(pressure, codes.pressure, self.arrived.pressure),
+            gas: self.line(gas, codes.gas, self.arrived.gas),
+            length: self.analog(length, codes.length, self.arrived.length),
         };
-        let Codes { pressure, gas, length } = self.arrived;
         let on_link = |fault| self.active(time_s).any(|window| window.link == fault);
         let missed = self.windows.iter().map(|w| w.missed_steps_at(time_s, self.step_s));
         Sample {
@@ -85,7 +77,7 @@ impl InjectedFaults {
             heard: !on_link(LinkFault::Lost),
             flooded: on_link(LinkFault::Flooded),
             missed_steps: missed.max().unwrap_or_default(),
-            ..Sample::new(AdcCode(pressure), AdcCode(gas), AdcCode(length))
+            ..self.arrived.into()
         }
     }
 
@@ -121,24 +113,34 @@ impl InjectedFaults {
 
     /// The code behind a fault. An open or shorted sensor chip reports a fault, and a frozen one
     /// is silent.
-    fn line(&mut self, fault: ChannelFault, code: u16, arrived: u16, digital: bool) -> u16 {
-        let fresh = AdcCode(code).is_fresh();
+    fn line(&mut self, fault: ChannelFault, code: RawCode, arrived: RawCode) -> RawCode {
+        let (PartCode(reading), fresh) = match code {
+            RawCode::Adc(code) => return self.analog(fault, code, arrived.adc()).into(),
+            RawCode::Fresh(reading) => (reading, true),
+            RawCode::Stale(reading) => (reading, false),
+        };
         match fault {
             // The drift is already in the code.
             ChannelFault::None | ChannelFault::Drifting { .. } => code,
-            ChannelFault::Open | ChannelFault::Shorted if digital => AdcCode::of_part(0, fresh).0,
-            ChannelFault::Frozen if digital => AdcCode(arrived).stale().0,
-            ChannelFault::Noisy if digital => {
-                let reading = i32::from(code >> 1) + self.noise.sample(&mut self.generator);
-                AdcCode::of_part(reading.clamp(0, i32::from(CODE_MAX)) as u16, fresh).0
-            }
-            ChannelFault::Open => CODE_MAX,
-            ChannelFault::Shorted => 0,
-            ChannelFault::Frozen => arrived,
-            ChannelFault::Noisy => {
-                let noisy = i32::from(code) + self.noise.sample(&mut self.generator);
-                noisy.clamp(0, i32::from(CODE_MAX)) as u16
-            }
+            ChannelFault::Open | ChannelFault::Shorted => RawCode::of_part(0, fresh),
+            ChannelFault::Frozen => arrived.stale(),
+            ChannelFault::Noisy => RawCode::of_part(self.noisy(reading), fresh),
         }
+    }
+
+    fn analog(&mut self, fault: ChannelFault, code: AdcCode, arrived: AdcCode) -> AdcCode {
+        match fault {
+            // The drift is already in the code.
+            ChannelFault::None | ChannelFault::Drifting { .. } => code,
+            ChannelFault::Open => AdcCode(CODE_MAX),
+            ChannelFault::Shorted => AdcCode(0),
+            ChannelFault::Frozen => arrived,
+            ChannelFault::Noisy => AdcCode(self.noisy(code.0)),
+        }
+    }
+
+    fn noisy(&mut self, code: u16) -> u16 {
+        let noisy = i32::from(code) + self.noise.sample(&mut self.generator);
+        noisy.clamp(0, i32::from(CODE_MAX)) as u16
     }
 }

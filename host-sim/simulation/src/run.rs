@@ -13,7 +13,6 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::io;
 use std::time::Instant;
-use thermyo_compute::stop;
 use thermyo_plant::chamber;
 use thermyo_plant::{BuildError, Diverged, Truth};
 use thermyo_record::limit_cycle::Detector;
@@ -44,7 +43,7 @@ pub enum RunError {
     Board(BoardError),
     /// The observer cannot write a row.
     Output(io::Error),
-    /// The run was stopped: [`thermyo_compute::stop`].
+    /// The observer ended the run, by an error of the kind `Interrupted`.
     Stopped,
 }
 
@@ -80,7 +79,7 @@ pub trait Observer {
     /// One row per `[run] log_every` steps, the last step included.
     ///
     /// # Errors
-    /// When the row cannot be written; the run stops.
+    /// When the row cannot be written, or of the kind `Interrupted`; the run stops.
     fn row(&mut self, row: &Row) -> io::Result<()>;
 }
 
@@ -100,11 +99,7 @@ pub fn run(
     // WebAssembly has no clock of its own.
     let started = (!cfg!(target_family = "wasm")).then(Instant::now);
     let mut run = Run::start(loaded, board, measured)?;
-    while run.step(board, observer)? {
-        if stop::is_requested() {
-            return Err(RunError::Stopped);
-        }
-    }
+    while run.step(board, observer)? {}
     let wall_clock_s = started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64());
     run.finish(board, wall_clock_s)
 }
@@ -257,7 +252,10 @@ impl Run {
             detector.add(row.truth.time_s, row.set_point, value);
         }
         if done.logged {
-            observer.row(&row).map_err(RunError::Output)?;
+            observer.row(&row).map_err(|error| match error.kind() {
+                io::ErrorKind::Interrupted => RunError::Stopped,
+                _ => RunError::Output(error),
+            })?;
         }
         Ok(())
     }
@@ -325,7 +323,7 @@ impl StepAlignment {
 
     fn step_of(&mut self, telemetry: &Telemetry, now: u64) -> u64 {
         let in_time = now.saturating_sub(self.late);
-        if telemetry.mode == Mode::Judging {
+        if telemetry.mode == Mode::StartupCheck {
             self.zero = None;
             return in_time;
         }

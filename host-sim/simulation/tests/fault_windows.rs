@@ -2,7 +2,7 @@
 
 use crate::run_support::rows;
 use model_core::control::Mode;
-use model_core::{Command, Faults};
+use model_core::{AdcCode, Command, Faults, RawCode};
 use std::path::Path;
 use thermyo_plant::{Travel, Truth};
 use thermyo_record::trace::Row;
@@ -200,7 +200,11 @@ fn a_sweep_changes_windows_that_there_are() {
     );
 }
 
-const CODES: Codes = Codes { pressure: 10_000, gas: 11_000, length: 12_000 };
+const CODES: Codes = Codes {
+    pressure: RawCode::Adc(AdcCode(10_000)),
+    gas: RawCode::Adc(AdcCode(11_000)),
+    length: AdcCode(12_000),
+};
 
 #[test]
 fn every_window_acts_in_its_own_time() {
@@ -223,7 +227,8 @@ fn every_window_acts_in_its_own_time() {
         (4.0, 10_000, 11_000, false, 0.0, 0.0, None, false),
     ] {
         let sample = faults.apply(time_s, CODES);
-        assert_eq!((sample.pressure.0, sample.gas.0, sample.length.0), (pressure, gas, 12_000));
+        let codes = [sample.pressure.to_bits(), sample.gas.to_bits(), sample.length.0];
+        assert_eq!(codes, [pressure, gas, 12_000]);
         assert_eq!((sample.emergency_stop, sample.heard), (stopped, !lost), "{time_s}");
         let disturbance = faults.disturbance(time_s);
         assert_eq!(disturbance.inlet, Travel { shut, open: 1.0 }, "{time_s}");
@@ -294,7 +299,7 @@ fn a_drifting_sensor_runs_away_from_the_start_of_its_window() {
     // It passes the front end, to its end.
     let late = Truth { time_s: 1000.0, ..truth };
     let codes = VirtualAdc::new(&loaded.plant).convert(&faults.sensed(&late));
-    assert_eq!((codes.gas, codes.length), (32_760, 32_760));
+    assert_eq!((codes.gas, codes.length), (AdcCode(32_760).into(), AdcCode(32_760)));
 }
 
 #[test]
@@ -347,7 +352,7 @@ fn a_board_that_restarts_vents_and_counts_anew() {
         let telemetry = row.telemetry;
         assert!((row.truth.time_s - 0.001 * step as f64).abs() < 1e-9);
         let restarted = step >= 1200;
-        assert_eq!(telemetry.mode == Mode::Judging, (1200..1249).contains(&step), "{step}");
+        assert_eq!(telemetry.mode == Mode::StartupCheck, (1200..1249).contains(&step), "{step}");
         assert_eq!(
             telemetry.step as usize,
             if restarted { step.saturating_sub(1249) } else { step }

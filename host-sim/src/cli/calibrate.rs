@@ -2,13 +2,13 @@
 
 use super::{Failure, FormatArgs, interrupt, number, print};
 use clap::{Args, ValueEnum};
-use model_core::link::ConfigSource;
 use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults, Sample, SetPoint};
 use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::thread;
 use thermyo_boards::live::LiveBoard;
+use thermyo_protocol::ConfigSource;
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::calibrate::{Guide, Point, Sensor};
 
@@ -57,7 +57,7 @@ pub(super) fn run(
     let sensor = Sensor::from(args.sensor);
     let before = board.status()?;
     if before.config_source == ConfigSource::Defaults {
-        return Err(BoardError::Refused(model_core::link::Refusal::NotConfigured).into());
+        return Err(BoardError::Refused(thermyo_protocol::Refusal::NotConfigured).into());
     }
     let config = board.config()?;
     interrupt::watch();

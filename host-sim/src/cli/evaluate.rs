@@ -1,4 +1,5 @@
-use super::{Bar, Failure, interrupt, load, print, progress_bar, publish, read_record, whole};
+use super::progress::Bar;
+use super::{Failure, interrupt, load, print, publish, read_record, whole};
 use clap::{Args, ValueEnum};
 use std::io::Write;
 use std::path::PathBuf;
@@ -144,7 +145,7 @@ fn evaluated(
     nominal: &Loaded,
     err: &mut dyn Write,
 ) -> Result<Vec<CaseFigures>, Failure> {
-    let bar = Bar::new(args.quiet);
+    let bar = Bar::new(0, args.quiet);
     Ok(match args.subject {
         Subject::Estimator => match (&args.recording, args.random) {
             (Some(folder), _) => {
@@ -174,10 +175,7 @@ fn evaluated(
         Subject::Tune => thermyo_evaluate::tune::evaluate(nominal, &bar)?,
         Subject::Faults => {
             let evaluation = faults::Evaluation::new(nominal, args.hours.unwrap_or(faults::HOURS));
-            let bar = progress_bar(evaluation.runs(), args.quiet);
-            let lines = evaluation.evaluate(&|| bar.inc(1)).map_err(Failure::Run)?;
-            bar.finish_and_clear();
-            lines
+            evaluation.evaluate(&bar).map_err(Failure::Run)?
         }
     })
 }

@@ -2,10 +2,12 @@
 
 use crate::commands::flash::FlashError;
 use crate::commands::monitor::MonitorError;
+use model_core::{Faults, SetPointError};
 use std::fmt;
 use thermyo_evaluate::truth::TruthError;
 use thermyo_files::input::InputError;
 use thermyo_identify::IdentifyError;
+use thermyo_protocol::Refusal::{NotConfigured, SetPoint};
 use thermyo_serve::OpenError;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
@@ -52,13 +54,32 @@ impl fmt::Display for Failure {
             Self::Merge(error) => error.fmt(f),
             Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
             Self::Usage(message) => f.write_str(message),
-            Self::Board(error) => error.fmt(f),
+            Self::Board(error)
+            | Self::Run(RunError::Board(error))
+            | Self::Monitor(MonitorError::Board(error)) => write!(f, "{error}{}", remedy(error)),
             Self::Flash(error) => error.fmt(f),
             Self::Monitor(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
             Self::Check(message) => f.write_str(message),
             Self::Interrupted => f.write_str("stopped"),
         }
+    }
+}
+
+/// The command that helps, if there is one.
+fn remedy(error: &BoardError) -> &'static str {
+    use SetPointError::{Faults as Latched, NotArmed};
+    match error {
+        BoardError::EmulatedSilent { .. } => {
+            "; try again, or start it afresh: thermyo board emulated plug"
+        }
+        BoardError::Vented(_) => ". Remove the cause, then `thermyo board PORT clear` and `arm`",
+        BoardError::Restarted => ": `thermyo monitor` shows the reason",
+        BoardError::Refused(NotConfigured | SetPoint(Latched(Faults::NOT_CONFIGURED))) => {
+            ": `thermyo board PORT config write SCENARIO.toml`"
+        }
+        BoardError::Refused(SetPoint(NotArmed)) => ": `thermyo board PORT arm`, or `--arm`",
+        _ => "",
     }
 }
 

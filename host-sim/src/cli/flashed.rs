@@ -1,13 +1,12 @@
 //! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
 use super::log::LogArgs;
+use super::progress::Bar;
 use super::{
-    Failure, FormatArgs, calibrate, interrupt, load, number, print, progress_bar, publish,
-    read_to_compare, tune,
+    Failure, FormatArgs, calibrate, interrupt, load, number, print, publish, read_to_compare, tune,
 };
 use clap::{Args, Subcommand};
 use model_core::control::Mode;
-use model_core::link::{ConfigSource, Event, LastReset, Status, Timing};
 use model_core::safety::supervisor::VENTING;
 use model_core::{Faults, SetPoint, Telemetry};
 use serde_json::{Value, json};
@@ -17,10 +16,12 @@ use thermyo_boards::live::LiveBoard;
 use thermyo_boards::{port, service};
 use thermyo_files::input::write_new;
 use thermyo_files::output::OutputDir;
+use thermyo_protocol::{ConfigSource, Event, LastReset, Status, Timing};
 use thermyo_record::board_trace::Recorder;
-use thermyo_setup::Loaded;
+use thermyo_scenario::DriveKind;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
+use thermyo_setup::{Loaded, SET_POINT_COLUMNS};
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::drive;
 use thermyo_studies::drive::{Drawn, DriveError, Driven, Ended, Gathered};
@@ -92,8 +93,11 @@ struct SetArgs {
 #[derive(Debug, Args)]
 struct DriveArgs {
     /// Scenario (TOML), whose drive and duration are used, or CSV: time_s and one of pressure_pa,
-    /// contraction, flow_kg_s, duty
+    /// contraction, flow_kg_s, duty, or value
     profile: PathBuf,
+    /// Quantity of a CSV's column value
+    #[arg(long, value_parser = ["pressure", "contraction", "mass-flow", "duty"])]
+    kind: Option<String>,
     /// Arm the board first
     #[arg(long)]
     arm: bool,
@@ -397,6 +401,39 @@ fn set(
     if set_point == SetPoint::Vent {
         return format.done(out, &vents(), "it vents\n");
     }
+    let (stopped, mut held) = hold(board, args, format, (first, step_s), out)?;
+    board.stop()?;
+    let Some(&(end_s, _)) = held.last() else { return Err(Failure::Interrupted) };
+    held.retain(|(time_s, _)| *time_s >= end_s - HELD_S);
+    let mean_pa = held.iter().map(|(_, pa)| pa).sum::<f64>() / held.len() as f64;
+    let error_pa = match set_point {
+        SetPoint::Pressure { pressure_pa } => Some(mean_pa - f64::from(pressure_pa)),
+        _ => None,
+    };
+    let error = error_pa
+        .map_or_else(String::new, |pa| format!(", {:+.2} kPa from the set point", pa / 1e3));
+    format.answer(
+        out,
+        &json!({ "mean_pressure_pa": mean_pa, "error_pa": error_pa, "held_s": end_s, "mode": "vent" }),
+        &format!("{:.2} kPa in the mean of the last second{error}; it vents\n", mean_pa / 1e3),
+    )?;
+    if !stopped {
+        return Ok(());
+    }
+    let of = args.hold.map_or_else(String::new, |hold_s| format!(" of {hold_s} s"));
+    let _ = writeln!(err, "thermyo: stopped at {end_s:.2} s{of}");
+    Err(Failure::Interrupted)
+}
+
+/// Prints the muscle from the step `first` on, until the time is over or it is stopped. Returns
+/// whether it was stopped, and the pressures.
+fn hold(
+    board: &mut LiveBoard,
+    args: &SetArgs,
+    format: FormatArgs,
+    (first, step_s): (u32, f64),
+    out: &mut dyn Write,
+) -> Result<(bool, Vec<(f64, f64)>), Failure> {
     let (mut next_line_s, mut held) = (0.0, Vec::new());
     let stopped = loop {
         if interrupt::is_requested() {
@@ -419,27 +456,7 @@ fn set(
             break false;
         }
     };
-    board.stop()?;
-    let Some(&(end_s, _)) = held.last() else { return Err(Failure::Interrupted) };
-    held.retain(|(time_s, _)| *time_s >= end_s - HELD_S);
-    let mean_pa = held.iter().map(|(_, pa)| pa).sum::<f64>() / held.len() as f64;
-    let error_pa = match set_point {
-        SetPoint::Pressure { pressure_pa } => Some(mean_pa - f64::from(pressure_pa)),
-        _ => None,
-    };
-    let error = error_pa
-        .map_or_else(String::new, |pa| format!(", {:+.2} kPa from the set point", pa / 1e3));
-    format.answer(
-        out,
-        &json!({ "mean_pressure_pa": mean_pa, "error_pa": error_pa, "held_s": end_s, "mode": "vent" }),
-        &format!("{:.2} kPa in the mean of the last second{error}; it vents\n", mean_pa / 1e3),
-    )?;
-    if !stopped {
-        return Ok(());
-    }
-    let of = args.hold.map_or_else(String::new, |hold_s| format!(" of {hold_s} s"));
-    let _ = writeln!(err, "thermyo: stopped at {end_s:.2} s{of}");
-    Err(Failure::Interrupted)
+    Ok((stopped, held))
 }
 
 fn configure(
@@ -524,6 +541,14 @@ fn drive_profile(
     driven
 }
 
+impl DriveArgs {
+    /// The kind of the profile's column `value`.
+    fn kind(&self) -> Option<DriveKind> {
+        let kinds = SET_POINT_COLUMNS.iter().map(|(_, kind)| *kind);
+        self.kind.as_deref().and_then(|word| kinds.into_iter().find(|kind| kind.word() == word))
+    }
+}
+
 /// `record` names the folder of the recording until it is published: a drive cannot be repeated.
 fn drive_and_record(
     board: &mut LiveBoard,
@@ -535,7 +560,8 @@ fn drive_and_record(
 ) -> Result<(), Failure> {
     let config = board.config()?;
     let configured = from_config::to_scenario(&config)?;
-    let driven = drive::plan(&args.profile, &configured)?;
+    let armed_pa = if args.arm { None } else { board.status()?.armed_pa };
+    let driven = drive::plan(&args.profile, args.kind(), &configured, armed_pa)?;
     let duration_s = driven.plant.run.duration_s;
     let measured =
         args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;
@@ -549,7 +575,7 @@ fn drive_and_record(
     if args.arm {
         board.arm(None)?;
     }
-    let bar = progress_bar((driven.plant.run.duration_s * 1e3) as u64, format.quiet);
+    let bar = Bar::new((driven.plant.run.duration_s * 1e3) as u64, format.quiet);
     let outcome =
         drive::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
             let row = recorder.write(&config, status, telemetry)?;
@@ -558,7 +584,7 @@ fn drive_and_record(
             bar.set_position((row.truth.time_s * 1e3) as u64);
             Ok(())
         });
-    bar.finish_and_clear();
+    bar.clear();
     if gathered.rows() > 0 {
         files.keep();
         *record = Some(files.place().to_path_buf());
@@ -580,17 +606,29 @@ fn drive_and_record(
         stopped_of_s: (ended == Ended::Stopped).then_some(duration_s),
         ..gathered.finish(board.port(), &status, &timing)
     };
-    let json = serde_json::to_string_pretty(&summary).expect("plain data") + "\n";
-    files.text("summary.json", &json)?;
     let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
     files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
+    drove(files, &folder, &summary, format, out, err)
+}
+
+/// Publishes a drive, and prints its summary.
+fn drove(
+    mut files: OutputDir,
+    folder: &Path,
+    summary: &Driven,
+    format: FormatArgs,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    let json = serde_json::to_string_pretty(summary).expect("plain data") + "\n";
+    files.text("summary.json", &json)?;
     publish(files, err)?;
     if format.json {
         print(out, &json)?
     } else {
-        print(out, &brief(&summary, &folder))?
+        print(out, &brief(summary, folder))?
     }
-    if ended == Ended::Stopped {
+    if summary.stopped_of_s.is_some() {
         let (driven, folder) = (summary.driven(), folder.display());
         let _ = writeln!(err, "thermyo: stopped at {driven}; the record is in {folder}");
         return Err(Failure::Interrupted);

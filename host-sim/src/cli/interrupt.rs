@@ -4,23 +4,34 @@
 use super::failure::STOPPED;
 #[cfg(unix)]
 use signal_hook::{
-    consts::{SIGHUP, SIGTERM},
+    consts::{SIGHUP, SIGINT, SIGTERM},
     iterator::Signals,
 };
 use std::io;
 use std::sync::Once;
-pub(super) use thermyo_compute::stop::is_requested;
-use thermyo_compute::stop::{request, reset};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 static INSTALLED: Once = Once::new();
+/// Signals belong to the process. Everything below the command line gets its own watch.
+static REQUESTED: AtomicBool = AtomicBool::new(false);
+
+pub(super) fn is_requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
+}
+
+/// Returns whether a stop had been requested before.
+fn request() -> bool {
+    REQUESTED.swap(true, Ordering::Relaxed)
+}
 
 /// From now on Ctrl-C only requests a stop; clears an earlier request.
 pub(super) fn watch() {
     INSTALLED.call_once(|| {
         // Without a handler Ctrl-C ends the program at once, and the rows written so far stay.
+        #[cfg(not(unix))]
         let _ = ctrlc::set_handler(pressed);
         #[cfg(unix)]
-        if let Ok(mut signals) = Signals::new([SIGTERM]) {
+        if let Ok(mut signals) = Signals::new([SIGINT, SIGTERM]) {
             if !ignores_hangup() {
                 let _ = signals.add_signal(SIGHUP);
             }
@@ -33,7 +44,7 @@ pub(super) fn watch() {
             });
         }
     });
-    reset();
+    REQUESTED.store(false, Ordering::Relaxed);
 }
 
 /// Whether SIGHUP is ignored, as `nohup` sets it. Only Linux reports that; elsewhere it is left

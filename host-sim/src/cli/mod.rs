@@ -14,6 +14,7 @@ mod folded;
 mod interrupt;
 mod log;
 mod playground;
+mod progress;
 mod replay;
 mod serve;
 mod shell;
@@ -24,11 +25,11 @@ use self::board::BoardArgs;
 use self::failure::Failure;
 use self::folded::Folded;
 use self::log::LogArgs;
+use self::progress::Bar;
 use crate::commands::monitor::{self, Session, Shown};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 use crossterm::terminal;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
@@ -36,9 +37,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
-use std::time::Duration;
-use thermyo_compute::parallel::Watch;
-use thermyo_files::input::InputError;
+use thermyo_files::input::{InputError, nearest};
 use thermyo_files::number::of_column;
 use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
@@ -59,9 +58,6 @@ use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
-
-/// Redraw interval of a progress bar whose parts take long.
-const TICK: Duration = Duration::from_millis(200);
 
 /// Arguments that print text for a program or a file: it is not folded.
 const AS_IT_IS: [Option<&str>; 4] =
@@ -275,9 +271,11 @@ pub fn run<A: Into<OsString> + Clone>(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> u8 {
-    let cli = match Cli::try_parse_from(arguments) {
+    let arguments: Vec<OsString> = arguments.into_iter().map(Into::into).collect();
+    let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
-        Err(usage) => {
+        Err(mut usage) => {
+            suggest(&mut usage, &arguments);
             let text = usage.render();
             // `--help` and `--version` arrive here too. A failed write has no reader left to report
             // to.
@@ -315,6 +313,23 @@ pub fn run<A: Into<OsString> + Clone>(
             let _ = writeln!(err, "thermyo: {failure}");
             failure.exit_code()
         }
+    }
+}
+
+/// Adds the command that was probably meant where clap has no suggestion: swapped letters.
+fn suggest(usage: &mut clap::Error, arguments: &[OsString]) {
+    use clap::error::{ContextKind, ContextValue};
+    let Some(ContextValue::String(word)) = usage.get(ContextKind::InvalidSubcommand) else {
+        return;
+    };
+    let of_thermyo = arguments.get(1).is_some_and(|argument| *argument == **word);
+    let command = Cli::command();
+    let names =
+        command.get_subcommands().filter(|one| !one.is_hide_set()).map(|one| one.get_name());
+    if let Some(near) = nearest(word, names.filter(|_| of_thermyo)).map(str::to_owned)
+        && usage.get(ContextKind::SuggestedSubcommand).is_none()
+    {
+        usage.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![near]));
     }
 }
 
@@ -406,7 +421,7 @@ fn identify_command(
     // Created before the search, which takes minutes: an unwritable folder fails at once.
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
     let mut out = OutputDir::create(&folder)?;
-    let bar = Bar::new(args.output.quiet);
+    let bar = Bar::new(0, args.output.quiet);
     let found = identify_table(&loaded, &args.config, &table, data, against.as_ref(), &bar);
     drop(bar);
     let found = match found {
@@ -476,7 +491,7 @@ fn monitor_command(
         (false, false) => Shown::Lines,
     };
     // `stdout` folds lines: the figures need the raw stream.
-    let outcome = monitor::run(&mut session, &mut out, shown, &mut io::stdout());
+    let outcome = monitor::run(&mut session, &mut out, shown, &interrupt::is_requested);
     let rows = session.rows();
     // Closes the file before it moves.
     drop(session);
@@ -536,7 +551,7 @@ fn record(
     let beside = logs.open(out)?;
     let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
     let mut writer = TraceWriter::new(file).map_err(unwritable)?.beside(beside);
-    let bar = progress_bar((loaded.plant.run.duration_s * 1000.0) as u64, args.quiet);
+    let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, args.quiet);
     let mut observer = |row: &Row| {
         writer.write(&row.cells())?;
         each(row);
@@ -545,7 +560,7 @@ fn record(
     };
     interrupt::watch();
     let result = run::run(loaded, board, measured, &mut observer);
-    bar.finish_and_clear();
+    bar.clear();
     let written = writer.finish().map_err(unwritable);
     let summary = result.map_err(|error| match error {
         // The emulated board gets the signal too, and may exit first.
@@ -662,43 +677,6 @@ fn brief(summary: &Summary, folder: &Path) -> String {
         text += &format!("warning: {warning}\n");
     }
     text + &format!("report: {}\n", folder.join("report.html").display())
-}
-
-fn progress_bar(length: u64, quiet: bool) -> ProgressBar {
-    if quiet {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{wide_bar} {percent:>3} %  {msg}eta {eta}")
-        .expect("the template is a constant");
-    // Drawn on standard error, and only if that is a terminal.
-    ProgressBar::new(length).with_style(style)
-}
-
-/// Progress of work whose parts are counted as they come up.
-struct Bar(ProgressBar);
-
-impl Bar {
-    fn new(quiet: bool) -> Self {
-        Self(progress_bar(0, quiet))
-    }
-}
-
-impl Watch for Bar {
-    fn parts(&self, count: usize) {
-        self.0.inc_length(count as u64);
-        // Drawn from now on: the first part may take minutes.
-        self.0.enable_steady_tick(TICK);
-    }
-
-    fn done(&self) {
-        self.0.inc(1);
-    }
-}
-
-impl Drop for Bar {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
-    }
 }
 
 fn print(out: &mut dyn Write, text: &str) -> Result<(), Failure> {

@@ -1,10 +1,10 @@
-use super::{
-    BoardArgs, Failure, OutputArgs, interrupt, print, progress_bar, publish, read_record, trace_in,
-};
+use super::progress::Bar;
+use super::{BoardArgs, Failure, OutputArgs, interrupt, print, publish, read_record, trace_in};
 use clap::Args;
 use model_core::Telemetry;
 use std::io::Write;
 use std::path::PathBuf;
+use thermyo_compute::parallel::Watch;
 use thermyo_files::number::COUNT;
 use thermyo_files::output::OutputDir;
 use thermyo_report::Colour;
@@ -38,16 +38,16 @@ pub(super) fn run(
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/replay"));
     let mut board = args.board.open()?;
     let mut out = OutputDir::create(&folder)?;
-    let bar = progress_bar(rows.len() as u64, args.output.quiet);
+    let bar = Bar::new(rows.len() as u64, args.output.quiet);
     let mut recorder = Recorder::new(&COLUMNS);
     interrupt::watch();
     let mut each = |recorded: &Telemetry, replayed: &Telemetry| {
-        bar.inc(1);
+        bar.done();
         recorder.push(&row(f64::from(config.step_s), recorded, replayed));
         !interrupt::is_requested()
     };
     let outcome = replay::replay(board.as_mut(), &config, &rows, &mut each);
-    bar.finish_and_clear();
+    bar.clear();
     if interrupt::is_requested() {
         let _ = writeln!(stderr, "thermyo: the replay was not finished, nothing is kept");
         return Err(Failure::Interrupted);
@@ -105,7 +105,7 @@ fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
     let chart = Chart::new(Axis::new("Time", "s"))
         .panel(Panel::new(Axis::new("Estimate of the gas temperature", "K")).line(
             "recorded",
-            Colour::Blue,
+            Colour::Estimate,
             time,
             column("estimate_k"),
         ))
@@ -123,8 +123,8 @@ fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
         .panel(
             Panel::new(Axis::new("Valve duty", "").range(0.0, 1.0))
                 .height(110.0)
-                .line("inlet", Colour::Green, time, column("duty_in"))
-                .line("outlet", Colour::Orange, time, column("duty_out")),
+                .line("inlet", Colour::Inlet, time, column("duty_in"))
+                .line("outlet", Colour::Outlet, time, column("duty_out")),
         );
     let caption = "What the core made of the recorded samples, and how far from that it is with the same ones \
                    now: a straight line at zero where no bit differs.";

@@ -1,8 +1,10 @@
-use super::{Failure, OutputArgs, interrupt, load, print, progress_bar, publish, whole};
+use super::progress::Bar;
+use super::{Failure, OutputArgs, interrupt, load, print, publish, whole};
 use clap::Args;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use thermyo_compute::parallel::Watch;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_studies::sweep::page::page;
@@ -75,19 +77,18 @@ pub(super) fn run(
     }
     let done: BTreeSet<usize> = kept.rows.iter().map(|row| row.point).collect();
     let left: Vec<usize> = study.own().into_iter().filter(|p| !done.contains(p)).collect();
-    let bar = progress_bar((done.len() + left.len()) as u64, args.output.quiet);
-    bar.set_position(done.len() as u64);
+    let bar = Bar::new(left.len() as u64, args.output.quiet);
     interrupt::watch();
     let rows = sweep.run(
         &left,
         interrupt::check,
         |point| journal.begin(point),
         |row| {
-            bar.inc(1);
+            bar.done();
             journal.add(study, row)
         },
     );
-    bar.finish_and_clear();
+    bar.clear();
     let rows = match rows {
         Ok(rows) => rows,
         Err(error) => {

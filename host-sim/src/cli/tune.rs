@@ -1,6 +1,6 @@
-use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, progress_bar, publish};
+use super::progress::Bar;
+use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish};
 use clap::Args;
-use indicatif::ProgressBar;
 use model_core::{Config, Telemetry};
 use std::io::Write;
 use std::path::PathBuf;
@@ -43,7 +43,7 @@ pub(super) fn pressure(text: &str) -> Result<f64, String> {
 /// A bench that shows the driven time on a progress bar.
 struct Watched<'a> {
     bench: &'a mut dyn Bench,
-    bar: &'a ProgressBar,
+    bar: &'a Bar,
     /// Time driven before this experiment.
     before_ms: u64,
 }
@@ -81,16 +81,17 @@ pub(super) fn run(
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
     let tuned = |args: &TuneArgs| -> Result<tune::Tuned, Failure> {
-        let bar = progress_bar(0, args.output.quiet);
+        let bar = Bar::new(0, args.output.quiet);
         let tune_on = |bench: &mut dyn Bench| {
             let mut watched = Watched { bench, bar: &bar, before_ms: 0 };
             let tuned = tune::tune_on(&loaded, &args.scenario, highest_pa, &mut watched);
-            bar.finish_and_clear();
+            bar.clear();
             Ok(tuned?)
         };
         let Some(port) = args.board.port() else {
             let mut board = args.board.open()?;
-            return tune_on(&mut Simulated(board.as_mut()));
+            let board = board.as_mut();
+            return tune_on(&mut Simulated { board, stopped: &interrupt::is_requested });
         };
         let mut board = LiveBoard::open(port)?;
         tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::is_requested))

@@ -8,8 +8,6 @@ use thermyo_boards::inside;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
-use thermyo_report::muscle::palette;
-use thermyo_report::style::DRAWING_STYLE;
 use thermyo_serve::page;
 
 /// Compiled small and fast: see `Cargo.toml`.
@@ -56,7 +54,6 @@ pub enum PlaygroundError {
 /// server can serve the folder. Returns the bytes of all files together.
 pub fn write(mut out: OutputDir) -> Result<u64, PlaygroundError> {
     let module = module()?;
-    let colours = json!(palette(page::PALETTE));
     let scenarios: Vec<_> =
         scenarios().map(|(name, text)| json!({ "name": name, "text": text })).to_vec();
     let texts = [
@@ -65,12 +62,10 @@ pub fn write(mut out: OutputDir) -> Result<u64, PlaygroundError> {
         ("simulation.js", include_str!("../../playground/page/simulation.js").to_owned()),
         ("playground.css", include_str!("../../playground/page/playground.css").to_owned()),
         ("scenarios.js", format!("export default {};\n", json!(scenarios))),
-        ("palette.js", format!("export default {colours};\n")),
-        ("drawing.css", DRAWING_STYLE.to_owned()),
-        ("page.css", page::STYLE.to_owned()),
-        ("plot.js", page::PLOT.to_owned()),
-        ("muscle.js", page::MUSCLE.to_owned()),
+        ("palette.js", page::colours()),
     ];
+    let shared = page::FILES.map(|(name, text)| (name, text.to_owned()));
+    let texts: Vec<_> = texts.into_iter().chain(shared).collect();
     let own = out.path().join(MODULE).is_file();
     let foreign = texts.iter().map(|(name, _)| out.path().join(name)).find(|file| file.exists());
     if let Some(file) = foreign.filter(|_| !own) {

@@ -2,13 +2,13 @@
 
 use crate::commands::flash::{Drive, find, version_text};
 use crate::commands::usb::usb;
-use model_core::link::{USB_ID, Version};
 use serde::Serialize;
 use serialport::UsbPortInfo;
 use std::fmt;
 use std::path::PathBuf;
 use std::thread;
 use thermyo_boards::line::Line;
+use thermyo_protocol::{USB_ID, Version};
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {

@@ -1,7 +1,7 @@
 //! Serial ports of USB.
 
-use model_core::link::USB_ID;
 use serialport::{SerialPortType, UsbPortInfo};
+use thermyo_protocol::USB_ID;
 
 /// Names of the ports that are a board's own USB, whatever firmware it runs.
 pub fn boards() -> Vec<String> {

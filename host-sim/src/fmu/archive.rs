@@ -1,15 +1,12 @@
 //! The `.fmu` file: a zip archive.
 
-use super::library;
-use std::io::{Cursor, Write};
+use super::{library, zip};
 use std::path::{Path, PathBuf};
 use thermyo_cosimulation::Kind;
 use thermyo_cosimulation::description::{LIBRARY, describe};
 use thermyo_cosimulation::model::{Model, ModelError};
 use thermyo_files::input::{InputError, read_bytes};
 use thermyo_setup::{Loaded, render};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipWriter};
 
 /// The archive of a scenario, with the shared library of this platform.
 pub fn archive(
@@ -23,18 +20,7 @@ pub fn archive(
     files.extend(resources(loaded, kind)?);
     let binary = format!("binaries/{}/{LIBRARY}{}", library::platform(), library::suffix());
     files.push((binary, library.to_vec()));
-
-    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    // A time stamp would make every archive different.
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(zip::DateTime::default())
-        .unix_permissions(0o644);
-    for (name, bytes) in files {
-        zip.start_file(name, options).expect("an archive in memory takes every file");
-        zip.write_all(&bytes).expect("memory takes every byte");
-    }
-    Ok(zip.finish().expect("an archive in memory is finished").into_inner())
+    Ok(zip::stored(&files))
 }
 
 /// The scenario, and the tables that it names.

@@ -258,11 +258,7 @@ mod tests {
     fn a_guide_asks_for_two_points_and_averages() {
         let mut guide = Guide::new(Sensor::Length, Config::default());
         let sample = |code| Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(code));
-        assert_eq!(
-            guide.see(&sample(16_380)),
-            Ok(None),
-            "nobody has said what the reference reads"
-        );
+        assert_eq!(guide.see(&sample(16_380)), Ok(None), "no reference has been entered");
         assert!(guide.question().contains("first point") && guide.calibrated() == Ok(None));
         assert!(guide.answer("0,2").unwrap_err().to_string().contains("in m"));
         for (code, reference) in [(16_380, "0.201"), (20_475, " 0.257\n")] {

@@ -29,6 +29,9 @@ const figures = (page) => page.$$eval("figure", (all) => all.map((figure) => ({
   drawn: figure.querySelectorAll(".plot svg path").length > 0,
   live: Boolean(figure.querySelector(".plot.live")),
 })));
+/** The drawing in sight. */
+const drawn = (figure) => figure.$eval(".plot", (plot) => [...plot.querySelectorAll("svg.chart")].filter((svg) => svg.checkVisibility())
+  .map((svg) => [...svg.querySelectorAll("text")].map((text) => text.textContent).join()).join());
 const ticks = (figure) => figure.$$eval(".x-tick", (all) => all.map((tick) => tick.textContent));
 const wide = { width: 1280, height: 900 };
 
@@ -36,8 +39,12 @@ const wide = { width: 1280, height: 900 };
 async function used(page, id) {
   const figure = await page.$(`#${id}`);
   const plot = await figure.$(".plot");
-  await plot.evaluate((node) => node.scrollIntoView({ block: "center" }));
-  const box = await plot.boundingBox();
+  let box;
+  const inSight = async () => {
+    await plot.evaluate((node) => node.scrollIntoView({ block: "center" }));
+    box = await plot.boundingBox();
+  };
+  await inSight();
   const at = (share) => [box.x + box.width * share, box.y + Math.min(box.height / 2, 120)];
   const whole = await ticks(figure);
   await page.mouse.move(...at(0.5));
@@ -50,6 +57,14 @@ async function used(page, id) {
   await page.mouse.up();
   const zoomed = await ticks(figure);
   const linked = await page.$$eval("figure .plot.zoomed", (all) => all.map((node) => node.closest("figure").id));
+  // Charts without a point or line in sight.
+  const empty = await page.$$eval("figure .plot.live", (all) => all.filter((node) => {
+    const area = node.querySelector(":scope > svg:not(.still)").getBoundingClientRect();
+    return ![...node.querySelectorAll(":scope > svg:not(.still) > svg path:not(.reference)")].some((path) => {
+      const { left, right, top, bottom } = path.getBoundingClientRect();
+      return path.getAttribute("d") && left <= area.right && right >= area.left && top <= area.bottom && bottom >= area.top;
+    });
+  }).map((node) => node.closest("figure").id));
   await page.keyboard.press("ArrowRight");
   const panned = await ticks(figure);
   await page.mouse.move(...at(0.5));
@@ -65,7 +80,23 @@ async function used(page, id) {
     await trace.click();
     again = await lines();
   }
-  return { id, whole, readout, hair, zoomed, linked, panned, back, traces: [before, without, again] };
+  // By a finger: the values stay when it lifts.
+  await inSight();
+  await page.touchscreen.tap(...at(0.5));
+  const touched = await figure.$eval(".readout", (node) => !node.hidden);
+  await page.touchscreen.tap(2, 2);
+  const left = await figure.$eval(".readout", (node) => !node.hidden);
+  // By the keyboard.
+  await plot.focus();
+  await page.keyboard.press("ArrowRight");
+  const keyed = await figure.$eval(".readout", (node) => !node.hidden);
+  // Zoomed as it is, the chart is printed whole.
+  await page.keyboard.press("+");
+  await page.emulateMediaType("print");
+  const printed = await drawn(figure);
+  await page.emulateMediaType("screen");
+  await page.keyboard.press("Escape");
+  return { id, whole, readout, hair, zoomed, linked, empty, printed, panned, back, touched, left, keyed, traces: [before, without, again] };
 }
 
 const began = Date.now();
@@ -77,6 +108,7 @@ for (const { id, live } of all) if (live) charts.push(await used(page, id));
 
 const still = await open(wide, "light", false);
 const without_script = await figures(still);
+for (const chart of charts) chart.still = await drawn(await still.$(`#${chart.id}`));
 
 const phone = await open({ width: 390, height: 844, isMobile: true, hasTouch: true, deviceScaleFactor: 2 });
 const narrow = await phone.evaluate(() => ({

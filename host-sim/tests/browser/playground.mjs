@@ -89,6 +89,7 @@ await slide("heat.scale", 2);
 await slide("supply.pressure_pa", 600);
 await pause(700);
 const knobs = await text("knobs");
+const nameless = (await page.accessibility.snapshot()).children.filter(({ role, name }) => role === "slider" && !name).length;
 const changed = (await legend("plot-temperature")) !== before;
 const unconfigured = await page.$eval("#exported", (node) => node.textContent.includes("starts with them"));
 
@@ -117,7 +118,7 @@ await choose("rate", 1);
 await choose("span", 20);
 
 await page.click("#pause");
-const box = await (await page.$("#plot-pressure canvas")).boundingBox();
+const box = await (await page.$("#plot-pressure .plot")).boundingBox();
 const not_hovered = await legend("plot-pressure");
 await page.mouse.move(box.x + box.width * .6, box.y + 60);
 await pause(300);
@@ -138,5 +139,5 @@ const mode = await text("mode");
 await browser.close();
 server.close();
 console.log(JSON.stringify({
-  problems, shipped, held_kpa, followed_kpa, knobs, changed, unconfigured, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode,
+  problems, shipped, held_kpa, followed_kpa, knobs, changed, unconfigured, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode, nameless,
 }));

@@ -1,12 +1,13 @@
 // Uses the page of `thermyo serve` in headless Chromium like a person at a bench, and prints its findings as JSON.
 //
-//     node serve.mjs CHROMIUM ADDRESS SCREENSHOTS THERMYO PLACE
+//     node serve.mjs CHROMIUM ADDRESS SCREENSHOTS THERMYO PLACE SERVER
 //
-// THERMYO is the command, PLACE the temporary folder in which the emulated board is plugged in.
+// THERMYO is the command, PLACE the temporary folder in which the emulated board is plugged in,
+// SERVER the process of the server, which is killed in the end.
 import { execFileSync } from "node:child_process";
 import puppeteer from "puppeteer-core";
 
-const [executablePath, address, screenshots, thermyo, place] = process.argv.slice(2);
+const [executablePath, address, screenshots, thermyo, place, server] = process.argv.slice(2);
 // It bounds hanging, and is no figure.
 const timeout = 60000;
 const browser = await puppeteer.launch({ executablePath, timeout, args: ["--no-sandbox", "--disable-gpu"] });
@@ -67,13 +68,15 @@ for (const kpa of ["260", "180", "330"]) {
   await page.keyboard.press("Enter");
   await reaches(page, parseFloat(kpa));
 }
-const box = await (await page.$("#plot-pressure canvas")).boundingBox();
+const box = await (await page.$("#plot-pressure .plot")).boundingBox();
 const legend = () => page.$eval("#plot-pressure ul", (list) => list.textContent);
 const not_hovered = await legend();
-await page.mouse.move(box.x + box.width * .65, box.y + 60);
+await page.mouse.move(box.x + box.width * .9, box.y + 60);
 await until(page, (before) => document.querySelector("#plot-pressure ul").textContent !== before, not_hovered);
 const hovered = await legend();
 
+// The colours of the muscle mean the same throughout.
+const ends = [await page.$$eval("#muscle svg > text", (all) => all.map((text) => text.textContent))];
 const watcher = await open(wide, "dark");
 await until(watcher, () => document.getElementById("watching").hidden === false);
 const watching = await watcher.$eval("#steer .main", (button) => button.disabled);
@@ -90,6 +93,9 @@ await pause(600);
 // As on a phone, and the full page.
 await page.screenshot({ path: `${screenshots}-390-hand.png` });
 const narrow_px = await page.evaluate(() => document.documentElement.scrollWidth);
+// The gas temperature stands above the events.
+const temperature_above = await page.evaluate(() =>
+  document.getElementById("plot-temperature").getBoundingClientRect().top < document.querySelector(".events").getBoundingClientRect().top);
 await page.screenshot({ path: `${screenshots}-390-dark.png`, fullPage: true });
 await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
 await pause(400);
@@ -127,6 +133,7 @@ for (let i = 0; i < 5; i++) {
   await until(page, () => window.vented_ms);
   vented_ms.push(await page.evaluate(() => window.vented_ms));
 }
+ends.push(await page.$$eval("#muscle svg > text", (all) => all.map((text) => text.textContent)));
 await page.click("#record-button");
 await until(page, () => document.querySelector("#results a"));
 const report = await page.$eval("#results a", (link) => link.href);
@@ -153,5 +160,16 @@ const lost_armed = await text(page, "armed");
 await page.screenshot({ path: `${screenshots}-lost.png`, fullPage: true });
 plugged("plug");
 const back_ms = await link("connected");
+
+// The server, killed: the page claims and offers nothing.
+if (await page.$eval("#leave", (button) => button.checkVisibility())) await page.click("#leave");
+await until(page, () => !document.getElementById("configure").hidden && !document.getElementById("own").disabled);
+await page.click("#own");
+await until(page, () => document.getElementById("configure").hidden && !document.querySelector("#arm .main").disabled);
+await page.click("#arm .main");
+await until(page, () => document.getElementById("armed").textContent.startsWith("armed"));
+process.kill(Number(server), "SIGKILL");
+await link("no server");
+const killed = { armed: await text(page, "armed"), set: await page.$eval("#steer .main", (button) => !button.disabled) };
 await browser.close();
-console.log(JSON.stringify({ problems, first, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, report, narrow_px }));
+console.log(JSON.stringify({ problems, first, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends }));

@@ -6,7 +6,7 @@
 //! (12 000 N/m and more), and what it lacks in length counts as missing gas:
 //!
 //! ```text
-//! F     = load + trim + friction + viscous v + moving mass a      along the reference
+//! F     = load + disturbance + friction + viscous v + moving mass a      along the reference
 //! P_ref = P_amb + (F - elastic)/(-dV/dL)                          force and geometry
 //! dm    = (V (P_ref - P)/k + P (V(L_ref) - V(L)))/(R T)           eq. (6), adiabatic
 //! ```
@@ -14,7 +14,7 @@
 //! Friction is a play: it grows with the way since the last turn, up to the Coulomb force at the
 //! estimated wall temperature, so that it neither chatters at rest nor jumps at a change of mode.
 
-use super::port::{Feedback, Port};
+use super::chamber_port::{ChamberPort, Feedback};
 use crate::config::{Config, ControllerConfig};
 use crate::math::{absolute, limit};
 use crate::physics::chamber::Chamber;
@@ -83,7 +83,7 @@ impl Reference {
         gains: &Gains,
         chamber: &impl Chamber,
         target_m: f32,
-        port: &Port,
+        port: &ChamberPort,
     ) {
         let period_s = port.period_s;
         let rest_m = chamber.rest_length_m();
@@ -123,7 +123,7 @@ pub struct ContractionLoop {
     /// Friction that the reference has to overcome, positive in contraction \[N\].
     friction_n: f32,
     /// Load that the loop has learnt to add to the configured one \[N\].
-    trim_n: f32,
+    disturbance_n: f32,
     /// Measured length of the period before \[m\].
     length_m: f32,
     calm_periods: u8,
@@ -159,7 +159,7 @@ impl ContractionLoop {
             reference: Reference::at(chamber, feedback.length_m),
             pressure_pa: feedback.pressure_pa,
             friction_n: 0.0,
-            trim_n: 0.0,
+            disturbance_n: 0.0,
             length_m: feedback.length_m,
             calm_periods: 0,
             holding: false,
@@ -179,7 +179,7 @@ impl ContractionLoop {
         self.holding
     }
 
-    /// Takes the measured force for the one wanted: friction explains what it can, the trim the
+    /// Takes the measured force for the one wanted: friction explains what it can, the disturbance the
     /// rest. On its stop the load says nothing.
     fn take_over(
         &mut self,
@@ -191,12 +191,12 @@ impl ContractionLoop {
     ) {
         let most_friction_n = config.controller.friction_gain * softening * config.friction.force_n;
         let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
-        let holds_n = chamber.force_n(gauge_pa, feedback.length_m) - force_n - self.trim_n;
+        let holds_n = chamber.force_n(gauge_pa, feedback.length_m) - force_n - self.disturbance_n;
         self.friction_n = limit(holds_n, -most_friction_n, most_friction_n);
         let length_m = feedback.length_m;
         if length_m > chamber.shortest_m() + STOP_M && length_m < chamber.longest_m() - STOP_M {
-            let trim_n = self.trim_n + holds_n - self.friction_n;
-            self.trim_n = limited_trim_n(config, chamber, force_n, trim_n);
+            let disturbance_n = self.disturbance_n + holds_n - self.friction_n;
+            self.disturbance_n = limited_disturbance_n(config, chamber, force_n, disturbance_n);
         }
         self.pressure_pa = feedback.pressure_pa;
     }
@@ -207,7 +207,7 @@ impl ContractionLoop {
         config: &Config,
         chamber: &impl Chamber,
         feedback: &Feedback,
-        port: &Port,
+        port: &ChamberPort,
         wanted: &Contracting,
     ) -> Option<f32> {
         let Contracting { contraction, load_n, softening, most_pa } = *wanted;
@@ -265,7 +265,8 @@ impl ContractionLoop {
             };
             let learns_m = limit(error_m + extra_m, -most_m, most_m);
             let learnt_n = tuning.load_gain_n_m_s * period_s * learns_m;
-            self.trim_n = limited_trim_n(config, chamber, load_n, self.trim_n + learnt_n);
+            self.disturbance_n =
+                limited_disturbance_n(config, chamber, load_n, self.disturbance_n + learnt_n);
         }
 
         let start_m = self.reference.length_m;
@@ -274,7 +275,7 @@ impl ContractionLoop {
         let way_n = config.friction.presliding_stiffness_n_m * (start_m - reference.length_m);
         let coulomb_n = tuning.friction_gain * softening * config.friction.force_n;
         self.friction_n = slide(self.friction_n, way_n, coulomb_n);
-        let wanted_n = load_n + self.trim_n + self.friction_n
+        let wanted_n = load_n + self.disturbance_n + self.friction_n
             - softening * config.friction.viscous_n_s_m * reference.speed_m_s
             - config.moving_mass_kg * reference.acceleration_m_s2;
         let ambient_pa = config.ambient.pressure_pa;
@@ -291,9 +292,14 @@ impl ContractionLoop {
 
 /// A learnt load within its limit; with what is configured, no less than what the chamber can hold: what cannot push has no
 /// load that is lifted for it.
-fn limited_trim_n(config: &Config, chamber: &impl Chamber, load_n: f32, trim_n: f32) -> f32 {
+fn limited_disturbance_n(
+    config: &Config,
+    chamber: &impl Chamber,
+    load_n: f32,
+    disturbance_n: f32,
+) -> f32 {
     let most_n = config.controller.load_limit_n;
-    limit(trim_n, limit(chamber.least_force_n() - load_n, -most_n, 0.0), most_n)
+    limit(disturbance_n, limit(chamber.least_force_n() - load_n, -most_n, 0.0), most_n)
 }
 
 /// Friction after a way, `way_n` its stiffness times the way: it builds up along the way as the
@@ -322,8 +328,8 @@ mod tests {
         Feedback { pressure_pa, length_m, estimate: Estimate::default() }
     }
 
-    fn port(feedback: &Feedback) -> Port {
-        Port {
+    fn port(feedback: &Feedback) -> ChamberPort {
+        ChamberPort {
             period_s: PERIOD_S,
             pwm_hz: 1.0 / PERIOD_S,
             pressure_pa: feedback.pressure_pa,
@@ -435,7 +441,7 @@ mod tests {
     fn a_start_takes_the_measured_force_for_the_one_wanted() {
         let mut config = Config::default();
         config.controller.load_limit_n = 30.0;
-        for (force_n, friction_n, trim_n) in [
+        for (force_n, friction_n, disturbance_n) in [
             (100.0, 0.0, 0.0),
             (110.0, 10.0, 0.0),
             (90.0, -10.0, 0.0),
@@ -447,7 +453,7 @@ mod tests {
             let now = feedback(pressure_pa(force_n), LENGTH_M);
             let active = started(&config, &now);
             assert!((active.friction_n - friction_n).abs() < 0.05, "{force_n} N: {active:?}");
-            assert!((active.trim_n - trim_n).abs() < 0.05, "{force_n} N: {active:?}");
+            assert!((active.disturbance_n - disturbance_n).abs() < 0.05, "{force_n} N: {active:?}");
             assert_eq!(active.pressure_pa, now.pressure_pa);
         }
         let gains = Gains::new(&config.controller, PERIOD_S);
@@ -456,7 +462,7 @@ mod tests {
         assert!((warm.friction_n - 0.5 * 15.45).abs() < 0.05, "softened: {warm:?}");
         for (length_m, learns) in [(0.3, false), (0.2998, false), (0.2996, true)] {
             let active = started(&config, &feedback(AMBIENT_PA + 2.0e5, length_m));
-            assert_eq!(active.trim_n > 0.0, learns, "at {length_m} m");
+            assert_eq!(active.disturbance_n > 0.0, learns, "at {length_m} m");
         }
     }
 
@@ -517,7 +523,7 @@ mod tests {
         ] {
             let mut active = started(&config, &balance);
             let now = feedback(balance.pressure_pa + off_pa, LENGTH_M + off_m);
-            let port = Port { in_flight_kg, ..port(&now) };
+            let port = ChamberPort { in_flight_kg, ..port(&now) };
             let kg = active.period(&config, &muscle(), &now, &port, &wanted(LENGTH_M)).unwrap();
             let missing_m3 = 0.7 * 2.0 * (muscle().volume_m3(LENGTH_M) - port.volume_m3);
             let expected_kg = mass_kg(&now, -gain * off_pa, gain * missing_m3);
@@ -531,10 +537,10 @@ mod tests {
         let mut active = started(config, &feedback(pressure_pa(LOAD_N), LENGTH_M));
         let now = feedback(pressure_pa(LOAD_N), LENGTH_M + error_m);
         active.reference.speed_m_s = speed_m_s;
-        let before_n = active.trim_n;
-        let port = Port { saturated, ..port(&now) };
+        let before_n = active.disturbance_n;
+        let port = ChamberPort { saturated, ..port(&now) };
         active.period(config, &muscle(), &now, &port, &wanted(LENGTH_M));
-        active.trim_n - before_n
+        active.disturbance_n - before_n
     }
 
     /// 40 kN/(m s) over 10 ms: 0.4 N for a millimetre. Beyond the dead zone of 0.45 mm a muscle at rest
@@ -546,19 +552,25 @@ mod tests {
             for (error_m, expected_n) in
                 [(0.3e-3, 0.12), (0.44e-3, 0.176), (0.5e-3, 0.56), (1.0e-3, 0.6), (9.0e-3, 0.6)]
             {
-                let trim_n = sign * learnt_n(&config, sign * error_m, false, 0.0);
-                assert!((trim_n - expected_n).abs() < 5e-3, "{error_m} m: {trim_n} N");
+                let disturbance_n = sign * learnt_n(&config, sign * error_m, false, 0.0);
+                assert!(
+                    (disturbance_n - expected_n).abs() < 5e-3,
+                    "{error_m} m: {disturbance_n} N"
+                );
                 assert_eq!(learnt_n(&config, sign * error_m, true, 0.0), 0.0, "saturated");
             }
             // A reference that needs less than 0.1 s for the dead zone is under way: nothing sticks.
             for (speed_m_s, expected_n) in [(-0.1, 0.4), (-4.6e-3, 0.4), (-4.4e-3, 0.6)] {
-                let trim_n = sign * learnt_n(&config, sign * 1.0e-3, false, speed_m_s);
-                assert!((trim_n - expected_n).abs() < 5e-3, "{speed_m_s} m/s: {trim_n} N");
+                let disturbance_n = sign * learnt_n(&config, sign * 1.0e-3, false, speed_m_s);
+                assert!(
+                    (disturbance_n - expected_n).abs() < 5e-3,
+                    "{speed_m_s} m/s: {disturbance_n} N"
+                );
             }
             let mut little = config;
             little.controller.load_limit_n = 0.3;
-            let trim_n = sign * learnt_n(&little, sign * 9.0e-3, false, 0.0);
-            assert!((trim_n - 0.3).abs() < 5e-3, "{trim_n} N");
+            let disturbance_n = sign * learnt_n(&little, sign * 9.0e-3, false, 0.0);
+            assert!((disturbance_n - 0.3).abs() < 5e-3, "{disturbance_n} N");
         }
     }
 
@@ -566,17 +578,17 @@ mod tests {
     #[test]
     fn no_load_is_learnt_that_a_slack_muscle_would_have_to_push() {
         let config = Config::default();
-        let least_n = |load_n: f32| limited_trim_n(&config, &muscle(), load_n, -1.0e3);
+        let least_n = |load_n: f32| limited_disturbance_n(&config, &muscle(), load_n, -1.0e3);
         assert_eq!([0.0, 20.0, 100.0, 1.0e3].map(least_n), [0.0, -20.0, -100.0, -300.0]);
-        assert_eq!(limited_trim_n(&config, &muscle(), 20.0, 1.0e3), 300.0);
+        assert_eq!(limited_disturbance_n(&config, &muscle(), 20.0, 1.0e3), 300.0);
         let cylinder = AnyChamber::new(&ChamberConfig::Cylinder(Cylinder::default()));
-        assert_eq!(limited_trim_n(&config, &cylinder, -50.0, -1.0e3), -300.0, "it can");
+        assert_eq!(limited_disturbance_n(&config, &cylinder, -50.0, -1.0e3), -300.0, "it can");
         // From the middle of its way, at ambient pressure, with 5 N to hold.
         let gains = Gains::new(&config.controller, PERIOD_S);
         let slack = feedback(AMBIENT_PA, 0.24);
         assert!(muscle().force_n(0.0, 0.24) < -30.0);
         let active = ContractionLoop::new(&config, &gains, &muscle(), &slack, 5.0, 1.0);
-        assert_eq!(active.trim_n, -5.0);
+        assert_eq!(active.disturbance_n, -5.0);
     }
 
     /// Friction against the motion, softened; viscous friction with the speed; the mass with the
@@ -665,7 +677,7 @@ mod tests {
     #[test]
     fn a_muscle_that_has_rested_goes_on_from_what_is_measured() {
         let config = Config::default();
-        for (rested_n, now_n, trim_n) in [
+        for (rested_n, now_n, disturbance_n) in [
             (100.0, 60.0, -24.55),
             (100.0, 105.0, 0.0),
             (100.0, 140.0, 24.55),
@@ -676,7 +688,10 @@ mod tests {
             let mut active = resting(&config, 0.0, rested_n);
             let now = feedback(pressure_pa(now_n), LENGTH_M);
             let asked = active.period(&config, &muscle(), &now, &port(&now), &wanted(0.25));
-            assert!((active.trim_n - trim_n).abs() < 0.05, "{rested_n}, {now_n} N: {active:?}");
+            assert!(
+                (active.disturbance_n - disturbance_n).abs() < 0.05,
+                "{rested_n}, {now_n} N: {active:?}"
+            );
             let change_m3 = active.reference.volume_m3 - muscle().volume_m3(LENGTH_M);
             close(asked.unwrap(), mass_kg(&now, active.pressure_pa - now.pressure_pa, change_m3));
         }

@@ -10,7 +10,7 @@
 //! P V/(R T) is off the reference, and every stroke begins where the first one did. Time decides when
 //! a stroke turns, not the PWM's periods: a turn may lie within one.
 
-use super::port::Port;
+use super::chamber_port::ChamberPort;
 use crate::math::limit;
 
 /// Share of an error of the mass that one PWM period closes. More would follow the noise of the mass, and
@@ -52,7 +52,7 @@ impl Cycle {
     pub fn period(
         &mut self,
         strokes: &Strokes,
-        port: &Port,
+        port: &ChamberPort,
         elapsed_steps: u32,
         coming_steps: u16,
     ) -> f32 {
@@ -164,8 +164,8 @@ mod tests {
     const STROKES: Strokes = Strokes { flow_kg_s: 1.0e-4, period_s: 0.2, step_s: 0.001 };
 
     /// A port behind which there is so much gas.
-    fn port(mass_kg: f32, in_flight_kg: f32) -> Port {
-        Port {
+    fn port(mass_kg: f32, in_flight_kg: f32) -> ChamberPort {
+        ChamberPort {
             period_s: 0.01,
             pwm_hz: 100.0,
             pressure_pa: mass_kg * 287.05 * 298.0 / VOLUME_M3,

@@ -24,21 +24,21 @@
 //! Work is done once per PWM period, at its start; the friction at the estimated wall temperature in
 //! the middle of the period before, because an exponential is dear without an FPU.
 
+mod chamber_port;
 mod contraction;
 mod cycle;
-mod port;
 mod pressure;
 mod set_point;
 pub mod valve_drive;
 
-pub use self::port::Feedback;
+pub use self::chamber_port::Feedback;
 pub use crate::sample::{Mode, SetPoint};
 
 pub use self::set_point::{SetPointError, SetPointField, Target, contractions};
 
+use self::chamber_port::ChamberPort;
 use self::contraction::{Contracting, ContractionLoop, Gains};
 use self::cycle::{Cycle, Strokes};
-use self::port::Port;
 use self::pressure::PressureLoop;
 use crate::config::{Config, Load};
 use crate::control::valve_drive::FlowDrive;
@@ -248,7 +248,7 @@ impl Controller {
     }
 
     /// Mass of the working cycle in the coming period \[kg\].
-    fn cycle_mass_kg(&mut self, config: &Config, port: &Port, strokes: &Strokes) -> f32 {
+    fn cycle_mass_kg(&mut self, config: &Config, port: &ChamberPort, strokes: &Strokes) -> f32 {
         let (mut active, elapsed_steps) = match self.active {
             ActiveLoop::Cycle(active) => (active, self.elapsed_steps),
             _ => (Cycle::new(port.gas_mass_kg()), 0),
@@ -264,7 +264,7 @@ impl Controller {
         config: &Config,
         chamber: &impl Chamber,
         feedback: &Feedback,
-        port: &Port,
+        port: &ChamberPort,
         pressure_pa: f32,
     ) -> Option<f32> {
         self.limited = pressure_pa > self.working_limit_pa;
@@ -285,7 +285,7 @@ impl Controller {
         config: &Config,
         chamber: &impl Chamber,
         feedback: &Feedback,
-        port: &Port,
+        port: &ChamberPort,
         wanted: &Contracting,
     ) -> Option<f32> {
         let mut active = match self.active {
@@ -307,7 +307,7 @@ impl Controller {
 
     /// `wanted_kg`, limited to the mass that brings the pressure to the working limit at the present
     /// volume \[kg\].
-    fn limited_kg(&mut self, port: &Port, wanted_kg: f32) -> f32 {
+    fn limited_kg(&mut self, port: &ChamberPort, wanted_kg: f32) -> f32 {
         if !(wanted_kg > 0.0) {
             return wanted_kg;
         }
@@ -324,7 +324,7 @@ impl Controller {
         if self.length_m > 0.0 { chamber.volume_slope_m2(feedback.length_m) * moved_m } else { 0.0 }
     }
 
-    fn port(&self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> Port {
+    fn port(&self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> ChamberPort {
         let period_s = self.drive.period_s();
         let volume_m3 = chamber.volume_m3(feedback.length_m);
         let leaked_kg = if config.leak.leaks() {
@@ -333,7 +333,7 @@ impl Controller {
         } else {
             0.0
         };
-        Port {
+        ChamberPort {
             period_s,
             pwm_hz: self.drive.pwm_hz(),
             pressure_pa: feedback.pressure_pa,
@@ -538,12 +538,8 @@ mod tests {
             let port = controller.port(&config, &chamber(&config), &below);
             port.mass_kg(3000.0, 0.0)
         };
-        let full_kg_s = config.valve.mass_flow_kg_s(
-            &config.gas,
-            config.supply.pressure_pa,
-            config.supply.temperature_k,
-            below.pressure_pa,
-        );
+        let supply = config.supply.into();
+        let full_kg_s = config.valve.mass_flow_kg_s(&config.gas, supply, below.pressure_pa);
         let inlet = periods(&mut controller, &config, 1, below).inlet;
         assert!(inlet > Duty::ZERO && controller.limited());
         assert!(full_kg_s * 0.01 * inlet.share() <= 1.001 * room_kg, "{inlet:?}");
@@ -724,7 +720,7 @@ mod tests {
         }
     }
 
-    /// Eq. (6) backwards: dP/dt of the mass that [`Port::mass_kg`] asks for is the one wanted.
+    /// Eq. (6) backwards: dP/dt of the mass that [`ChamberPort::mass_kg`] asks for is the one wanted.
     #[test]
     fn mass_is_eq_6_solved_for_it() {
         let config = Config::default();

@@ -1,7 +1,7 @@
 //! Pressure: the gas mass that brings the next period's end to the set point, from eq. (6) with the
 //! estimated temperature and the measured speed.
 
-use super::port::{Feedback, Port};
+use super::chamber_port::{ChamberPort, Feedback};
 use crate::config::{Config, ControllerConfig};
 use crate::math::{absolute, limit};
 
@@ -32,7 +32,7 @@ impl PressureLoop {
         &mut self,
         config: &Config,
         feedback: &Feedback,
-        port: &Port,
+        port: &ChamberPort,
         volume_change_m3: f32,
         set_point_pa: f32,
     ) -> Option<f32> {
@@ -93,8 +93,8 @@ mod tests {
         Feedback { pressure_pa, length_m: 0.27, estimate: Estimate::default() }
     }
 
-    fn port(pressure_pa: f32) -> Port {
-        Port {
+    fn port(pressure_pa: f32) -> ChamberPort {
+        ChamberPort {
             period_s: 0.01,
             pwm_hz: 100.0,
             pressure_pa,
@@ -110,7 +110,7 @@ mod tests {
     }
 
     /// Pressure change of one period at this pressure \[Pa\] for a set point.
-    fn moved_pa(active: &mut PressureLoop, port: &Port, set_point_pa: f32) -> Option<f32> {
+    fn moved_pa(active: &mut PressureLoop, port: &ChamberPort, set_point_pa: f32) -> Option<f32> {
         active
             .period(&Config::default(), &feedback(port.pressure_pa), port, 0.0, set_point_pa)
             .map(|kg| kg / KG_PER_PA)
@@ -128,12 +128,12 @@ mod tests {
         for error_pa in [-4.0e4, -1.6e4, 1.6e4, 4.0e4] {
             close(moved_pa(&mut started.clone(), &port(3.0e5), 3.0e5 + error_pa), GAIN * error_pa);
         }
-        let saturated = Port { saturated: true, ..port(3.0e5) };
+        let saturated = ChamberPort { saturated: true, ..port(3.0e5) };
         let mut active = started;
         for _ in 0..10 {
             close(moved_pa(&mut active, &saturated, 3.1e5), GAIN * 1.0e4);
         }
-        let in_flight = Port { in_flight_kg: 3000.0 * KG_PER_PA, ..port(3.0e5) };
+        let in_flight = ChamberPort { in_flight_kg: 3000.0 * KG_PER_PA, ..port(3.0e5) };
         close(moved_pa(&mut started.clone(), &in_flight, 3.2e5), GAIN * 2.0e4 - 3000.0);
         assert!(moved_pa(&mut started.clone(), &in_flight, 3.0e5).is_some(), "no rest in flight");
         // The growth of the volume is filled up: k P dV/V.
@@ -167,8 +167,8 @@ mod tests {
     }
 
     #[test]
-    fn a_leak_that_is_told_is_made_up_for_at_once() {
-        let leaking = Port { leaked_kg: 500.0 * KG_PER_PA, ..port(3.0e5) };
+    fn a_configured_leak_is_made_up_for_at_once() {
+        let leaking = ChamberPort { leaked_kg: 500.0 * KG_PER_PA, ..port(3.0e5) };
         for error_pa in [-1.0e4, 1.0e4] {
             let mut active = PressureLoop::new(&feedback(3.0e5));
             let learnt_pa = GAIN * error_pa * 0.01 / 0.3;

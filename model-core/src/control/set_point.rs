@@ -15,7 +15,7 @@ const LARGEST_FLOW_KG_S: f32 = 1.0;
 
 /// A value of a set point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum SetPointField {
     /// Share for which the inlet is open.
@@ -51,7 +51,7 @@ impl SetPointField {
 
 /// Why a set point is not taken; what held before goes on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum SetPointError {
     /// A value is not a number, or out of its range.

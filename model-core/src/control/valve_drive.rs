@@ -148,12 +148,7 @@ impl FlowDrive {
         } else {
             (muscle, config.ambient.into(), CarryOver::Inlet)
         };
-        let full_kg_s = config.valve.mass_flow_kg_s(
-            &config.gas,
-            upstream.pressure_pa,
-            upstream.temperature_k,
-            downstream.pressure_pa,
-        );
+        let full_kg_s = config.valve.mass_flow_kg_s(&config.gas, upstream, downstream.pressure_pa);
         let full_kg = full_kg_s * self.period_s;
         let wanted_kg = if filling { mass_kg } else { -mass_kg };
         let opening_s = if wanted_kg < full_kg {
@@ -248,8 +243,8 @@ mod tests {
             let config = Config::default();
             let mut drive = FlowDrive::new(&config);
             let muscle = Reservoir { pressure_pa: pressure, temperature_k: 298.0 };
-            let full = |up: Reservoir, down: Reservoir| config.valve.mass_flow_kg_s(
-                &config.gas, up.pressure_pa, up.temperature_k, down.pressure_pa);
+            let full = |up: Reservoir, down: Reservoir|
+                config.valve.mass_flow_kg_s(&config.gas, up, down.pressure_pa);
             let (inlet, outlet) = (full(config.supply.into(), muscle), full(muscle, config.ambient.into()));
             prop_assume!(flow > -0.9 * outlet);
             let mut moved = 0.0;
@@ -310,7 +305,8 @@ mod tests {
         let config = Config::default();
         let mut drive = FlowDrive::new(&config);
         let muscle = Reservoir { pressure_pa: 3.0e5, temperature_k: 298.0 };
-        let full = config.valve.mass_flow_kg_s(&config.gas, 7.0e5, 298.0, 3.0e5);
+        let supply = Reservoir { pressure_pa: 7.0e5, temperature_k: 298.0 };
+        let full = config.valve.mass_flow_kg_s(&config.gas, supply, 3.0e5);
         // Open for the whole period: 1 ms of dead time and half of 2 ms of closing are left.
         drive.mass(&config, 1.0, muscle);
         assert!(drive.saturated());
@@ -329,7 +325,10 @@ mod tests {
     /// Mass that the open inlet, and the open outlet, pass in one period of 10 ms \[kg\].
     fn full_kg() -> (f32, f32) {
         let config = Config::default();
-        let flow = |up_pa, down_pa| config.valve.mass_flow_kg_s(&config.gas, up_pa, 298.0, down_pa);
+        let flow = |pressure_pa, down_pa| {
+            let upstream = Reservoir { pressure_pa, temperature_k: 298.0 };
+            config.valve.mass_flow_kg_s(&config.gas, upstream, down_pa)
+        };
         (0.01 * flow(7.0e5, 3.0e5), 0.01 * flow(3.0e5, 101_325.0))
     }
 

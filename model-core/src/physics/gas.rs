@@ -68,7 +68,7 @@ pub struct GasVolume {
 
 /// The coefficients of eq. (9), each between 1 (isothermal) and k (adiabatic).
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Blend {
     /// Charging.
     pub alpha_in: f32,

@@ -38,7 +38,7 @@ impl Leak {
             switch_time_s: 0.0,
             dead_time_s: 0.0,
         };
-        path.mass_flow_kg_s(gas, chamber.pressure_pa, chamber.temperature_k, ambient_pa)
+        path.mass_flow_kg_s(gas, chamber, ambient_pa)
     }
 }
 

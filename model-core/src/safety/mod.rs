@@ -1,4 +1,4 @@
 //! Faults, and venting because of them.
 
+pub mod plausibility;
 pub mod supervisor;
-pub mod watch;

@@ -21,7 +21,7 @@
 //! | link lost | no request of the host for `link.timeout_s`, while a set point holds | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
 //! | not configured | at the start of a board without a configuration | vent until it is configured |
-//! | gas gained, burst, no inflow, no outflow, force | as in [`crate::safety::watch`] | vent, latched |
+//! | gas gained, burst, no inflow, no outflow, force | as in [`crate::safety::plausibility`] | vent, latched |
 //! | leak | the same | shown for ten seconds |
 //! | link flooded | the board drops requests | shown while it lasts |
 //!
@@ -30,7 +30,7 @@
 //! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone; a lost link also by arming
 //! the core again. What vents disarms the core. Another
 //! configuration or another start of the core is no way round: the supervisor outlives both, and
-//! after each of them the muscle vents for the 50 ms that it takes to judge the sensors.
+//! after each of them the muscle vents for the 50 ms that it takes to test the sensors.
 
 use crate::config::Config;
 use crate::math::is_above;
@@ -39,10 +39,10 @@ use crate::sensing::{Readings, Validity};
 use crate::step_counts::{StepCounts, timeout_steps};
 
 /// Count that a missed step adds; each step takes 1 away.
-const LATE_WEIGHT: u16 = 20;
+const LATE_WEIGHT: u32 = 20;
 /// Count from which a board is too late: five missed steps together. And the most that is counted.
-const TOO_LATE: u16 = 5 * LATE_WEIGHT;
-const LATEST: u16 = 2 * TOO_LATE;
+const TOO_LATE: u32 = 5 * LATE_WEIGHT;
+const LATEST: u32 = 2 * TOO_LATE;
 
 /// Faults that vent and stay latched.
 const LATCHING: Faults = Faults::EMERGENCY_STOP
@@ -61,7 +61,7 @@ pub const VENTING: Faults = LATCHING.with(Faults::NOT_CONFIGURED);
 
 /// The first fault that vented, and what held with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FirstFailure {
     /// Every fault of that step, those that are only shown included.
     pub faults: Faults,
@@ -116,19 +116,74 @@ struct Limits {
     digital_gas: bool,
 }
 
+/// State of the supervisor, which decides what the core may do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum State {
+    /// Startup check: the core vents and tests the sensors.
+    StartupCheck {
+        /// Steps of the check that are left, at least 1.
+        left_steps: u16,
+        /// Venting faults so far, those from before a restart included.
+        causes: Faults,
+    },
+    /// No fault vents: the set point is followed.
+    Ready,
+    /// The core vents.
+    Venting {
+        /// The venting faults, at least one.
+        causes: Faults,
+    },
+}
+
+impl State {
+    /// The state outside of the startup check.
+    fn after_check(causes: Faults) -> Self {
+        if causes == Faults::NONE { Self::Ready } else { Self::Venting { causes } }
+    }
+
+    /// Faults for which the core vents.
+    pub fn causes(self) -> Faults {
+        match self {
+            Self::StartupCheck { causes, .. } | Self::Venting { causes } => causes,
+            Self::Ready => Faults::NONE,
+        }
+    }
+
+    /// The same with other venting faults.
+    fn with_causes(self, causes: Faults) -> Self {
+        match self {
+            Self::StartupCheck { left_steps, .. } => Self::StartupCheck { left_steps, causes },
+            Self::Ready | Self::Venting { .. } => Self::after_check(causes),
+        }
+    }
+
+    /// The state after one more step, with these venting faults.
+    fn next(self, causes: Faults) -> Self {
+        match self {
+            Self::StartupCheck { left_steps, .. } if left_steps > 1 => {
+                Self::StartupCheck { left_steps: left_steps - 1, causes }
+            }
+            _ => Self::after_check(causes),
+        }
+    }
+}
+
 /// Watches the inputs.
+///
+/// The fields of every step come first, within reach of a Cortex-M0+'s short load.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
 pub struct Supervisor {
-    limits: Limits,
-    latched: Faults,
+    state: State,
+    /// Faults of the last step.
     present: Faults,
-    first: Option<FirstFailure>,
-    startup_steps: u16,
-    pressure_trusted: bool,
-    overpressure_steps: u16,
-    impossible_length_steps: u16,
     silent_steps: u32,
-    late: u16,
+    overpressure_steps: u32,
+    impossible_length_steps: u32,
+    late: u32,
+    pressure_trusted: bool,
+    limits: Limits,
+    first: Option<FirstFailure>,
 }
 
 impl Supervisor {
@@ -138,13 +193,15 @@ impl Supervisor {
     /// use model_core::safety::supervisor::Supervisor;
     /// use model_core::{Config, Faults};
     ///
-    /// assert_eq!(Supervisor::new(&Config::default(), true).venting(), Faults::NONE);
+    /// let board = Supervisor::new(&Config::default(), false);
+    /// assert_eq!(board.venting(), Faults::NOT_CONFIGURED);
     /// ```
     pub fn new(config: &Config, configured: bool) -> Self {
         let counts = StepCounts::new(config.step_s);
         let timeout_s = config.link.timeout_s;
         let silent_steps = (timeout_s > 0.0).then(|| timeout_steps(timeout_s, config.step_s));
         let digital_gas = config.sensors.gas_element.is_digital();
+        let present = Faults::NOT_CONFIGURED.when(!configured);
         Self {
             limits: Limits {
                 pressure_pa: config.pressure_limit_pa,
@@ -153,10 +210,9 @@ impl Supervisor {
                 configured,
                 digital_gas,
             },
-            latched: Faults::NONE,
-            present: Faults::NONE,
+            state: State::StartupCheck { left_steps: counts.startup_steps, causes: present },
+            present,
             first: None,
-            startup_steps: counts.startup_steps,
             pressure_trusted: false,
             overpressure_steps: 0,
             impossible_length_steps: 0,
@@ -166,16 +222,28 @@ impl Supervisor {
     }
 
     /// The supervisor after the core restarts with the supervisor `other`; it keeps
-    /// everything that it has counted and latched, and the sensors are judged again.
+    /// everything that it has counted and latched, and the startup check begins again.
     pub fn after_restart(&self, other: &Self) -> Self {
-        let limits = other.limits;
-        Self { limits, startup_steps: limits.counts.startup_steps, silent_steps: 0, ..*self }
+        let causes = self.latched().with(other.state.causes());
+        Self {
+            limits: other.limits,
+            state: other.state.with_causes(causes),
+            present: self.present.of(LATCHING).with(other.present),
+            silent_steps: 0,
+            ..*self
+        }
     }
 
     /// Takes over what was latched before the board restarted.
     pub fn recall(&mut self, first: FirstFailure, latched: Faults) {
         self.first = Some(first);
-        self.latched = self.latched.with(latched.of(LATCHING));
+        let causes = self.venting().with(latched.of(LATCHING));
+        self.state = self.state.with_causes(causes);
+    }
+
+    /// The state after the last step, or after a call that changed it since.
+    pub fn state(&self) -> State {
+        self.state
     }
 
     /// The first failure since faults were last cleared, or the last one before that.
@@ -185,30 +253,24 @@ impl Supervisor {
 
     /// Faults that stay until they are cleared.
     pub fn latched(&self) -> Faults {
-        self.latched
-    }
-
-    /// Whether the sensors are still being judged, after the last step.
-    pub fn judging(&self) -> bool {
-        self.startup_steps > 0
+        self.venting().of(LATCHING)
     }
 
     /// Looks at the inputs of one step; returns the faults that hold.
     pub fn step(&mut self, board: &BoardState, readings: &Readings, activity: Activity) -> Faults {
         let Activity { driven, step, found, impossible_length } = activity;
         let Readings { pressure, length, gas } = readings;
-        self.startup_steps = self.startup_steps.saturating_sub(1);
         let count =
-            |condition: bool, steps: u16| if condition { steps.saturating_add(1) } else { 0 };
+            |condition: bool, steps: u32| if condition { steps.saturating_add(1) } else { 0 };
         self.overpressure_steps =
             count(is_above(pressure.value, self.limits.pressure_pa), self.overpressure_steps);
         self.impossible_length_steps = count(impossible_length, self.impossible_length_steps);
-        let silent = driven && !board.heard;
-        self.silent_steps = if silent { self.silent_steps.saturating_add(1) } else { 0 };
-        let missed = u16::from(board.missed_steps).saturating_mul(LATE_WEIGHT);
+        self.silent_steps = count(driven && !board.heard, self.silent_steps);
+        let missed = u32::from(board.missed_steps).saturating_mul(LATE_WEIGHT);
         self.late = self.late.saturating_sub(1).saturating_add(missed).min(LATEST);
         self.pressure_trusted = pressure.validity == Validity::Valid;
         let Limits { counts: StepCounts { patience_steps, .. }, silent_steps, .. } = self.limits;
+        let patience_steps = u32::from(patience_steps);
         let length_lost =
             length.validity != Validity::Valid || self.impossible_length_steps >= patience_steps;
         let present = found
@@ -226,18 +288,26 @@ impl Supervisor {
             .with(Faults::NOT_CONFIGURED.when(!self.limits.configured))
             .with(Faults::LINK_FLOODED.when(board.flooded));
         self.present = present;
-        let latched = self.latched.with(present.of(LATCHING));
-        if self.latched == Faults::NONE && latched != Faults::NONE {
-            let pressure_pa = pressure.value;
-            self.first = Some(FirstFailure { faults: present, pressure_pa, step });
+        if matches!(self.state, State::Ready) && !present.intersects(VENTING) {
+            return present;
         }
-        self.latched = latched;
+        self.change_state(FirstFailure { faults: present, pressure_pa: pressure.value, step })
+    }
+
+    /// Takes a step's faults outside of [`State::Ready`], or out of it; returns the faults that hold.
+    #[inline(never)] // Most steps do without it.
+    fn change_state(&mut self, now: FirstFailure) -> Faults {
+        let latched = self.latched();
+        if latched == Faults::NONE && now.faults.intersects(LATCHING) {
+            self.first = Some(now);
+        }
+        self.state = self.state.next(latched.with(now.faults.of(VENTING)));
         self.faults()
     }
 
     /// Faults that hold now or are latched.
     pub fn faults(&self) -> Faults {
-        self.latched.with(self.present)
+        self.venting().with(self.present)
     }
 
     /// Whether the pressure of the last step is to be trusted.
@@ -247,7 +317,7 @@ impl Supervisor {
 
     /// Faults for which the muscle must vent.
     pub fn venting(&self) -> Faults {
-        self.faults().of(VENTING)
+        self.state.causes()
     }
 
     /// Vents above this absolute pressure \[Pa\].
@@ -257,13 +327,13 @@ impl Supervisor {
 
     /// Forgets that the host was silent, if it no longer is.
     pub fn forget_link(&mut self) {
-        let lost = Faults(Faults::LINK_LOST.0 & !self.present.0);
-        self.latched = Faults(self.latched.0 & !lost.0);
+        let lost = Faults::LINK_LOST.without(self.present);
+        self.state = self.state.with_causes(self.venting().without(lost));
     }
 
     /// Forgets the latched faults whose cause is gone.
     pub fn clear(&mut self) {
-        self.latched = self.present.of(LATCHING);
+        self.state = self.state.with_causes(self.present.of(VENTING));
     }
 }
 
@@ -276,7 +346,7 @@ mod tests {
     use core::ops::{Deref, DerefMut};
 
     const PATIENCE_STEPS: u16 = 10;
-    const JUDGING_STEPS: u16 = 50;
+    const STARTUP_STEPS: u16 = 50;
 
     const HEALTHY: Sample = Sample::new(AdcCode(10_000), AdcCode(16_000), AdcCode(20_000));
     const IDLE: Activity =
@@ -330,10 +400,10 @@ mod tests {
         }
     }
 
-    /// One that has judged its healthy sensors.
-    fn judged() -> Bench {
+    /// One whose sensors have passed the startup check.
+    fn checked() -> Bench {
         let mut supervisor = Bench::new(&Config::default());
-        for _ in 0..JUDGING_STEPS {
+        for _ in 0..STARTUP_STEPS {
             supervisor.step(&HEALTHY, 2.0e5, IDLE);
         }
         supervisor
@@ -346,7 +416,7 @@ mod tests {
     #[test]
     fn a_silent_host_vents_only_what_it_drives() {
         let silent = Sample { heard: false, ..HEALTHY };
-        let mut supervisor = judged();
+        let mut supervisor = checked();
         for _ in 0..1000 {
             assert_eq!(supervisor.step(&silent, 2.0e5, IDLE), Faults::NONE, "nothing is driven");
         }
@@ -374,7 +444,7 @@ mod tests {
     #[test]
     fn missed_steps_vent_when_they_come_together() {
         let late = |missed_steps| Sample { missed_steps, ..HEALTHY };
-        let mut supervisor = judged();
+        let mut supervisor = checked();
         assert_eq!(supervisor.step(&late(4), 2.0e5, IDLE), Faults::NONE, "once");
         for _ in 0..80 {
             supervisor.step(&HEALTHY, 2.0e5, IDLE);
@@ -382,18 +452,18 @@ mod tests {
         assert_eq!(supervisor.step(&late(4), 2.0e5, IDLE), Faults::NONE, "and again, later");
         assert_eq!(supervisor.step(&late(1), 2.0e5, IDLE), Faults::NONE, "99 of 100");
         assert_eq!(supervisor.step(&late(1), 2.0e5, IDLE), Faults::MISSED_STEPS);
-        let mut supervisor = judged();
+        let mut supervisor = checked();
         assert_eq!(supervisor.step(&late(5), 2.0e5, IDLE), Faults::MISSED_STEPS);
         assert_eq!(supervisor.step(&late(255), 2.0e5, IDLE), Faults::MISSED_STEPS, "no overflow");
     }
 
     #[test]
     fn the_first_failure_is_kept() {
-        let mut supervisor = judged();
+        let mut supervisor = checked();
         let at = |step| Activity { step, ..IDLE };
-        supervisor.step(&Sample { gas: AdcCode(0), ..HEALTHY }, 2.0e5, at(1));
+        supervisor.step(&Sample { gas: AdcCode(0).into(), ..HEALTHY }, 2.0e5, at(1));
         assert_eq!(supervisor.first_failure(), None, "it vents nothing");
-        let stopped = Sample { emergency_stop: true, gas: AdcCode(0), ..HEALTHY };
+        let stopped = Sample { emergency_stop: true, gas: AdcCode(0).into(), ..HEALTHY };
         supervisor.step(&stopped, 2.0e5, at(2));
         let first = FirstFailure {
             faults: Faults::EMERGENCY_STOP.with(Faults::GAS_SENSOR),
@@ -403,7 +473,7 @@ mod tests {
         assert_eq!(supervisor.first_failure(), Some(first));
         supervisor.step(&Sample { missed_steps: 9, ..HEALTHY }, 2.0e5, at(3));
         assert_eq!(supervisor.first_failure(), Some(first), "what follows is no cause");
-        let mut after = judged();
+        let mut after = checked();
         after.recall(first, supervisor.latched());
         after.step(&HEALTHY, 2.0e5, at(0));
         assert_eq!(after.venting(), Faults::EMERGENCY_STOP.with(Faults::MISSED_STEPS));
@@ -414,7 +484,7 @@ mod tests {
 
     #[test]
     fn emergency_stop_latches_until_cleared() {
-        let mut supervisor = judged();
+        let mut supervisor = checked();
         assert_eq!(supervisor.step(&HEALTHY, 2.0e5, IDLE), Faults::NONE);
         supervisor.step(&Sample { emergency_stop: true, ..HEALTHY }, 2.0e5, IDLE);
         assert!(must_vent(&supervisor));
@@ -428,8 +498,8 @@ mod tests {
 
     #[test]
     fn pressure_faults_need_patience() {
-        let mut supervisor = judged();
-        let shorted = Sample { pressure: AdcCode(0), ..HEALTHY };
+        let mut supervisor = checked();
+        let shorted = Sample { pressure: AdcCode(0).into(), ..HEALTHY };
         for _ in 1..PATIENCE_STEPS {
             supervisor.step(&shorted, 0.0, IDLE);
             assert!(!must_vent(&supervisor));
@@ -445,8 +515,8 @@ mod tests {
 
     #[test]
     fn temperature_and_length_faults_only_show() {
-        let mut supervisor = judged();
-        let sample = Sample { gas: AdcCode(0), length: AdcCode(32_760), ..HEALTHY };
+        let mut supervisor = checked();
+        let sample = Sample { gas: AdcCode(0).into(), length: AdcCode(32_760), ..HEALTHY };
         let faults = supervisor.step(&sample, 2.0e5, IDLE);
         assert_eq!(faults, Faults::GAS_SENSOR.with(Faults::LENGTH_SENSOR));
         assert!(!must_vent(&supervisor));
@@ -455,7 +525,7 @@ mod tests {
 
     #[test]
     fn a_length_that_cannot_be_needs_patience_and_is_shown() {
-        let mut supervisor = judged();
+        let mut supervisor = checked();
         let impossible = Activity { impossible_length: true, ..IDLE };
         for _ in 1..PATIENCE_STEPS {
             assert_eq!(supervisor.step(&HEALTHY, 2.0e5, impossible), Faults::NONE);
@@ -476,9 +546,9 @@ mod tests {
 
     #[test]
     fn a_frozen_pressure_vents_while_gas_flows() {
-        let mut supervisor = judged();
+        let mut supervisor = checked();
         let moved = |by: u16| Sample {
-            pressure: AdcCode(10_000 + by),
+            pressure: AdcCode(10_000 + by).into(),
             length: AdcCode(20_000 + by),
             ..HEALTHY
         };
@@ -498,9 +568,9 @@ mod tests {
     /// A large muscle fills so slowly that it takes longer through a code of nine steps.
     #[test]
     fn a_wide_code_is_not_a_frozen_line() {
-        let mut supervisor = judged();
+        let mut supervisor = checked();
         for step in 0..500 {
-            let sample = Sample { pressure: AdcCode(12_288), ..HEALTHY };
+            let sample = Sample { pressure: AdcCode(12_288).into(), ..HEALTHY };
             let sample = Sample { length: AdcCode(20_000 + step % 2), ..sample };
             assert_eq!(stand(&mut supervisor, &sample, 1, true), Faults::NONE);
         }
@@ -512,20 +582,20 @@ mod tests {
         let mut config = Config::default();
         config.sensors.adc.wide_code_lsb = 0.0;
         let mut supervisor = Bench::new(&config);
-        let sample = Sample { pressure: AdcCode(12_288), ..HEALTHY };
-        let faults = stand(&mut supervisor, &sample, JUDGING_STEPS + FROZEN_CODES, true);
+        let sample = Sample { pressure: AdcCode(12_288).into(), ..HEALTHY };
+        let faults = stand(&mut supervisor, &sample, STARTUP_STEPS + FROZEN_CODES, true);
         assert!(faults.intersects(Faults::PRESSURE_SENSOR));
     }
 
     #[test]
-    fn noise_is_told_from_motion() {
-        let mut supervisor = judged();
+    fn noise_differs_from_motion() {
+        let mut supervisor = checked();
         let mut code = 5000_u16;
         for step in 0..500_u16 {
             // A fast fill and a fast vent, with the noise of a healthy line.
             code = if step % 100 < 50 { code + 180 } else { code - 180 };
             let sample = Sample {
-                pressure: AdcCode(code + step % 7),
+                pressure: AdcCode(code + step % 7).into(),
                 length: AdcCode(30_000 - code),
                 ..HEALTHY
             };
@@ -539,7 +609,7 @@ mod tests {
         assert_eq!(supervisor.faults(), Faults::LENGTH_SENSOR);
         for step in 0..40_u32 {
             let noise = (step * 7919 % 3000) as u16;
-            let sample = Sample { pressure: AdcCode(20_000 + noise), ..HEALTHY };
+            let sample = Sample { pressure: AdcCode(20_000 + noise).into(), ..HEALTHY };
             supervisor.step(&sample, 2.0e5, IDLE);
         }
         assert_eq!(supervisor.faults(), Faults::PRESSURE_SENSOR);
@@ -555,7 +625,7 @@ mod tests {
     fn a_jerk_is_two_percent_of_the_range() {
         let faults_at = |percent: f32| {
             let swing = (f32::from(CODE_MAX) * percent / 100.0) as u16;
-            let mut supervisor = judged();
+            let mut supervisor = checked();
             for step in 0..200 {
                 let by = swing * (step % 2);
                 let sample =
@@ -572,7 +642,7 @@ mod tests {
     #[test]
     fn lateness_is_forgotten_after_a_hundred_steps_in_time() {
         for (steps, late) in [(95, true), (105, false)] {
-            let mut supervisor = judged();
+            let mut supervisor = checked();
             for _ in 0..10 {
                 supervisor.step(&Sample { missed_steps: 255, ..HEALTHY }, 2.0e5, IDLE);
             }
@@ -588,7 +658,7 @@ mod tests {
         let pressure_limit_pa = 3.0e5;
         let lower =
             Config { pressure_limit_pa, link: LinkConfig { timeout_s: 0.3 }, ..Config::default() };
-        let restarted = judged().after_restart(&lower);
+        let restarted = checked().after_restart(&lower);
         let mut supervisor = restarted;
         for _ in 0..PATIENCE_STEPS {
             supervisor.step(&HEALTHY, 3.0e5, IDLE);

@@ -4,7 +4,7 @@
 //! of it matter. The arithmetic of the circuits is in `docs/reference/board.md`.
 
 use crate::parameter::parameters;
-use crate::sample::{AdcCode, CODE_MAX, OVERSAMPLING};
+use crate::sample::{AdcCode, CODE_MAX, OVERSAMPLING, PartCode, RawCode};
 
 /// Codes nearer to a rail than this are a broken or saturated sensor: 2 % of the range.
 pub const RAIL_MARGIN: u16 = CODE_MAX / 50;
@@ -69,7 +69,7 @@ impl Linearisation {
 
     /// The ideal code for a code as read; need not be whole.
     pub fn ideal(&self, code: AdcCode) -> f32 {
-        let halves = (wide_halves_below(code) as usize).min(MOST_HALVES - 1);
+        let halves = (wide_halves_below(code.0) as usize).min(MOST_HALVES - 1);
         self.slope * f32::from(code.0) + self.swallowed.get(halves).unwrap_or(&0.0)
     }
 
@@ -85,8 +85,8 @@ impl Linearisation {
 
 /// Halves of wide codes below a code: they lie at 512 + 1024 i, here times eight; of the one that is
 /// read, one half.
-fn wide_halves_below(code: AdcCode) -> u32 {
-    let code = u32::from(code.0);
+fn wide_halves_below(code: u16) -> u32 {
+    let code = u32::from(code);
     ((code + 4096) >> 13) + ((code + 4095) >> 13)
 }
 
@@ -95,12 +95,21 @@ fn is_wide(code: AdcCode) -> bool {
     code.0 & 8191 == 4096
 }
 
-/// Whether a code lies so near to a rail that no healthy sensor gives it.
-pub fn at_rail(code: AdcCode) -> bool {
-    code.0 < RAIL_MARGIN || code.0 > CODE_MAX - RAIL_MARGIN
+/// Whether a code lies so near to a rail that no healthy sensor gives it. The 15 bits of a digital
+/// part span the same numbers.
+pub fn at_rail(code: impl Into<RawCode>) -> bool {
+    let (RawCode::Adc(AdcCode(code))
+    | RawCode::Fresh(PartCode(code))
+    | RawCode::Stale(PartCode(code))) = code.into();
+    number_at_rail(code)
 }
 
-/// Sum of one channel's codes over many steps, in integers: cheap where there is no FPU.
+pub(super) fn number_at_rail(code: u16) -> bool {
+    !(RAIL_MARGIN..=CODE_MAX - RAIL_MARGIN).contains(&code)
+}
+
+/// Sum of one channel's codes over many steps, of the converter or of a digital part, in integers:
+/// cheap where there is no FPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CodeSum {
     codes: u32,
@@ -110,8 +119,8 @@ pub struct CodeSum {
 
 impl CodeSum {
     /// Adds one code; up to 65 535 of them.
-    pub fn add(&mut self, code: AdcCode) {
-        self.codes = self.codes.saturating_add(u32::from(code.0));
+    pub fn add(&mut self, code: u16) {
+        self.codes = self.codes.saturating_add(u32::from(code));
         self.wide_halves = self.wide_halves.saturating_add(wide_halves_below(code));
         self.count = self.count.saturating_add(1);
     }
@@ -160,9 +169,9 @@ impl Characteristic {
         Self::over(per_code, 0.5 * f32::from(OVERSAMPLING) * per_code, low, high)
     }
 
-    /// The same over the [codes](AdcCode::of_part) of a digital part, its output's whole scale being the reference.
+    /// The same over the [codes](PartCode) of a digital part, its output's whole scale being the reference.
     pub fn of_part(low: Point, high: Point) -> Self {
-        Self::over(1.0 / 65_536.0, 0.0, low, high)
+        Self::over(1.0 / 32_768.0, 0.0, low, high)
     }
 
     fn over(per_code: f32, half: f32, low: Point, high: Point) -> Self {
@@ -212,7 +221,7 @@ mod tests {
             let mut sum = CodeSum::default();
             prop_assert_eq!(linearisation.mean(&sum), None);
             for _ in 0..count {
-                sum.add(AdcCode(code));
+                sum.add(code);
             }
             let mean = linearisation.mean(&sum).unwrap();
             prop_assert!((mean - linearisation.ideal(AdcCode(code))).abs() < 0.02, "{mean}");

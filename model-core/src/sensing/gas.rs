@@ -31,7 +31,7 @@ macro_rules! elements {
     ($($(#[$attribute:meta])* $element:ident,)*) => {
         /// The element that senses the gas temperature.
         #[derive(Debug, Clone, Copy, PartialEq)]
-        #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
         #[non_exhaustive]
         pub enum GasElement {
             $($(#[$attribute])* $element($element),)*

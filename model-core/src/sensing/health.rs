@@ -1,8 +1,8 @@
 //! Whether a line of the converter is healthy, by its codes.
 
 use super::Validity;
-use super::adc::at_rail;
-use crate::sample::{AdcCode, CODE_MAX};
+use super::adc::number_at_rail;
+use crate::sample::CODE_MAX;
 
 /// Conversions with gas flowing for which a code may stand still. The noise of eight summed conversions
 /// moves it at almost every step, and so does gas that flows; only in a code of erratum RP2040-E11
@@ -52,9 +52,9 @@ impl Health {
         Self { patience: other.patience, ..self }
     }
 
-    /// Takes the next code.
-    pub fn add(&mut self, code: AdcCode, stillness: Stillness) -> Validity {
-        let [now, last, before] = [code.0, self.last, self.before].map(i32::from);
+    /// Takes the next code, of the converter or of a digital part.
+    pub fn add(&mut self, code: u16, stillness: Stillness) -> Validity {
+        let [now, last, before] = [code, self.last, self.before].map(i32::from);
         self.jerks = if (now - 2 * last + before).abs() > JERK {
             (self.jerks + JERK_WEIGHT).min(MOST_NOISY)
         } else {
@@ -65,9 +65,9 @@ impl Health {
         } else if stillness == Stillness::Suspicious {
             self.still = self.still.saturating_add(1);
         }
-        self.at_rail = if at_rail(code) { self.at_rail.saturating_add(1) } else { 0 };
+        self.at_rail = if number_at_rail(code) { self.at_rail.saturating_add(1) } else { 0 };
         self.before = self.last;
-        self.last = code.0;
+        self.last = code;
         if self.at_rail >= self.patience || self.still >= FROZEN_CODES || self.jerks >= NOISY {
             Validity::Lost
         } else if self.at_rail > 0 {

@@ -30,12 +30,12 @@ use self::length::LengthSensor;
 use self::part::Part;
 use self::pressure::{PressurePart, PressureSensor};
 use crate::parameter::ConfigError;
-use crate::sample::{AdcCode, OVERSAMPLING, Sample};
+use crate::sample::{AdcCode, OVERSAMPLING, PartCode, RawCode, Sample};
 use crate::step_counts::StepCounts;
 
 /// The sensors and their converter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Sensors {
     /// The converter.
     pub adc: Adc,
@@ -133,48 +133,60 @@ struct Channel {
     /// Half the width of its widest codes.
     wide: f32,
     health: Health,
-    /// A digital part, and what it has read last.
-    part: Option<(Part, f32)>,
 }
 
 impl Channel {
     /// Not inlined: two calls.
     #[inline(never)]
     fn read(&mut self, linearisation: &Linearisation, code: AdcCode, usual: Stillness) -> Reading {
-        if let Some((part, value)) = &mut self.part {
-            let validity = part.add(&mut self.health, code, usual);
-            if code.is_fresh() && validity == Validity::Valid {
-                *value = self.sensor.at(f32::from(code.stale().0));
-            }
-            return Reading { value: *value, wide: 0.0, validity };
-        }
         let widened = linearisation.widens(code);
         Reading {
             value: self.sensor.at(linearisation.ideal(code)),
             wide: if widened { self.wide } else { 0.0 },
-            validity: self.health.add(code, if widened { Stillness::Wide } else { usual }),
+            validity: self.health.add(code.0, if widened { Stillness::Wide } else { usual }),
         }
+    }
+
+    /// The same from a digital part, of which `value` was the last one.
+    fn read_part(
+        &mut self,
+        (part, value): &mut (Part, f32),
+        code: RawCode,
+        usual: Stillness,
+    ) -> Reading {
+        let validity = part.add(&mut self.health, code, usual);
+        if let (RawCode::Fresh(PartCode(reading)), Validity::Valid) = (code, validity) {
+            *value = self.sensor.at(f32::from(reading));
+        }
+        Reading { value: *value, wide: 0.0, validity }
     }
 }
 
 /// Every sensor of one muscle.
+///
+/// The small fields come first, within reach of a Cortex-M0+'s short load.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
 pub struct Sensing {
+    gas_codes: CodeSum,
+    /// Last code, of the converter or of the part.
+    gas_code: Option<u16>,
+    /// Growth of the readings' ages since they came, summed up \[steps\].
+    gas_ages: u16,
+    gas_moved: bool,
+    gas_health: Health,
+    gas_part: Option<Part>,
     linearisation: Linearisation,
     pressure: Channel,
     length: Channel,
+    /// The pressure's digital part, and what it has read last.
+    pressure_part: Option<(Part, f32)>,
     gas: GasLine,
-    gas_health: Health,
-    gas_part: Option<Part>,
     /// Variance of the noise of a code \[K2\], and of how many conversions it is the sum.
     gas_noise_k2: f32,
     gas_conversions: f32,
-    gas_codes: CodeSum,
-    /// Age of a digital part's reading when it comes, and what it has grown by since, summed up \[steps\].
+    /// Age of a digital part's reading when it comes \[steps\].
     gas_latency_steps: f32,
-    gas_ages: u16,
-    gas_code: Option<AdcCode>,
-    gas_moved: bool,
 }
 
 impl Sensing {
@@ -207,17 +219,14 @@ impl Sensing {
                 sensor: pressure_part.calibrated(pressure),
                 wide: adc.half_width(pressure.resolution_pa()),
                 health: Health::new(if part.is_some() { part::PATIENCE } else { patience_steps }),
-                part: part.map(|part| {
-                    let part = Part::new(&part, step_s, Validity::Suspect);
-                    (part, ambient_pa)
-                }),
             },
             length: Channel {
                 sensor: length.calibrated(),
                 wide: adc.half_width(length.resolution_m()),
                 health: Health::new(1),
-                part: None,
             },
+            pressure_part: part
+                .map(|part| (Part::new(&part, step_s, Validity::Suspect), ambient_pa)),
             gas: GasLine::new(gas, gas_element),
             gas_health: Health::new(if gas_part.is_some() { part::PATIENCE } else { 1 }),
             gas_part,
@@ -238,7 +247,7 @@ impl Sensing {
         next.length.health = self.length.health;
         next.gas_health = self.gas_health.with_patience_of(&other.gas_health);
         if let (Some((_, last_pa)), Some((_, pressure_pa))) =
-            (self.pressure.part, &mut next.pressure.part)
+            (self.pressure_part, &mut next.pressure_part)
         {
             *pressure_pa = last_pa;
         }
@@ -250,19 +259,22 @@ impl Sensing {
     pub fn read(&mut self, sample: &Sample, flowing: bool) -> Readings {
         let usual = if flowing { Stillness::Suspicious } else { Stillness::Usual };
         Readings {
-            pressure: self.pressure.read(&self.linearisation, sample.pressure, usual),
+            pressure: match &mut self.pressure_part {
+                Some(part) => self.pressure.read_part(part, sample.pressure, usual),
+                None => self.pressure.read(&self.linearisation, sample.pressure.adc(), usual),
+            },
             length: self.length.read(&self.linearisation, sample.length, usual),
             // The sensor's lag keeps its code still for long: the estimator knows when it is frozen.
             gas: match &mut self.gas_part {
                 Some(part) => part.add(&mut self.gas_health, sample.gas, Stillness::Usual),
-                None => self.gas_health.add(sample.gas, Stillness::Usual),
+                None => self.gas_health.add(sample.gas.adc().0, Stillness::Usual),
             },
         }
     }
 
     /// Absolute pressure \[Pa\] by one code.
-    pub fn pressure_pa(&self, code: AdcCode) -> f32 {
-        self.pressure.sensor.at(self.ideal(self.pressure.part.is_some(), code))
+    pub fn pressure_pa(&self, code: impl Into<RawCode>) -> f32 {
+        self.pressure.sensor.at(self.ideal(code.into()))
     }
 
     /// Length \[m\] by one code.
@@ -270,22 +282,23 @@ impl Sensing {
         self.length.sensor.at(self.linearisation.ideal(code))
     }
 
-    /// A digital part has no converter between.
-    fn ideal(&self, digital: bool, code: AdcCode) -> f32 {
-        if digital { f32::from(code.stale().0) } else { self.linearisation.ideal(code) }
+    /// The ideal code; a digital part has no converter between.
+    fn ideal(&self, code: RawCode) -> f32 {
+        match code {
+            RawCode::Adc(code) => self.linearisation.ideal(code),
+            RawCode::Fresh(PartCode(reading)) | RawCode::Stale(PartCode(reading)) => reading.into(),
+        }
     }
 
     /// Takes a code of the gas sensor for the next [mean](Self::take_gas); one of a digital part, where it is
     /// fresh.
-    pub fn add_gas(&mut self, code: AdcCode) {
-        let code = match self.gas_part {
-            None => code,
-            Some(_) => {
+    pub fn add_gas(&mut self, code: impl Into<RawCode>) {
+        let code = match (&self.gas_part, code.into()) {
+            (None, code) => code.adc().0,
+            (Some(_), code) => {
                 self.gas_ages = self.gas_ages.saturating_add(self.gas_codes.count());
-                if !code.is_fresh() {
-                    return;
-                }
-                code.stale()
+                let RawCode::Fresh(PartCode(reading)) = code else { return };
+                reading
             }
         };
         self.gas_moved |= self.gas_code != Some(code);
@@ -294,13 +307,17 @@ impl Sensing {
     }
 
     /// Temperature of the gas sensor \[K\] by one code.
-    pub fn gas_k(&self, code: AdcCode) -> f32 {
-        self.gas.at(self.ideal(self.gas_part.is_some(), code))
+    pub fn gas_k(&self, code: impl Into<RawCode>) -> f32 {
+        self.gas.at(self.ideal(code.into()))
     }
 
     /// Last reading of the gas sensor; `None` before the first.
     pub fn last_gas(&self) -> Option<GasReading> {
-        self.gas_code.map(|code| GasReading {
+        let code = self.gas_code.map(|code| match self.gas_part {
+            None => RawCode::Adc(AdcCode(code)),
+            Some(_) => RawCode::of_part(code, false),
+        });
+        code.map(|code| GasReading {
             value_k: self.gas_k(code),
             noise_k2: self.gas_noise_k2 / self.gas_conversions,
             moved: self.gas_moved,
@@ -430,8 +447,8 @@ mod tests {
 
     /// 120 kPa, and 8457 of 32768 parts of 430 ohm: 28.2 degC.
     fn sample_of_parts(fresh: bool) -> Sample {
-        let [pressure, gas] = [15_860, 8457].map(|reading| AdcCode::of_part(reading, fresh));
-        Sample::new(pressure, gas, AdcCode(20_000))
+        let [pressure, gas] = [15_860, 8457].map(|reading| RawCode::of_part(reading, fresh));
+        Sample { pressure, gas, ..Sample::new(AdcCode(0), AdcCode(0), AdcCode(20_000)) }
     }
 
     #[test]
@@ -499,8 +516,8 @@ mod tests {
         // 0 is what a broken part gives; beside it 5 % of either scale, 158 K and 1700 K or beyond.
         for reading in [0, 600, 32_000] {
             let nonsense = lost_after(|_, sample| Sample {
-                pressure: AdcCode::of_part(reading, sample.pressure.is_fresh()),
-                gas: AdcCode::of_part(reading, sample.gas.is_fresh()),
+                pressure: RawCode::of_part(reading, sample.pressure.is_fresh()),
+                gas: RawCode::of_part(reading, sample.gas.is_fresh()),
                 ..sample
             });
             // The second one in a row.
@@ -510,7 +527,7 @@ mod tests {
         }
         // One alone is left out.
         let once = lost_after(|step, sample| match step {
-            1..=19 => Sample { gas: AdcCode::of_part(0, sample.gas.is_fresh()), ..sample },
+            1..=19 => Sample { gas: RawCode::of_part(0, sample.gas.is_fresh()), ..sample },
             _ => sample,
         });
         assert_eq!(once, [None; 2]);

@@ -2,7 +2,7 @@
 
 use super::Validity;
 use super::health::{Health, Stillness};
-use crate::sample::AdcCode;
+use crate::sample::{PartCode, RawCode};
 use crate::step_counts::timeout_steps;
 use core::ops::RangeInclusive;
 
@@ -49,11 +49,11 @@ impl Part {
 
     /// Judges the code of a step. Not inlined: two calls.
     #[inline(never)]
-    pub fn add(&mut self, health: &mut Health, code: AdcCode, usual: Stillness) -> Validity {
-        if code.is_fresh() {
+    pub fn add(&mut self, health: &mut Health, code: RawCode, usual: Stillness) -> Validity {
+        if let RawCode::Fresh(PartCode(reading)) = code {
             self.left_steps = self.timeout_steps;
-            let plausible = (self.lowest..=self.highest).contains(&code.0);
-            self.validity = health.add(AdcCode(if plausible { code.0 >> 1 } else { 0 }), usual);
+            let plausible = (self.lowest..=self.highest).contains(&reading);
+            self.validity = health.add(if plausible { reading } else { 0 }, usual);
         } else {
             self.left_steps = self.left_steps.saturating_sub(1);
         }

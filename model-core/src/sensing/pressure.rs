@@ -33,7 +33,7 @@ parameters! {
 
 /// Type of the pressure sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum PressurePart {
     /// A ratiometric sensor on the converter.
@@ -44,8 +44,8 @@ pub enum PressurePart {
 }
 
 /// Codes of a digital part outside of these 2 % at either end are no pressure.
-const LOWEST: u16 = 65_536_u32.div_ceil(50) as u16;
-const HIGHEST: u16 = u16::MAX - LOWEST;
+const LOWEST: u16 = 32_768 / 50;
+const HIGHEST: u16 = 32_767 - LOWEST;
 
 impl PressurePart {
     /// Checks every value.

@@ -5,13 +5,13 @@ use arbitrary::Unstructured;
 use model_core::Config;
 use model_core::ConfigError;
 use model_core::config::Load;
-use model_core::link::MAX_FRAME;
 use model_core::physics::chamber::table::{MOST_ROWS, Row};
 use model_core::physics::chamber::{ChamberConfig, Cylinder, Table, Vessel};
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasElement;
 use model_core::sensing::pressure::{Mpr, PressurePart};
 use std::sync::OnceLock;
+use thermyo_protocol::MAX_FRAME;
 use thermyo_scenario::{GasElementKind, PressureKind};
 
 /// A kind of chamber, load, gas and pressure sensor, with the number of each field.
@@ -87,7 +87,7 @@ fn anywhere(bytes: &mut Unstructured, usual: f32, allowed: &ConfigError) -> f32 
     }
 }
 
-/// The configuration whose numbers are what `number` says, asked in the order in which they are
+/// The configuration with the numbers that `number` returns, called in the order in which they are
 /// checked; none where the rows of a table leave the next one no room.
 fn filled(kind: &Kind, mut number: impl FnMut(usize, &ConfigError) -> f32) -> Option<Config> {
     let mut numbers = vec![f32::NAN; kind.numbers.len()];
@@ -170,7 +170,7 @@ fn bellows() -> ChamberConfig {
     ChamberConfig::Table(Table { rows, count: MOST_ROWS as u8, rest_length_m: 0.09 })
 }
 
-/// Which number is which, `check` says: the one that it complains of changes.
+/// Finds the number of a name: the refusal of `check` names it.
 fn kind(base: Config) -> Kind {
     let variants = variants(&base);
     let usual = numbers(&base);
@@ -287,7 +287,7 @@ mod tests {
         ["table.rows", "table.length_m", "table.volume_m3", "table.force_n"].contains(&name)
     }
 
-    /// What the core complains of, a user can look up; the rest no key says.
+    /// A user can look up every number that the core refuses.
     #[test]
     fn every_number_is_named_by_a_key_of_the_scenario() {
         for name in kinds().iter().flat_map(|kind| &kind.names) {

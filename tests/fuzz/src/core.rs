@@ -6,7 +6,9 @@ use crate::flush::flushed;
 use crate::signal::Signal;
 use arbitrary::Unstructured;
 use model_core::control::Mode;
-use model_core::{Command, Config, Core, Duty, Estimate, Faults, Sample, SetPoint, Telemetry};
+use model_core::{
+    Command, Config, Core, Duty, Estimate, Faults, RawCode, Sample, SetPoint, Telemetry,
+};
 use rand_xoshiro::Xoshiro128PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use thermyo_runs::replay::identical;
@@ -203,9 +205,12 @@ impl Life {
         for step in 0..steps {
             // The first step of sixteen, where at all.
             let now = |flag: u8| flags & flag == flag && step % 16 == 0;
+            let [pressure, gas] = [&mut self.pressure, &mut self.gas]
+                .map(|signal| signal.next(self.command, &mut self.random).0);
+            let sensors = &self.core.config().sensors;
             let sample = Sample {
-                pressure: self.pressure.next(self.command, &mut self.random),
-                gas: self.gas.next(self.command, &mut self.random),
+                pressure: RawCode::from_bits(pressure, sensors.pressure_part.is_digital()),
+                gas: RawCode::from_bits(gas, sensors.gas_element.is_digital()),
                 length: self.length.next(self.command, &mut self.random),
                 emergency_stop: now(0b0000_0111),
                 heard: flags & 0b0001_1000 != 0b0001_1000,
@@ -237,19 +242,19 @@ impl Life {
         self.holds(gas_sd_k > 0.0, "a deviation above zero", about);
         self.holds(mass_kg > 0.0, "a mass above zero", about);
 
-        let judging = mode == Mode::Judging;
+        let checking = mode == Mode::StartupCheck;
         let faulty = faults.intersects(VENTING);
         if faulty {
             self.let_go();
             self.armed = false;
         }
-        let begins = !judging && self.begins_period(sample.missed_steps);
+        let begins = !checking && self.begins_period(sample.missed_steps);
         if begins {
             self.held = self.set_point;
         }
         let vents = command == Command::VENT;
         self.holds(vents || !faulty, "faults vent", about);
-        self.holds(vents || !judging, "it vents while it judges", about);
+        self.holds(vents || !checking, "it vents in the startup check", about);
         self.holds(self.core.armed_pa().is_some() == self.armed, "what vents disarms", about);
         let inlet = command.inlet > Duty::ZERO;
         let shut = sample.emergency_stop || !self.armed;

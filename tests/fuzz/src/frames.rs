@@ -2,9 +2,9 @@
 
 use crate::any::{self, Choices, byte};
 use arbitrary::Unstructured;
-use model_core::link::{Decoder, MAX_FRAME, Message, Request, encode};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use thermyo_protocol::{Decoder, MAX_FRAME, Message, Request, encode};
 
 /// Frames of one case.
 const MOST_FRAMES: usize = 64;

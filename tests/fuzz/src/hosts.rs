@@ -4,8 +4,8 @@
 
 use crate::any::byte;
 use arbitrary::Unstructured;
-use model_core::link::arbiter::{Arbiter, SETTLING_STEPS, Ticket};
 use std::collections::VecDeque;
+use thermyo_protocol::arbiter::{Arbiter, SETTLING_STEPS, Ticket};
 
 const LINES: usize = 2;
 /// Steps of silence after which the board vents.
@@ -18,7 +18,6 @@ const SETTLED_STEPS: u64 = SETTLING_STEPS as u64 + MOST_HIDDEN_STEPS as u64 + 3;
 /// The steps between two events.
 const STEPS: [u8; 8] = [1, 1, 1, 2, 3, 5, 8, 40];
 
-/// What a frame asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Request {
     Alive,
@@ -48,7 +47,7 @@ struct Line {
     sent: VecDeque<Frame>,
     /// Of the first of these frames, once its first byte was read.
     begun: Option<Ticket>,
-    /// What waits to be carried out; nothing is read meanwhile.
+    /// The request to carry out next; nothing is read meanwhile.
     waits: Option<(Frame, Ticket)>,
     asked: bool,
     last_sent_step: u64,
@@ -64,8 +63,8 @@ struct Hosts {
     lines: [Line; LINES],
     event: u64,
     step: u64,
-    /// Line whose order holds, and the steps for which its host has been silent by what the arbiter
-    /// says.
+    /// Line whose order holds, and the steps for which its host has been silent, as the arbiter
+    /// counts.
     driven: Option<(usize, u64)>,
     /// The tasks never wait.
     prompt: bool,

@@ -39,7 +39,7 @@ pub const TARGETS: [Target; 5] = [
 pub struct Violation {
     /// Place in the source, one for each kind.
     pub place: String,
-    /// What does not hold.
+    /// The property that does not hold.
     pub what: String,
     /// The case, shortened.
     pub case: Vec<u8>,

@@ -10,7 +10,7 @@ pub struct Mailbox {
     /// Bytes that are in use.
     pub length: u32,
     /// The request while it is the guest's turn, then its answer.
-    pub bytes: [u8; model_core::link::MAX_FRAME],
+    pub bytes: [u8; thermyo_protocol::MAX_FRAME],
 }
 
 /// The guest waits for a request.

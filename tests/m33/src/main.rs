@@ -10,7 +10,7 @@ use core::ptr::{read_volatile, write_volatile};
 use core::sync::atomic::{Ordering, compiler_fence};
 use mailbox::{GUEST, Mailbox, PANICKED, TEST};
 use model_core::Core;
-use model_core::link::{
+use thermyo_protocol::{
     Answer, Decoder, HostCommand, MAX_FRAME, Message, Refusal, Reply, Request, encode,
 };
 

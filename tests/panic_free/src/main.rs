@@ -1,15 +1,14 @@
-//! Everything that the firmware asks of model-core, on inputs that the compiler knows nothing
-//! about.
+//! Every call of the firmware into model-core, on inputs unknown to the compiler.
 //!
-//! The panic handler calls a function that nobody has: if the optimiser leaves one way to a panic,
+//! The panic handler calls a function that does not exist: if the optimiser leaves one way to a panic,
 //! this does not link.
 
 #![no_std]
 #![no_main]
 
 use core::ptr::{read_volatile, write_volatile};
-use model_core::link::{Decoder, HostCommand, Message, Request, encode};
 use model_core::{Config, Core, Sample, SetPoint, Telemetry};
+use thermyo_protocol::{Decoder, HostCommand, Message, Request, encode};
 
 unsafe extern "C" {
     fn model_core_can_panic() -> !;

@@ -26,8 +26,8 @@ use embassy_stm32::usart::{
 };
 use embassy_stm32::wdg::IndependentWatchdog;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use model_core::link::{BAUD, Chip};
 use static_cell::StaticCell;
+use thermyo_protocol::{BAUD, Chip};
 use valves::Timer3;
 
 embassy_stm32::bind_interrupts!(struct Irqs {

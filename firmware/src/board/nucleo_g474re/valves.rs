@@ -1,5 +1,5 @@
-//! Both valves, on TIM3. Its counter runs from 0 to 49 999, so that a duty is its compare value,
-//! and 100 % is above the counter's top: always on.
+//! Both valves, on TIM3. Its counter runs from 0 to [`TICKS`] - 1: the full duty is above the
+//! counter's top, always on.
 
 use super::CLOCK_HZ;
 use crate::board::{PWM_DELAY, Valves};
@@ -12,12 +12,15 @@ use embassy_stm32::peripherals::{PA6, PA7, TIM3};
 use embassy_stm32::timer::low_level::{OutputCompareMode, Timer};
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::timer::{Ch1, Ch2, Channel};
-use model_core::{Command, Duty};
+use model_core::Command;
+
+/// Counts of the timer per PWM period.
+const TICKS: u16 = 50_000;
 
 /// Timer clocks per tick of the counter, for each step of the period.
 const CLOCKS_PER_STEP: u32 = {
     let clocks = CLOCK_HZ / 1_000_000 * STEP_US;
-    let ticks = Duty::FULL.ticks() as u32;
+    let ticks = TICKS as u32;
     assert!(clocks.is_multiple_of(ticks));
     clocks / ticks
 };
@@ -51,7 +54,7 @@ impl Timer3 {
         outlet: Peri<'static, PA7>,
     ) -> Self {
         let timer = Timer::new(timer);
-        timer.regs_core().arr().write(|top| top.set_arr(Duty::FULL.ticks() - 1));
+        timer.regs_core().arr().write(|top| top.set_arr(TICKS - 1));
         for channel in [Channel::Ch1, Channel::Ch2] {
             timer.set_output_compare_mode(channel, OutputCompareMode::PwmMode1);
             // Compare values take effect where the counter wraps, so that no pulse is cut.
@@ -69,8 +72,8 @@ impl Timer3 {
         let (inlet, outlet) = command.coils();
         let cr1 = self.timer.regs_core().cr1();
         cr1.modify(|cr1| cr1.set_udis(true));
-        self.timer.set_compare_value(Channel::Ch1, inlet.ticks());
-        self.timer.set_compare_value(Channel::Ch2, outlet.ticks());
+        self.timer.set_compare_value(Channel::Ch1, inlet.ticks(TICKS));
+        self.timer.set_compare_value(Channel::Ch2, outlet.ticks(TICKS));
         cr1.modify(|cr1| cr1.set_udis(false));
     }
 }
@@ -78,7 +81,7 @@ impl Timer3 {
 impl Valves for Timer3 {
     fn restart(&mut self, period_steps: u16, command: Command) {
         let steps = u32::from(period_steps.max(1));
-        let full = u32::from(Duty::FULL.ticks());
+        let full = u32::from(TICKS);
         let delay = full * PWM_DELAY.as_micros() as u32 / (steps * STEP_US);
         let registers = self.timer.regs_core();
         self.timer.stop();

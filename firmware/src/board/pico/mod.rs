@@ -1,12 +1,11 @@
-//! Raspberry Pi Pico, with the RP2040. It has no FPU, so its arithmetic is here.
-
-mod float;
-mod float_calls;
+//! Raspberry Pi Pico, with the RP2040.
 
 use super::rp::{Member, Rp};
 use embassy_rp::flash::Flash;
 use embassy_rp::{Peri, peripherals::FLASH, rom_data};
-use model_core::link::Chip;
+use thermyo_protocol::Chip;
+// The chip has no FPU.
+use rp2040_float as _;
 
 const FLASH_BYTES: usize = 2 * 1024 * 1024;
 

@@ -2,7 +2,7 @@
 
 use super::rp::{Member, Rp};
 use embassy_rp::{Peri, otp, peripherals::FLASH, rom_data};
-use model_core::link::Chip;
+use thermyo_protocol::Chip;
 
 /// Flags of the boot ROM's `reboot` (RP2350 datasheet 5.4.8.24).
 const REBOOT_TO_BOOTSEL: u32 = 2;

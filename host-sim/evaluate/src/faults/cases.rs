@@ -494,7 +494,7 @@ fn of_the_board() -> Vec<Fault> {
         ),
         fault(
             "board restarts",
-            "and nobody tells it its muscle again",
+            "and is not configured again",
             |_, _, w| w.board_restart = true,
             Faults::NOT_CONFIGURED,
             0.001,

@@ -12,8 +12,7 @@ use self::cases::{Fault, Reaction};
 use self::trial::{COMES_S, Outcome, Trial};
 use super::{CaseFigures, Figure};
 use model_core::Faults;
-use thermyo_compute::parallel;
-use thermyo_compute::stop;
+use thermyo_compute::parallel::{self, Watch};
 use thermyo_setup::Loaded;
 use thermyo_simulation::run::RunError;
 
@@ -27,9 +26,6 @@ const MUSCLES: u64 = 38;
 pub const HOURS: f64 = 1.0;
 /// Largest pressure where there is no requirement: the supply's plus the sensor's noise \[kPa\].
 const SUPPLY_KPA: f64 = 705.0;
-
-/// Called after every run.
-pub type Ended<'a> = &'a (dyn Fn() + Sync);
 
 /// Line of the table for all runs of a fault.
 fn line(fault: &Fault, outcomes: &[Outcome]) -> CaseFigures {
@@ -72,42 +68,26 @@ fn line(fault: &Fault, outcomes: &[Outcome]) -> CaseFigures {
     CaseFigures { case: fault.name.to_owned(), figures }
 }
 
-/// Runs every fault, `runs` times each.
-pub fn table(faults: &[Fault], runs: u64, ended: Ended) -> Result<Vec<CaseFigures>, RunError> {
+/// Runs every fault, `runs` times each. When stopped, returns the lines of the finished faults.
+pub fn table(faults: &[Fault], runs: u64, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let trials: Vec<Trial> = faults
         .iter()
         .flat_map(|fault| (0..runs).map(|number| Trial::random(fault, number, COMES_S)))
         .collect();
-    let mut results = each(&trials, ended, Trial::run).into_iter();
+    let mut results = parallel::map_watched(&trials, watch, Trial::run).into_iter();
     let mut lines = Vec::new();
     for fault in faults {
         let own: Vec<_> = results.by_ref().take(runs as usize).collect();
-        let outcomes = whole(own)?;
+        let outcomes = whole(own, runs as usize)?;
         lines.extend(outcomes.map(|outcomes| line(fault, &outcomes)));
     }
     Ok(lines)
 }
 
-/// Results of all jobs, run on all cores.
-fn each<J: Sync, R: Send>(
-    jobs: &[J],
-    ended: Ended,
-    work: impl Fn(&J) -> Result<R, RunError> + Sync,
-) -> Vec<Result<R, RunError>> {
-    parallel::map(jobs, |job| {
-        let result = work(job);
-        ended();
-        result
-    })
-}
-
-/// Results of all jobs of a line; none where they were stopped before the last.
-fn whole<R>(results: Vec<Result<R, RunError>>) -> Result<Option<Vec<R>>, RunError> {
-    match results.into_iter().collect() {
-        Ok(results) => Ok(Some(results)),
-        Err(_) if stop::is_requested() => Ok(None),
-        Err(error) => Err(error),
-    }
+/// Results of the `count` jobs of a line; none where they were stopped before the last.
+fn whole<R>(results: Vec<Result<R, RunError>>, count: usize) -> Result<Option<Vec<R>>, RunError> {
+    let results: Vec<R> = results.into_iter().collect::<Result<_, _>>()?;
+    Ok(Some(results).filter(|results| results.len() == count))
 }
 
 /// All runs of the evaluation.
@@ -132,22 +112,16 @@ impl Evaluation {
         }
     }
 
-    /// Number of runs.
-    pub fn runs(&self) -> u64 {
-        let vented: usize = self.vented.iter().map(|(_, muscles)| muscles.len()).sum();
-        let healthy: usize = self.healthy.iter().map(|(_, runs)| runs.len()).sum();
-        RUNS * self.faults.len() as u64 + (vented + healthy) as u64
-    }
-
     /// Runs everything. When stopped, returns the finished lines.
-    pub fn evaluate(&self, ended: Ended) -> Result<Vec<CaseFigures>, RunError> {
-        let mut lines = table(&self.faults, RUNS, ended)?;
+    pub fn evaluate(&self, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
+        let mut lines = table(&self.faults, RUNS, watch)?;
         for (case, muscles) in &self.vented {
-            let vented = whole(each(muscles, ended, vent::vent))?;
+            let vented = parallel::map_watched(muscles, watch, vent::vent);
+            let vented = whole(vented, muscles.len())?;
             lines.extend(vented.map(|vented| vent::line(case, &vented)));
         }
         for (case, runs) in &self.healthy {
-            let shown = whole(each(runs, ended, alarms::shown))?;
+            let shown = whole(parallel::map_watched(runs, watch, alarms::shown), runs.len())?;
             lines.extend(shown.map(|shown| alarms::line(case, runs, &shown)));
         }
         Ok(lines)

@@ -65,12 +65,10 @@ pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
     let mut state = initial;
     let mut covariance = initial_covariance(config);
     let mut inflow_kg_s = 0.0;
-    let starts = || (0..known.len() - 1).step_by(INTERVAL_STEPS);
-    let steps = |start: usize| &known[start..(start + INTERVAL_STEPS + 1).min(known.len())];
     let mut passed = Vec::new();
     let mut forward_k = vec![model.gas_k(&known[0], &state); known.len()];
-    for start in starts() {
-        let steps = steps(start);
+    for start in starts(&known) {
+        let steps = interval(&known, start);
         let count = steps.len() - 1;
         let duration_s = count as f64 * f64::from(config.step_s);
         let transition = model.transition(&state, inflow_kg_s, steps);
@@ -106,8 +104,24 @@ pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
             covariance -= carried * carried.transpose() / variance;
         }
     }
+    let smoothed_k = backwards(&model, &known, state, &passed);
+    Best { forward_k, smoothed_k }
+}
+
+/// First steps of the intervals.
+fn starts(known: &[Known]) -> impl DoubleEndedIterator<Item = usize> + ExactSizeIterator + use<> {
+    (0..known.len() - 1).step_by(INTERVAL_STEPS)
+}
+
+/// An interval's steps, the first of the next one included.
+fn interval(known: &[Known], start: usize) -> &[Known] {
+    &known[start..(start + INTERVAL_STEPS + 1).min(known.len())]
+}
+
+/// Rauch, Tung and Striebel's pass from the end, after a forward pass that ended in `state`.
+fn backwards(model: &Model, known: &[Known], mut state: State, passed: &[Passed]) -> Vec<f64> {
     let mut smoothed_k = vec![model.gas_k(&known[0], &state); known.len()];
-    for (start, passed) in starts().zip(&passed).rev() {
+    for (start, passed) in starts(known).zip(passed).rev() {
         let carried = passed.covariance * passed.transition.transpose();
         let later = state - passed.predicted;
         // The drift makes it positive definite.
@@ -117,12 +131,12 @@ pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
         if start == 0 {
             smoothed_k[0] = model.gas_k(&known[0], &state);
         }
-        model.advance(state, &mut passed.inflow_kg_s.clone(), steps(start), |k| {
+        model.advance(state, &mut passed.inflow_kg_s.clone(), interval(known, start), |k| {
             step += 1;
             smoothed_k[step] = k;
         });
     }
-    Best { forward_k, smoothed_k }
+    smoothed_k
 }
 
 fn initial_covariance(config: &Config) -> Matrix {
@@ -169,7 +183,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     // The core's configuration has no noise of the length; the width of a code is larger than it.
     let length_code_m = f64::from(sensors.length.resolution_m());
     let length = Converter { code: length_code_m, noise: 0.0 };
-    let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure, pressure);
+    let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure.adc(), pressure);
     let length_m = smoothed(|t| t.length_m, |t| t.sample.length, length);
     let steps = flowing.iter().zip(pressure_pa.into_iter().zip(length_m));
     steps

@@ -172,7 +172,7 @@ fn enough(problem: &Problem, readings: &Readings, data: &Path) -> Result<(), Inp
         what.extend(slack.iter().take(missing).map(|(_, reading)| instead(&muscle, reading)));
     }
     if what.len() < missing {
-        what.push("thermyo identify --plan says which to take".to_owned());
+        what.push("thermyo identify --plan lists useful ones".to_owned());
     }
     let why = what.join("; ");
     Err(InputError::file(data, InputProblem::TooFewLoaded { found, fewest: FEWEST, why }))
@@ -306,7 +306,7 @@ fn remarks(
             }
         } else if covariance[(i, i)].sqrt() > LITTLE_TOLD * Problem::spread(i) {
             remarks.push(format!(
-                "The readings say little about {key}: it stays near what the scenario says."
+                "The readings hardly determine {key}: it stays near the scenario's value."
             ));
         }
         for (j, (other, _)) in KEYS.iter().enumerate().take(count).skip(i + 1) {

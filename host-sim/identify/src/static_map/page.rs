@@ -117,7 +117,7 @@ fn fit(identified: &Identified) -> Section {
             .iter()
             .map(|length_m| pressures_pa.iter().map(|gauge_pa| cell(length_m, gauge_pa)).collect())
             .collect(),
-        style: Style::default(),
+        style: Style { signed: true, ..Style::default() },
     };
     section.figure(map.figure(
         "Residual map",

@@ -135,7 +135,7 @@ impl Readings {
         1.0 - reading.length_m / self.rest_length_m
     }
 
-    /// Readings after contracting and after lengthening can be told apart.
+    /// Readings after contracting and after lengthening can be distinguished.
     pub fn go_both_ways(&self) -> bool {
         [1.0, -1.0].iter().all(|way| self.loaded.iter().any(|reading| reading.direction == *way))
     }

@@ -44,12 +44,12 @@ fn error(full: &Loaded, nominal: &Recording) -> Chart {
     let (errors, smoother_errors) = (minus(estimate().collect()), minus(smoothed));
     let time = seconds(errors.len());
     let temperatures = Panel::new(Axis::new("Gas temperature", "K"))
-        .wide("truth", Colour::Grey, &time, &thinned(truth()))
-        .line("estimate", Colour::Blue, &time, &thinned(estimate()))
-        .line("bare sensor", Colour::Orange, &time, &thinned(bare));
+        .wide("truth", Colour::Truth, &time, &thinned(truth()))
+        .line("estimate", Colour::Estimate, &time, &thinned(estimate()))
+        .line("bare sensor", Colour::Sensor, &time, &thinned(bare));
     let errors = Panel::new(Axis::new("Error", "K"))
-        .band("two stated deviations", Colour::Blue, &time, &double(-1.0), &double(1.0))
-        .line("estimate", Colour::Blue, &time, &errors)
+        .band("two stated deviations", Colour::Estimate, &time, &double(-1.0), &double(1.0))
+        .line("estimate", Colour::Estimate, &time, &errors)
         .line("smoother", Colour::Green, &time, &smoother_errors);
     Chart::new(Axis::new("Time", "s").range(85.0, 100.0)).panel(temperatures).panel(errors)
 }

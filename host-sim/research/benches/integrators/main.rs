@@ -10,7 +10,7 @@
 //! `full`, with zones and pulses, is compared only with itself.
 //!
 //! A time is that of all 20 s, without core and trace. Solvers return a state every 10 ms; the
-//! plant computes a state and its sensors in every step. "Anew every 1 ms" is a solver that
+//! plant computes a state and its sensors in every step. "Restarted every 1 ms" is a solver that
 //! restarts every step, as it must where a controller sets the openings.
 
 mod muscle;
@@ -70,7 +70,7 @@ fn main() {
         table.time("Dopri5, 1e-6", &exact, || by(dopri5, 1e-6, f64::MAX));
         table.time("Dopri5, 1e-9", &exact, || by(dopri5, 1e-9, f64::MAX));
         table.time("Dop853, 1e-9", &exact, || by(dop853, 1e-9, f64::MAX));
-        table.time("Dopri5, 1e-9, anew every 1 ms", &exact, || by(dopri5, 1e-9, STEP_S));
+        table.time("Dopri5, 1e-9, restarted every 1 ms", &exact, || by(dopri5, 1e-9, STEP_S));
         if scipy_is_there {
             let runs = scipy(&lumped, &drive);
             scipy_is_there = !runs.is_empty();

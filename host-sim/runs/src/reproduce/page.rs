@@ -7,6 +7,7 @@ use thermyo_record::summary::Summary;
 use thermyo_report::Colour;
 use thermyo_report::bars::Bars;
 use thermyo_report::chart::{Axis, Chart, Panel};
+use thermyo_report::figure::Figure;
 use thermyo_report::muscle::Muscle;
 use thermyo_report::page::{Page, Section, Table, Tile};
 use thermyo_setup::Loaded;
@@ -84,12 +85,6 @@ fn figure_5(findings: &Findings, summary: &Summary) -> Section {
          colours. Moved by {:+.2} s the two correlate with {:.3}.",
         summary.duration_s, findings.model_shift_s, findings.model_correlation
     );
-    let gas = Panel::new(kelvin("Temperature of the gas"))
-        .height(200.0)
-        .wide("gas (plant, mean)", Colour::Ink, &signals.time_s, &signals.gas_k)
-        .line("gas (model)", Colour::Vermillion, &signals.time_s, &signals.model_k)
-        .dashed("sensor in the muscle", Colour::Blue, &signals.time_s, &signals.sensor_gas_k);
-    let detail_s = DETAIL_STROKES * findings.period_s;
     Section::new("Fig. 5: what the sensor shows")
         .figure(Chart::new(time_axis()).panel(panel).figure("Sensor, muscle and model", &caption))
         .paragraph(
@@ -113,7 +108,7 @@ fn figure_5(findings: &Findings, summary: &Summary) -> Section {
         ))
         .paragraph(&format!(
             "Where they differ: the paper names no flow, no muscle data and no sensor lag, so the height of the \
-             curve is set by choice (the scenario at the end of this page says how); only its shape is found. The \
+             curve is set by choice (see the scenario at the end of this page); only its shape is found. The \
              paper's muscle warms more slowly than its model, and it blames “ambient air flowing under the \
              thermal insulation when muscle is moving”: the same muscle without that air rises by {:.2} K \
              instead of {:.2} K (dashed), so the reason is sound. Between this muscle and this model, \
@@ -121,13 +116,22 @@ fn figure_5(findings: &Findings, summary: &Summary) -> Section {
              a friction that grows with speed, none of which the model has.",
             findings.still_air_rise_k, findings.gas_sensor.rise_k
         ))
-        .figure(
-            Chart::new(time_axis().range(0.0, detail_s)).panel(gas).figure(
-                "The gas behind it",
-                "The first strokes: what the gas does and the sensor does not show. The gas warms while \
-                 it is compressed by what flows in, and cools when the flow turns round.",
-            ),
-        )
+        .figure(gas_behind(findings))
+}
+
+fn gas_behind(findings: &Findings) -> Figure {
+    let signals = &findings.signals;
+    let gas = Panel::new(kelvin("Temperature of the gas"))
+        .height(200.0)
+        .wide("gas (plant, mean)", Colour::Truth, &signals.time_s, &signals.gas_k)
+        .line("gas (model)", Colour::Vermillion, &signals.time_s, &signals.model_k)
+        .dashed("sensor in the muscle", Colour::Blue, &signals.time_s, &signals.sensor_gas_k);
+    let detail_s = DETAIL_STROKES * findings.period_s;
+    Chart::new(time_axis().range(0.0, detail_s)).panel(gas).figure(
+        "The gas behind it",
+        "The first strokes: what the gas does and the sensor does not show. The gas warms while \
+         it is compressed by what flows in, and cools when the flow turns round.",
+    )
 }
 
 fn figure_2(summary: &Summary) -> Section {
@@ -167,10 +171,10 @@ fn section_iv(findings: &Findings, summary: &Summary) -> Section {
         .panel(
             Panel::new(kelvin("Reading"))
                 .height(240.0)
-                .line("foil in the gas", Colour::Blue, &signals.time_s, &signals.sensor_gas_k)
+                .line("foil in the gas", Colour::Sensor, &signals.time_s, &signals.sensor_gas_k)
                 .line(
                     "sensor in the wall",
-                    Colour::Orange,
+                    Colour::WallSensor,
                     &signals.time_s,
                     &signals.sensor_wall_k,
                 ),
@@ -217,7 +221,7 @@ fn section_iv(findings: &Findings, summary: &Summary) -> Section {
         .paragraph(&format!(
             "What this shows: the figures choose {verdict}. The foil passes {:.1} % of the gas \
              temperature's swing, the wall {:.1} %, {:.0} times less; the same muscle run without friction \
-             heat says that {:.0} % of what the wall sensor shows is friction.",
+             heat shows that {:.0} % of what the wall sensor shows is friction.",
             foil.gain * 100.0,
             wall.gain * 100.0,
             foil.gain / wall.gain,
@@ -337,13 +341,20 @@ fn equations(findings: &Findings) -> Section {
 fn energy(findings: &Findings) -> Section {
     let books = &findings.stroke;
     let stored = books.energy_j - books.energy_initial_j;
+    let heat_j = books.heat_to_wall_j;
+    // Named by its direction, which the muscle's friction decides.
+    let [of_gas, of_wall] = if heat_j > 0.0 {
+        ["heat to the wall", "heat from the gas"]
+    } else {
+        ["heat from the wall", "heat to the gas"]
+    };
     let bars = Bars::linear("Energy over the last stroke", "J")
         .bar("enthalpy, in less out", books.enthalpy_in_j - books.enthalpy_out_j, Colour::Blue)
         .bar("work on the muscle", -books.work_j, Colour::Green)
-        .bar("heat to the wall", -books.heat_to_wall_j, Colour::Vermillion)
+        .bar(of_gas, -heat_j, Colour::Vermillion)
         .bar("stored in the gas", -stored, Colour::Grey);
     let wall = Bars::linear("The wall's balance over the last stroke", "J")
-        .bar("heat from the gas", books.heat_to_wall_j, Colour::Vermillion)
+        .bar(of_wall, heat_j, Colour::Vermillion)
         .bar("friction heat into the wall", books.friction_to_wall_j, Colour::Orange)
         .bar("heat to ambient", -books.heat_to_ambient_j, Colour::Sky)
         .bar("stored in the wall", -books.wall_energy_j, Colour::Grey);
@@ -353,14 +364,14 @@ fn energy(findings: &Findings) -> Section {
         .figure(bars.figure(
             "The gas over one stroke",
             &format!(
-                "What enters counts positive. {:.1} J of enthalpy came in with the air and {:.1} J left with it. The \
+                "Energy that enters the gas is positive. {:.1} J of enthalpy came in with the air and {:.1} J left with it. The \
                  rows add up to {:.0e} J: nothing is lost.",
                 books.enthalpy_in_j, books.enthalpy_out_j, gas_rest.abs()
             ),
         ))
         .figure(wall.figure(
             "The wall over one stroke",
-            "What enters the wall counts positive.",
+            "Energy that enters the wall is positive.",
         ))
         .paragraph(&format!(
             "What the paper shows: no balance, but it states that friction heats the rubber and that moving air \
@@ -385,10 +396,10 @@ fn estimate(findings: &Findings, summary: &Summary) -> Section {
         signals.estimate_k.iter().zip(&signals.estimate_sd_k).map(|(t, sd)| t + 2.0 * sd).collect();
     let panel = Panel::new(kelvin("Gas temperature"))
         .height(280.0)
-        .band("± 2 standard deviations", Colour::Sky, &signals.time_s, &low, &high)
-        .wide("gas (plant, mean)", Colour::Ink, &signals.time_s, &signals.gas_k)
-        .line("estimate (core)", Colour::Blue, &signals.time_s, &signals.estimate_k)
-        .dashed("foil, read bare", Colour::Vermillion, &signals.time_s, &signals.sensor_gas_k);
+        .band("± 2 standard deviations", Colour::Estimate, &signals.time_s, &low, &high)
+        .wide("gas (plant, mean)", Colour::Truth, &signals.time_s, &signals.gas_k)
+        .line("estimate (core)", Colour::Estimate, &signals.time_s, &signals.estimate_k)
+        .dashed("foil, read bare", Colour::Sensor, &signals.time_s, &signals.sensor_gas_k);
     Section::new("Beyond the paper: the estimate")
         .figure(Chart::new(time_axis().range(from_s, end_s)).panel(panel).figure(
             "The gas temperature, in real time",
@@ -397,10 +408,10 @@ fn estimate(findings: &Findings, summary: &Summary) -> Section {
         ))
         .figure(
             Bars::log("RMS error of the gas temperature", "K")
-                .bar("sensor in the wall", summary.rmse_k.sensor_wall, Colour::Orange)
-                .bar("foil, read bare", summary.rmse_k.sensor_gas, Colour::Vermillion)
+                .bar("sensor in the wall", summary.rmse_k.sensor_wall, Colour::WallSensor)
+                .bar("foil, read bare", summary.rmse_k.sensor_gas, Colour::Sensor)
                 .bar("forward model", summary.rmse_k.model, Colour::Green)
-                .bar("estimate", summary.rmse_k.estimate, Colour::Blue)
+                .bar("estimate", summary.rmse_k.estimate, Colour::Estimate)
                 .figure("Four ways to know it", "Over the whole run, against the plant's mean."),
         )
         .paragraph(&format!(

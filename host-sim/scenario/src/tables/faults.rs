@@ -133,7 +133,7 @@ table! {
         link: choice LinkFault::None, "fault of the line to the board: the host is silent, or sends too much";
         missed_steps: whole u8, 0, 0 to 200, "steps that the board leaves out together";
         missed_period_s: real 1.0, "s", 1.0e-3 to 1.0e6, "they are left out again after that time";
-        board_restart: switch false, "the board restarts at the window's start, and nobody configures it anew";
+        board_restart: switch false, "the board restarts at the window's start, and is not configured again";
         from_s: real 0.0, "s", 0.0 to 1.0e6, "start of the window";
         until_s: real 1.0e6, "s", 0.0 to 1.0e6, "end of the window";
     }

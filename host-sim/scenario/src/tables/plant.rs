@@ -69,7 +69,7 @@ table! {
 table! {
     "vessel", "the vessel", believed, physical;
     Vessel {
-        volume_m3: real 0.001, "m3", 1.0e-9 to 1.0e6, "gas volume, where volume_csv does not say it";
+        volume_m3: real 0.001, "m3", 1.0e-9 to 1.0e6, "gas volume, without volume_csv";
         surface_m2: real 0.06, "m2", 0.0 to 1.0e3, "inner surface";
         wall_heat_capacity_j_k: real 500.0, "J/K", 0.01 to 1.0e9, "heat capacity of the wall";
         volume_csv: csv "volume_m3", "volume over time, of a moving piston";

@@ -48,7 +48,7 @@ choice! {
 table! {
     "drive", "what drives the run";
     Drive {
-        kind: choice DriveKind::MassFlow, "what is given";
+        kind: choice DriveKind::MassFlow, "controlled quantity, or fixed openings";
         period_s: real 5.0, "s", 1.0e-3 to 86_400.0, "period of the cycle (mass-flow)";
         flow_kg_s: real 3.6e-4, "kg/s", 0.0 to 1.0, "flow, in for half of the period, then out (mass-flow)";
         pressure_pa: real 300_000.0, "Pa", 1.0 to 1.0e8, "set point, absolute (pressure)";

@@ -4,6 +4,8 @@ import palette from "./palette.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 860, HEIGHT = 190, AXIS = 92, LEFT = 150, LONGEST = 520, PLAIN_RADIUS = 36, FITTING = 15, TAPER = 46, WALL = 9;
+/** Ends of the colours [K], the same in every session: 5 and 45 °C. */
+const SCALE_K = [278, 318];
 const STEPS = 48, THREADS = 26;
 
 function make(name, attributes, parent, text) {
@@ -12,12 +14,6 @@ function make(name, attributes, parent, text) {
   if (text !== undefined) node.textContent = text;
   parent.append(node);
   return node;
-}
-
-/** Ends of the colour scale [K] around the displayed range, in steps of 5 K. */
-export function scaleAround(low, high) {
-  const middle = (low + high) / 2, half = Math.max(10, (high - low) / 2);
-  return [Math.floor((middle - half) / 5) * 5, Math.ceil((middle + half) / 5) * 5];
 }
 
 export class Muscle {
@@ -57,18 +53,19 @@ export class Muscle {
     this.named = make("text", { y: AXIS - 15, fill: "#fff", "text-anchor": "middle" }, this.labels, "sensor");
     this.named.style.cssText = "fill:#fff;paint-order:stroke;stroke:#0008;stroke-width:3px";
     make("rect", { x: 786, y: 24, width: 12, height: 132, fill: "url(#bar)", rx: 2 }, svg);
-    this.ends = [156, 24].map((y) => make("text", { x: 804, y: y + 4 }, svg));
+    [156, 24].forEach((y, i) => make("text", { x: 804, y: y + 4 }, svg, SCALE_K[i]));
     make("text", { x: 786, y: 178, class: "fine" }, svg, "K");
   }
 
-  /** Draws the present state: lengths in m, temperatures in K, duties as fractions; `scale` is that of the colours. */
-  draw(now, configuration, scale) {
+  /** Draws the present state: length in mm, temperatures in K, openings in %. */
+  draw(now, configuration) {
     const { rest_length_m: rest, braid } = configuration || {};
-    const longest = braid ? Math.min(braid.thread_length_m * .98, rest * 1.06) : rest || now.length || 1;
+    const longest = braid ? Math.min(braid.thread_length_m * .98, rest * 1.06) : rest || now.length / 1e3 || 1;
     const px = LONGEST / longest;
-    const length = Math.min(Math.max(now.length, longest * .3), longest) * px;
-    const radiusAt = (metres) => braid
-      ? Math.min(62, Math.sqrt(Math.max(0, braid.thread_length_m ** 2 - metres ** 2)) / (2 * Math.PI * braid.turns) * px * 1.6)
+    const metres = now.length / 1e3;
+    const length = Math.min(Math.max(metres, longest * .3), longest) * px;
+    const radiusAt = (long_m) => braid
+      ? Math.min(62, Math.sqrt(Math.max(0, braid.thread_length_m ** 2 - long_m ** 2)) / (2 * Math.PI * braid.turns) * px * 1.6)
       : PLAIN_RADIUS;
     const outline = (long, radius) => {
       const at = (s) => FITTING + (radius - FITTING) * Math.sin(Math.min(s, long - s, TAPER) / TAPER * Math.PI / 2);
@@ -77,9 +74,9 @@ export class Muscle {
       const half = (list, side) => list.map(([x, r]) => `${x.toFixed(1)} ${(AXIS + side * Math.max(r, 1)).toFixed(1)}`);
       return `M${half(points, -1).concat(half(points.reverse(), 1)).join("L")}Z`;
     };
-    const radius = radiusAt(now.length);
+    const radius = radiusAt(metres);
     const body = outline(length, radius);
-    const colour = (kelvin) => palette[Math.round(Math.min(1, Math.max(0, (kelvin - scale[0]) / (scale[1] - scale[0]))) * (palette.length - 1))];
+    const colour = (kelvin) => palette[Math.round(Math.min(1, Math.max(0, (kelvin - SCALE_K[0]) / (SCALE_K[1] - SCALE_K[0]))) * (palette.length - 1))];
     this.rest.setAttribute("d", rest ? outline(rest * px, radiusAt(rest)) : "");
     for (const path of [this.glow, this.wall, this.shade]) path.setAttribute("d", body);
     this.gas.setAttribute("d", outline(length, Math.max(FITTING, radius - WALL)));
@@ -102,9 +99,8 @@ export class Muscle {
     this.sensor.setAttribute("cx", LEFT + length / 2);
     this.named.setAttribute("x", LEFT + length / 2);
     this.length.setAttribute("x", LEFT + length / 2);
-    this.length.textContent = `${(now.length * 1e3).toFixed(1)} mm` + (braid && rest ? `, at rest ${(rest * 1e3).toFixed(0)} mm (dashed)` : "");
-    this.inlet.style.opacity = .12 + .88 * Math.min(1, now.inlet * 1.5);
-    this.outlet.style.opacity = .12 + .88 * Math.min(1, now.outlet * 1.5);
-    scale.forEach((kelvin, i) => (this.ends[i].textContent = kelvin.toFixed(0)));
+    this.length.textContent = `${now.length.toFixed(1)} mm` + (braid && rest ? `, at rest ${(rest * 1e3).toFixed(0)} mm (dashed)` : "");
+    this.inlet.style.opacity = .12 + .88 * Math.min(1, now.inlet * .015);
+    this.outlet.style.opacity = .12 + .88 * Math.min(1, now.outlet * .015);
   }
 }

@@ -1,15 +1,13 @@
 // The page: shows the server's messages and sends the user's orders.
-import { Plot } from "./plot.js";
-import { Muscle, scaleAround } from "./muscle.js";
+import { Live, band, dashed, line } from "./live.js";
+import { Muscle } from "./muscle.js";
 
 const $ = (id) => document.getElementById(id);
-const COLUMNS = ["time", "pressure", "length", "sensor", "gas", "sd", "wall", "inlet", "outlet", "pressureSet", "contractionSet"];
+/** Cells of a row. */
+const CELLS = ["time", "pressure_pa", "length_m", "sensor_k", "gas_k", "sd_k", "wall_k", "inlet", "outlet", "pressure_set_pa", "contraction_set"];
 /** Seconds of data kept; time after which a quiet link is reported [ms]. */
 const KEPT_S = 125, QUIET_MS = 700;
 
-const columns = Object.fromEntries(COLUMNS.map((name) => [name, []]));
-columns.contraction = [];
-const shared = { time: columns.time, columns, span: 20, end: 0, back: null, paused: false, point };
 let socket = null, received = 0, heard = 0, open = false;
 let state = null, own = { steers: false, pages: 1, lost_frames: 0 };
 let due = false;
@@ -22,7 +20,12 @@ function connect() {
   socket = new WebSocket(address);
   received = 0;
   socket.onopen = () => { open = true; showLink(); };
-  socket.onclose = () => { open = false; showLink(); setTimeout(connect, 500); };
+  socket.onclose = () => {
+    open = false;
+    showLink();
+    if (state) showState();
+    setTimeout(connect, 500);
+  };
   socket.onmessage = ({ data }) => {
     received += 1;
     const message = JSON.parse(data);
@@ -44,14 +47,17 @@ function order(what) {
 function take(frame) {
   heard = performance.now();
   const rest = state?.configuration?.rest_length_m;
-  for (const row of frame.rows) {
-    COLUMNS.forEach((name, i) => columns[name].push(row[i]));
-    columns.contraction.push(rest ? 1 - row[2] / rest : null);
+  for (const cells of frame.rows) {
+    const row = Object.fromEntries(CELLS.map((name, i) => [name, cells[i] ?? NaN]));
+    // In displayed units.
+    live.push({
+      time: row.time, pressure: row.pressure_pa / 1e3, pressureSet: row.pressure_set_pa / 1e3,
+      gas: row.gas_k, low: row.gas_k - 2 * row.sd_k, high: row.gas_k + 2 * row.sd_k, sensor: row.sensor_k, wall: row.wall_k,
+      length: row.length_m * 1e3, contraction: rest ? (1 - row.length_m / rest) * 100 : NaN, contractionSet: row.contraction_set * 100,
+      inlet: row.inlet * 100, outlet: row.outlet * 100,
+    });
   }
-  const surplus = columns.time.findIndex((time) => time > columns.time.at(-1) - KEPT_S);
-  // In large pieces: removing from the front moves everything.
-  if (surplus > 500) for (const values of Object.values(columns)) values.splice(0, surplus);
-  if (!shared.paused) shared.end = columns.time.at(-1);
+  live.trim();
   showMode(frame);
   showLink();
   draw();
@@ -62,57 +68,35 @@ function draw() {
   due = true;
   requestAnimationFrame(() => {
     due = false;
-    for (const plot of plots) plot.draw();
+    live.draw();
     showReadings();
   });
 }
 
-function point(back) {
-  shared.back = back;
-  draw();
-}
+// Charts and muscle
 
-// Plots and muscle
-
-const trace = (name, column, colour, factor, more = {}) => ({ name, column, colour, factor, ...more });
-const plots = [
-  new Plot($("plot-pressure"), "Pressure, absolute", "kPa", 1, [
-    trace("measured", "pressure", "blue", 1e-3), trace("set point", "pressureSet", "vermillion", 1e-3, { dashed: true })], 10, shared),
-  new Plot($("plot-temperature"), "Gas temperature", "K", 2, [
-    trace("estimate", "gas", "vermillion", 1, { band: "sd" }), trace("sensor", "sensor", "blue", 1)], 2, shared),
-  new Plot($("plot-length"), "Contraction", "%", 2, [
-    trace("measured", "contraction", "green", 100), trace("set point", "contractionSet", "vermillion", 100, { dashed: true })], 2, shared),
-  new Plot($("plot-duty"), "Valve openings", "%", 0, [
-    trace("inlet", "inlet", "blue", 100), trace("outlet", "outlet", "orange", 100)], 100, shared),
-];
-plots[3].fixed = [-3, 103];
+const live = new Live(["pressure", "pressureSet", "gas", "low", "high", "sensor", "wall", "length", "contraction", "contractionSet", "inlet", "outlet"], KEPT_S, 500);
+live.chart("plot-pressure", { label: "Pressure, absolute", unit: "kPa", digits: 1, least: 10 },
+  [line("measured", "measured", "pressure"), dashed("set point", "set-point", "pressureSet")]);
+live.chart("plot-temperature", { label: "Gas temperature", unit: "K", digits: 2, least: 2 },
+  [line("sensor", "sensor", "sensor"), line("estimate", "estimate", "gas"), band("± 2 sd", "estimate", "low", "high")]);
+live.chart("plot-length", { label: "Contraction", unit: "%", digits: 2, least: 2 },
+  [line("measured", "measured", "contraction"), dashed("set point", "set-point", "contractionSet")]);
+live.chart("plot-duty", { label: "Valve openings", unit: "%", digits: 0, range: [-3, 103] },
+  [line("inlet", "inlet", "inlet"), line("outlet", "outlet", "outlet")]);
 const muscle = new Muscle($("muscle"));
-let scale = [288, 308], scaleAt = 0;
 
 function showReadings() {
-  const last = columns.time.length - 1;
-  if (last < 0) return;
-  const now = Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values[last]]));
-  if (performance.now() - scaleAt > 1000) {
-    scaleAt = performance.now();
-    const from = Math.max(0, last - 6000);
-    let low = Infinity, high = -Infinity;
-    for (const name of ["gas", "sensor", "wall"]) {
-      for (let i = from; i <= last; i += 5) {
-        low = Math.min(low, columns[name][i]);
-        high = Math.max(high, columns[name][i]);
-      }
-    }
-    scale = scaleAround(low, high);
-  }
-  muscle.draw(now, state?.configuration, scale);
-  put("r-pressure", (now.pressure / 1e3).toFixed(1), "kPa");
-  put("r-gas", now.gas.toFixed(2), `± ${(2 * now.sd).toFixed(2)} K`);
+  const { now } = live;
+  if (!now) return;
+  muscle.draw(now, state?.configuration);
+  put("r-pressure", now.pressure.toFixed(1), "kPa");
+  put("r-gas", now.gas.toFixed(2), `± ${(now.high - now.gas).toFixed(2)} K`);
   put("r-sensor", now.sensor.toFixed(2), "K");
-  const contracted = now.contraction !== null;
+  const contracted = Number.isFinite(now.contraction);
   $("r-length-name").textContent = contracted ? "Length, contraction" : "Length";
-  put("r-length", (now.length * 1e3).toFixed(1), contracted ? `mm, ${(now.contraction * 100).toFixed(1)} %` : "mm");
-  put("r-duty", `${(now.inlet * 100).toFixed(0)}, ${(now.outlet * 100).toFixed(0)}`, "%");
+  put("r-length", now.length.toFixed(1), contracted ? `mm, ${now.contraction.toFixed(1)} %` : "mm");
+  put("r-duty", `${now.inlet.toFixed(0)}, ${now.outlet.toFixed(0)}`, "%");
 }
 
 function put(id, value, unit) {
@@ -152,11 +136,11 @@ function showOwn() {
 
 function showState() {
   const { configuration, armed_pa, faults, vents, recording, guide, board } = state;
-  const configured = configuration.configured, steers = own.steers, busy = Boolean(guide && !guide.over);
+  // Without the server nothing can be ordered, and the board's state is unknown.
+  const configured = configuration.configured, steers = own.steers && open, busy = Boolean(guide && !guide.over);
   $("target").textContent = state.target;
   document.title = `${state.link === "connected" ? "" : "⚠ "}Thermyo: ${state.target}`;
-  // The state of a board that does not answer is unknown.
-  const armed = armed_pa !== null && state.link === "connected";
+  const armed = armed_pa !== null && open && state.link === "connected";
   $("armed").textContent = armed ? `armed up to ${(armed_pa / 1e3).toFixed(0)} kPa` : armed_pa === null ? "not armed" : "was armed";
   $("armed").className = armed ? "chip good" : "chip";
   const wrong = faults.filter((fault) => fault !== "not configured");
@@ -388,16 +372,6 @@ for (const id of ["file", "other-file"]) on(id, "change", async ({ target }) => 
   if (file) order({ configure: { name: file.name, text: await file.text() } });
   target.value = "";
 });
-for (const radio of document.querySelectorAll("[name=span]")) radio.addEventListener("change", () => { shared.span = +radio.value; draw(); });
-on("pause", "click", () => {
-  shared.paused = !shared.paused;
-  $("pause").setAttribute("aria-pressed", String(shared.paused));
-  $("pause").textContent = shared.paused ? "Go on" : "Pause";
-  if (!shared.paused && columns.time.length) shared.end = columns.time.at(-1);
-  draw();
-});
-addEventListener("resize", draw);
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
 setInterval(showLink, 100);
 [$("first").value, $("second").value] = kept.pressure;
 $("slide").value = kept.pressure[0];

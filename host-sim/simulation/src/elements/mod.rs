@@ -22,7 +22,6 @@ mod tests {
     use thermyo_plant::Truth;
 
     use crate::adc::VirtualAdc;
-    use model_core::AdcCode;
     use thermyo_setup::core_config::core_config;
 
     /// Plant and core describe one circuit: the core inverts the plant's fraction, calibrated or
@@ -43,7 +42,7 @@ mod tests {
                 // Late enough for any sensor chip to have converted again.
                 let time_s = f64::from(kelvin);
                 let codes = adc.convert(&Truth { time_s, sensor_gas_k, ..Truth::default() });
-                let error_k = f64::from(sensing.gas_k(AdcCode(codes.gas))) - sensor_gas_k;
+                let error_k = f64::from(sensing.gas_k(codes.gas)) - sensor_gas_k;
                 // The converter's own noise.
                 assert!(error_k.abs() < 2.0 * step_k, "{kind}: {error_k} K at {kelvin} K");
             }

@@ -8,7 +8,6 @@ pub use drive::{Drive, find, mounts};
 
 use crate::commands::usb;
 use clap::ValueEnum;
-use model_core::link::{Chip, HostCommand, Version};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -17,6 +16,7 @@ use thermyo_boards::image;
 use thermyo_boards::image::Variant;
 use thermyo_boards::line::Line;
 use thermyo_files::input::InputError;
+use thermyo_protocol::{Chip, HostCommand, Version};
 use thermyo_simulation::board::BoardError;
 
 /// A drive or a board that has not appeared after this time is reported as missing.

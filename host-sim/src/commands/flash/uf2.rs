@@ -1,8 +1,9 @@
 //! UF2, the format that a boot loader's drive takes (github.com/microsoft/uf2): blocks of 512
 //! bytes, each of which holds the address in flash of its 256 bytes.
 
-use object::read::elf::{ElfFile32, ProgramHeader};
-use object::{LittleEndian, elf};
+use elf::abi::PT_LOAD;
+use elf::endian::LittleEndian;
+use elf::{ElfBytes, ParseError};
 use std::collections::BTreeMap;
 
 const BLOCK: usize = 512;
@@ -44,21 +45,21 @@ pub fn of_elf(image: &[u8], family: u32) -> Result<Vec<u8>, String> {
 
 /// Content of the flash by address.
 fn pages(image: &[u8]) -> Result<BTreeMap<u32, [u8; PAGE]>, String> {
-    let damaged = |error: object::Error| error.to_string();
-    let file = ElfFile32::<LittleEndian>::parse(image).map_err(damaged)?;
+    let no_elf = |error: ParseError| format!("no ELF file: {error}");
+    let file = ElfBytes::<LittleEndian>::minimal_parse(image).map_err(no_elf)?;
     let mut pages = BTreeMap::new();
-    for segment in file.elf_program_headers() {
-        let data = segment
-            .data(LittleEndian, image)
-            .map_err(|()| "a segment lies outside of the file".to_owned())?;
-        if segment.p_type(LittleEndian) != elf::PT_LOAD || data.is_empty() {
+    for segment in file.segments().into_iter().flatten() {
+        let data = file
+            .segment_data(&segment)
+            .map_err(|_| "a segment lies outside of the file".to_owned())?;
+        if segment.p_type != PT_LOAD || data.is_empty() {
             continue;
         }
         // The address at which it is stored, not at which it runs.
-        let start = segment.p_paddr(LittleEndian);
+        let start = u32::try_from(segment.p_paddr).unwrap_or(0);
         let end = start.checked_add(data.len() as u32).filter(|end| *end <= FLASH.end);
         let Some(end) = end.filter(|_| start >= FLASH.start) else {
-            return Err(format!("a segment at {start:#010x} does not lie in flash"));
+            return Err(format!("a segment at {:#010x} does not lie in flash", segment.p_paddr));
         };
         for sector in (start / SECTOR..end.div_ceil(SECTOR)).map(|number| number * SECTOR) {
             for page in (sector..sector + SECTOR).step_by(PAGE) {

@@ -13,7 +13,6 @@ use crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use crossterm::terminal::{disable_raw_mode, enable_raw_mode};
 use std::io::{self, Write};
 use std::time::Duration;
-use thermyo_compute::stop;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_setup::from_config;
@@ -59,22 +58,22 @@ pub enum Shown {
 
 /// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents a driven board. `config.json`
 /// in `out` lists every configuration of the board, `scenario.toml` is the scenario of the last
-/// one. Without a terminal it records until Ctrl-C, or until the line is lost.
+/// one. Without a terminal it records until `stopped`, or until the line is lost.
 pub fn run(
     session: &mut Session,
     out: &mut OutputDir,
     shown: Shown,
-    to: &mut dyn Write,
+    stopped: &dyn Fn() -> bool,
 ) -> Result<Ended, MonitorError> {
     let outcome = if shown == Shown::Terminal {
         enable_raw_mode().map_err(MonitorError::Terminal)?;
         let _keys = Keys;
-        let outcome = watch(session, out, shown, to);
+        let outcome = watch(session, out, shown, stopped);
         // The next output starts below the figures.
-        let _ = write!(to, "\r\n");
+        let _ = write!(io::stdout(), "\r\n");
         outcome
     } else {
-        watch(session, out, shown, to)
+        watch(session, out, shown, stopped)
     };
     session.let_go();
     let finished = session.finish();
@@ -94,13 +93,13 @@ fn watch(
     session: &mut Session,
     out: &mut OutputDir,
     shown: Shown,
-    to: &mut dyn Write,
+    stopped: &dyn Fn() -> bool,
 ) -> Result<Ended, MonitorError> {
     let mut view = View::new(shown);
     let mut written = 0;
     loop {
         session.poll()?;
-        if stop::is_requested() {
+        if stopped() {
             return Ok(Ended::Stopped);
         }
         if session.configurations().len() > written {
@@ -113,7 +112,7 @@ fn watch(
                 out.text("scenario.toml", &thermyo_setup::render(&scenario.scenario))?;
             }
         }
-        view.show(to, session).map_err(MonitorError::Terminal)?;
+        view.show(&mut io::stdout(), session).map_err(MonitorError::Terminal)?;
         if shown != Shown::Terminal {
             if session.status() == Status::Unplugged {
                 return Err(MonitorError::Gone);

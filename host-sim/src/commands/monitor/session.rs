@@ -2,7 +2,6 @@
 
 use super::MonitorError;
 use model_core::control::Mode;
-use model_core::link::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing, Version};
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{Config, SetPoint, Telemetry};
 use serde::Serialize;
@@ -11,6 +10,7 @@ use std::time::{Duration, Instant};
 use thermyo_boards::link::Link;
 use thermyo_boards::port::Port;
 use thermyo_boards::{port, serial_port};
+use thermyo_protocol::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing, Version};
 use thermyo_record::board_trace::Recorder;
 use thermyo_simulation::board::BoardError;
 
@@ -113,7 +113,7 @@ impl Session {
             self.heard = Instant::now();
             let config = self.config();
             // The core does not count the steps of its startup check.
-            if telemetry.mode == Mode::Judging {
+            if telemetry.mode == Mode::StartupCheck {
                 continue;
             }
             let status = self.link.status();
@@ -175,7 +175,7 @@ impl Session {
     }
 
     /// Latest status that the board sent.
-    pub fn last_status(&self) -> Option<model_core::link::Status> {
+    pub fn last_status(&self) -> Option<thermyo_protocol::Status> {
         self.link.status()
     }
 

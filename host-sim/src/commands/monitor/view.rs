@@ -3,10 +3,10 @@
 use super::{Session, Shown, Status};
 use crossterm::terminal;
 use model_core::control::Mode;
-use model_core::link::LastReset;
 use model_core::{Faults, SetPoint};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
+use thermyo_protocol::LastReset;
 use thermyo_record::board_trace::kind_and_values;
 
 /// The keys at a terminal.

@@ -15,7 +15,6 @@ pub use page::{Drawn, page};
 pub use summary::{Driven, Gathered};
 
 use model_core::control::Mode;
-use model_core::link::Status;
 use model_core::safety::supervisor::VENTING;
 use model_core::{Faults, Telemetry};
 use std::io;
@@ -23,25 +22,17 @@ use std::mem::discriminant;
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
 use thermyo_files::input::{InputError, Problem};
-use thermyo_files::table::read_table;
+use thermyo_files::table::{Table, read_table};
+use thermyo_protocol::Status;
 use thermyo_scenario::DriveKind;
-use thermyo_scenario::profile::Profile;
-use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config::ConfigScenario;
+use thermyo_setup::{Loaded, SET_POINT_COLUMNS, set_points, set_points_in};
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::SetPoints;
 
 /// Steps by which a set point is sent ahead of its time, to cover the delay of the link.
 const LEAD_STEPS: u64 = 5;
-
-/// Columns of a profile, and the drive of each.
-const PROFILES: [(&str, DriveKind); 4] = [
-    ("pressure_pa", DriveKind::Pressure),
-    ("contraction", DriveKind::Contraction),
-    ("flow_kg_s", DriveKind::MassFlow),
-    ("duty", DriveKind::Duty),
-];
 
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
@@ -60,22 +51,25 @@ pub enum Ended {
     Stopped,
 }
 
-/// Scenario to drive: the profile of a file, on the muscle that the board was configured with.
+/// Scenario to drive: the profile of a file, on the muscle that the board was configured with. The
+/// whole profile is within what that board allows: up to `armed_pa`, if it is not armed first. `kind`
+/// is the quantity of a column `value`.
 ///
 /// # Errors
-/// [`InputError`] for a file that is neither a scenario nor a table with a set point.
-pub fn plan(file: &Path, board: &ConfigScenario) -> Result<Loaded, InputError> {
+/// [`InputError`] for a file that is neither a scenario nor a table with a set point, and for a value
+/// that the board would refuse.
+pub fn plan(
+    file: &Path,
+    kind: Option<DriveKind>,
+    board: &ConfigScenario,
+    armed_pa: Option<f32>,
+) -> Result<Loaded, InputError> {
     let mut driven = board.scenario.clone();
     if file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
         let table = read_table(file)?;
-        let names: Vec<&str> = table.columns().iter().map(|column| column.name.as_str()).collect();
-        let found = PROFILES.iter().find(|(name, _)| names.contains(name));
-        let (name, kind) = *found.unwrap_or(&PROFILES[0]);
-        let points = table.filled("time_s")?.into_iter().zip(table.filled(name)?).collect();
-        let profile = Profile::new(points)
-            .map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))?;
+        driven.plant.drive.kind = kind_of(&table, kind)?;
+        let profile = set_points_in(&table, &driven.plant)?;
         driven.plant.run.duration_s = profile.points().last().map_or(0.0, |point| point.0);
-        driven.plant.drive.kind = kind;
         driven.drive_profile = Some(profile);
     } else {
         let loaded = thermyo_setup::load(file)?;
@@ -95,7 +89,7 @@ pub fn plan(file: &Path, board: &ConfigScenario) -> Result<Loaded, InputError> {
         driven.plant.drive = loaded.plant.drive.clone();
         driven.drive_profile = loaded.drive_profile;
     }
-    above_ambient(file, &driven)?;
+    check(file, &driven, armed_pa)?;
     driven.plant.run.log_every = 1;
     if driven.drive_profile.is_some() {
         // The profile lies beside the scenario in the record's folder.
@@ -106,20 +100,42 @@ pub fn plan(file: &Path, board: &ConfigScenario) -> Result<Loaded, InputError> {
     Ok(driven)
 }
 
-/// The set points must not be below the ambient pressure of the board's configuration.
-fn above_ambient(file: &Path, driven: &Loaded) -> Result<(), InputError> {
+/// The drive of a table: by the name of its column, or `kind` for a column `value`.
+fn kind_of(table: &Table, kind: Option<DriveKind>) -> Result<DriveKind, InputError> {
+    let has = |name: &str| table.columns().iter().any(|column| column.name == name);
+    let named = SET_POINT_COLUMNS.iter().find(|(name, _)| has(name)).map(|(_, kind)| *kind);
+    let names = SET_POINT_COLUMNS.map(|(name, _)| name).join(", ");
+    named.or(kind).ok_or_else(|| {
+        let why = format!("of which quantity? Name it {names}, or give --kind");
+        table.header_error(if has("value") {
+            Problem::UnusableColumn { column: "value".to_owned(), why }
+        } else {
+            Problem::Unreadable(format!("it needs a column of set points: one of {names}"))
+        })
+    })
+}
+
+/// All set points have to be within what the board's configuration allows, and what it is armed for.
+fn check(file: &Path, driven: &Loaded, armed_pa: Option<f32>) -> Result<(), InputError> {
     let drive = &driven.plant.drive;
-    let points = driven.drive_profile.as_ref().map_or_else(Vec::new, |of| of.points().to_vec());
-    let values = points.iter().map(|point| point.1);
-    let lowest_pa = values.reduce(f64::min).unwrap_or(drive.pressure_pa);
-    let ambient_pa = driven.plant.ambient.pressure_pa;
-    if drive.kind != DriveKind::Pressure || lowest_pa >= ambient_pa {
+    let Some((name, _)) = SET_POINT_COLUMNS.iter().find(|(_, kind)| *kind == drive.kind) else {
         return Ok(());
+    };
+    let (mut allowed, mut why) = set_points(&driven.plant);
+    if let Some(armed_pa) = armed_pa.map(f64::from).filter(|_| drive.kind == DriveKind::Pressure)
+        && armed_pa < allowed.max
+    {
+        (allowed.max, why) = (armed_pa, "as the board is armed");
     }
+    let whole = [(0.0, SetPoints::new(driven).value(0.0))];
+    let points = driven.drive_profile.as_ref().map_or(&whole[..], |profile| profile.points());
+    let Some((time_s, value)) = points.iter().find(|(_, value)| !allowed.contains(*value)) else {
+        return Ok(());
+    };
     let problem = Problem::NotAllowed {
-        key: "pressure_pa".to_owned(),
-        value: lowest_pa.to_string(),
-        allowed: format!("at least {ambient_pa} Pa, ambient as the board is configured"),
+        key: (*name).to_owned(),
+        value: format!("{value} at {time_s} s"),
+        allowed: format!("{allowed}, {why}"),
     };
     Err(InputError::file(file, problem))
 }
@@ -158,7 +174,7 @@ fn along(
             return Ok(Ended::Stopped);
         }
         let Some(telemetry) = board.poll()? else { continue };
-        if telemetry.mode == Mode::Judging {
+        if telemetry.mode == Mode::StartupCheck {
             continue;
         }
         let status = board.last_status();

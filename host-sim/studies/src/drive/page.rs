@@ -126,7 +126,7 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
 mod tests {
     use super::*;
     use crate::drive::Gathered;
-    use model_core::link::{Status, Timing};
+    use thermyo_protocol::{Status, Timing};
     use thermyo_record::board_trace;
     use thermyo_setup::core_config::core_config;
     use thermyo_simulation::board::CoreBoard;

@@ -1,9 +1,9 @@
 //! `summary.json` of a run on a board: readings and estimates, without a plant's true values.
 
-use model_core::link::{Status, Timing};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_plant::{Ledger, chamber};
+use thermyo_protocol::{Status, Timing};
 use thermyo_record::measured::Measured;
 use thermyo_record::summary::{
     Accumulator, Control, CoreFigures, Difference, Ending, Range, Readings, TimingFigures,

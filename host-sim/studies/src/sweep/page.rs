@@ -172,6 +172,7 @@ fn pair(
                 spacing,
                 limit: Some((within_k, format!("within {within_k} K"))),
                 half: true,
+                signed: false,
             },
         }
         .figure(&format!("{who}{held_text}"), caption)

@@ -14,6 +14,7 @@ use model_core::config::{Config, Load};
 use model_core::control::contractions;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::{Faults, SetPoint, Telemetry};
+use std::io;
 use std::ops::Range;
 use thermyo_record::board_trace::kind_and_values;
 use thermyo_record::trace::Row;
@@ -38,7 +39,7 @@ const LEAST_WIDTH: f64 = 0.06;
 /// Rest before and after, for measuring noise and for venting \[s\].
 const REST_S: f64 = 1.5;
 /// Contraction per time of slow and fast ramps, and the number of each \[1/s\].
-const RAMPS: [(f64, u32); 2] = [(0.05, 2), (0.2, 4)];
+const RAMPS: [(f64, usize); 2] = [(0.05, 2), (0.2, 4)];
 /// Rest at the ends of a ramp \[s\].
 const DWELL_S: f64 = 0.3;
 /// Number of steps up, and of steps down.
@@ -103,19 +104,23 @@ pub trait Bench {
 }
 
 /// A board that gets the samples of a simulated muscle, step by step.
-pub struct Simulated<'a>(pub &'a mut dyn Board);
+pub struct Simulated<'a> {
+    pub board: &'a mut dyn Board,
+    /// Whether to end early.
+    pub stopped: &'a dyn Fn() -> bool,
+}
 
 impl Bench for Simulated<'_> {
     fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError> {
         let mut observer = |row: &Row| {
             each(&row.telemetry);
-            Ok(())
+            if (self.stopped)() { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
         };
-        run::run(driven, self.0, None, &mut observer).map(drop)
+        run::run(driven, self.board, None, &mut observer).map(drop)
     }
 
     fn vent(&mut self, config: &Config) -> Result<(), BoardError> {
-        self.0.start(config, SetPoint::Vent)
+        self.board.start(config, SetPoint::Vent)
     }
 }
 
@@ -209,33 +214,9 @@ impl Plan {
         profile.hold(REST_S);
         let rest_s = 0.5 * REST_S..profile.end_s();
         let ramps_from_s = profile.end_s();
-        let mut ramps = Vec::new();
-        for (speed, times) in RAMPS {
-            let duration_s = (to - from) / speed;
-            let points = (duration_s / POINT_S).ceil() as u32;
-            let ramp = |start: f64, end: f64| {
-                (1..=points).map(move |i| {
-                    let share = f64::from(i) / f64::from(points);
-                    (duration_s / f64::from(points), pressure_pa(start + share * (end - start)))
-                })
-            };
-            for _ in 0..times {
-                for (start, end) in [(from, to), (to, from)] {
-                    let start_s = profile.end_s();
-                    ramp(start, end).for_each(|(after_s, pa)| profile.go(after_s, pa));
-                    profile.hold(DWELL_S);
-                    ramps.push(Ramp { time_s: start_s..profile.end_s(), rises: end > start });
-                }
-            }
-        }
+        let ramps = profile.ramps([from, to], pressure_pa);
         let steps_from_s = profile.end_s();
-        let [low_pa, high_pa] = pressures_pa;
-        for _ in 0..STEPS {
-            for pa in [low_pa + STEP_FROM * (high_pa - low_pa), high_pa] {
-                profile.go(0.001, pa);
-                profile.hold(STEP_S - 0.001);
-            }
-        }
+        profile.steps(pressures_pa);
         let steps_to_s = profile.end_s();
         profile.go(0.001, f64::from(config.ambient.pressure_pa));
         profile.hold(REST_S);
@@ -270,6 +251,35 @@ impl Profile {
 
     fn hold(&mut self, duration_s: f64) {
         self.go(duration_s, self.last().1);
+    }
+
+    /// Ramps between two contractions, up and down at every speed.
+    fn ramps(&mut self, [from, to]: [f64; 2], pressure_pa: impl Fn(f64) -> f64) -> Vec<Ramp> {
+        let mut ramps = Vec::new();
+        for (speed, times) in RAMPS {
+            let duration_s = (to - from) / speed;
+            let points = (duration_s / POINT_S).ceil() as u32;
+            for (start, end) in [(from, to), (to, from)].repeat(times) {
+                let start_s = self.end_s();
+                for i in 1..=points {
+                    let share = f64::from(i) / f64::from(points);
+                    let pa = pressure_pa(start + share * (end - start));
+                    self.go(duration_s / f64::from(points), pa);
+                }
+                self.hold(DWELL_S);
+                ramps.push(Ramp { time_s: start_s..self.end_s(), rises: end > start });
+            }
+        }
+        ramps
+    }
+
+    fn steps(&mut self, [low_pa, high_pa]: [f64; 2]) {
+        for _ in 0..STEPS {
+            for pa in [low_pa + STEP_FROM * (high_pa - low_pa), high_pa] {
+                self.go(0.001, pa);
+                self.hold(STEP_S - 0.001);
+            }
+        }
     }
 }
 

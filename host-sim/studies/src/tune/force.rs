@@ -28,7 +28,7 @@ const EVEN: f64 = 0.25;
 const TURN_M: f64 = 0.004;
 /// Distance from the rest length within which the load may lie on its stop \[m\].
 const STOP_M: f64 = 0.003;
-/// Least span of wall temperature at which softening can be told from scatter \[K\]: at 1 %/K a
+/// Least span of wall temperature at which softening differs from scatter \[K\]: at 1 %/K a
 /// tenth of the friction.
 const SOFTENING_SPAN_K: f64 = 10.0;
 /// Largest relative standard error of an adopted value \[-\].
@@ -168,17 +168,13 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
     if !(signal >= LEAST_SIGNAL && area_scale.value > 0.0) {
         return Err(Refusal::Noisy { signal, rms_n: fit.rms() * area_scale.value });
     }
-    let points = sliding
-        .iter()
-        .zip(&fit.residuals)
-        .map(|((bin, speed_m_s), residual_n)| Point {
-            time_s: bin.time_s,
-            contraction: 1.0 - bin.length_m / rest_m,
-            speed_m_s: *speed_m_s,
-            pull_n: pull_n(bin) * area_scale.value,
-            residual_n: residual_n * area_scale.value,
-        })
-        .collect();
+    let point = |((bin, speed_m_s), residual_n): (&(Bin, f64), &f64)| Point {
+        time_s: bin.time_s,
+        contraction: 1.0 - bin.length_m / rest_m,
+        speed_m_s: *speed_m_s,
+        pull_n: pull_n(bin) * area_scale.value,
+        residual_n: residual_n * area_scale.value,
+    };
     Ok(Force {
         area_scale,
         stiffness_n_m: fit.measure(|c| c[1] / c[0]),
@@ -187,7 +183,7 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         softening_per_k,
         wall_k,
         rms_n: fit.rms() * area_scale.value,
-        points,
+        points: sliding.iter().zip(&fit.residuals).map(point).collect(),
     })
 }
 

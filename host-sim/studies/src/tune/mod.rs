@@ -202,7 +202,7 @@ pub fn tune(
     highest_pa: f64,
     board: &mut dyn Board,
 ) -> Result<Tuned, TuneError> {
-    tune_on(loaded, file, highest_pa, &mut Simulated(board))
+    tune_on(loaded, file, highest_pa, &mut Simulated { board, stopped: &|| false })
 }
 
 /// Runs the experiment for a scenario, up to `highest_pa`, fits the values and checks them. `file`

@@ -131,14 +131,14 @@ fn step(tuned: &Tuned, jump_s: f64) -> Figure {
         .half()
         .panel(
             Panel::new(Axis::new("Pressure", "kPa"))
-                .dashed("set point", Colour::Grey, &time, &of(|r| r.set_point / 1e3))
-                .line("measured", Colour::Ink, &time, &of(|r| r.pressure_pa / 1e3)),
+                .dashed("set point", Colour::SetPoint, &time, &of(|r| r.set_point / 1e3))
+                .line("measured", Colour::Measured, &time, &of(|r| r.pressure_pa / 1e3)),
         )
         .panel(
             Panel::new(Axis::new("Duty", "%").range(-5.0, 105.0))
                 .height(90.0)
-                .line("inlet", Colour::Vermillion, &time, &of(|r| 100.0 * r.inlet))
-                .line("outlet", Colour::Blue, &time, &of(|r| 100.0 * r.outlet)),
+                .line("inlet", Colour::Inlet, &time, &of(|r| 100.0 * r.inlet))
+                .line("outlet", Colour::Outlet, &time, &of(|r| 100.0 * r.outlet)),
         );
     chart.figure(
         "A step of the pressure",

@@ -84,7 +84,7 @@ impl<'a> Gas<'a> {
             Direction::Out => (muscle, (*ambient).into(), -1.0),
         };
         let unit = Valve { conductance_m3_s_pa: 1.0, ..*valve };
-        let flow = unit.mass_flow_kg_s(gas, up.pressure_pa, up.temperature_k, down.pressure_pa);
+        let flow = unit.mass_flow_kg_s(gas, up, down.pressure_pa);
         sign * f64::from(flow)
     }
 

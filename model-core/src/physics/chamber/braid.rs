@@ -32,7 +32,7 @@ const STEPS: u8 = 6;
 
 /// The braid: the two coefficients b and n of Fig. 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Braid {
     /// Thread length b \[m\].
     pub thread_length_m: f32,
@@ -156,7 +156,7 @@ fn sin_cos(angle_rad: f32) -> (f32, f32) {
 
 /// A muscle: braid, bladder and fittings.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Muscle {
     /// The braid's coefficients.
     pub braid: Braid,

@@ -12,7 +12,7 @@
 //! # How to add a chamber
 //!
 //! - Here a file: its configuration, with its `check`, and `From` that what implements [`Chamber`]. Its `mod`
-//!   and its line in `chambers!` below; `link::PROTOCOL` goes up, with its pinned bytes.
+//!   and its line in `chambers!` below; `thermyo_protocol::PROTOCOL` goes up, with its pinned bytes.
 //! - In the simulator a file in `host-sim/plant/src/chamber/`: its `table!` of keys and its law in f64,
 //!   derived apart from this one. Its arm in `with_chamber!`, its word in `PlantKind`, its field and its
 //!   line in `host-sim/scenario/src/tables/`.
@@ -108,7 +108,7 @@ macro_rules! chambers {
     ($($(#[$meaning:meta])* $name:ident: $configured:ty => $chamber:ty,)*) => {
         /// Configuration of the chamber.
         #[derive(Debug, Clone, Copy, PartialEq)]
-        #[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+        #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
         pub enum ChamberConfig {
             $($(#[$meaning])* $name($configured),)*
         }

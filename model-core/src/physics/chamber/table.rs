@@ -14,7 +14,7 @@ const STEPS: u8 = 4;
 
 /// One row.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Row {
     /// Length \[m\].
     pub length_m: f32,
@@ -26,7 +26,7 @@ pub struct Row {
 
 /// A measured table.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Table {
     /// The rows, by rising length; those after the first `count` are zeros.
     pub rows: [Row; MOST_ROWS],

@@ -1,67 +1,23 @@
-//! Files inside a release build that a checkout builds or fetches: the emulator's scripts and the
-//! firmware's images (`emulator/`), the browser's module, the shared library of a unit.
-//!
-//! Feature `release` embeds the archive that `THERMYO_INSIDE` names at compile time; `.ci/dist.py`
-//! makes it. Without the feature there is no archive, and the checkout is used.
+//! Files of an archive, read and unpacked.
 
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{Cursor, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Mutex;
-use std::{env, fs, io, process};
-use thermyo_simulation::board::BoardError;
+use std::{fs, io, process};
 use zip::ZipArchive;
 
-#[cfg(feature = "release")]
-const ARCHIVE: Option<&[u8]> = Some(include_bytes!(env!("THERMYO_INSIDE")));
-#[cfg(not(feature = "release"))]
-const ARCHIVE: Option<&[u8]> = None;
-
 /// Node.js needs these as files.
-const UNPACKED: &str = "emulator/";
+pub(super) const UNPACKED: &str = "emulator/";
 
-/// A built-in file; `None` in a checkout.
-pub fn file(name: &str) -> Option<Vec<u8>> {
-    let mut archive = ZipArchive::new(Cursor::new(ARCHIVE?)).expect("an archive is inside");
-    let mut file = archive.by_name(name).expect("the archive is complete");
+pub(super) fn file(archive: &[u8], name: &str) -> io::Result<Vec<u8>> {
+    let mut archive = ZipArchive::new(Cursor::new(archive))?;
     let mut content = Vec::new();
-    file.read_to_end(&mut content).expect("the archive is whole");
-    Some(content)
-}
-
-/// Folder with the built-in emulator scripts and firmware images, unpacked into the user's cache if
-/// they are missing there or differ; `None` in a checkout.
-pub fn emulator() -> Result<Option<PathBuf>, BoardError> {
-    let Some(archive) = ARCHIVE else { return Ok(None) };
-    let not_unpacked = |folder: &Path, reason: String| BoardError::NotUnpacked {
-        folder: folder.to_path_buf(),
-        reason,
-    };
-    let cache = cache().ok_or_else(|| {
-        not_unpacked(Path::new("the user's cache"), "there is no home folder".to_owned())
-    })?;
-    // Each version has a folder of its own.
-    let mut hasher = DefaultHasher::new();
-    archive.hash(&mut hasher);
-    let folder = cache.join(format!("{}-{:016x}", env!("CARGO_PKG_VERSION"), hasher.finish()));
-    unpack(archive, &folder).map_err(|error| not_unpacked(&folder, error.to_string()))?;
-    Ok(Some(folder.join(UNPACKED)))
-}
-
-/// The user's cache folder. Others could put scripts into the folder for temporary files.
-fn cache() -> Option<PathBuf> {
-    let given = env::var_os("XDG_CACHE_HOME").map(PathBuf::from).filter(|path| path.is_absolute());
-    let system = if cfg!(windows) {
-        env::var_os("LOCALAPPDATA").map(PathBuf::from)
-    } else {
-        let below = if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" };
-        env::home_dir().filter(|home| home.is_absolute()).map(|home| home.join(below))
-    };
-    Some(given.or(system)?.join("thermyo"))
+    archive.by_name(name)?.read_to_end(&mut content)?;
+    Ok(content)
 }
 
 /// Unpacks everything below [`UNPACKED`]. Each file appears complete: other processes may read it.
-fn unpack(archive: &[u8], folder: &Path) -> io::Result<()> {
+pub(super) fn unpack(archive: &[u8], folder: &Path) -> io::Result<()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     let mut archive = ZipArchive::new(Cursor::new(archive))?;
@@ -103,6 +59,8 @@ mod tests {
             zip.write_all(content.as_bytes()).unwrap();
         }
         let archive = zip.finish().unwrap().into_inner();
+        assert_eq!(file(&archive, "library.so").unwrap(), b"library");
+        assert!(file(&archive, "library").is_err());
         let cache = tempfile::tempdir().unwrap();
         let folder = cache.path().join("a/b");
         let chip = folder.join("emulator/node_modules/chip/index.js");

@@ -23,7 +23,7 @@ impl Feedback {
 
 /// The gas at the valves' side of a loop, for one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Port {
+pub struct ChamberPort {
     /// PWM period \[s\].
     pub period_s: f32,
     /// Its reciprocal: a division is dear without an FPU \[Hz\].
@@ -48,7 +48,7 @@ pub struct Port {
     pub gas_constant_j_kg_k: f32,
 }
 
-impl Port {
+impl ChamberPort {
     /// Gas mass at the estimated temperature, eq. (1) \[kg\].
     pub fn gas_mass_kg(&self) -> f32 {
         self.pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.gas_k)

@@ -11,7 +11,7 @@
 //! [`Set`](super::HostCommand::Set): what a muscle may move by.
 //!
 //! ```
-//! use model_core::link::arbiter::Arbiter;
+//! use thermyo_protocol::arbiter::Arbiter;
 //!
 //! let mut arbiter = Arbiter::<2>::new();
 //! let order = arbiter.begin(0);

@@ -3,26 +3,117 @@
 //! A frame is one message in postcard's encoding, its CRC-32 (ISO-HDLC, little end first), both
 //! together stuffed by COBS, and a zero byte. COBS leaves no zero inside a frame, so that a receiver
 //! that comes late or reads garbage is in step again after the next zero. Numbers cross without
-//! loss: f32 as its four bytes, ADC codes as they are, so that a recorded run can be compared to
+//! loss: f32 as its four bytes, raw codes as they are, so that a recorded run can be compared to
 //! the bit.
 //!
 //! The host asks ([`Request`]), the board answers each request with one [`Reply`] of the same
 //! sequence number, and sends [`Message::Telemetry`] of its own accord.
+//!
+//! A client that moves a muscle on a board at a serial port, 921 600 baud:
+//!
+//! ```
+//! use std::io::{self, Read, Write};
+//! use thermyo_protocol::model_core::SetPoint;
+//! use thermyo_protocol::{Answer, Decoder, HostCommand, Message, PROTOCOL, Reply, Request, encode};
+//!
+//! struct Client<P> {
+//!     port: P,
+//!     decoder: Decoder,
+//!     sequence: u8,
+//! }
+//!
+//! impl<P: Read + Write> Client<P> {
+//!     fn ask(&mut self, command: HostCommand) -> io::Result<Answer> {
+//!         self.sequence = self.sequence.wrapping_add(1);
+//!         let request = Request { sequence: self.sequence, command };
+//!         self.port.write_all(&encode(&request).expect("every request fits a frame"))?;
+//!         loop {
+//!             let mut byte = [0];
+//!             self.port.read_exact(&mut byte)?;
+//!             match self.decoder.push(byte[0]) {
+//!                 Some(Message::Reply(Reply { sequence, answer })) if sequence == self.sequence => {
+//!                     return Ok(answer);
+//!                 }
+//!                 Some(Message::Telemetry(step)) => println!("{} K", step.estimate.gas_k),
+//!                 _ => (),
+//!             }
+//!         }
+//!     }
+//! }
+//!
+//! fn hold(port: impl Read + Write, pressure_pa: f32) -> io::Result<Answer> {
+//!     let mut board = Client { port, decoder: Decoder::new(), sequence: 0 };
+//!     match board.ask(HostCommand::Version)? {
+//!         Answer::Version(version) if version.protocol == PROTOCOL => (),
+//!         other => return Err(io::Error::other(format!("protocol {PROTOCOL} needed: {other:?}"))),
+//!     }
+//!     board.ask(HostCommand::Arm { most_pa: None })?;
+//!     // The board vents after half a second without a request: `HostCommand::Alive` is one.
+//!     board.ask(HostCommand::Set(SetPoint::Pressure { pressure_pa }))
+//! }
+//! # use thermyo_protocol::model_core::{Config, Core, Sample};
+//! # use thermyo_protocol::{Chip, Refusal, Version};
+//! # /// A board in this process, configured, and past its startup check.
+//! # struct Board { core: Core, decoder: Decoder, sent: std::collections::VecDeque<u8> }
+//! # impl Write for Board {
+//! #     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+//! #         for &byte in bytes {
+//! #             let Some(Request { sequence, command }) = self.decoder.push(byte) else { continue };
+//! #             let done = |outcome: Result<(), _>| match outcome {
+//! #                 Ok(()) => Answer::Done { step: 0 },
+//! #                 Err(error) => Answer::Refused(Refusal::SetPoint(error)),
+//! #             };
+//! #             let answer = match command {
+//! #                 HostCommand::Version => Answer::Version(Version {
+//! #                     protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false,
+//! #                 }),
+//! #                 HostCommand::Arm { most_pa } => done(self.core.arm(most_pa)),
+//! #                 HostCommand::Set(set_point) => done(self.core.set(set_point)),
+//! #                 other => unreachable!("{other:?}"),
+//! #             };
+//! #             let telemetry = self.core.step(&Sample::default());
+//! #             for message in [Message::Telemetry(telemetry), Message::Reply(Reply { sequence, answer })] {
+//! #                 self.sent.extend(encode(&message).unwrap());
+//! #             }
+//! #         }
+//! #         Ok(bytes.len())
+//! #     }
+//! #     fn flush(&mut self) -> io::Result<()> { Ok(()) }
+//! # }
+//! # impl Read for Board {
+//! #     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> { self.sent.read(bytes) }
+//! # }
+//! # let board = || Board {
+//! #     core: Core::new(&Config::default()).unwrap(),
+//! #     decoder: Decoder::new(),
+//! #     sent: Default::default(),
+//! # };
+//! # assert_eq!(hold(board(), 2.5e5).unwrap(), Answer::Done { step: 0 });
+//! # assert!(matches!(hold(board(), 2.5e6).unwrap(), Answer::Refused(_)));
+//! ```
+
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+#![deny(clippy::indexing_slicing, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![cfg_attr(test, allow(clippy::indexing_slicing, clippy::unwrap_used, clippy::panic))]
 
 pub mod arbiter;
 
-use crate::config::Config;
-use crate::control::SetPointError;
-use crate::parameter::ConfigError;
-use crate::safety::supervisor::FirstFailure;
-use crate::sample::{Sample, SetPoint, Telemetry};
+pub use model_core;
+
 use cobs::{DecodeResult, DecoderState};
 use crc::{CRC_32_ISO_HDLC, Crc};
+use model_core::config::Config;
+use model_core::control::SetPointError;
+use model_core::parameter::ConfigError;
+use model_core::safety::supervisor::FirstFailure;
+use model_core::sample::{Sample, SetPoint, Telemetry};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 14;
+pub const PROTOCOL: u16 = 15;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -469,7 +560,7 @@ impl Decoder {
     /// A decoder at the start of a frame.
     ///
     /// ```
-    /// use model_core::link::{Decoder, HostCommand, encode};
+    /// use thermyo_protocol::{Decoder, HostCommand, encode};
     ///
     /// let mut decoder = Decoder::new();
     /// let frame = encode(&HostCommand::Alive).unwrap();
@@ -525,24 +616,24 @@ fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::chamber::table::{MOST_ROWS, Row};
-    use crate::physics::chamber::{ChamberConfig, Table};
-    use crate::sample::{AdcCode, Command, Duty, Estimate, Faults, Mode};
-    use crate::sensing::Sensors;
-    use crate::sensing::gas::{GasElement, Max31865};
-    use crate::sensing::pressure::{Mpr, PressurePart};
+    use model_core::physics::chamber::table::{MOST_ROWS, Row};
+    use model_core::physics::chamber::{ChamberConfig, Table};
+    use model_core::sample::{AdcCode, Command, Duty, Estimate, Faults, Mode, RawCode};
+    use model_core::sensing::Sensors;
+    use model_core::sensing::gas::{GasElement, Max31865};
+    use model_core::sensing::pressure::{Mpr, PressurePart};
     use proptest::prelude::*;
 
     /// Every field takes the most bytes that it can.
     fn longest_telemetry() -> Telemetry {
-        let code = AdcCode(u16::MAX);
+        let code = RawCode::of_part(0x7fff, true);
         let value = f32::from_bits(0x7fc1_2345);
         Telemetry {
             step: u32::MAX,
             sample: Sample {
                 pressure: code,
                 gas: code,
-                length: code,
+                length: AdcCode(u16::MAX),
                 emergency_stop: true,
                 heard: true,
                 flooded: true,
@@ -564,7 +655,7 @@ mod tests {
             mode: Mode::ContractionHeld,
             limited: true,
             set_point: SetPoint::Pressure { pressure_pa: value },
-            faults: Faults(u16::MAX),
+            faults: Faults(u32::MAX),
         }
     }
 
@@ -676,8 +767,8 @@ mod tests {
             (request(HostCommand::ClearFaults), "0707079b11fc9000"),
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
-            (request(HostCommand::Step(sample)), "0a070dda3cce7ccdb90102010105c930c05400"),
-            (answer(Answer::Version(version)), "030107020e0201010105e10f017900"),
+            (request(HostCommand::Step(sample)), "03070d035a1e054e3ecd5c02010105c5cc30c500"),
+            (answer(Answer::Version(version)), "030107020f020101010544dc5db200"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -698,7 +789,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (341, 2_316_422_654)), (encode(&telemetry), (78, 3_172_555_875))]
+            [(encode(&config), (341, 2_316_422_654)), (encode(&telemetry), (77, 1_017_350_385))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
@@ -775,8 +866,8 @@ mod tests {
 
     #[test]
     fn a_refusal_says_why() {
-        let refused = crate::control::SetPoint::Pressure { pressure_pa: -1.0 };
-        let error = crate::Core::new(&Config::default()).unwrap().set(refused).unwrap_err();
+        let refused = model_core::SetPoint::Pressure { pressure_pa: -1.0 };
+        let error = model_core::Core::new(&Config::default()).unwrap().set(refused).unwrap_err();
         for (refusal, text) in [
             (error.into(), "pressure_pa = -1: must be from 0 to 689500"),
             (Refusal::Step { board_us: 1000 }, "the board's step is 1000 us"),
@@ -794,15 +885,15 @@ mod tests {
             codes in any::<[u16; 3]>(),
             bits in any::<[u32; 9]>(),
             duties in any::<[u16; 2]>(),
-            faults in any::<u16>(),
+            faults in any::<u32>(),
             emergency_stop in any::<bool>(),
         ) {
             let f = bits.map(f32::from_bits);
             let telemetry = Telemetry {
                 step,
                 sample: Sample {
-                    pressure: AdcCode(codes[0]),
-                    gas: AdcCode(codes[1]),
+                    pressure: RawCode::of_part(codes[0], emergency_stop),
+                    gas: AdcCode(codes[1]).into(),
                     length: AdcCode(codes[2]),
                     emergency_stop,
                     heard: !emergency_stop,
@@ -816,8 +907,8 @@ mod tests {
                     mass_kg: f[6], heat_scale: f[7], sensor_lag_s: f[8],
                 },
                 command: Command {
-                    inlet: Duty(duties[0].min(50_000)),
-                    outlet: Duty(duties[1].min(50_000)),
+                    inlet: Duty(duties[0]),
+                    outlet: Duty(duties[1]),
                 },
                 mode: Mode::Pressure,
                 limited: true,

@@ -33,7 +33,7 @@
 
 use crate::config::{Config, Load};
 use crate::estimation::Balance;
-use crate::math::{absolute, limit};
+use crate::math::{absolute, is_above, limit};
 use crate::physics::chamber::Chamber;
 use crate::physics::valve::reference_density_kg_m3;
 use crate::sample::{Command, Duty, Faults};
@@ -54,7 +54,7 @@ const WRONG: f32 = 4.0;
 /// How wrong a believed load may be \[-\].
 const WRONG_LOAD: f32 = 3.0;
 /// The muscle counts as empty up to this multiple of the ambient pressure \[-\].
-pub const EMPTY: f32 = 1.15;
+const EMPTY: f32 = 1.15;
 /// Part of the rest length near either stop that is left out, and the way in a window that is no rest \[-\].
 const NEAR_STOP: f32 = 0.02;
 const AT_REST: f32 = 0.002;
@@ -77,25 +77,26 @@ struct Limits {
     empty_pa: f32,
     ambient_pa: f32,
     critical_ratio: f32,
-    /// Seconds of a window that one tick of a duty stands for \[s\].
-    tick_s: f32,
-    /// Ticks of a duty whose pulse is as long as the valve's stroke \[-\].
-    stroke_ticks: u32,
+    /// Seconds of a step that one part of a duty stands for \[s\].
+    part_s: f32,
+    /// Parts of a duty whose pulse is as long as the valve's stroke \[-\].
+    stroke_parts: u32,
     /// The load, and what friction may add \[N\]; none where the force is not known.
     load_n: Option<(f32, f32)>,
 }
 
 impl Limits {
-    /// Ticks for which a duty opens its valve. A pulse shorter than the stroke opens it in proportion to
+    /// Parts of a step for which a duty opens its valve. A pulse shorter than the stroke opens it in proportion to
     /// its length, for w^2/t_s of w.
-    fn opened_ticks(&self, duty: Duty) -> u32 {
-        let ticks = u32::from(duty.ticks());
-        if ticks < self.stroke_ticks {
-            let opened = ticks.saturating_mul(ticks).checked_div(self.stroke_ticks);
+    fn opened_parts(&self, duty: Duty) -> u32 {
+        let parts = u32::from(duty.0);
+        if parts < self.stroke_parts {
+            let nearest = parts.saturating_mul(parts).saturating_add(self.stroke_parts / 2);
+            let opened = nearest.checked_div(self.stroke_parts);
             // Driven, however briefly.
-            opened.unwrap_or(ticks).max(u32::from(ticks > 0))
+            opened.unwrap_or(parts).max(u32::from(parts > 0))
         } else {
-            ticks
+            parts
         }
     }
 
@@ -110,9 +111,9 @@ impl Limits {
 
 /// State of one valve.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Side {
-    /// Ticks for which it stood open in this window.
-    ticks: u32,
+struct ValveBalance {
+    /// Parts of a step for which it stood open in this window.
+    parts: u32,
     /// It was driven in this window ...
     driven: bool,
     /// ... and in the one before.
@@ -123,16 +124,16 @@ struct Side {
     asked_per_s: f32,
 }
 
-impl Side {
+impl ValveBalance {
     /// One of which nothing is known: it may have been driven.
     const UNKNOWN: Self =
-        Self { ticks: 0, driven: true, driven_before: true, missing: 0.0, asked_per_s: 0.0 };
+        Self { parts: 0, driven: true, driven_before: true, missing: 0.0, asked_per_s: 0.0 };
 
-    /// Ends a window; returns the ticks for which the valve stood open.
+    /// Ends a window; returns the parts of a step for which the valve stood open.
     fn end_window(&mut self) -> u32 {
-        let ticks = core::mem::take(&mut self.ticks);
-        self.driven_before = core::mem::replace(&mut self.driven, ticks > 0);
-        ticks
+        let parts = core::mem::take(&mut self.parts);
+        self.driven_before = core::mem::replace(&mut self.driven, parts > 0);
+        parts
     }
 
     /// A pulse of the window before may end in this one.
@@ -164,15 +165,15 @@ impl Side {
     }
 }
 
-/// State of the watch.
+/// State of the monitor.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Watch {
+pub struct PlausibilityMonitor {
     limits: Limits,
-    /// The last command, and the ticks of a step for which it opens inlet and outlet.
+    /// The last command, and the parts of a step for which it opens inlet and outlet.
     command: Command,
-    opened_ticks: [u32; 2],
-    inlet: Side,
-    outlet: Side,
+    opened_parts: [u32; 2],
+    inlet: ValveBalance,
+    outlet: ValveBalance,
     /// Loss of gas while the outlet is shut, smoothed \[1/s\].
     lost_per_s: f32,
     length_m: f32,
@@ -184,15 +185,15 @@ pub struct Watch {
     found: Faults,
 }
 
-impl Watch {
+impl PlausibilityMonitor {
     /// One that has seen nothing.
     ///
     /// ```
     /// use model_core::{Command, Config};
-    /// use model_core::safety::watch::Watch;
+    /// use model_core::safety::plausibility::PlausibilityMonitor;
     ///
-    /// let mut watch = Watch::new(&Config::default());
-    /// watch.drive(Command::VENT);
+    /// let mut monitor = PlausibilityMonitor::new(&Config::default());
+    /// monitor.drive(Command::VENT);
     /// ```
     pub fn new(config: &Config) -> Self {
         let load_n = match config.load {
@@ -212,16 +213,16 @@ impl Watch {
                 empty_pa: EMPTY * config.ambient.pressure_pa,
                 ambient_pa: config.ambient.pressure_pa,
                 critical_ratio: limit(config.valve.critical_ratio, 0.0, 0.99),
-                tick_s: config.step_s / f32::from(Duty::FULL.ticks()),
-                stroke_ticks: (config.valve.switch_time_s * f32::from(Duty::FULL.ticks())
+                part_s: config.step_s / f32::from(Duty::FULL.0),
+                stroke_parts: (config.valve.switch_time_s * f32::from(Duty::FULL.0)
                     / (f32::from(config.pwm_period_steps) * config.step_s))
                     as u32,
                 load_n,
             },
             command: Command::CLOSED,
-            opened_ticks: [0; 2],
-            inlet: Side::UNKNOWN,
-            outlet: Side::UNKNOWN,
+            opened_parts: [0; 2],
+            inlet: ValveBalance::UNKNOWN,
+            outlet: ValveBalance::UNKNOWN,
             lost_per_s: 0.0,
             length_m: 0.0,
             impossible_windows: 0,
@@ -231,17 +232,22 @@ impl Watch {
         }
     }
 
+    /// Whether a muscle at this absolute pressure \[Pa\] has gas to let out.
+    pub fn has_gas(&self, pressure_pa: f32) -> bool {
+        is_above(pressure_pa, self.limits.empty_pa)
+    }
+
     /// The valves are driven like this for one step.
     pub fn drive(&mut self, command: Command) {
         if command != self.command {
             self.command = command;
-            self.opened_ticks =
-                [command.inlet, command.outlet].map(|duty| self.limits.opened_ticks(duty));
+            self.opened_parts =
+                [command.inlet, command.outlet].map(|duty| self.limits.opened_parts(duty));
         }
-        let [inlet, outlet] = self.opened_ticks;
+        let [inlet, outlet] = self.opened_parts;
         // A window of 65 535 steps stays below 2^32.
-        self.inlet.ticks = self.inlet.ticks.wrapping_add(inlet);
-        self.outlet.ticks = self.outlet.ticks.wrapping_add(outlet);
+        self.inlet.parts = self.inlet.parts.wrapping_add(inlet);
+        self.outlet.parts = self.outlet.parts.wrapping_add(outlet);
     }
 
     /// Takes the balance of one interval of the estimator; returns what the one before has found, each
@@ -254,8 +260,8 @@ impl Watch {
         balance: &Balance,
         length_m: Option<f32>,
     ) -> Faults {
-        let inlet_ticks = self.inlet.end_window();
-        let outlet_ticks = self.outlet.end_window();
+        let inlet_parts = self.inlet.end_window();
+        let outlet_parts = self.outlet.end_window();
         let Some(length_m) = length_m else {
             self.blind = true;
             self.found = Faults::NONE;
@@ -265,7 +271,7 @@ impl Watch {
         let found = if core::mem::replace(&mut self.blind, false) {
             Faults::NONE
         } else {
-            self.count(balance, inlet_ticks, outlet_ticks);
+            self.count(balance, inlet_parts, outlet_parts);
             self.force(chamber, balance.pressure_pa, length_m);
             self.findings()
         };
@@ -273,20 +279,20 @@ impl Watch {
     }
 
     /// Counts what came and went, against what the valves were asked for.
-    fn count(&mut self, balance: &Balance, inlet_ticks: u32, outlet_ticks: u32) {
+    fn count(&mut self, balance: &Balance, inlet_parts: u32, outlet_parts: u32) {
         let limits = &self.limits;
         let Balance { pressure_pa, mass_kg, .. } = *balance;
         // More than there is in one window, or no number at all: next to no gas, and noise.
         let gained = |share: f32| limit(share, -1.0, 1.0);
         let (least_gained, most_gained) =
             (gained(balance.least_gained), gained(balance.most_gained));
-        let asked = |ticks: u32, driving_pa: f32| {
-            let passed_kg = ticks as f32 * limits.tick_s * limits.open_kg_s_pa * driving_pa;
+        let asked = |parts: u32, driving_pa: f32| {
+            let passed_kg = parts as f32 * limits.part_s * limits.open_kg_s_pa * driving_pa;
             limit(passed_kg / mass_kg, 0.0, 1.0)
         };
-        let inflow = asked(inlet_ticks, limits.driving_pa(limits.supply_pa, pressure_pa));
-        let outflow = if pressure_pa > limits.empty_pa {
-            asked(outlet_ticks, limits.driving_pa(pressure_pa, limits.ambient_pa))
+        let inflow = asked(inlet_parts, limits.driving_pa(limits.supply_pa, pressure_pa));
+        let outflow = if is_above(pressure_pa, limits.empty_pa) {
+            asked(outlet_parts, limits.driving_pa(pressure_pa, limits.ambient_pa))
         } else {
             0.0
         };
@@ -377,15 +383,18 @@ mod tests {
         Balance { least_gained: gained, most_gained: gained, pressure_pa, mass_kg: MASS_KG }
     }
 
-    /// A watch and what it looks at.
+    /// A monitor and the chamber that it looks at.
     struct Bench {
         chamber: AnyChamber,
-        watch: Watch,
+        monitor: PlausibilityMonitor,
     }
 
     impl Bench {
         fn new(config: &Config) -> Self {
-            Self { chamber: AnyChamber::new(&config.chamber), watch: Watch::new(config) }
+            Self {
+                chamber: AnyChamber::new(&config.chamber),
+                monitor: PlausibilityMonitor::new(config),
+            }
         }
 
         fn nominal() -> Self {
@@ -394,9 +403,9 @@ mod tests {
 
         fn window(&mut self, command: Command, balance: Balance, length_m: Option<f32>) -> Faults {
             for _ in 0..20 {
-                self.watch.drive(command);
+                self.monitor.drive(command);
             }
-            self.watch.add(&self.chamber, &balance, length_m)
+            self.monitor.add(&self.chamber, &balance, length_m)
         }
 
         /// Faults found in so many windows.
@@ -419,7 +428,7 @@ mod tests {
     const WINDOW_S: f32 = 0.02;
 
     /// Windows in which a share per window comes to what trips, less what is forgotten; and the two
-    /// of a new watch: one that tells nothing, and one by which a finding comes late.
+    /// of a new monitor: one that tells nothing, and one by which a finding comes late.
     fn windows_to_trip(share: f32, forgotten_per_s: f32) -> u32 {
         2 + (TRIP / (share - forgotten_per_s * WINDOW_S)).ceil() as u32
     }
@@ -648,8 +657,8 @@ mod tests {
             let balance = Balance { mass_kg, ..gas(gained, PRESSURE_PA) };
             bench.windows(3, inlet(1.0), balance);
             bench.windows(3, Command::CLOSED, balance);
-            let known = |watch: &Watch| watch == &watch.clone();
-            assert!(known(&bench.watch), "{gained}, {mass_kg} kg");
+            let known = |monitor: &PlausibilityMonitor| monitor == &monitor.clone();
+            assert!(known(&bench.monitor), "{gained}, {mass_kg} kg");
         }
     }
 
