@@ -84,7 +84,7 @@ const OF_CORE: [Variable; 14] = [
     sampled("sensor_lag_s", "Estimated lag of the sensor in the gas"),
     sampled("step", "Number of the core's step"),
     sampled("faults", "Faults, one bit each"),
-    sampled("mode", "What the core does, by its number"),
+    sampled("mode", "Mode of the core, by its number"),
     sampled("limited", "1 where the set point asks for more than the core gives"),
 ];
 

@@ -315,7 +315,7 @@ mod tests {
         }
         for (kind, seen) in kinds.iter().zip(seen) {
             for (slot, name) in kind.names.iter().enumerate() {
-                // Those whose range another number sets.
+                // Numbers whose range another number sets.
                 if [
                     "muscle.rest_length_m",
                     "muscle.slack_m",
