@@ -121,7 +121,6 @@ pub enum Reset {
 #[derive(Clone, Copy)]
 pub enum Channel {
     Pressure,
-    /// The Pt1000 in the gas.
     Gas,
     Length,
 }

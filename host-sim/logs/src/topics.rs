@@ -7,13 +7,9 @@ use thermyo_record::units::unit_of;
 /// Related columns. The time is in every topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Topic {
-    /// Name in a log.
     pub name: &'static str,
-    /// Name of its schema.
     pub schema: &'static str,
-    /// Its subject.
     pub about: &'static str,
-    /// Columns and their meanings.
     pub columns: &'static [(&'static str, &'static str)],
 }
 

@@ -27,7 +27,6 @@ struct Kind {
 /// Distance from a usual configuration.
 #[derive(Clone, Copy, PartialEq)]
 enum Spread {
-    /// The usual one.
     Usual,
     /// Only these are anywhere in their range.
     Some([usize; 3]),
