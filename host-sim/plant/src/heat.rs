@@ -27,7 +27,7 @@
 use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
 use super::radial::{Conduction, Place, Profile};
-use super::zones::Stirring;
+use super::zones::{Shares, Stirring};
 use std::f64::consts::PI;
 use thermyo_compute::math;
 use thermyo_scenario::{DriveKind, Heat, HeatModel, Scenario, Valve};
@@ -136,23 +136,6 @@ impl Section {
     pub fn above_mean(&self, place: &Place, above_wall_k: f64) -> f64 {
         self.still_share * place.above_mean(&self.profile, above_wall_k)
     }
-}
-
-/// Shares of a zone in what the flows stir.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shares {
-    /// Of the inflow, mean 1 over the zones: where the coefficient is a constant and a part that grows with inflow.
-    pub inflow: f64,
-    /// Of the jet's forced convection.
-    pub jet: f64,
-    /// Of the column's forced convection.
-    pub column: f64,
-}
-
-impl Shares {
-    /// A vessel, all of which a jet stirs: Woodfield's are means over vessels. Its outflow stirs nothing: with a share of
-    /// 1 the measured discharge of air (`docs/background/validation.md`) would be 8.9 instead of 3.1 K off.
-    const VESSEL: Self = Self { inflow: 1.0, jet: 1.0, column: 0.0 };
 }
 
 /// Flows through the port, as the gas still feels them \[kg/s\].
