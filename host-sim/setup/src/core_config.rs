@@ -4,6 +4,7 @@ use model_core::config::{Config, EstimatorConfig, Load};
 use model_core::physics::chamber::{ChamberConfig, Vessel};
 use model_core::physics::friction::Friction;
 use model_core::physics::heat::{Heat, Wall};
+use model_core::physics::hysteresis::Hysteresis;
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasSensor;
@@ -12,7 +13,7 @@ use thermyo_plant::gas::IdealGas;
 use thermyo_plant::heat::InnerHeat;
 use thermyo_plant::load_n;
 use thermyo_scenario::schema::limits;
-use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
+use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 
 /// Heat transfer coefficient that stands for "isothermal" \[W/(m2 K)\]: about a hundred times that
 /// of still air.
@@ -110,14 +111,10 @@ pub fn core_config(believed: &Scenario) -> Config {
             ..s.heat.core()
         },
         wall: Wall { heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32 },
-        friction: if full {
-            s.friction.core()
-        } else {
-            Friction {
-                presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
-                viscous_n_s_m: 0.0,
-                ..s.friction.core()
-            }
+        friction: friction(s),
+        hysteresis: match s.plant.kind {
+            PlantKind::Muscle => s.muscle.core(),
+            _ => Hysteresis::NONE,
         },
         load: match (s.load.kind, &moving) {
             (LoadKind::Isometric, _) => Load::Isometric { length_m: s.load.length_m as f32 },
@@ -168,6 +165,17 @@ fn chamber_and_wall(
     }
 }
 
+fn friction(s: &Scenario) -> Friction {
+    if s.plant.model == PlantModel::Full {
+        return s.friction.core();
+    }
+    Friction {
+        presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
+        viscous_n_s_m: 0.0,
+        ..s.friction.core()
+    }
+}
+
 fn valve(s: &Scenario) -> Valve {
     if !s.moves_in_full() {
         // All other plants have ideal valves.
@@ -196,17 +204,19 @@ fn inner_heat(s: &Scenario) -> (f64, f64) {
             (s.heat.scale * s.heat.inner_w_m2_k, s.heat.scale * s.heat.inner_per_flow)
         }
         HeatModel::Correlation => {
-            let diameter_m = chamber::of(s).map_or(s.vessel.characteristic_length_m, |chamber| {
-                chamber.diameter(chamber.rest_length())
-            });
+            let heat = match chamber::of(s) {
+                Some(chamber) => {
+                    let rest_m = chamber.rest_length();
+                    let (diameter_m, length_m) =
+                        (chamber.diameter(rest_m), chamber.gas_length(rest_m));
+                    InnerHeat::of_chamber(s, diameter_m, length_m)
+                }
+                None => InnerHeat::of_vessel(s),
+            };
             let wall_k = s.ambient.temperature_k;
             let gas_k = wall_k + WORKING_SWING_K;
-            InnerHeat::of(s, diameter_m).linearised(
-                WORKING_PRESSURE_PA,
-                gas_k,
-                wall_k,
-                WORKING_FLOW_KG_S,
-            )
+            let linear = heat.linearised(WORKING_PRESSURE_PA, gas_k, wall_k, WORKING_FLOW_KG_S);
+            (linear.still_w_m2_k, linear.per_inflow)
         }
     }
 }
@@ -278,7 +288,10 @@ mod tests {
         let mut sensors = full.sensors;
         sensors.gas.time_constant_s = lag_s(&lumped);
         assert_eq!(sensors, default.sensors);
-        let Config { chamber, valve, sensors, .. } = lumped;
-        assert_eq!(Config { chamber, valve, sensors, ..default }, lumped);
+        let Config { chamber, valve, sensors, heat, .. } = lumped;
+        assert_eq!(Config { chamber, valve, sensors, heat, ..default }, lumped);
+        // The laws of air at the working point, where the core's own defaults are constants.
+        assert!((9.0..12.0).contains(&heat.inner_w_m2_k), "{heat:?}");
+        assert!((1.0e5..2.0e5).contains(&heat.inner_per_flow), "{heat:?}");
     }
 }

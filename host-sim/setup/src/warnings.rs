@@ -38,7 +38,9 @@ pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)
     .filter(|(_, used, _)| !used)
     .map(|(table, _, why)| (table, why))
     .collect();
-    if !vessel && scenario.plant.model != PlantModel::Full {
+    // Its conductance gives the width of the jet.
+    let stirs = scenario.heat.model == HeatModel::Correlation;
+    if !vessel && scenario.plant.model != PlantModel::Full && !stirs {
         tables.push(("tube", "plant.model is not \"full\""));
     }
     if scenario.plant.model != PlantModel::Paper {
@@ -71,7 +73,7 @@ pub(super) fn model_is_unused(scenario: &Scenario) -> bool {
 const NEARLY_VACUUM_PA: f64 = 1000.0;
 
 /// Keys that only a muscle with zones uses.
-const IN_FULL: [&str; 14] = [
+const IN_FULL: [&str; 15] = [
     "supply.droop_pa_s_kg",
     "muscle.zones",
     "cylinder.zones",
@@ -85,6 +87,7 @@ const IN_FULL: [&str; 14] = [
     "sensor.gas.housing_time_constant_s",
     "sensor.gas.position",
     "sensor.gas.span",
+    "sensor.gas.radius",
     "sensor.wall.position",
 ];
 
@@ -114,10 +117,13 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
         "heat.inner_w_m2_k" | "heat.inner_per_flow" => {
             (heat.model != HeatModel::Constant).then_some("heat.model is not \"constant\"")
         }
-        "heat.inlet_diameter_m" => {
+        "heat.inlet_diameter_m" | "heat.stirring_decay_s" => {
             (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
         }
         "heat.scale" if none => Some("heat.model sets it"),
+        "sensor.gas.radius" if heat.model != HeatModel::Correlation => {
+            Some("heat.model is not \"correlation\": the gas has no profile")
+        }
         "tube.diameter_m" if scenario.tube.line().is_none() => Some("tube.length_m is 0"),
         path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
             Some("plant.model is not \"full\", or it is a vessel")
