@@ -10,9 +10,10 @@ use super::chamber::Chamber;
 use super::closure::Closure;
 use super::end::{End, Ends, Falling};
 use super::flow::{Iso6358, Streams};
+use super::gas::IdealGas;
 use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Section, Stirred};
 use super::hysteresis::Hysteresis;
-use super::line::Line;
+use super::line::{Bore, Line};
 use super::local_power::LocalPower;
 use super::ode::Rk4;
 use super::piping::{Disturbance, Piping};
@@ -84,6 +85,7 @@ struct Constants<C> {
     piping: Piping,
     tube: Iso6358,
     tube_m3: f64,
+    tube_bore: Bore,
     line: Option<Line>,
     /// Pressure per energy of the tube's gas \[Pa/J\].
     tube_pa_j: f64,
@@ -163,6 +165,13 @@ fn deflection<C: Chamber>(scenario: &Scenario, pull: &Pull<C>, start: &Start) ->
     held / stiffness
 }
 
+/// Of the tube: the line's, or one that passes as much as tube and port.
+fn tube_bore(scenario: &Scenario, tube: &Iso6358, gas: &IdealGas) -> Bore {
+    let passes_m = tube.equivalent_diameter(gas);
+    let diameter_m = scenario.tube.line().map_or(passes_m, |[_, diameter_m]| diameter_m);
+    Bore::new(diameter_m, scenario.ambient.temperature_k)
+}
+
 /// Hottest that gas gets upstream \[K\].
 fn hottest_k(scenario: &Scenario) -> f64 {
     let plant = &scenario.plant;
@@ -187,6 +196,7 @@ impl<C: Chamber> Constants<C> {
         let closure = Closure::new(scenario);
         let gas = closure.gas;
         let line = Line::new(scenario, &gas);
+        let tube = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, &gas);
         let tube_m3 = scenario.tube.volume_m3 + line.as_ref().map_or(0.0, Line::half_cell_m3);
         let share = 1.0 / zones as f64;
         let inner_j_k = share * wall.heat_capacity_j_k * (1.0 - wall.outer_fraction);
@@ -203,8 +213,9 @@ impl<C: Chamber> Constants<C> {
             softening: Softening::new(&scenario.friction),
             friction_to_wall: scenario.friction.heat_fraction,
             piping: Piping::new(scenario, &gas),
-            tube: Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, &gas),
             tube_m3,
+            tube_bore: tube_bore(scenario, &tube, &gas),
+            tube,
             tube_pa_j: (gas.k - 1.0) / tube_m3,
             line,
             droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
@@ -247,18 +258,18 @@ impl<C: Chamber> Constants<C> {
         let others = self.rates_beside_pressures(scenario, start);
         let per_flow = gas.k * gas.r * hottest;
         let port = tube.steepest(hottest);
+        let least_pa = piping.ambient().0.min(start.pressure).min(supply.0);
         // The port is at the tube, or at the other end of a line.
         let (beside_tube, line_rate) = match &self.line {
             None => (port, 0.0),
-            Some(line) => {
-                let least_pa = piping.ambient().0.min(start.pressure).min(supply.0);
-                (0.0, line.fastest_rate(port, least_pa, hottest))
-            }
+            Some(line) => (0.0, line.fastest_rate(port, least_pa, hottest)),
         };
         let chamber_rate = per_flow * port / smallest;
+        let tube_heat =
+            self.tube_bore.fastest_rate(gas, least_pa, hottest, piping.largest_inflow());
         let of = |longest: f64, valves: f64| {
-            let tube_rate =
-                per_flow * (valves * piping.steepest(hottest) + beside_tube) / self.tube_m3;
+            let tube_rate = tube_heat
+                + per_flow * (valves * piping.steepest(hottest) + beside_tube) / self.tube_m3;
             let joined = [
                 (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
                 (
@@ -423,8 +434,9 @@ impl<C: Chamber> Constants<C> {
         let mut valves = from_supply;
         self.piping.add_outlet(&mut valves, tube, drive.outlet);
         rates[TUBE_MASS] = valves.net() - leaving.0;
-        rates[TUBE_ENERGY] =
-            self.closure.gas.cp * (valves.net_enthalpy_over_cp(tube.1) - leaving.1);
+        rates[TUBE_ENERGY] = self.closure.gas.cp
+            * (valves.net_enthalpy_over_cp(tube.1) - leaving.1)
+            - self.tube_bore.heat_w(self.tube_m3, tube.1, leaving.0);
         rates[REGULATOR] = (from_supply.inflow - y[REGULATOR]) * (1.0 / REGULATOR_TIME_CONSTANT_S);
     }
 
