@@ -623,7 +623,7 @@ impl<C: Chamber> Constants<C> {
         rates[WORK] = work;
     }
 
-    /// What flows through the port and the leak, and the rates of tube and line.
+    /// Flows through the port and the leak, and the rates of tube and line.
     fn path_rates(&self, y: &[f64], now: &Now, drive: &Drive, rates: &mut [f64]) -> Streams {
         let tube = self.tube_gas(y);
         let gas = (now.pressure, now.port_k);

@@ -64,7 +64,7 @@ pub struct InnerHeat {
     whole: Shares,
 }
 
-/// What the coefficient follows.
+/// Law of the coefficient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Law {
     /// No heat passes.
@@ -191,7 +191,7 @@ impl InnerHeat {
         Self { law, scale: heat.scale, stirring_decay_s: heat.stirring_decay_s, whole }
     }
 
-    /// That of a scenario's moving chamber, whose gas has that diameter and length \[m\].
+    /// Heat transfer of a scenario's moving chamber, whose gas has that diameter and length \[m\].
     pub fn of_chamber(scenario: &Scenario, diameter_m: f64, length_m: f64) -> Self {
         let gas = IdealGas::new(&scenario.gas);
         let port = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, &gas);
@@ -199,7 +199,7 @@ impl InnerHeat {
         Self::new(&scenario.heat, &gas, diameter_m, port.equivalent_diameter(&gas), whole)
     }
 
-    /// That of a scenario's vessel.
+    /// Heat transfer of a scenario's vessel.
     pub fn of_vessel(scenario: &Scenario) -> Self {
         let gas = IdealGas::new(&scenario.gas);
         let path_m = match scenario.drive.kind {
@@ -253,7 +253,7 @@ impl InnerHeat {
         self.film(pressure, gas_k, gas_k - WALL_BELOW_GAS_K, &forced, shares).coefficient(flow)
     }
 
-    /// What stirring is after that time \[s\] with these mean flows \[kg/s\]; of a constant coefficient there is none.
+    /// Stirring after that time \[s\] with these mean flows \[kg/s\]; of a constant coefficient there is none.
     pub fn stirred(&self, stirred: &Stirred, flows: (f64, f64), step_s: f64) -> Stirred {
         if !matches!(self.law, Law::Correlation(_)) {
             return Stirred::default();

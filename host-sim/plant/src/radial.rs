@@ -69,7 +69,7 @@ impl Conduction {
         Self { left }
     }
 
-    /// What the gas loses in the step per heat capacity \[K\]: a share of its mean, and a rest of its profile.
+    /// Heat that the gas loses in the step, per its heat capacity \[K\]: a share of its mean, and a rest of its profile.
     pub fn lost(&self, profile: &Profile) -> (f64, f64) {
         let lost = self.left.map(|left| 1.0 - left);
         let Profile(y) = profile;

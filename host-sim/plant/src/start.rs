@@ -58,7 +58,7 @@ impl Start {
         }
     }
 
-    /// What the sensors have been in.
+    /// Surroundings of the sensors so far.
     pub fn exposure(&self) -> Exposure {
         Exposure {
             gas_k: self.gas_k,

@@ -43,7 +43,7 @@ fn relaxation(s: &Scenario, pressure_pa: f64, pulse_s: f64, fills: bool) -> (f64
     (undone, at as f64 * step_s)
 }
 
-/// What others measured on muscles of 20 mm (in docs/background/model.md): after pulses of 15 to 50 ms, 23 to 33 % of the
+/// Others measured on muscles of 20 mm (docs/background/model.md): after pulses of 15 to 50 ms, 23 to 33 % of the
 /// step in and 20 to 38 % of the one out is undone, with time constants of 0.2 s at 120 mm and 0.3 to 0.5 s at 225 and
 /// 274 mm. Means over pulses of that length at 2 to 4.5 bar. With 90 W/(m2 K) that stay, 0.12 to 0.3 s came out at every
 /// length, and a tenth of it was lost before the valve had shut.
