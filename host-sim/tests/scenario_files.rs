@@ -594,6 +594,12 @@ fn implausible_values_are_reported() {
             "scenario.toml:3: plant.model = \"full\": a vessel has one zone in every model",
         ),
         (
+            "[tube]\nlength_m = 0.75\ndiameter_m = 0.004",
+            "scenario.toml:2: tube.length_m = 0.75: its gas swings at 115 Hz, and valve.pwm_hz = 100.0 drives \
+             it: gas goes to and fro through the port and takes heat along, which the estimate does not \
+             know; from 185 Hz on it does not",
+        ),
+        (
             "[vessel]\nvolume_m3 = 0.1",
             "scenario.toml:2: [vessel] is not used: plant.kind is another one",
         ),

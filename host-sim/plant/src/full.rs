@@ -883,9 +883,9 @@ impl<C: Chamber + Copy + Send> Full<C> {
         }
     }
 
-    fn exposure(&self) -> Exposure {
+    fn exposure(&self, zones_k: &[f64]) -> Exposure {
         let constants = &self.constants;
-        let zones = self.axial_gas_k().into_iter().zip(constants.inner(&self.state));
+        let zones = zones_k.iter().zip(constants.inner(&self.state));
         let at_foil = zones.zip(&self.air.sections).map(|((gas_k, wall_k), section)| {
             gas_k + section.above_mean(&constants.foil_place, gas_k - wall_k)
         });
@@ -961,10 +961,11 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
             }
         }
         self.place = self.constants.place(&self.state, &mut self.power);
-        let exposure = self.exposure();
+        let zones_k = self.axial_gas_k();
+        let exposure = self.exposure(&zones_k);
         let pressure = self.place.0;
         let mass: f64 = self.constants.masses(&self.state).iter().sum();
-        for temperature in self.axial_gas_k() {
+        for temperature in zones_k {
             check_gas(end, pressure, temperature, mass, &self.truth)?;
         }
         check_length(end, self.state[LENGTH], &self.constants.pull.chamber)?;

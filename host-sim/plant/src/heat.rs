@@ -364,15 +364,11 @@ impl Air {
     /// Nusselt number of still gas at that pressure \[Pa\], film temperature and difference to the wall \[K\].
     fn still(&self, pressure: f64, film_k: f64, difference_k: f64, conductivity: f64) -> f64 {
         let viscosity = air_viscosity(film_k);
-        let density_per_viscosity = pressure / (self.gas.r * film_k) / viscosity;
-        let prandtl = self.gas.cp * viscosity / conductivity;
         let cubed = self.diameter_m * self.diameter_m * self.diameter_m;
-        let rayleigh = GRAVITY / film_k
-            * difference_k.abs()
-            * cubed
-            * prandtl
-            * density_per_viscosity
-            * density_per_viscosity;
+        let density = pressure / (self.gas.r * film_k);
+        // Grashof times Prandtl number.
+        let rayleigh = GRAVITY * difference_k.abs() * cubed * self.gas.cp * density * density
+            / (film_k * viscosity * conductivity);
         let convection4 = if rayleigh > TURBULENT_RAYLEIGH {
             let [factor, power] = TURBULENT;
             let nusselt = factor * math::pow(rayleigh, power);
