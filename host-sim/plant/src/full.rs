@@ -11,7 +11,7 @@ use super::closure::Closure;
 use super::end::{End, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
-use super::heat::{HEAT_TOO_LARGE, InnerHeat, WALL_BELOW_GAS_K};
+use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Stirred};
 use super::line::Line;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
@@ -258,14 +258,13 @@ impl<C: Chamber> Constants<C> {
         let inner_j_k = share * wall.heat_capacity_j_k * (1.0 - wall.outer_fraction);
         let outer_j_k = share * wall.heat_capacity_j_k * wall.outer_fraction;
         let layers_w_k = share * wall.conductance_w_k;
-        let stirring = Stirring::new(zones, chamber.gas_length(rest_length), diameter);
-        let inner = InnerHeat::of(scenario, diameter);
+        let gas_length = chamber.gas_length(rest_length);
+        let stirring = Stirring::new(zones, gas_length, diameter);
+        let inner = InnerHeat::of_chamber(scenario, diameter, gas_length);
         let softening = Softening::new(&scenario.friction);
-        // The zone at the port gets the largest share of an inflow's heat transfer.
         let supply = piping.supply();
         let passes = piping.largest_inflow().min(tube.mass_flow(supply.0, supply.1, 0.0));
-        let inflow = piping.largest_inflow()
-            * stirring.zones().iter().fold(1.0, |most, share| share.max(most));
+        let shares = stirring.largest();
         let coldest_k = plant.initial_temperature_k.min(scenario.ambient.temperature_k);
         let least_pa = piping.ambient().0.min(plant.initial_pressure_pa);
         let most_pa = supply.0.max(plant.initial_pressure_pa);
@@ -275,7 +274,7 @@ impl<C: Chamber> Constants<C> {
             let [from, to] = chamber.lengths().map(|length| chamber.surface(length));
             let (_, gas_k) = still;
             let surface = from.max(to).max(space.1);
-            let within = inner.coefficient(most_pa, gas_k, gas_k - WALL_BELOW_GAS_K, inflow);
+            let within = inner.largest(most_pa, gas_k, piping.largest_inflow(), &shares);
             let outside = heat.outer_w_m2_k + heat.outer_per_speed * FASTEST_M_S;
             share * surface * (within / inner_j_k + outside / outer_j_k)
         };
@@ -303,7 +302,10 @@ impl<C: Chamber> Constants<C> {
                 turnover,
                 "the chamber's smallest volume is too small for the conductances of valve and tube, or plant.initial_pressure_pa is too low, or there are too many zones",
             ),
-            (inner.fastest_rate(&gas, still, space, inflow), HEAT_TOO_LARGE),
+            (
+                inner.fastest_rate(&gas, still, space, (piping.largest_inflow(), &shares)),
+                HEAT_TOO_LARGE,
+            ),
             (
                 into_wall + layers_w_k * (1.0 / inner_j_k + 1.0 / outer_j_k),
                 "wall.heat_capacity_j_k is too small for wall.conductance_w_k and what [heat] transfers",
@@ -501,6 +503,7 @@ impl<C: Chamber> Constants<C> {
         &self,
         y: &[f64],
         power: &mut LocalPower,
+        films: &[Film],
         end: &End,
         drive: &Drive,
         rates: &mut [f64],
@@ -540,10 +543,8 @@ impl<C: Chamber> Constants<C> {
             *zone_k = closure.temperature(pressure, zone_volume, *mass);
         }
         let walls = inner_rates.iter_mut().zip(inner);
-        for (((rate, inner_k), zone_k), share) in walls.zip(&*zones_k).zip(self.stirring.zones()) {
-            let inflow = streams.inflow * share;
-            let coefficient = self.heat.coefficient(pressure, *zone_k, *inner_k, inflow);
-            *rate = coefficient * surface * (zone_k - inner_k);
+        for (((rate, inner_k), zone_k), film) in walls.zip(&*zones_k).zip(films) {
+            *rate = film.coefficient(streams.inflow) * surface * (zone_k - inner_k);
         }
         let convective = inner_rates.iter().fold(0.0, |sum, heat| sum + heat);
         // dV/dL is -force_area.
@@ -631,6 +632,60 @@ fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
         .collect()
 }
 
+/// How the gas stirs, and its films in the zones, until they are refreshed.
+#[derive(Debug, Clone)]
+struct AirNow {
+    stirred: Stirred,
+    films: Vec<Film>,
+    /// When they were refreshed \[s\], and what had flowed in and out by then \[kg\].
+    since_s: f64,
+    flowed_kg: [f64; 2],
+}
+
+impl AirNow {
+    fn new<C: Chamber>(constants: &Constants<C>, state: &[f64], place: (f64, f64)) -> Self {
+        let mut air = Self {
+            stirred: Stirred::default(),
+            films: vec![Film::default(); constants.zones],
+            since_s: 0.0,
+            flowed_kg: [0.0; 2],
+        };
+        air.set_films(constants, state, place);
+        air
+    }
+
+    fn refresh<C: Chamber>(
+        &mut self,
+        constants: &Constants<C>,
+        state: &[f64],
+        place: (f64, f64),
+        now_s: f64,
+    ) {
+        let step_s = now_s - self.since_s;
+        let flowed_kg = [state[MASS_IN], state[MASS_OUT]];
+        let [inflow, outflow] = [0, 1].map(|i| (flowed_kg[i] - self.flowed_kg[i]) / step_s);
+        self.stirred = constants.heat.stirred(&self.stirred, (inflow, outflow), step_s);
+        (self.since_s, self.flowed_kg) = (now_s, flowed_kg);
+        self.set_films(constants, state, place);
+    }
+
+    fn set_films<C: Chamber>(
+        &mut self,
+        constants: &Constants<C>,
+        state: &[f64],
+        (pressure, volume): (f64, f64),
+    ) {
+        let zone_m3 = constants.share * volume;
+        let (masses, inner) = (constants.masses(state), constants.inner(state));
+        let forced = constants.heat.forced(&self.stirred, inner[0]);
+        let zones = masses.iter().zip(inner).zip(constants.stirring.zones());
+        for (film, ((mass, wall_k), shares)) in self.films.iter_mut().zip(zones) {
+            let gas_k = constants.closure.temperature(pressure, zone_m3, *mass);
+            *film = constants.heat.film(pressure, gas_k, *wall_k, &forced, shares);
+        }
+    }
+}
+
 /// A full plant in operation.
 #[derive(Debug, Clone)]
 pub struct Full<C> {
@@ -640,6 +695,7 @@ pub struct Full<C> {
     falling: Option<Falling>,
     integrator: Rk4,
     power: LocalPower,
+    air: AirNow,
     inlet: PwmValve,
     outlet: PwmValve,
     /// Pressure \[Pa\] and volume \[m3\] now.
@@ -671,12 +727,13 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let mut full = Self {
             integrator: Rk4::new(state.len()),
             steps: 0,
-            state,
             falling: None,
             power: LocalPower::new(-closure.exponent(), start.volume),
+            air: AirNow::new(&constants, &state, (start.pressure, start.volume)),
             inlet: PwmValve::new(&scenario.valve),
             outlet: PwmValve::new(&scenario.valve),
             place: (start.pressure, start.volume),
+            state,
             truth: Truth::default(),
             initial: Ledger {
                 mass_initial_kg: mass,
@@ -692,7 +749,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
 
     /// From one instant to another, between which the valves move straight.
     fn stretch(&mut self, duration: f64, start: &Drive, end: &Drive) {
-        let Self { constants, integrator, state, power, falling, .. } = self;
+        let Self { constants, integrator, state, power, air, falling, .. } = self;
         let opening = |drive: &Drive| constants.piping.openings(drive.inlet, drive.outlet);
         let open = opening(start) > 0.0 || opening(end) > 0.0;
         let substeps = if open { &constants.open } else { &constants.shut };
@@ -708,7 +765,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
                 integrator.step(state, step, |share, y, rates| {
                     let share = (f64::from(part) + share) / f64::from(parts);
                     let drive = start.towards(end, (f64::from(i) + share) / count);
-                    constants.rates(y, power, moving, &drive, rates);
+                    constants.rates(y, power, &air.films, moving, &drive, rates);
                 });
                 constants.stop(state, power);
                 let acceleration = integrator.last_rates()[SPEED];
@@ -775,13 +832,20 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
         // The wall warms by less than 0.01 K in a step.
         let softening = self.constants.softening.factor(self.truth.wall_temperature_k);
         while time < end {
-            let until = self.inlet.kink(time, end).min(self.outlet.kink(time, end));
+            let refresh = self.air.since_s + REFRESH_S;
+            // Within rounding of the end it makes no separate stretch.
+            let stop = if refresh < end - 1e-9 { refresh } else { end };
+            let until = self.inlet.kink(time, stop).min(self.outlet.kink(time, stop));
             let [inlet, outlet] =
                 [&mut self.inlet, &mut self.outlet].map(|valve| valve.advance(time, until));
             let [from, to] =
                 [0, 1].map(|at| Drive { inlet: inlet[at], outlet: outlet[at], softening });
             self.stretch(until - time, &from, &to);
             time = until;
+            if time > refresh - 1e-9 {
+                let place = self.constants.place(&self.state, &mut self.power);
+                self.air.refresh(&self.constants, &self.state, place, time);
+            }
         }
         self.place = self.constants.place(&self.state, &mut self.power);
         let exposure = self.exposure();
@@ -799,6 +863,7 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
         let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
         self.constants = constants;
+        self.air.set_films(&self.constants, &self.state, self.place);
         self.sensors.retune(&sensors);
         Ok(())
     }

@@ -8,7 +8,7 @@
 use super::chamber::Chamber;
 use super::closure::Closure;
 use super::flow::Streams;
-use super::heat::{HEAT_TOO_LARGE, InnerHeat};
+use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, Stirred};
 use super::local_power::LocalPower;
 use super::ode::rk4;
 use super::piping::{Disturbance, Piping};
@@ -163,15 +163,14 @@ impl<C: Chamber> Constants<C> {
         y: &[f64; STATES],
         place: &Place,
         friction: f64,
+        film: &Film,
         actuation: Actuation,
     ) -> [f64; STATES] {
         let closure = &self.closure;
         let temperature = closure.temperature(place.pressure, place.volume, y[MASS]);
         let streams = self.streams((place.pressure, temperature), actuation);
         let surface = self.pull.chamber.surface(place.length);
-        let coefficient =
-            self.heat.coefficient(place.pressure, temperature, y[WALL], streams.inflow);
-        let convective = coefficient * surface * (temperature - y[WALL]);
+        let convective = film.coefficient(streams.inflow) * surface * (temperature - y[WALL]);
         let volume_power = 1.0 / (place.power * place.volume);
         let w_rate = closure.rate(volume_power, &streams, temperature, convective);
         let speed = self.speed(place, w_rate).abs();
@@ -204,6 +203,8 @@ pub struct Lumped<C> {
     state: [f64; STATES],
     play: Play,
     work_j: f64,
+    stirred: Stirred,
+    film: Film,
     truth: Truth,
     initial: Ledger,
     sensors: Sensors,
@@ -228,7 +229,11 @@ impl<C: Chamber + Copy> Lumped<C> {
             pull.start_length(pressure, friction.force_n * softening.factor(temperature))
         };
         let volume = chamber.volume(length);
-        let heat = InnerHeat::of(scenario, chamber.diameter(rest_length));
+        let heat = InnerHeat::of_chamber(
+            scenario,
+            chamber.diameter(rest_length),
+            chamber.gas_length(rest_length),
+        );
         // Fastest: the pressure of the smallest volume through both valves and the largest hole, near
         // equal pressures.
         let smallest = chamber.volume(rest_length).min(volume);
@@ -237,7 +242,8 @@ impl<C: Chamber + Copy> Lumped<C> {
         let step = scenario.run.step_s;
         let still = (scenario.ambient.pressure_pa, temperature);
         let space = (chamber.volume(rest_length), chamber.surface(rest_length));
-        let heat_rate = heat.fastest_rate(gas, still, space, piping.largest_inflow());
+        let heat_rate =
+            heat.fastest_rate(gas, still, space, (piping.largest_inflow(), heat.whole()));
         let substeps = Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
             let rate = (2.0 + leak) * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
             let because = if leak > 2.0 {
@@ -288,10 +294,13 @@ impl<C: Chamber + Copy> Lumped<C> {
             state,
             play: Play { held, guess: length, power: LocalPower::new(-exponent, volume) },
             work_j: 0.0,
+            stirred: Stirred::default(),
+            film: Film::default(),
             truth: Truth::default(),
             initial,
             sensors: Sensors::new(scenario, 0.0, &start),
         };
+        lumped.set_film();
         lumped.observe(0.0, Actuation::default());
         Ok(lumped)
     }
@@ -303,7 +312,8 @@ impl<C: Chamber + Copy> Lumped<C> {
     }
 
     fn substep(&mut self, step: f64, actuation: Actuation) {
-        let Self { constants, play, .. } = self;
+        let flowed_kg = [self.state[MASS_IN], self.state[MASS_OUT]];
+        let Self { constants, play, film, .. } = self;
         let softening = constants.softening.around(self.state[WALL]);
         let friction_at = |wall_k: f64| constants.friction_n * softening.factor(wall_k);
         let mut stage = 0;
@@ -316,7 +326,7 @@ impl<C: Chamber + Copy> Lumped<C> {
             if stage == 3 {
                 middle = place;
             }
-            constants.rates(y, &place, friction, actuation)
+            constants.rates(y, &place, friction, film, actuation)
         });
         let end = play.place(constants, self.state[W], friction_at(self.state[WALL]));
         play.held = end;
@@ -325,15 +335,30 @@ impl<C: Chamber + Copy> Lumped<C> {
         let heat = constants.closure.heat_per_work() * work;
         self.state[HEAT] += heat;
         self.state[WALL] += heat / constants.wall_j_k;
+        let flows = (
+            (self.state[MASS_IN] - flowed_kg[0]) / step,
+            (self.state[MASS_OUT] - flowed_kg[1]) / step,
+        );
+        self.stirred = self.constants.heat.stirred(&self.stirred, flows, step);
+        self.set_film();
+    }
+
+    fn set_film(&mut self) {
+        let Self { constants, state, play, .. } = self;
+        let place = &play.held;
+        let gas_k = constants.closure.temperature(place.pressure, place.volume, state[MASS]);
+        let forced = constants.heat.forced(&self.stirred, gas_k);
+        let heat = &constants.heat;
+        self.film = heat.film(place.pressure, gas_k, state[WALL], &forced, heat.whole());
     }
 
     fn observe(&mut self, time: f64, actuation: Actuation) {
-        let Self { constants, state, play, .. } = self;
+        let Self { constants, state, play, film, .. } = self;
         let place = &play.held;
         let closure = &constants.closure;
         let temperature = closure.temperature(place.pressure, place.volume, state[MASS]);
         let limit = constants.friction_n * constants.softening.factor(state[WALL]);
-        let rates = constants.rates(state, place, limit, actuation);
+        let rates = constants.rates(state, place, limit, film, actuation);
         let excess = constants.pull.force(place.pressure, place.length) - constants.pull.load_n;
         self.truth = Truth {
             time_s: time,
@@ -380,6 +405,7 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
         let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
         self.constants = Constants { given_flows: self.constants.given_flows, ..constants };
+        self.set_film();
         self.sensors.retune(&sensors);
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use super::closure::Closure;
 use super::flow::{Nozzle, Streams};
-use super::heat::InnerHeat;
+use super::heat::{InnerHeat, Stirred};
 use super::ode::DormandPrince;
 use super::piping::{Disturbance, Piping};
 use super::sensors::{Exposure, Sensors};
@@ -25,7 +25,9 @@ const ENTHALPY_IN: usize = 6;
 const ENTHALPY_OUT: usize = 7;
 const HEAT: usize = 8;
 const TO_AMBIENT: usize = 9;
-const STATES: usize = 10;
+const STIRRED_IN: usize = 10;
+const STIRRED_OUT: usize = 11;
+const STATES: usize = 12;
 
 /// The openings of the vessel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,8 +108,11 @@ impl Constants {
     ) -> [f64; STATES] {
         let closure = &self.closure;
         let Instant { volume, pressure, temperature, streams } = self.instant(time, y, actuation);
-        let coefficient = self.heat.coefficient(pressure, temperature, y[WALL], streams.inflow);
-        let convective = coefficient * self.surface_m2 * (temperature - y[WALL]);
+        let stirred = Stirred { inflow: y[STIRRED_IN], outflow: y[STIRRED_OUT] };
+        let forced = self.heat.forced(&stirred, temperature);
+        let film = self.heat.film(pressure, temperature, y[WALL], &forced, self.heat.whole());
+        let convective =
+            film.coefficient(streams.inflow) * self.surface_m2 * (temperature - y[WALL]);
         let work = pressure * volume_slope;
         let heat = closure.heat_of_streams(&streams, temperature, convective)
             + closure.heat_per_work() * work;
@@ -124,6 +129,8 @@ impl Constants {
         rates[HEAT] = heat;
         rates[WORK] = work;
         rates[TO_AMBIENT] = to_ambient;
+        [rates[STIRRED_IN], rates[STIRRED_OUT]] =
+            self.heat.stirring_rates(&stirred, (streams.inflow, streams.outflow));
         rates
     }
 }
@@ -166,12 +173,11 @@ impl Vessel {
             | DriveKind::Pressure
             | DriveKind::Contraction => Ports::Valves,
         };
-        let diameter = scenario.vessel.characteristic_length_m;
         let constants = Constants {
             step_s: scenario.run.step_s,
             ports,
             piping: Piping::new(scenario, gas),
-            heat: InnerHeat::of(scenario, diameter),
+            heat: InnerHeat::of_vessel(scenario),
             surface_m2: scenario.vessel.surface_m2,
             wall_j_k: scenario.vessel.wall_heat_capacity_j_k,
             outer_w_k: scenario.heat.outer_w_m2_k * scenario.vessel.surface_m2,

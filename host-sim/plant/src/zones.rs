@@ -6,6 +6,7 @@
 //! from its neighbours. Mixing exchanges equal volumes, which at equal pressure carry the same
 //! enthalpy, so that it moves mass only.
 
+use super::heat::Shares;
 use thermyo_compute::math;
 
 /// Volume that the jet recirculates, per volume that it brings: 0.47 D/d - 0.5 for a jet of diameter d
@@ -22,8 +23,8 @@ const BACKGROUND_DIFFUSIVITY: f64 = 1.0e-4;
 pub struct Stirring {
     /// Strength of the jet at the face between zone i and i + 1 \[-\].
     faces: Vec<f64>,
-    /// Strength of the jet in each zone, mean 1 \[-\].
-    zones: Vec<f64>,
+    /// Shares of the zones in what the flows stir.
+    zones: Vec<Shares>,
 }
 
 impl Stirring {
@@ -34,15 +35,34 @@ impl Stirring {
         let at = |position: f64| math::exp(-decay * position / zones as f64);
         let strengths: Vec<f64> = (0..zones).map(|i| at(i as f64 + 0.5)).collect();
         let mean = strengths.iter().sum::<f64>() / zones as f64;
+        let shares = |(i, strength): (usize, f64)| {
+            let (from, to) = (i as f64, i as f64 + 1.0);
+            Shares {
+                inflow: strength / mean,
+                // Means over the zone.
+                jet: (at(from) - at(to)) * zones as f64 / decay,
+                column: 1.0 - 0.5 * (from + to) / zones as f64,
+            }
+        };
         Self {
             faces: (1..zones).map(|i| RECIRCULATION * at(i as f64)).collect(),
-            zones: strengths.iter().map(|strength| strength / mean).collect(),
+            zones: strengths.into_iter().enumerate().map(shares).collect(),
         }
     }
 
-    /// Shares of the inflow's heat transfer that the zones get, mean 1 \[-\].
-    pub fn zones(&self) -> &[f64] {
+    /// Shares of the zones in what the flows stir.
+    pub fn zones(&self) -> &[Shares] {
         &self.zones
+    }
+
+    /// The largest of each of these shares.
+    pub fn largest(&self) -> Shares {
+        let none = Shares { inflow: 1.0, jet: 0.0, column: 0.0 };
+        self.zones.iter().fold(none, |most, share| Shares {
+            inflow: most.inflow.max(share.inflow),
+            jet: most.jet.max(share.jet),
+            column: most.column.max(share.column),
+        })
     }
 
     /// Fastest rate \[1/s\] at which a zone's gas is replaced, for gas of that volume \[m3\] and length \[m\] and volume flows

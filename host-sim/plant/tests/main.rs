@@ -1,5 +1,6 @@
 //! Tests of the plant.
 
+mod plant_air;
 mod plant_faults;
 mod plant_full;
 mod plant_lumped;

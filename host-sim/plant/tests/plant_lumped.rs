@@ -41,7 +41,7 @@ fn the_working_cycle() {
     println!("bare sensor {rms:.2} K RMS, wall {:.2} K", plant.truth().wall_temperature_k);
     assert!((1.0e5..1.3e5).contains(&pressure.0) && (3.5e5..4.7e5).contains(&pressure.1));
     assert!((0.25..0.31).contains(&contraction));
-    assert!((4.0..9.0).contains(&rms));
+    assert!((8.0..13.0).contains(&rms));
     let ledger = plant.ledger();
     println!(
         "balances: mass {:.1e}, energy {:.1e}, wall {:.1e}",
@@ -85,6 +85,7 @@ fn mass_and_energy_are_conserved_over_100_s() {
 /// A contraction from the stop, sliding all the time, with no valve near equal pressures.
 fn smooth() -> Scenario {
     let mut scenario = muscle(PlantModel::Lumped);
+    scenario.heat.model = HeatModel::Constant;
     scenario.friction.force_n = 0.0;
     scenario.load.force_n = 60.0;
     scenario.plant.initial_pressure_pa = 150_000.0;

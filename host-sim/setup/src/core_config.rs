@@ -196,17 +196,19 @@ fn inner_heat(s: &Scenario) -> (f64, f64) {
             (s.heat.scale * s.heat.inner_w_m2_k, s.heat.scale * s.heat.inner_per_flow)
         }
         HeatModel::Correlation => {
-            let diameter_m = chamber::of(s).map_or(s.vessel.characteristic_length_m, |chamber| {
-                chamber.diameter(chamber.rest_length())
-            });
+            let heat = match chamber::of(s) {
+                Some(chamber) => {
+                    let rest_m = chamber.rest_length();
+                    let (diameter_m, length_m) =
+                        (chamber.diameter(rest_m), chamber.gas_length(rest_m));
+                    InnerHeat::of_chamber(s, diameter_m, length_m)
+                }
+                None => InnerHeat::of_vessel(s),
+            };
             let wall_k = s.ambient.temperature_k;
             let gas_k = wall_k + WORKING_SWING_K;
-            InnerHeat::of(s, diameter_m).linearised(
-                WORKING_PRESSURE_PA,
-                gas_k,
-                wall_k,
-                WORKING_FLOW_KG_S,
-            )
+            let linear = heat.linearised(WORKING_PRESSURE_PA, gas_k, wall_k, WORKING_FLOW_KG_S);
+            (linear.still_w_m2_k, linear.per_inflow)
         }
     }
 }
@@ -278,7 +280,10 @@ mod tests {
         let mut sensors = full.sensors;
         sensors.gas.time_constant_s = lag_s(&lumped);
         assert_eq!(sensors, default.sensors);
-        let Config { chamber, valve, sensors, .. } = lumped;
-        assert_eq!(Config { chamber, valve, sensors, ..default }, lumped);
+        let Config { chamber, valve, sensors, heat, .. } = lumped;
+        assert_eq!(Config { chamber, valve, sensors, heat, ..default }, lumped);
+        // The laws of air at the working point, where the core's own defaults are constants.
+        assert!((9.0..12.0).contains(&heat.inner_w_m2_k), "{heat:?}");
+        assert!((1.0e5..2.0e5).contains(&heat.inner_per_flow), "{heat:?}");
     }
 }

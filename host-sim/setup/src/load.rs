@@ -15,7 +15,7 @@ use thermyo_scenario::geometry::{Dimensions, Given};
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::{Allowed, Limits, limits};
 use thermyo_scenario::violation::{Fault, Violation, WrongCell};
-use thermyo_scenario::{DriveKind, PlantKind, Scenario};
+use thermyo_scenario::{DriveKind, HeatModel, PlantKind, Scenario};
 use toml::{Table, Value};
 
 /// Fraction of the length sensor's range that the longest length takes if the file does not give
@@ -94,6 +94,7 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
         _ => {}
     }
     fit_sizes(&mut plant, given, volume_profile.as_ref());
+    check_heat(&plant, given).map_err(|found| blame(found, given, origin))?;
     rules::check_plant(&plant).map_err(|found| blame(found, given, origin))?;
     let drive_profile = match (&plant.drive.profile_csv, given.get("drive.profile_csv")) {
         (Some(path), Some(entry)) => {
@@ -131,8 +132,26 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
         .resolved()
         .map_err(|found| blame(found, overrides, origin))?;
     believed.muscle = dimensions.applied_to(&believed.muscle);
+    check_heat(&believed, overrides).map_err(|found| blame(found, overrides, origin))?;
     rules::check_believed(&believed).map_err(|found| blame(found, overrides, origin))?;
     Ok(Loaded { plant, believed, volume_profile, drive_profile })
+}
+
+/// Refuses coefficients of a constant heat transfer in a file that does not name the model: it was written when that
+/// was the default.
+fn check_heat(scenario: &Scenario, given: &Entries) -> Result<(), Violation> {
+    let keys = ["heat.inner_w_m2_k", "heat.inner_per_flow"];
+    let unnamed =
+        scenario.heat.model == HeatModel::Correlation && given.get("heat.model").is_none();
+    match keys.into_iter().find(|key| unnamed && given.get(key).is_some()) {
+        Some(key) => {
+            let why = format!(
+                "\"constant\" goes with {key}; \"correlation\", the default, with heat.scale"
+            );
+            Err(Violation::missing("heat.model", key, &why))
+        }
+        None => Ok(()),
+    }
 }
 
 /// The scenario with the entries of a file.

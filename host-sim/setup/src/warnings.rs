@@ -38,7 +38,9 @@ pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)
     .filter(|(_, used, _)| !used)
     .map(|(table, _, why)| (table, why))
     .collect();
-    if !vessel && scenario.plant.model != PlantModel::Full {
+    // Its conductance gives the width of the jet.
+    let stirs = scenario.heat.model == HeatModel::Correlation;
+    if !vessel && scenario.plant.model != PlantModel::Full && !stirs {
         tables.push(("tube", "plant.model is not \"full\""));
     }
     if scenario.plant.model != PlantModel::Paper {
@@ -114,7 +116,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
         "heat.inner_w_m2_k" | "heat.inner_per_flow" => {
             (heat.model != HeatModel::Constant).then_some("heat.model is not \"constant\"")
         }
-        "heat.inlet_diameter_m" => {
+        "heat.inlet_diameter_m" | "heat.stirring_decay_s" => {
             (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
         }
         "heat.scale" if none => Some("heat.model sets it"),

@@ -7,7 +7,10 @@ use model_core::Faults;
 use thermyo_simulation::run;
 
 fn run_with(sensor: &str) -> (Summary, Faults) {
-    let text = format!("[run]\nduration_s = 60\n[plant]\nmodel = \"lumped\"\n{sensor}");
+    // The air that the core's own law describes: what is left of the error is the sensor's.
+    let text = format!(
+        "[run]\nduration_s = 60\n[plant]\nmodel = \"lumped\"\n[heat]\nmodel = \"constant\"\n{sensor}"
+    );
     let loaded = thermyo_setup::parse(&text, "thermistor.toml".as_ref()).unwrap();
     let mut faults = Faults::NONE;
     let mut observer = |row: &thermyo_record::trace::Row| {

@@ -12,7 +12,7 @@ choice! {
         Isothermal = "isothermal",
         /// `inner_w_m2_k + inner_per_flow * inflow`.
         Constant = "constant",
-        /// Nusselt correlations for filling and discharging.
+        /// Laws of still and of stirred air.
         Correlation = "correlation",
     }
 }
@@ -20,8 +20,10 @@ choice! {
 table! {
     "heat", "heat transfer", believed, physical;
     Heat as physics::heat::Heat {
-        model: choice HeatModel::Constant, "from gas to wall";
+        model: choice HeatModel::Correlation, "from gas to wall: laws of still and stirred air; inner_w_m2_k and inner_per_flow; none; as much as keeps the temperature";
         scale: real 1.0, "", 1.0e-3 to 1.0e3, "gas to wall: factor on what model gives";
+        // Such that measured pulses into and out of muscles relax as they do: host-sim/plant/tests/plant_air.rs.
+        stirring_decay_s: real 0.3, "s", 0.001 to 100.0, "how long stirring by a flow through the port outlasts it (correlation)";
         inlet_diameter_m: optional "m", 1.0e-5 to 1.0, "of the jet that stirs the gas, where it is not that of orifice, valve or tube (correlation)";
         core inner_w_m2_k;
         core inner_per_flow;
