@@ -6,6 +6,7 @@ use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::{Heat, Wall};
+use crate::physics::hysteresis::Hysteresis;
 use crate::physics::leak::Leak;
 use crate::physics::valve::Valve;
 use crate::sensing::{Sensing, Sensors};
@@ -42,6 +43,8 @@ pub struct Config {
     pub wall: Wall,
     /// Friction of the moving end.
     pub friction: Friction,
+    /// Slip and creep of a muscle; [`Hysteresis::NONE`] for other chambers.
+    pub hysteresis: Hysteresis,
     /// The load, or a fixed length.
     pub load: Load,
     /// Mass that moves with the chamber's end \[kg\].
@@ -185,6 +188,7 @@ impl Default for Config {
             heat: Heat::default(),
             wall: Wall::default(),
             friction: Friction::default(),
+            hysteresis: Hysteresis::default(),
             load: Load::Isotonic { force_n: 100.0 },
             moving_mass_kg: 0.0,
             valve: Valve::default(),
@@ -230,6 +234,7 @@ impl Config {
         self.heat.check()?;
         self.wall.check()?;
         self.friction.check()?;
+        self.hysteresis.check()?;
         match self.load {
             Load::Isotonic { force_n } => within("load.force_n", force_n, -1.0e6, 1.0e6)?,
             Load::Isometric { length_m } => within("load.length_m", length_m, 0.001, 10.0)?,

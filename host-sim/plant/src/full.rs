@@ -12,6 +12,7 @@ use super::end::{End, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
 use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Stirred};
+use super::hysteresis::Hysteresis;
 use super::line::Line;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
@@ -58,7 +59,11 @@ const TO_AMBIENT: usize = 12;
 const FRICTION: usize = 13;
 const FRICTION_TO_WALL: usize = 14;
 const WORK: usize = 15;
-const ZONES: usize = 16;
+// Length at which the slip's spring is relaxed, and the stretches of the creeping arms.
+const SLIDER: usize = 16;
+const FAST: usize = 17;
+const SLOW: usize = 18;
+const ZONES: usize = 19;
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
@@ -70,6 +75,7 @@ struct Constants<C> {
     zones: usize,
     closure: Closure,
     pull: Pull<C>,
+    hysteresis: Hysteresis,
     isometric: bool,
     ends: Ends,
     softening: Softening,
@@ -283,6 +289,13 @@ impl<C: Chamber> Constants<C> {
         // What the gas in the smallest volume, and what is elastic, push back with.
         let spring_n_m =
             gas.k * most_pa * area * area / smallest + chamber.elastic_slope(rest_length).abs();
+        let hysteresis = Hysteresis::of(scenario);
+        let too_stiff = if hysteresis.stiffness_n_m() > spring_n_m {
+            "muscle.slip_stiffness_n_m, creep_fast_n_m or creep_slow_n_m is too large for load.mass_kg, or for the 50 g of an end without a load"
+        } else {
+            "the gas in the chamber's smallest volume, or its spring, is too stiff for load.mass_kg, or for the 50 g of an end without a load"
+        };
+        let swing = ends.fastest_swing(spring_n_m + hysteresis.stiffness_n_m());
         // Volume flows through the port at the muscle's pressure: in, where the jet stirs too, and out.
         let volume_in = passes * gas.r * supply.1 / least_pa;
         let volume_out =
@@ -294,10 +307,7 @@ impl<C: Chamber> Constants<C> {
                 ends.fastest_rate(softening.factor(coldest_k).max(1.0)),
                 "friction.presliding_stiffness_n_m or friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end",
             ),
-            (
-                STEP_TIMES_RATE / STEP_TIMES_SWING * ends.fastest_swing(spring_n_m),
-                "the gas in the chamber's smallest volume, or its spring, is too stiff for load.mass_kg, or for the 50 g of an end without a load",
-            ),
+            (STEP_TIMES_RATE / STEP_TIMES_SWING * swing, too_stiff),
             (
                 turnover,
                 "the chamber's smallest volume is too small for the conductances of valve and tube, or plant.initial_pressure_pa is too low, or there are too many zones",
@@ -318,6 +328,7 @@ impl<C: Chamber> Constants<C> {
             shut,
             zones,
             closure,
+            hysteresis,
             isometric: scenario.load.kind == LoadKind::Isometric,
             ends,
             softening,
@@ -355,6 +366,7 @@ impl<C: Chamber> Constants<C> {
         state[W] = pressure * math::pow(start.volume, self.closure.exponent());
         state[LENGTH] = start.length;
         state[BRISTLE] = start.deflection;
+        state[SLIDER] = start.length;
         state[TUBE_MASS] = pressure * self.tube_m3 / (gas.r * gas_k);
         state[TUBE_ENERGY] = pressure * self.tube_m3 / (gas.k - 1.0);
         state[ZONES..ZONES + self.zones].fill(start.mass(gas) / self.zones as f64);
@@ -425,12 +437,16 @@ impl<C: Chamber> Constants<C> {
         rates: &mut [f64],
     ) -> Drag {
         rates[LENGTH..=BRISTLE].fill(0.0);
+        rates[SLIDER..=SLOW].fill(0.0);
         if self.isometric {
             return Drag::default();
         }
         let speed = y[SPEED];
-        let drag = end.bristle.drag(speed, y[BRISTLE], softening);
-        let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force;
+        let mut drag = end.bristle.drag(speed, y[BRISTLE], softening);
+        let stretches = &y[FAST..=SLOW];
+        let held = self.slip_n(y, pressure, softening) + self.hysteresis.creep_n(stretches);
+        let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force - held;
+        drag.heat += self.hysteresis.loss(stretches);
         // On a stop the load rests until it is lifted off.
         let [shortest, longest] = self.pull.stops;
         let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;
@@ -440,7 +456,42 @@ impl<C: Chamber> Constants<C> {
             rates[SPEED] = net * end.per_mass_kg;
             rates[BRISTLE] = drag.deflection_rate;
         }
+        let moves = rates[LENGTH];
+        for ((rate, stretch), arm) in
+            rates[FAST..=SLOW].iter_mut().zip(stretches).zip(&self.hysteresis.creep)
+        {
+            *rate = -moves - arm.per_s * stretch;
+        }
         drag
+    }
+
+    /// Force of the slip \[N\].
+    fn slip_n(&self, y: &[f64], pressure: f64, softening: f64) -> f64 {
+        let slip = &self.hysteresis.slip;
+        let limit = slip.limit(pressure - self.pull.ambient_pa, softening);
+        slip.force(y[SLIDER], y[LENGTH], limit)
+    }
+
+    /// Drags the slider after a step, and gives its heat to friction and wall.
+    fn slide(&self, y: &mut [f64], power: &mut LocalPower, softening: f64) {
+        if self.isometric {
+            return;
+        }
+        let slip = &self.hysteresis.slip;
+        let gauge_pa = self.place(y, power).0 - self.pull.ambient_pa;
+        let limit = slip.limit(gauge_pa, softening);
+        let (slider, heat) = slip.settle(y[SLIDER], y[LENGTH], limit);
+        y[SLIDER] = slider;
+        if heat == 0.0 {
+            return;
+        }
+        let to_wall = self.friction_to_wall * heat;
+        y[FRICTION] += heat;
+        y[FRICTION_TO_WALL] += to_wall;
+        let outer = ZONES + 2 * self.zones..self.line_at();
+        for outer_k in &mut y[outer] {
+            *outer_k += self.share * to_wall * self.outer_k_j;
+        }
     }
 
     /// Pressure \[Pa\] and volume \[m3\].
@@ -768,6 +819,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
                     constants.rates(y, power, &air.films, moving, &drive, rates);
                 });
                 constants.stop(state, power);
+                constants.slide(state, power, start.softening);
                 let acceleration = integrator.last_rates()[SPEED];
                 *falling = constants.hang(state, acceleration, step, *falling);
             }
@@ -799,6 +851,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let softening = constants.softening.factor(wall_k);
         let end = constants.ends.moving(self.falling);
         let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening);
+        let slip_n = constants.slip_n(state, pressure, softening);
         self.truth = Truth {
             time_s: self.steps as f64 * constants.step_s,
             pressure_pa: pressure,
@@ -810,7 +863,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
             flow_out_kg_s: streams.outflow,
             gas_temperature_k: closure.temperature(pressure, volume, mass),
             wall_temperature_k: wall_k,
-            friction_n: drag.force,
+            friction_n: drag.force + slip_n,
             ..Truth::default()
         };
         self.sensors.read(&mut self.truth);
@@ -879,6 +932,8 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
     fn ledger(&self) -> Ledger {
         let constants = &self.constants;
         let y = &self.state;
+        let softening = constants.softening.factor(self.truth.wall_temperature_k);
+        let slip_n = constants.slip_n(y, self.place.0, softening);
         let layer = |capacity: f64, temperatures: &[f64]| -> f64 {
             temperatures.iter().map(|t| capacity * (t - constants.initial_k)).sum()
         };
@@ -892,6 +947,7 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
             heat_to_wall_j: y[HEAT],
             work_j: y[WORK],
             friction_heat_j: y[FRICTION],
+            hysteresis_energy_j: constants.hysteresis.energy(slip_n, &y[FAST..=SLOW]),
             friction_to_wall_j: y[FRICTION_TO_WALL],
             heat_to_ambient_j: y[TO_AMBIENT],
             wall_energy_j: layer(constants.inner_j_k, constants.inner(y))

@@ -1,6 +1,6 @@
 //! The full muscle: the working cycle, conservation, order, its parts.
 
-use crate::plant_support::{MassFlow, muscle};
+use crate::plant_support::{MassFlow, elastic, muscle};
 use ode_solvers::{Dop853, SVector, System};
 use thermyo_plant::chamber::braid::Geometry;
 use thermyo_plant::flow::{Iso6358, Streams};
@@ -347,7 +347,7 @@ fn the_load_rests_on_the_stop_until_it_is_lifted() {
 fn a_slack_muscle_does_not_hold_its_load() {
     const G: f64 = 9.80665;
     for (kind, fall) in [(LoadKind::Mass, G), (LoadKind::Isotonic, 8.0)] {
-        let mut scenario = muscle(PlantModel::Full);
+        let mut scenario = elastic(muscle(PlantModel::Full));
         scenario.load.kind = kind;
         scenario.load.mass_kg = 0.5;
         scenario.load.force_n = 0.5 * fall;
@@ -394,11 +394,10 @@ fn a_load_of_no_force_may_fly_away() {
     }
 }
 
-#[test]
-fn friction_makes_a_loop_of_pressure_over_length() {
-    // The same length takes more pressure on the way in than on the way out.
-    let scenario = muscle(PlantModel::Full);
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+/// Width of the loop of force over length \[N\]: the same length takes more pressure on the way in than
+/// on the way out.
+fn loop_width_n(scenario: &Scenario) -> f64 {
+    let mut plant = thermyo_plant::build(scenario, None).unwrap();
     let crossing = |plant: &mut dyn Plant, actuation: Actuation, contracting: bool| loop {
         let truth = hold(plant, actuation, 1);
         if (truth.length_m < 0.27) == contracting {
@@ -409,9 +408,57 @@ fn friction_makes_a_loop_of_pressure_over_length() {
     let up = crossing(&mut *plant, slow, true);
     hold(&mut *plant, slow, 500);
     let down = crossing(&mut *plant, Actuation { inlet: 0.0, outlet: 0.1 }, false);
-    let braid = Geometry::from_braid(0.3, 0.02, 23.0, 0.0);
-    let band = (up - down) * braid.force_area(0.27);
-    assert!((25.0..45.0).contains(&band), "{band} N");
+    (up - down) * Geometry::from_braid(0.3, 0.02, 23.0, 0.0).force_area(0.27)
+}
+
+#[test]
+fn friction_slip_and_creep_make_a_loop_of_pressure_over_length() {
+    let nominal = muscle(PlantModel::Full);
+    let mut slipping = nominal.clone();
+    (slipping.muscle.creep_fast_n_m, slipping.muscle.creep_slow_n_m) = (0.0, 0.0);
+    let [dry, with_slip, all] =
+        [elastic(nominal.clone()), slipping, nominal].map(|scenario| loop_width_n(&scenario));
+    assert!((30.0..42.0).contains(&dry), "{dry} N");
+    // Twice 6.5 N.
+    assert!((12.0..14.0).contains(&(with_slip - dry)), "{with_slip} N, {dry} N");
+    // Creep holds back up to 4 N a millimetre.
+    assert!((20.0..45.0).contains(&(all - with_slip)), "{all} N, {with_slip} N");
+}
+
+/// All that the gas does to the muscle's end is in the load, in the bladder, in motion, in what slip and
+/// creep hold, or heat.
+#[test]
+fn the_books_of_work_close() {
+    let mut scenario = muscle(PlantModel::Full);
+    scenario.load.kind = LoadKind::Mass;
+    scenario.load.mass_kg = 8.0;
+    scenario.muscle.slip_pressure_factor = 0.7;
+    // The ledger does not have what the bristles store.
+    (scenario.friction.force_n, scenario.friction.stribeck_force_n) = (0.0, 0.0);
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+    let start = plant.truth();
+    for cycle in 0..6 {
+        hold(&mut *plant, Actuation { inlet: 0.3, outlet: 0.0 }, 300 + 40 * cycle);
+        hold(&mut *plant, Actuation { inlet: 0.0, outlet: 0.4 }, 300);
+    }
+    hold(&mut *plant, Actuation { inlet: 0.5, outlet: 0.0 }, 300);
+    let (truth, ledger) = (plant.truth(), plant.ledger());
+    let bladder_j = |length: f64| 0.5 * 600.0 * (0.3 - length).powi(2);
+    let lifted_j = 8.0 * 9.80665 * (start.length_m - truth.length_m);
+    let moving_j = 0.5 * 8.0 * truth.speed_m_s.powi(2);
+    let pushed_j = 101_325.0 * (truth.volume_m3 - start.volume_m3);
+    let residual_j = ledger.work_j
+        - pushed_j
+        - lifted_j
+        - moving_j
+        - (bladder_j(truth.length_m) - bladder_j(start.length_m))
+        - ledger.hysteresis_energy_j
+        - ledger.friction_heat_j;
+    let handled_j = ledger.energy_initial_j + ledger.enthalpy_in_j + ledger.enthalpy_out_j;
+    println!("{residual_j:.2e} J of {handled_j:.0} J; {ledger:?}");
+    assert!(residual_j.abs() < 1e-6 * handled_j, "{residual_j} J");
+    assert!(ledger.hysteresis_energy_j > 0.1 && ledger.friction_heat_j > 4.0, "{ledger:?}");
+    assert!(ledger.energy_balance_error() < 1e-6 && ledger.wall_balance_error() < 1e-6);
 }
 
 #[test]

@@ -4,6 +4,7 @@ use model_core::config::{Config, EstimatorConfig, Load};
 use model_core::physics::chamber::{ChamberConfig, Vessel};
 use model_core::physics::friction::Friction;
 use model_core::physics::heat::{Heat, Wall};
+use model_core::physics::hysteresis::Hysteresis;
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasSensor;
@@ -12,7 +13,7 @@ use thermyo_plant::gas::IdealGas;
 use thermyo_plant::heat::InnerHeat;
 use thermyo_plant::load_n;
 use thermyo_scenario::schema::limits;
-use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
+use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 
 /// Heat transfer coefficient that stands for "isothermal" \[W/(m2 K)\]: about a hundred times that
 /// of still air.
@@ -118,6 +119,10 @@ pub fn core_config(believed: &Scenario) -> Config {
                 viscous_n_s_m: 0.0,
                 ..s.friction.core()
             }
+        },
+        hysteresis: match s.plant.kind {
+            PlantKind::Muscle => s.muscle.core(),
+            _ => Hysteresis::NONE,
         },
         load: match (s.load.kind, &moving) {
             (LoadKind::Isometric, _) => Load::Isometric { length_m: s.load.length_m as f32 },

@@ -3,7 +3,7 @@
 use super::covariance::{Product, Transition};
 use super::deviation::Inputs;
 use super::{Balance, COLDEST_K, Coefficients, Estimator, HOTTEST_K, Measurement};
-use crate::math::{CompensatedSum, exp, limit};
+use crate::math::{CompensatedSum, absolute, exp, limit};
 use crate::physics::chamber::Chamber;
 
 /// Innovations that stay beyond so many deviations of the reading, averaged over half a second, show
@@ -78,7 +78,6 @@ pub(super) struct Pending {
 struct Exchange {
     /// Share of the difference between wall and ambient that the wall loses \[-\].
     outer_share: f32,
-    friction_j: f32,
     /// Heat from the gas to the wall \[J/K\].
     inner_j_k: f32,
     /// Relative change of the gas per relative difference of its temperature, while gas flows \[-\].
@@ -144,8 +143,10 @@ impl Estimator {
         }
         let Coefficients { counts, interval_s, lag_s, wall_j_k, .. } = self.coefficients;
         let gas_k = interval.gas_k / f32::from(counts.interval_steps);
-        let speed_m_s = (length_m - self.length_m) / interval_s;
+        let way_m = self.length_m - length_m;
+        let speed_m_s = -way_m / interval_s;
         self.length_m = length_m;
+        let friction_j = self.rub(way_m);
         let surface_m2 = chamber.surface_m2(length_m);
 
         self.element.follow(&self.coefficients, gas_k - FOIL_WARMER * self.port_k);
@@ -162,12 +163,25 @@ impl Estimator {
         let forget = interval_s / self.coefficients.tuning.memory_s;
         self.scale += forget * (1.0 - self.scale);
         self.element.lag_s += forget * (lag_s - self.element.lag_s);
-        let warming_k = (interval.heat_j + exchange.friction_j) * (1.0 / wall_j_k)
+        let warming_k = (interval.heat_j + friction_j) * (1.0 / wall_j_k)
             - exchange.outer_share * (self.wall_k - self.coefficients.ambient.temperature_k);
         self.wall_k = limit(self.wall_k + warming_k, COLDEST_K, HOTTEST_K);
         self.set_conductance(surface_m2);
         self.set_leak(self.pressure_pa);
         self.read_element(measurement, lag_share);
+    }
+
+    /// Moves slip and creep by an interval's contraction; returns the heat that the wall gets of them and
+    /// of friction \[J\].
+    fn rub(&mut self, way_m: f32) -> f32 {
+        let Coefficients { hysteresis, friction, ambient, .. } = &self.coefficients;
+        let softening = friction.softening(self.wall_k);
+        let gauge_pa = self.pressure_pa - ambient.pressure_pa;
+        let held = hysteresis.after(&self.held, way_m, gauge_pa, softening);
+        let heat_j = hysteresis.heat_j(&self.held, &held, way_m)
+            + softening * friction.force_n * absolute(way_m);
+        self.held = held;
+        friction.heat_fraction * heat_j
     }
 
     /// Moves the element by an interval, and compares it with its reading.
@@ -204,6 +218,7 @@ impl Estimator {
             most_gained: share(most_j),
             pressure_pa: self.pressure_pa,
             mass_kg: self.mass_kg.value(),
+            held_n: self.held.force_n(),
         });
     }
 
@@ -224,7 +239,6 @@ impl Estimator {
         Exchange {
             // A wall does not overshoot its surroundings.
             outer_share: limit(outer_w_k * duration_s * per_wall, 0.0, 1.0),
-            friction_j: c.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s,
             inner_j_k,
             // Limited where there is next to no gas: its temperature is the wall's.
             gas: limit(inner_j_k * per_mass * c.per_cp * flowing, 0.0, 0.5),

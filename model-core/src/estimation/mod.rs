@@ -64,6 +64,7 @@ use crate::config::Config;
 use crate::math::{CompensatedSum, is_above, is_within, limit, sqrt};
 use crate::physics::chamber::Chamber;
 use crate::physics::gas::Reservoir;
+use crate::physics::hysteresis::Held;
 use crate::sample::Estimate;
 use crate::sensing::{GasReading, Reading};
 
@@ -129,6 +130,8 @@ pub struct Balance {
     pub pressure_pa: f32,
     /// Gas mass \[kg\].
     pub mass_kg: f32,
+    /// Force that slip and creep hold back with \[N\].
+    pub held_n: f32,
 }
 
 /// The estimator: coefficients of a configuration, and its state.
@@ -171,6 +174,8 @@ pub struct Estimator {
     deviation: Deviation,
     // Since the last interval.
     length_m: f32,
+    /// Slip and creep.
+    held: Held,
     balance: Option<Balance>,
     pending: Pending,
 }
@@ -231,6 +236,7 @@ impl Estimator {
             entering: false,
             missing_steps: 0,
             length_m: 0.0,
+            held: Held::default(),
             still_conductance_j_k: 0.0,
             stirred_conductance_j_k_kg: 0.0,
             leak_kg_pa: 0.0,
@@ -380,6 +386,7 @@ impl Estimator {
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.length_m = length_m;
+        self.held = Held::default();
         self.started = true;
         self.set_conductance(chamber.surface_m2(length_m));
         self.set_leak(pressure_pa);
