@@ -10,7 +10,8 @@
 //! sensor is compared, it is the core's own model, driven by the recorded pressure and length. A
 //! scenario with the model `full` gets the effective parameters that the core works with.
 //!
-//! A table without time that has gauge pressure, length and force at rest is a static map: see
+//! A record with stops, both valves shut for seconds, has the gas temperature in itself: see
+//! [`stops`]. A table without time that has gauge pressure, length and force at rest is a static map: see
 //! [`static_map`].
 
 mod balance;
@@ -25,6 +26,7 @@ mod record;
 mod search;
 mod simulate;
 pub mod static_map;
+pub mod stops;
 mod uncertainty;
 
 pub use data::Data;

@@ -134,7 +134,7 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     believed.muscle = dimensions.applied_to(&believed.muscle);
     check_heat(&believed, overrides).map_err(|found| blame(found, overrides, origin))?;
     rules::check_believed(&believed).map_err(|found| blame(found, overrides, origin))?;
-    Ok(Loaded { plant, believed, volume_profile, drive_profile })
+    Ok(Loaded { plant, believed, volume_profile, drive_profile, shut_s: Vec::new() })
 }
 
 /// Refuses coefficients of a constant heat transfer in a file that does not name the model: it was written when that
