@@ -9,8 +9,9 @@ use thermyo_scenario::schema::Limits;
 
 /// File of the recording in its folder.
 pub const FILE: &str = "trace.csv";
-/// Column of the reference sensor.
+/// Column of the reference sensor, and one of its standard deviation, which it may have.
 const REFERENCE: &str = "reference_gas_k";
+const REFERENCE_SD: &str = "reference_sd_k";
 /// Time for the estimate to settle \[s\].
 const SETTLING_S: f64 = 10.0;
 /// Largest RMS error \[K\], and fraction of the time within two stated deviations: the targets of
@@ -49,6 +50,9 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
     if let Some(row) = sd_k.iter().position(|sd_k| *sd_k < 0.0) {
         return Err(recording.cell_error(row, "estimate_sd_k", "a number from 0 on"));
     }
+    let uncertain = recording.columns().iter().any(|column| column.name == REFERENCE_SD);
+    let reference_sd_k =
+        if uncertain { recording.column(REFERENCE_SD)?.to_vec() } else { Vec::new() };
     let lagged_k = lagged(&times_s, &estimate_k, reference_lag_s);
     let from_s = times_s[0] + SETTLING_S;
     let (mut rows, mut square, mut bare_square, mut sum, mut worst_k, mut within) =
@@ -63,7 +67,8 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
         bare_square += (sensor_k[row] - reference_k).powi(2);
         sum += error_k;
         worst_k = worst_k.max(error_k.abs());
-        within += u32::from(error_k.abs() <= 2.0 * sd_k[row]);
+        let own_sd_k = reference_sd_k.get(row).copied().flatten().unwrap_or(0.0);
+        within += u32::from(error_k.abs() <= 2.0 * sd_k[row].hypot(own_sd_k));
     }
     let unusable = |why: String| {
         recording.header_error(Problem::UnusableColumn { column: REFERENCE.to_owned(), why })

@@ -3,6 +3,7 @@
 use super::progress::Bar;
 use super::{Failure, interrupt, load, print, publish, title_of, tune, whole};
 use clap::{Args, Subcommand};
+use model_core::Config;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
@@ -12,7 +13,10 @@ use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::{BoardError, CoreBoard};
 use thermyo_simulation::run::RunError;
-use thermyo_studies::stops::{Asked, LiveRows, Plan, Record, RowBench, SimulatedRows, measured};
+use thermyo_studies::stops::{
+    Asked, LiveRows, Plan, Record, RowBench, SimulatedRows, measured, write,
+};
+use thermyo_studies::tune as experiment;
 
 #[derive(Debug, Args)]
 pub(super) struct MeasureCommand {
@@ -92,12 +96,17 @@ pub(super) fn run(
         highest_pa: args.max_pressure,
         seed: args.seed,
     };
+    let allowed = |config: &Config| -> Result<(), Failure> {
+        let refused = |error| Failure::Usage(format!("--max-pressure: {error}"));
+        experiment::highest_pa(config, args.max_pressure).map(drop).map_err(refused)
+    };
     let refused = |error| Failure::Usage(format!("{}: {error}", args.target));
     let path = Path::new(&args.target);
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
         let loaded = load(path, err)?;
-        let plan = Plan::new(&loaded, &core_config(&loaded.believed), &asked, None);
-        let plan = plan.map_err(refused)?;
+        let config = core_config(&loaded.believed);
+        allowed(&config)?;
+        let plan = Plan::new(&loaded, &config, &asked, None).map_err(refused)?;
         let title = title_of(path);
         let mut board = CoreBoard::default();
         let mut bench = SimulatedRows(&mut board);
@@ -105,6 +114,7 @@ pub(super) fn run(
     }
     let mut board = LiveBoard::open(&args.target)?;
     let config = board.config()?;
+    allowed(&config)?;
     let loaded = from_config::to_scenario(&config)?.scenario;
     let armed_pa = if args.arm { None } else { board.status()?.armed_pa };
     let plan = Plan::new(&loaded, &config, &asked, armed_pa).map_err(refused)?;
@@ -125,10 +135,11 @@ fn measure(
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/measure"));
     let mut files = OutputDir::create(&folder)?;
     interrupt::watch();
+    let step_s = plan.driven.plant.run.step_s;
     let bar = Bar::new((plan.driven.plant.run.duration_s * 1e3) as u64, args.quiet);
     let mut record = Record::default();
-    let outcome = bench.measure(plan, &mut record, &mut |time_s| {
-        bar.set_position((time_s * 1e3) as u64);
+    let outcome = bench.measure(plan, &mut record, &mut |telemetry| {
+        bar.set_position((f64::from(telemetry.step) * step_s * 1e3) as u64);
         interrupt::is_requested()
     });
     bar.clear();
@@ -137,7 +148,8 @@ fn measure(
         Err(RunError::Stopped | RunError::Board(BoardError::Interrupted)) => true,
         // The line broke or a fault vented: what was measured until then is kept.
         Err(error) if !record.rows.rows.is_empty() => {
-            write(&mut files, &record, plan, loaded, (title, board))?;
+            let findings = measured(&record, plan, loaded, board);
+            write(&mut files, &findings, &record, loaded, title)?;
             let left = files.leave();
             let _ = writeln!(err, "thermyo: the record so far is in {}", left.display());
             return Err(Failure::Run(error));
@@ -148,10 +160,11 @@ fn measure(
         let _ = writeln!(err, "thermyo: stopped before its first step, nothing is kept");
         return Err(Failure::Interrupted);
     }
-    let findings = write(&mut files, &record, plan, loaded, (title, board))?;
+    let findings = measured(&record, plan, loaded, board);
+    write(&mut files, &findings, &record, loaded, title)?;
     publish(files, err)?;
     if args.json {
-        print(out, &(serde_json::to_string_pretty(&findings).expect("plain data") + "\n"))?;
+        print(out, &findings.json())?;
     } else {
         print(out, &findings.text())?;
         print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
@@ -161,26 +174,4 @@ fn measure(
         return Err(Failure::Interrupted);
     }
     findings.failed().map_or(Ok(()), |why| Err(Failure::Check(why)))
-}
-
-/// Writes what was measured into the folder.
-fn write(
-    files: &mut OutputDir,
-    record: &Record,
-    plan: &Plan,
-    loaded: &Loaded,
-    (title, board): (&str, &str),
-) -> Result<thermyo_studies::stops::Findings, Failure> {
-    let findings = measured(record, plan, loaded, board);
-    let trace = files.file("trace.csv")?;
-    record
-        .write(trace, &findings.analysis.stops)
-        .map_err(|error| files.unwritable("trace.csv", &error))?;
-    files.text("scenario.toml", &thermyo_setup::render(loaded))?;
-    files.text(
-        "summary.json",
-        &(serde_json::to_string_pretty(&findings).expect("plain data") + "\n"),
-    )?;
-    files.text("report.html", &findings.page(title, record, loaded))?;
-    Ok(findings)
 }

@@ -9,7 +9,7 @@ use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_plant::chamber;
-use thermyo_plant::heat::InnerHeat;
+use thermyo_plant::heat::{InnerHeat, Stirred};
 use thermyo_scenario::{HeatModel, Scenario, with_numbers};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
@@ -20,6 +20,9 @@ const UNDETERMINED: f64 = 0.5;
 /// Assumption.
 const LEAST_SD: f64 = 0.05;
 
+/// Power of the stirring in the laws of forced convection (Woodfield et al. 2008).
+const FORCED_POWER: f64 = 0.67;
+
 const STILL: &str = "heat.inner_w_m2_k";
 const SCALE: &str = "heat.scale";
 const PER_FLOW: &str = "heat.inner_per_flow";
@@ -27,7 +30,7 @@ const DECAY: &str = "heat.stirring_decay_s";
 const LAG: &str = "sensor.gas.time_constant_s";
 const HOUSING: &str = "sensor.gas.housing_time_constant_s";
 /// Not a key: the gas at the sensor against the mean.
-const PLACE: &str = "place_gain";
+const PLACE: &str = "location_factor";
 /// Keys whose values follow from stops.
 const KEYS: [&str; 6] = [STILL, SCALE, PER_FLOW, DECAY, LAG, HOUSING];
 /// Found where the scenario names no parameters.
@@ -64,13 +67,17 @@ pub fn are_asked_for(loaded: &Loaded, table: &Table) -> bool {
 /// The analysis of a record by a scenario.
 pub fn analyse_with(loaded: &Loaded, rows: &Rows) -> Analysis {
     let plant = &loaded.believed;
-    let diameter_m = chamber::of(plant).map_or(plant.vessel.characteristic_length_m, |chamber| {
-        chamber.diameter(chamber.rest_length())
-    });
-    let law = InnerHeat::of(plant, diameter_m);
+    let heat = match chamber::of(plant) {
+        Some(chamber) => {
+            let rest_m = chamber.rest_length();
+            InnerHeat::of_chamber(plant, chamber.diameter(rest_m), chamber.gas_length(rest_m))
+        }
+        None => InnerHeat::of_vessel(plant),
+    };
     let config = core_config(plant);
     let law = |pressure_pa: f64, gas_k: f64, wall_k: f64| {
-        law.coefficient(pressure_pa, gas_k, wall_k, 0.0)
+        let forced = heat.forced(&Stirred::default(), gas_k);
+        heat.film(pressure_pa, gas_k, wall_k, &forced, heat.whole()).still_w_m2_k
     };
     let hose_m3 = plant
         .tube
@@ -168,12 +175,15 @@ fn value_of(name: &str, analysis: &Analysis, scenario: &Scenario) -> Option<Fitt
             .and_then(|heat| heat.stirred_per_flow)
             .and_then(|found| with(found.value, found.standard_error, "W/(m2 K) per kg/s")),
         DECAY => {
+            // A coefficient that follows a power of the stirring decays that much faster or slower.
+            let power =
+                if scenario.heat.model == HeatModel::Correlation { FORCED_POWER } else { 1.0 };
             let found = heat.and_then(|heat| heat.decay_s);
-            found.and_then(|found| with(found.value, found.standard_error, "s"))
+            found.and_then(|found| with(power * found.value, power * found.standard_error, "s"))
         }
         LAG => sensor.and_then(|sensor| logarithmic(sensor.lag_s, sensor.lag_sd, "s")),
         HOUSING => sensor.and_then(|sensor| logarithmic(sensor.housing_s, sensor.housing_sd, "s")),
-        _ => sensor.and_then(|sensor| logarithmic(sensor.place_gain, sensor.place_sd, "")),
+        _ => sensor.and_then(|sensor| logarithmic(sensor.location_factor, sensor.location_sd, "")),
     }
 }
 

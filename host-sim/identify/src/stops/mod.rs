@@ -26,6 +26,8 @@ mod find;
 mod identified;
 pub mod page;
 mod relaxation;
+#[cfg(test)]
+mod tests;
 mod thermometer;
 
 pub use find::{Row, Rows, SHORTEST_S};

@@ -170,7 +170,12 @@ fn values(analysis: &Analysis) -> Section {
         let with = |name: &str, value: f64, sd: f64, unit: &str| row(name, value, value * sd, unit);
         rows.push(with("Lag of the element", sensor.lag_s, sensor.lag_sd, "s"));
         rows.push(with("Lag of its housing", sensor.housing_s, sensor.housing_sd, "s"));
-        rows.push(with("Gas at the sensor over the mean", sensor.place_gain, sensor.place_sd, ""));
+        rows.push(with(
+            "Gas at the sensor over the mean",
+            sensor.location_factor,
+            sensor.location_sd,
+            "",
+        ));
     }
     let table = Table {
         caption: "With standard errors, by leaving out one stop at a time".to_owned(),

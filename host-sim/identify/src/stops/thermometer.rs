@@ -47,8 +47,8 @@ pub struct Sensor {
     pub housing_s: f64,
     pub housing_sd: f64,
     /// Difference of the gas at the sensor to the wall, over that of the mean \[-\].
-    pub place_gain: f64,
-    pub place_sd: f64,
+    pub location_factor: f64,
+    pub location_sd: f64,
     /// Residual \[K\], RMS.
     pub rms_k: f64,
 }
@@ -75,15 +75,15 @@ pub fn configured(config: &Config) -> Sensor {
         lag_sd: LAG_OFF,
         housing_s: f64::from(gas.housing_time_constant_s).max(LEAST_HOUSING_S),
         housing_sd: 1.0,
-        place_gain: 1.0,
-        place_sd: PRIOR_SD[2],
+        location_factor: 1.0,
+        location_sd: PRIOR_SD[2],
         rms_k: f64::NAN,
     }
 }
 
 impl Sensor {
     fn place(&self) -> DVector<f64> {
-        DVector::from_vec(vec![self.lag_s.ln(), self.housing_s.ln(), self.place_gain.ln()])
+        DVector::from_vec(vec![self.lag_s.ln(), self.housing_s.ln(), self.location_factor.ln()])
     }
 }
 
@@ -237,8 +237,8 @@ pub fn fit(stops: &[&Closed], prior: &Sensor) -> Option<Sensor> {
         lag_sd: sd(0),
         housing_s: place[1].exp(),
         housing_sd: sd(1),
-        place_gain: place[2].exp(),
-        place_sd: sd(2),
+        location_factor: place[2].exp(),
+        location_sd: sd(2),
         rms_k,
     })
 }

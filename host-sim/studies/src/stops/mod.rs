@@ -14,7 +14,9 @@ pub use plan::{Asked, Plan, Refusal};
 pub use record::{LiveRows, Record, RowBench, SimulatedRows};
 
 use serde::Serialize;
+use thermyo_files::input::InputError;
 use thermyo_files::number::fixed;
+use thermyo_files::output::OutputDir;
 use thermyo_identify::stops::{Analysis, FEWEST, Stop, analyse_with, page, refusals};
 use thermyo_setup::Loaded;
 
@@ -89,7 +91,32 @@ pub fn measured(record: &Record, plan: &Plan, loaded: &Loaded, board: &str) -> F
     }
 }
 
+/// Writes what was measured into a folder; `title` is that of the page.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write(
+    files: &mut OutputDir,
+    findings: &Findings,
+    record: &Record,
+    loaded: &Loaded,
+    title: &str,
+) -> Result<(), InputError> {
+    let trace = files.file("trace.csv")?;
+    record
+        .write(trace, &findings.analysis.stops)
+        .map_err(|error| files.unwritable("trace.csv", &error))?;
+    files.text("scenario.toml", &thermyo_setup::render(loaded))?;
+    files.text("summary.json", &findings.json())?;
+    files.text("report.html", &findings.page(title, record, loaded))
+}
+
 impl Findings {
+    /// Content of `summary.json`.
+    pub fn json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("plain data") + "\n"
+    }
+
     /// Reason why nothing was measured, if so.
     pub fn failed(&self) -> Option<String> {
         (self.usable < FEWEST).then(|| {
@@ -151,8 +178,8 @@ impl Findings {
                 100.0 * sensor.lag_sd,
                 sensor.housing_s,
                 100.0 * sensor.housing_sd,
-                sensor.place_gain,
-                sensor.place_gain * sensor.place_sd
+                sensor.location_factor,
+                sensor.location_factor * sensor.location_sd
             );
         }
         text

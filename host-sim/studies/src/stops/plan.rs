@@ -28,6 +28,10 @@ const LEAST_W_M2_K: f64 = 6.0;
 /// Shortest and longest default of the wait \[s\].
 const WAITS_S: [f64; 2] = [10.0, 300.0];
 
+/// Period of the cycle \[s\], and number of stops, where the user asks for no others.
+const PERIOD_S: f64 = 5.0;
+const STOPS: usize = 8;
+
 /// What the user asks for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Asked {
@@ -38,6 +42,14 @@ pub struct Asked {
     /// None: 4 bar, or less where supply or limit are lower \[Pa\].
     pub highest_pa: Option<f64>,
     pub seed: u64,
+}
+
+impl Asked {
+    /// The usual stops, up to a pressure \[Pa\].
+    pub fn usual(highest_pa: f64) -> Self {
+        let highest_pa = Some(highest_pa);
+        Self { stops: STOPS, wait_s: None, period_s: PERIOD_S, highest_pa, seed: 1 }
+    }
 }
 
 /// Why no stop can be measured.
@@ -209,7 +221,7 @@ mod tests {
 
     #[test]
     fn the_stops_are_at_phases_all_over_the_cycle_and_never_above_what_is_armed() {
-        let plan = planned("", &ASKED, Some(2.5e5)).unwrap();
+        let plan = planned("", &usual(), Some(2.5e5)).unwrap();
         let profile = plan.driven.drive_profile.as_ref().unwrap();
         assert!(profile.points().iter().all(|(_, pa)| (1.1e5..=2.5e5).contains(pa)));
         assert_eq!(plan.driven.shut_s.len(), 8);
@@ -221,15 +233,15 @@ mod tests {
         }
         stopped.sort_by(f64::total_cmp);
         assert!(stopped[7] - stopped[0] > 0.6e5, "{stopped:?}");
-        let other = planned("", &Asked { seed: 2, ..ASKED }, Some(2.5e5)).unwrap();
+        let other = planned("", &Asked { seed: 2, ..usual() }, Some(2.5e5)).unwrap();
         assert_ne!(plan.driven.shut_s, other.driven.shut_s);
     }
 
     #[test]
     fn what_cannot_be_measured_is_refused() {
-        let low = planned("[supply]\npressure_pa = 1.4e5\n", &ASKED, None).unwrap_err();
+        let low = planned("[supply]\npressure_pa = 1.4e5\n", &usual(), None).unwrap_err();
         assert!(low.to_string().contains("warms the gas too little"), "{low}");
         let vessel = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"closed\"\n";
-        assert_eq!(planned(vessel, &ASKED, None).unwrap_err(), Refusal::Vessel);
+        assert_eq!(planned(vessel, &usual(), None).unwrap_err(), Refusal::Vessel);
     }
 }

@@ -3,12 +3,14 @@
 use super::REFERENCE_S;
 use super::plan::Plan;
 use crate::drive::{DriveError, Ended, drive};
-use model_core::Config;
 use model_core::safety::supervisor::VENTING;
+use model_core::{Config, Telemetry};
+use std::cell::Cell;
 use std::io::{self, Write};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::rows::Rows as Lines;
 use thermyo_identify::stops::{Row, Rows, Stop};
+use thermyo_protocol::Status;
 use thermyo_record::board_trace::{every_column, more_cells, row};
 use thermyo_record::trace;
 use thermyo_simulation::board::{Board, BoardError};
@@ -72,8 +74,8 @@ impl Record {
 
 /// A board on which stops are measured.
 pub trait RowBench {
-    /// Drives a plan, and records it. `each` gets the time of every step, and returns whether to
-    /// stop. What was recorded until an error is in `record`.
+    /// Drives a plan, and records it. `each` gets the telemetry of every step, and returns whether
+    /// to stop. What was recorded until an error is in `record`.
     ///
     /// # Errors
     /// When the board is lost or vents by a fault; [`RunError::Stopped`] where `each` ended it.
@@ -81,7 +83,7 @@ pub trait RowBench {
         &mut self,
         plan: &Plan,
         record: &mut Record,
-        each: &mut dyn FnMut(f64) -> bool,
+        each: &mut dyn FnMut(&Telemetry) -> bool,
     ) -> Result<(), RunError>;
 }
 
@@ -98,17 +100,14 @@ impl RowBench for SimulatedRows<'_> {
         &mut self,
         plan: &Plan,
         record: &mut Record,
-        each: &mut dyn FnMut(f64) -> bool,
+        each: &mut dyn FnMut(&Telemetry) -> bool,
     ) -> Result<(), RunError> {
         let every = every(plan);
         let mut observer = |row: &trace::Row| {
             if row.telemetry.step.is_multiple_of(every) {
                 record.add(row, &more_cells(None, &row.telemetry));
-                if each(row.truth.time_s) {
-                    return Err(io::ErrorKind::Interrupted.into());
-                }
             }
-            Ok(())
+            if each(&row.telemetry) { Err(io::ErrorKind::Interrupted.into()) } else { Ok(()) }
         };
         run::run(&plan.driven, self.0, None, &mut observer).map(drop)
     }
@@ -125,18 +124,17 @@ impl RowBench for LiveRows<'_> {
         &mut self,
         plan: &Plan,
         record: &mut Record,
-        each: &mut dyn FnMut(f64) -> bool,
+        each: &mut dyn FnMut(&Telemetry) -> bool,
     ) -> Result<(), RunError> {
         let (every, step_s) = (every(plan), plan.driven.plant.run.step_s);
-        let ends = std::cell::Cell::new(false);
+        let ends = Cell::new(false);
         let config = self.config;
-        let mut show = |telemetry: &_, status: Option<&_>| {
-            let telemetry: &model_core::Telemetry = telemetry;
-            let time_s = f64::from(telemetry.step) * step_s;
+        let mut show = |telemetry: &Telemetry, status: Option<&Status>| {
             if telemetry.step.is_multiple_of(every) {
+                let time_s = f64::from(telemetry.step) * step_s;
                 record.add(&row(time_s, &config, telemetry), &more_cells(status, telemetry));
-                ends.set(each(time_s));
             }
+            ends.set(each(telemetry));
             Ok(())
         };
         match drive(self.board, &plan.driven, &|| ends.get(), &mut show) {
