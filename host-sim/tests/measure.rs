@@ -29,7 +29,8 @@ fn measured(folder: &Path, scenario: &str, more: &[&str]) -> (Output, Value) {
     (output, summary)
 }
 
-const FULL: &str = "[plant]\nmodel = \"full\"\n[heat]\nmodel = \"constant\"\ninner_w_m2_k = 11.0\n";
+const FULL: &str = "[plant]\nmodel = \"full\"\n[heat]\nmodel = \"constant\"\ninner_w_m2_k = 11.0\n\
+    [identify]\nparameters = [\"heat.inner_w_m2_k\", \"sensor.gas.time_constant_s\"]\n";
 
 #[test]
 fn a_muscle_shows_its_gas_temperature_and_its_heat_transfer() {

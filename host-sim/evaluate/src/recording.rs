@@ -50,9 +50,7 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
     if let Some(row) = sd_k.iter().position(|sd_k| *sd_k < 0.0) {
         return Err(recording.cell_error(row, "estimate_sd_k", "a number from 0 on"));
     }
-    let uncertain = recording.columns().iter().any(|column| column.name == REFERENCE_SD);
-    let reference_sd_k =
-        if uncertain { recording.column(REFERENCE_SD)?.to_vec() } else { Vec::new() };
+    let reference_sd_k = of_reference(recording)?;
     let lagged_k = lagged(&times_s, &estimate_k, reference_lag_s);
     let from_s = times_s[0] + SETTLING_S;
     let (mut rows, mut square, mut bare_square, mut sum, mut worst_k, mut within) =
@@ -96,6 +94,12 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
             Figure::shown("reference_lag_s", reference_lag_s),
         ],
     })
+}
+
+/// Standard deviations of the reference, where the recording has them.
+fn of_reference(recording: &Table) -> Result<Vec<Option<f64>>, InputError> {
+    let has_them = recording.columns().iter().any(|column| column.name == REFERENCE_SD);
+    if has_them { recording.column(REFERENCE_SD).map(<[_]>::to_vec) } else { Ok(Vec::new()) }
 }
 
 /// Response of a sensor with that lag to values that are linear between rows, exact: it stays

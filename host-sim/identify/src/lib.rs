@@ -15,6 +15,7 @@
 //! [`static_map`].
 
 mod balance;
+mod consider;
 pub mod core_model;
 mod data;
 mod failed;
@@ -288,6 +289,7 @@ fn covariance_inside(
         (0..count).filter(|i| !problem.parameters[*i].at_limit(place[*i])).collect();
     let sensitivities = problem.sensitivities(place).select_columns(&inside);
     let reduced = covariance(&sensitivities, &problem.data.observed, misfits)?;
+    let reduced = consider::widened(problem, place, &sensitivities, reduced);
     let mut full = DMatrix::zeros(count, count);
     for (row, i) in inside.iter().enumerate() {
         for (column, j) in inside.iter().enumerate() {

@@ -1,6 +1,5 @@
 //! Stops in a record: where the duties of both valves are zero for long enough.
 
-use super::relaxation::inflow_kg_s;
 use model_core::Config;
 use std::ops::Range;
 use thermyo_files::input::InputError;
@@ -8,6 +7,9 @@ use thermyo_files::table::Table;
 
 /// Shortest stop that is looked at \[s\]: shorter pauses belong to the control of a pressure.
 pub const SHORTEST_S: f64 = 5.0;
+
+/// Inflow before the stop is the mean over this time \[s\].
+const INFLOW_S: f64 = 0.3;
 
 /// One row of a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,4 +118,11 @@ pub fn holds(rows: &[Row], config: &Config) -> Vec<Hold> {
         from = end;
     }
     found
+}
+
+/// Mean inflow before a stop \[kg/s\], by the estimated mass.
+fn inflow_kg_s(rows: &[Row], first: usize) -> Option<f64> {
+    let at = rows.get(first)?;
+    let before = rows[..first].iter().rfind(|row| row.time_s <= at.time_s - INFLOW_S)?;
+    Some((at.mass_kg? - before.mass_kg?) / (at.time_s - before.time_s))
 }

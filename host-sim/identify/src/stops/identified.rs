@@ -132,7 +132,8 @@ fn asked(analysis: &Analysis, scenario: &Scenario) -> (BTreeMap<String, Fitted>,
         let determined = value.as_ref().is_some_and(|fitted| {
             fitted.standard_error.is_some_and(|error| error <= UNDETERMINED * fitted.value.abs())
         });
-        if !determined {
+        // The location factor is shown in any case, and asked for where everything is.
+        if !determined && (name != PLACE || named.is_empty()) {
             open.push(name.to_owned());
         }
         if let Some(value) = value {

@@ -58,10 +58,11 @@ const DEAD_OFF: f64 = 0.02;
 /// half of it, and its standard deviation (uniform). Assumption.
 const COOL: f64 = 0.25;
 const COOL_SD: f64 = 0.144;
-/// Error of a calibrated foil \[K\]: a tenth of a kelvin of the reference instrument. And how much
-/// the wall at the foil differs from the mean at rest: an assumption.
+/// Error of a calibrated foil \[K\]: a tenth of a kelvin of the reference instrument.
 const SENSOR_OFF_K: f64 = 0.1;
-const PLACE_OFF_K: f64 = 0.15;
+/// A wall that has warmed has not warmed evenly: how much it differs at the foil from its mean, as a
+/// share of its distance to ambient. Assumption; the paper's Fig. 2 spans as much as it warms.
+const UNEVEN: f64 = 0.2;
 /// A wait is too short if the gas, or what the sensor lags behind it, changes by more than this in
 /// the last quarter of it \[K\].
 const UNSETTLED_K: f64 = 0.5;
@@ -459,10 +460,11 @@ fn causes(
     let offset_pa = PRESSURE_OFF * f64::from(sensor.range_pa);
     let by_offset = offset_pa * (1.0 / first.pressure_pa - 1.0 / last.pressure_pa);
     let by_noise = closed_noise(closed);
+    let warmer_k = read.end_k - f64::from(config.ambient.temperature_k);
     Causes {
         pressure_k: gas_k * by_offset.hypot(by_noise),
         volume_k: gas_k * by_length.hypot(by_dead).hypot(closed.cool_sd),
-        sensor_k: SENSOR_OFF_K.hypot(PLACE_OFF_K).hypot(read.end_sd_k),
+        sensor_k: SENSOR_OFF_K.hypot(UNEVEN * warmer_k).hypot(read.end_sd_k),
         leak_k: gas_k * read.leak_sd_1_s * closed.wait_s(),
         wait_k: read.wait_sd_k,
     }

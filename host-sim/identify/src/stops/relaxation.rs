@@ -33,8 +33,6 @@ const DECAYS: [f64; 2] = [0.05, 1.0];
 const TRIED: usize = 25;
 /// Stirring counts if it is so many standard errors above zero.
 const SEEN: f64 = 2.5;
-/// Inflow before the stop is the mean over this time \[s\].
-const INFLOW_S: f64 = 0.3;
 /// Least inflow that counts as charging, as a share of the gas a second \[1/s\].
 const CHARGING_1_S: f64 = 0.02;
 
@@ -267,11 +265,4 @@ fn jet(heats: &[&Heat]) -> Option<[With; 3]> {
     let with = [0, 1, 2]
         .map(|i| With::of(found[i], &others.iter().map(|other| other[i]).collect::<Vec<_>>()));
     (with[0].value > SEEN * with[0].standard_error).then_some(with)
-}
-
-/// Mean inflow before a stop \[kg/s\], by the estimated mass.
-pub(super) fn inflow_kg_s(rows: &[super::Row], first: usize) -> Option<f64> {
-    let at = rows.get(first)?;
-    let before = rows[..first].iter().rfind(|row| row.time_s <= at.time_s - INFLOW_S)?;
-    Some((at.mass_kg? - before.mass_kg?) / (at.time_s - before.time_s))
 }

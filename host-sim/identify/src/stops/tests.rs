@@ -42,6 +42,21 @@ fn held() -> Config {
     config
 }
 
+fn row(time_s: f64, pressure_pa: f64, length_m: f64, sensor_k: f64, shut: bool) -> Row {
+    let (estimate_k, estimate_sd_k, mass_kg, truth_k) = (None, None, None, None);
+    Row {
+        time_s,
+        pressure_pa,
+        length_m,
+        sensor_k,
+        estimate_k,
+        estimate_sd_k,
+        mass_kg,
+        truth_k,
+        shut,
+    }
+}
+
 /// A record of stops with a second of motion before each, and the temperature at each.
 fn record(made: &Made, config: &Config) -> (Rows, Vec<f64>) {
     let chamber = AnyChamber::new(&config.chamber);
@@ -59,17 +74,6 @@ fn record(made: &Made, config: &Config) -> (Rows, Vec<f64>) {
         let mut length_m = LENGTH_M;
         let volume = |length_m: f64| f64::from(chamber.volume_m3(length_m as f32));
         let mut mass_kg = 2.5e5 * volume(length_m) / (r * gas_k);
-        let row = |time_s, pressure_pa, length_m, sensor_k, shut| Row {
-            time_s,
-            pressure_pa,
-            length_m,
-            sensor_k,
-            estimate_k: None,
-            estimate_sd_k: None,
-            mass_kg: None,
-            truth_k: None,
-            shut,
-        };
         for _ in 0..100 {
             rows.push(row(time_s, 2.5e5, LENGTH_M, sensor_k, false));
             time_s += STEP_S;

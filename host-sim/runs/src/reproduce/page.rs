@@ -204,11 +204,49 @@ fn section_iv(findings: &Findings, summary: &Summary) -> Section {
             "One foil in the middle of the gas (the paper's Fig. 4), one in the braided sleeving \
              (its Fig. 3).",
         );
+    let verdict = if foil.gain > wall.gain && foil.correlation > wall.correlation {
+        "the foil in the gas"
+    } else {
+        "the sensor in the wall"
+    };
+    Section::new("Section IV: which sensor")
+        .paragraph(
+            "What the paper shows: a sensor in the braided wall “gives data more about a rubber muscle \
+             wall temperature (heated by material friction) instead of inside gas temperature changes”. \
+             It was given up for a foil in the gas.",
+        )
+        .figure(chart)
+        .table(which_sensor(findings, summary))
+        .paragraph(&format!(
+            "What this shows: the figures choose {verdict}. The foil passes {:.1} % of the gas \
+             temperature's swing, the wall {:.1} %, {:.0} times less. The same muscle run without friction \
+             heat shows what friction adds: to the wall sensor {:.1} times what the gas does in a stroke, to \
+             the foil {:.1} times. The paper asks for “spatial temperature averaging”: a foil along the whole \
+             muscle passes {:.1} %.",
+            foil.gain * 100.0,
+            wall.gain * 100.0,
+            foil.gain / wall.gain,
+            wall.friction_to_gas,
+            foil.friction_to_gas,
+            findings.averaging_sensor.gain * 100.0,
+        ))
+        .paragraph(&format!(
+            "Where they differ: the paper stops at the foil. Here its slow rise is friction heat too, \
+             because the wall warms the gas; and even the foil, read bare, is wrong \
+             by {:.1} K, no better than the wall sensor: most of the swing is missing in both. Chosen well it \
+             is still no thermometer of the gas; the estimator below makes it one.",
+            summary.rmse_k.sensor_gas
+        ))
+}
+
+/// What decides between the sensors.
+fn which_sensor(findings: &Findings, summary: &Summary) -> Table {
+    let (foil, wall) = (&findings.gas_sensor, &findings.wall_sensor);
     let averaging = &findings.averaging_sensor;
     let row = |what: &str, of: &dyn Fn(&SensorVerdict) -> String| {
         vec![what.to_owned(), of(foil), of(averaging), of(wall)]
     };
-    let table = Table {
+    Table {
         caption: "What decides between the two".to_owned(),
         columns: [
             "",
@@ -239,40 +277,7 @@ fn section_iv(findings: &Findings, summary: &Summary) -> Section {
                 "takes none".to_owned(),
             ],
         ],
-    };
-    let verdict = if foil.gain > wall.gain && foil.correlation > wall.correlation {
-        "the foil in the gas"
-    } else {
-        "the sensor in the wall"
-    };
-    Section::new("Section IV: which sensor")
-        .paragraph(
-            "What the paper shows: a sensor in the braided wall “gives data more about a rubber muscle \
-             wall temperature (heated by material friction) instead of inside gas temperature changes”. \
-             It was given up for a foil in the gas.",
-        )
-        .figure(chart)
-        .table(table)
-        .paragraph(&format!(
-            "What this shows: the figures choose {verdict}. The foil passes {:.1} % of the gas \
-             temperature's swing, the wall {:.1} %, {:.0} times less. The same muscle run without friction \
-             heat shows what friction adds: to the wall sensor {:.1} times what the gas does in a stroke, to \
-             the foil {:.1} times. The paper asks for “spatial temperature averaging”: a foil along the whole \
-             muscle passes {:.1} %.",
-            foil.gain * 100.0,
-            wall.gain * 100.0,
-            foil.gain / wall.gain,
-            wall.friction_to_gas,
-            foil.friction_to_gas,
-            averaging.gain * 100.0,
-        ))
-        .paragraph(&format!(
-            "Where they differ: the paper stops at the foil. Here its slow rise is friction heat too, \
-             because the wall warms the gas; and even the foil, read bare, is wrong \
-             by {:.1} K, no better than the wall sensor: most of the swing is missing in both. Chosen well it \
-             is still no thermometer of the gas; the estimator below makes it one.",
-            summary.rmse_k.sensor_gas
-        ))
+    }
 }
 
 fn cycle(findings: &Findings) -> Section {
