@@ -37,8 +37,7 @@ pub fn with_stops(page: Page, analysis: &Analysis, rows: &Rows, remarks: &[Strin
         Section::new("After each stop").figure(relaxations(analysis, rows).figure(
             "The gas relaxes to its wall",
             "Above: the measured temperature of the gas, T = T_end (P V)/(P V)_end, less that at the end. Below: \
-             what the sensor reads of it, and the estimate less the measurement. Grey bands are two \
-             standard deviations of the estimate.",
+             what the sensor reads of it, and the estimate less the measurement.",
         )),
     ).section(values(analysis))
 }

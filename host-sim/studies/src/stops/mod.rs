@@ -189,7 +189,7 @@ impl Findings {
     pub fn page(&self, title: &str, record: &Record, loaded: &Loaded) -> String {
         let lead = self.failed().unwrap_or_else(|| {
             format!(
-                "{} stops with both valves shut, on {}: the gas temperature without a wire in the gas.",
+                "{} stops with both valves shut, board: {}. The gas temperature without a wire in the gas.",
                 self.usable, self.board
             )
         });
