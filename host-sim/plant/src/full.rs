@@ -11,13 +11,14 @@ use super::closure::Closure;
 use super::end::{End, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
-use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Stirred};
+use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Section, Stirred};
 use super::line::Line;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
 use super::piping::{Disturbance, Piping};
 use super::pull::{Pull, Softening};
 use super::pwm::PwmValve;
+use super::radial::Place;
 use super::sensors::{Exposure, Sensors};
 use super::zones::Stirring;
 use super::{
@@ -97,6 +98,7 @@ struct Constants<C> {
     initial_k: f64,
     /// Weight of each zone in the foil's average.
     foil: Vec<f64>,
+    foil_place: Place,
     wall_sensor_position: f64,
 }
 
@@ -340,6 +342,7 @@ impl<C: Chamber> Constants<C> {
             layers_w_k,
             initial_k: start.wall_k,
             foil: foil_weights(zones, sensor.gas.position, sensor.gas.span),
+            foil_place: Place::at(sensor.gas.radius),
             wall_sensor_position: sensor.wall.position,
             pull,
         })
@@ -503,7 +506,7 @@ impl<C: Chamber> Constants<C> {
         &self,
         y: &[f64],
         power: &mut LocalPower,
-        films: &[Film],
+        air: &[Section],
         end: &End,
         drive: &Drive,
         rates: &mut [f64],
@@ -543,8 +546,8 @@ impl<C: Chamber> Constants<C> {
             *zone_k = closure.temperature(pressure, zone_volume, *mass);
         }
         let walls = inner_rates.iter_mut().zip(inner);
-        for (((rate, inner_k), zone_k), film) in walls.zip(&*zones_k).zip(films) {
-            *rate = film.coefficient(streams.inflow) * surface * (zone_k - inner_k);
+        for (((rate, inner_k), zone_k), section) in walls.zip(&*zones_k).zip(air) {
+            *rate = surface * section.film.flux(streams.inflow, zone_k - inner_k);
         }
         let convective = inner_rates.iter().fold(0.0, |sum, heat| sum + heat);
         // dV/dL is -force_area.
@@ -632,11 +635,11 @@ fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
         .collect()
 }
 
-/// How the gas stirs, and its films in the zones, until they are refreshed.
+/// How the gas stirs, and its profile in the zones, until they are refreshed.
 #[derive(Debug, Clone)]
 struct AirNow {
     stirred: Stirred,
-    films: Vec<Film>,
+    sections: Vec<Section>,
     /// When they were refreshed \[s\], and what had flowed in and out by then \[kg\].
     since_s: f64,
     flowed_kg: [f64; 2],
@@ -646,11 +649,11 @@ impl AirNow {
     fn new<C: Chamber>(constants: &Constants<C>, state: &[f64], place: (f64, f64)) -> Self {
         let mut air = Self {
             stirred: Stirred::default(),
-            films: vec![Film::default(); constants.zones],
+            sections: vec![Section::flat(Film::default()); constants.zones],
             since_s: 0.0,
             flowed_kg: [0.0; 2],
         };
-        air.set_films(constants, state, place);
+        air.set_sections(constants, state, place);
         air
     }
 
@@ -666,10 +669,10 @@ impl AirNow {
         let [inflow, outflow] = [0, 1].map(|i| (flowed_kg[i] - self.flowed_kg[i]) / step_s);
         self.stirred = constants.heat.stirred(&self.stirred, (inflow, outflow), step_s);
         (self.since_s, self.flowed_kg) = (now_s, flowed_kg);
-        self.set_films(constants, state, place);
+        self.set_sections(constants, state, place);
     }
 
-    fn set_films<C: Chamber>(
+    fn set_sections<C: Chamber>(
         &mut self,
         constants: &Constants<C>,
         state: &[f64],
@@ -679,9 +682,10 @@ impl AirNow {
         let (masses, inner) = (constants.masses(state), constants.inner(state));
         let forced = constants.heat.forced(&self.stirred, inner[0]);
         let zones = masses.iter().zip(inner).zip(constants.stirring.zones());
-        for (film, ((mass, wall_k), shares)) in self.films.iter_mut().zip(zones) {
+        for (section, ((mass, wall_k), shares)) in self.sections.iter_mut().zip(zones) {
             let gas_k = constants.closure.temperature(pressure, zone_m3, *mass);
-            *film = constants.heat.film(pressure, gas_k, *wall_k, &forced, shares);
+            let state = (pressure, gas_k, *wall_k);
+            *section = constants.heat.section(section, state, &forced, shares);
         }
     }
 }
@@ -765,7 +769,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
                 integrator.step(state, step, |share, y, rates| {
                     let share = (f64::from(part) + share) / f64::from(parts);
                     let drive = start.towards(end, (f64::from(i) + share) / count);
-                    constants.rates(y, power, &air.films, moving, &drive, rates);
+                    constants.rates(y, power, &air.sections, moving, &drive, rates);
                 });
                 constants.stop(state, power);
                 let acceleration = integrator.last_rates()[SPEED];
@@ -776,9 +780,12 @@ impl<C: Chamber + Copy + Send> Full<C> {
 
     fn exposure(&self) -> Exposure {
         let constants = &self.constants;
-        let gas = self.axial_gas_k();
+        let zones = self.axial_gas_k().into_iter().zip(constants.inner(&self.state));
+        let at_foil = zones.zip(&self.air.sections).map(|((gas_k, wall_k), section)| {
+            gas_k + section.above_mean(&constants.foil_place, gas_k - wall_k)
+        });
         Exposure {
-            gas_k: gas.iter().zip(&constants.foil).map(|(t, weight)| t * weight).sum(),
+            gas_k: at_foil.zip(&constants.foil).map(|(t, weight)| t * weight).sum(),
             wall_k: constants.wall_at_sensor(&self.state),
             pressure_pa: self.place.0,
             length_m: self.state[LENGTH],
@@ -863,7 +870,6 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
         let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
         self.constants = constants;
-        self.air.set_films(&self.constants, &self.state, self.place);
         self.sensors.retune(&sensors);
         Ok(())
     }
