@@ -410,7 +410,7 @@ fn ctrl_c_keeps_the_finished_rows_and_exits_130() {
 fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
     let folder = tempfile::tempdir().unwrap();
     let text = "[run]\nduration_s = 300.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 100\n\
-                parameters = [\"heat.inner_w_m2_k\", \"friction.force_n\"]\n";
+                parameters = [\"heat.scale\", \"friction.force_n\"]\n";
     let file = scenario(folder.path(), text);
     let recorded = folder.path().join("recorded").display().to_string();
     assert!(thermyo(&["run", &file, "--quiet", "--out", &recorded]).status.success());

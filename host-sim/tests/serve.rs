@@ -546,6 +546,20 @@ fn a_muscle_is_tuned_from_the_page() {
     assert_eq!(page.state["results"], json!([]));
     assert!(!served.bench.path("out/serve/tune-1").exists());
 
+    // To vent ends the measurement of stops in the same way.
+    page.order(json!("leave"));
+    page.until("left", HANGS_S, |page| page.state["guide"].is_null());
+    page.order(json!({ "stops": { "most_pa": 1.2e5 } }));
+    page.until("bounded", HANGS_S, |page| page.happened("warms the gas too little"));
+    page.order(json!({ "stops": { "most_pa": 4.0e5 } }));
+    page.until("it moves", HANGS_S, |page| progress(page) > 0.001);
+    assert_eq!(page.state["guide"]["title"], "Stops");
+    page.say(json!("vent"));
+    page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
+    page.until("ended", HANGS_S, |page| page.state["guide"]["over"] == true);
+    assert!(text(&page).starts_with("Nothing was measured: "), "{}", text(&page));
+    assert!(!served.bench.path("out/serve/stops-1").exists());
+
     // A complete tuning: the board has other values, the page their report.
     page.order(json!("leave"));
     page.until("left", HANGS_S, |page| page.state["guide"].is_null());

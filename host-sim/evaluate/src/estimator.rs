@@ -97,8 +97,7 @@ pub fn cases() -> Vec<Case> {
 }
 
 fn scale_heat(loaded: &mut Loaded, factor: f64) {
-    loaded.believed.heat.inner_w_m2_k *= factor;
-    loaded.believed.heat.inner_per_flow *= factor;
+    loaded.believed.heat.scale *= factor;
 }
 
 fn scale_lag(loaded: &mut Loaded, factor: f64) {

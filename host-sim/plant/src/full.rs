@@ -11,14 +11,14 @@ use super::closure::Closure;
 use super::end::{End, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
-use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Stirred};
-use super::hysteresis::Hysteresis;
+use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Section, Stirred};
 use super::line::Line;
 use super::local_power::LocalPower;
 use super::ode::Rk4;
 use super::piping::{Disturbance, Piping};
 use super::pull::{Pull, Softening};
 use super::pwm::PwmValve;
+use super::radial::Place;
 use super::sensors::{Exposure, Sensors};
 use super::zones::Stirring;
 use super::{
@@ -59,11 +59,7 @@ const TO_AMBIENT: usize = 12;
 const FRICTION: usize = 13;
 const FRICTION_TO_WALL: usize = 14;
 const WORK: usize = 15;
-// Length at which the slip's spring is relaxed, and the stretches of the creeping arms.
-const SLIDER: usize = 16;
-const FAST: usize = 17;
-const SLOW: usize = 18;
-const ZONES: usize = 19;
+const ZONES: usize = 16;
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
@@ -75,7 +71,6 @@ struct Constants<C> {
     zones: usize,
     closure: Closure,
     pull: Pull<C>,
-    hysteresis: Hysteresis,
     isometric: bool,
     ends: Ends,
     softening: Softening,
@@ -103,6 +98,7 @@ struct Constants<C> {
     initial_k: f64,
     /// Weight of each zone in the foil's average.
     foil: Vec<f64>,
+    foil_place: Place,
     wall_sensor_position: f64,
 }
 
@@ -289,13 +285,6 @@ impl<C: Chamber> Constants<C> {
         // What the gas in the smallest volume, and what is elastic, push back with.
         let spring_n_m =
             gas.k * most_pa * area * area / smallest + chamber.elastic_slope(rest_length).abs();
-        let hysteresis = Hysteresis::of(scenario);
-        let too_stiff = if hysteresis.stiffness_n_m() > spring_n_m {
-            "muscle.slip_stiffness_n_m, creep_fast_n_m or creep_slow_n_m is too large for load.mass_kg, or for the 50 g of an end without a load"
-        } else {
-            "the gas in the chamber's smallest volume, or its spring, is too stiff for load.mass_kg, or for the 50 g of an end without a load"
-        };
-        let swing = ends.fastest_swing(spring_n_m + hysteresis.stiffness_n_m());
         // Volume flows through the port at the muscle's pressure: in, where the jet stirs too, and out.
         let volume_in = passes * gas.r * supply.1 / least_pa;
         let volume_out =
@@ -307,7 +296,10 @@ impl<C: Chamber> Constants<C> {
                 ends.fastest_rate(softening.factor(coldest_k).max(1.0)),
                 "friction.presliding_stiffness_n_m or friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end",
             ),
-            (STEP_TIMES_RATE / STEP_TIMES_SWING * swing, too_stiff),
+            (
+                STEP_TIMES_RATE / STEP_TIMES_SWING * ends.fastest_swing(spring_n_m),
+                "the gas in the chamber's smallest volume, or its spring, is too stiff for load.mass_kg, or for the 50 g of an end without a load",
+            ),
             (
                 turnover,
                 "the chamber's smallest volume is too small for the conductances of valve and tube, or plant.initial_pressure_pa is too low, or there are too many zones",
@@ -328,7 +320,6 @@ impl<C: Chamber> Constants<C> {
             shut,
             zones,
             closure,
-            hysteresis,
             isometric: scenario.load.kind == LoadKind::Isometric,
             ends,
             softening,
@@ -351,6 +342,7 @@ impl<C: Chamber> Constants<C> {
             layers_w_k,
             initial_k: start.wall_k,
             foil: foil_weights(zones, sensor.gas.position, sensor.gas.span),
+            foil_place: Place::at(sensor.gas.radius),
             wall_sensor_position: sensor.wall.position,
             pull,
         })
@@ -366,7 +358,6 @@ impl<C: Chamber> Constants<C> {
         state[W] = pressure * math::pow(start.volume, self.closure.exponent());
         state[LENGTH] = start.length;
         state[BRISTLE] = start.deflection;
-        state[SLIDER] = start.length;
         state[TUBE_MASS] = pressure * self.tube_m3 / (gas.r * gas_k);
         state[TUBE_ENERGY] = pressure * self.tube_m3 / (gas.k - 1.0);
         state[ZONES..ZONES + self.zones].fill(start.mass(gas) / self.zones as f64);
@@ -437,16 +428,12 @@ impl<C: Chamber> Constants<C> {
         rates: &mut [f64],
     ) -> Drag {
         rates[LENGTH..=BRISTLE].fill(0.0);
-        rates[SLIDER..=SLOW].fill(0.0);
         if self.isometric {
             return Drag::default();
         }
         let speed = y[SPEED];
-        let mut drag = end.bristle.drag(speed, y[BRISTLE], softening);
-        let stretches = &y[FAST..=SLOW];
-        let held = self.slip_n(y, pressure, softening) + self.hysteresis.creep_n(stretches);
-        let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force - held;
-        drag.heat += self.hysteresis.loss(stretches);
+        let drag = end.bristle.drag(speed, y[BRISTLE], softening);
+        let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force;
         // On a stop the load rests until it is lifted off.
         let [shortest, longest] = self.pull.stops;
         let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;
@@ -456,42 +443,7 @@ impl<C: Chamber> Constants<C> {
             rates[SPEED] = net * end.per_mass_kg;
             rates[BRISTLE] = drag.deflection_rate;
         }
-        let moves = rates[LENGTH];
-        for ((rate, stretch), arm) in
-            rates[FAST..=SLOW].iter_mut().zip(stretches).zip(&self.hysteresis.creep)
-        {
-            *rate = -moves - arm.per_s * stretch;
-        }
         drag
-    }
-
-    /// Force of the slip \[N\].
-    fn slip_n(&self, y: &[f64], pressure: f64, softening: f64) -> f64 {
-        let slip = &self.hysteresis.slip;
-        let limit = slip.limit(pressure - self.pull.ambient_pa, softening);
-        slip.force(y[SLIDER], y[LENGTH], limit)
-    }
-
-    /// Drags the slider after a step, and gives its heat to friction and wall.
-    fn slide(&self, y: &mut [f64], power: &mut LocalPower, softening: f64) {
-        if self.isometric {
-            return;
-        }
-        let slip = &self.hysteresis.slip;
-        let gauge_pa = self.place(y, power).0 - self.pull.ambient_pa;
-        let limit = slip.limit(gauge_pa, softening);
-        let (slider, heat) = slip.settle(y[SLIDER], y[LENGTH], limit);
-        y[SLIDER] = slider;
-        if heat == 0.0 {
-            return;
-        }
-        let to_wall = self.friction_to_wall * heat;
-        y[FRICTION] += heat;
-        y[FRICTION_TO_WALL] += to_wall;
-        let outer = ZONES + 2 * self.zones..self.line_at();
-        for outer_k in &mut y[outer] {
-            *outer_k += self.share * to_wall * self.outer_k_j;
-        }
     }
 
     /// Pressure \[Pa\] and volume \[m3\].
@@ -554,7 +506,7 @@ impl<C: Chamber> Constants<C> {
         &self,
         y: &[f64],
         power: &mut LocalPower,
-        films: &[Film],
+        air: &[Section],
         end: &End,
         drive: &Drive,
         rates: &mut [f64],
@@ -594,8 +546,8 @@ impl<C: Chamber> Constants<C> {
             *zone_k = closure.temperature(pressure, zone_volume, *mass);
         }
         let walls = inner_rates.iter_mut().zip(inner);
-        for (((rate, inner_k), zone_k), film) in walls.zip(&*zones_k).zip(films) {
-            *rate = film.coefficient(streams.inflow) * surface * (zone_k - inner_k);
+        for (((rate, inner_k), zone_k), section) in walls.zip(&*zones_k).zip(air) {
+            *rate = surface * section.film.flux(streams.inflow, zone_k - inner_k);
         }
         let convective = inner_rates.iter().fold(0.0, |sum, heat| sum + heat);
         // dV/dL is -force_area.
@@ -683,11 +635,11 @@ fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
         .collect()
 }
 
-/// How the gas stirs, and its films in the zones, until they are refreshed.
+/// How the gas stirs, and its profile in the zones, until they are refreshed.
 #[derive(Debug, Clone)]
 struct AirNow {
     stirred: Stirred,
-    films: Vec<Film>,
+    sections: Vec<Section>,
     /// When they were refreshed \[s\], and what had flowed in and out by then \[kg\].
     since_s: f64,
     flowed_kg: [f64; 2],
@@ -697,11 +649,11 @@ impl AirNow {
     fn new<C: Chamber>(constants: &Constants<C>, state: &[f64], place: (f64, f64)) -> Self {
         let mut air = Self {
             stirred: Stirred::default(),
-            films: vec![Film::default(); constants.zones],
+            sections: vec![Section::flat(Film::default()); constants.zones],
             since_s: 0.0,
             flowed_kg: [0.0; 2],
         };
-        air.set_films(constants, state, place);
+        air.set_sections(constants, state, place);
         air
     }
 
@@ -717,10 +669,10 @@ impl AirNow {
         let [inflow, outflow] = [0, 1].map(|i| (flowed_kg[i] - self.flowed_kg[i]) / step_s);
         self.stirred = constants.heat.stirred(&self.stirred, (inflow, outflow), step_s);
         (self.since_s, self.flowed_kg) = (now_s, flowed_kg);
-        self.set_films(constants, state, place);
+        self.set_sections(constants, state, place);
     }
 
-    fn set_films<C: Chamber>(
+    fn set_sections<C: Chamber>(
         &mut self,
         constants: &Constants<C>,
         state: &[f64],
@@ -730,9 +682,10 @@ impl AirNow {
         let (masses, inner) = (constants.masses(state), constants.inner(state));
         let forced = constants.heat.forced(&self.stirred, inner[0]);
         let zones = masses.iter().zip(inner).zip(constants.stirring.zones());
-        for (film, ((mass, wall_k), shares)) in self.films.iter_mut().zip(zones) {
+        for (section, ((mass, wall_k), shares)) in self.sections.iter_mut().zip(zones) {
             let gas_k = constants.closure.temperature(pressure, zone_m3, *mass);
-            *film = constants.heat.film(pressure, gas_k, *wall_k, &forced, shares);
+            let state = (pressure, gas_k, *wall_k);
+            *section = constants.heat.section(section, state, &forced, shares);
         }
     }
 }
@@ -816,10 +769,9 @@ impl<C: Chamber + Copy + Send> Full<C> {
                 integrator.step(state, step, |share, y, rates| {
                     let share = (f64::from(part) + share) / f64::from(parts);
                     let drive = start.towards(end, (f64::from(i) + share) / count);
-                    constants.rates(y, power, &air.films, moving, &drive, rates);
+                    constants.rates(y, power, &air.sections, moving, &drive, rates);
                 });
                 constants.stop(state, power);
-                constants.slide(state, power, start.softening);
                 let acceleration = integrator.last_rates()[SPEED];
                 *falling = constants.hang(state, acceleration, step, *falling);
             }
@@ -828,9 +780,12 @@ impl<C: Chamber + Copy + Send> Full<C> {
 
     fn exposure(&self) -> Exposure {
         let constants = &self.constants;
-        let gas = self.axial_gas_k();
+        let zones = self.axial_gas_k().into_iter().zip(constants.inner(&self.state));
+        let at_foil = zones.zip(&self.air.sections).map(|((gas_k, wall_k), section)| {
+            gas_k + section.above_mean(&constants.foil_place, gas_k - wall_k)
+        });
         Exposure {
-            gas_k: gas.iter().zip(&constants.foil).map(|(t, weight)| t * weight).sum(),
+            gas_k: at_foil.zip(&constants.foil).map(|(t, weight)| t * weight).sum(),
             wall_k: constants.wall_at_sensor(&self.state),
             pressure_pa: self.place.0,
             length_m: self.state[LENGTH],
@@ -851,7 +806,6 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let softening = constants.softening.factor(wall_k);
         let end = constants.ends.moving(self.falling);
         let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening);
-        let slip_n = constants.slip_n(state, pressure, softening);
         self.truth = Truth {
             time_s: self.steps as f64 * constants.step_s,
             pressure_pa: pressure,
@@ -863,7 +817,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
             flow_out_kg_s: streams.outflow,
             gas_temperature_k: closure.temperature(pressure, volume, mass),
             wall_temperature_k: wall_k,
-            friction_n: drag.force + slip_n,
+            friction_n: drag.force,
             ..Truth::default()
         };
         self.sensors.read(&mut self.truth);
@@ -916,7 +870,6 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
         let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
         self.constants = constants;
-        self.air.set_films(&self.constants, &self.state, self.place);
         self.sensors.retune(&sensors);
         Ok(())
     }
@@ -932,8 +885,6 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
     fn ledger(&self) -> Ledger {
         let constants = &self.constants;
         let y = &self.state;
-        let softening = constants.softening.factor(self.truth.wall_temperature_k);
-        let slip_n = constants.slip_n(y, self.place.0, softening);
         let layer = |capacity: f64, temperatures: &[f64]| -> f64 {
             temperatures.iter().map(|t| capacity * (t - constants.initial_k)).sum()
         };
@@ -947,7 +898,6 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
             heat_to_wall_j: y[HEAT],
             work_j: y[WORK],
             friction_heat_j: y[FRICTION],
-            hysteresis_energy_j: constants.hysteresis.energy(slip_n, &y[FAST..=SLOW]),
             friction_to_wall_j: y[FRICTION_TO_WALL],
             heat_to_ambient_j: y[TO_AMBIENT],
             wall_energy_j: layer(constants.inner_j_k, constants.inner(y))

@@ -26,6 +26,7 @@
 
 use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
+use super::radial::{Conduction, Place, Profile};
 use super::zones::Stirring;
 use std::f64::consts::PI;
 use thermyo_compute::math;
@@ -111,6 +112,8 @@ pub struct Film {
     pub still_w_m2_k: f64,
     /// Gained per inflow \[W/(m2 K) per kg/s\].
     pub per_inflow: f64,
+    /// Heat flux at no difference to the wall \[W/m2\]: what the gas's radial profile brings.
+    pub profile_w_m2: f64,
 }
 
 impl Film {
@@ -118,6 +121,35 @@ impl Film {
     #[inline]
     pub fn coefficient(&self, inflow: f64) -> f64 {
         self.still_w_m2_k + self.per_inflow * inflow
+    }
+
+    /// Heat flux \[W/m2\] from gas that is that much warmer than its wall \[K\].
+    #[inline]
+    pub fn flux(&self, inflow: f64, above_wall_k: f64) -> f64 {
+        self.coefficient(inflow) * above_wall_k + self.profile_w_m2
+    }
+}
+
+/// A zone's gas while its film is kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Section {
+    pub film: Film,
+    pub profile: Profile,
+    /// Conduction until the next refresh, if the profile matters.
+    conduction: Option<Conduction>,
+    /// Share of conduction in the heat that passes: stirring makes the profile flat.
+    still_share: f64,
+}
+
+impl Section {
+    /// Of that film, with an even profile.
+    pub fn flat(film: Film) -> Self {
+        Self { film, profile: Profile::default(), conduction: None, still_share: 0.0 }
+    }
+
+    /// How much warmer than the mean \[K\] the gas is at a place, where the mean is that much above the wall \[K\].
+    pub fn above_mean(&self, place: &Place, above_wall_k: f64) -> f64 {
+        self.still_share * place.above_mean(&self.profile, above_wall_k)
     }
 }
 
@@ -160,6 +192,13 @@ pub struct Linearised {
     /// Gained per inflow and per outflow that lasts \[W/(m2 K) per kg/s\].
     pub per_inflow: f64,
     pub per_outflow: f64,
+}
+
+impl Forced {
+    /// Nusselt number in a zone of those shares.
+    fn in_zone(&self, shares: &Shares) -> f64 {
+        shares.jet * self.jet + shares.column * self.column
+    }
 }
 
 impl InnerHeat {
@@ -286,17 +325,59 @@ impl InnerHeat {
             Law::Constant { still, per_flow } => Film {
                 still_w_m2_k: self.scale * still,
                 per_inflow: self.scale * per_flow * shares.inflow,
+                profile_w_m2: 0.0,
             },
             Law::Correlation(air) => {
-                let stirred = shares.jet * forced.jet + shares.column * forced.column;
                 let film_k = 0.5 * (gas_k + wall_k);
                 let conductivity = air_conductivity(film_k);
-                let nusselt = air.still(pressure, film_k, gas_k - wall_k, conductivity) + stirred;
+                let nusselt = air.still(pressure, film_k, gas_k - wall_k, conductivity)
+                    + forced.in_zone(shares);
                 Film {
                     still_w_m2_k: self.scale * nusselt * conductivity / air.diameter_m,
-                    per_inflow: 0.0,
+                    ..Film::default()
                 }
             }
+        }
+    }
+
+    /// The zone's gas for the next [`REFRESH_S`] after `before`, at that pressure \[Pa\], gas and wall temperature \[K\].
+    pub fn section(
+        &self,
+        before: &Section,
+        (pressure, gas_k, wall_k): (f64, f64, f64),
+        forced: &Forced,
+        shares: &Shares,
+    ) -> Section {
+        let Law::Correlation(air) = self.law else {
+            return Section::flat(self.film(pressure, gas_k, wall_k, forced, shares));
+        };
+        let above_wall_k = gas_k - wall_k;
+        let mut profile = before.profile;
+        if let Some(conduction) = &before.conduction {
+            conduction.advance(&mut profile, above_wall_k);
+        }
+        let film_k = 0.5 * (gas_k + wall_k);
+        let conductivity = air_conductivity(film_k);
+        let still = air.still(pressure, film_k, above_wall_k, conductivity);
+        let stirred = forced.in_zone(shares);
+        // rho cp of the gas, and its conductivity with buoyancy.
+        let capacity_j_m3_k = pressure / (air.gas.r * gas_k) * air.gas.cp;
+        let effective = self.scale * conductivity * still / CONDUCTION;
+        let square = air.diameter_m * air.diameter_m;
+        let conduction = Conduction::new(4.0 * effective * REFRESH_S / (capacity_j_m3_k * square));
+        let (share, rest_k) = conduction.lost(&profile);
+        // Volume over surface is D/4.
+        let per_kelvin = 0.25 * capacity_j_m3_k * air.diameter_m / REFRESH_S;
+        Section {
+            film: Film {
+                still_w_m2_k: per_kelvin * share
+                    + self.scale * stirred * conductivity / air.diameter_m,
+                per_inflow: 0.0,
+                profile_w_m2: per_kelvin * rest_k,
+            },
+            profile,
+            conduction: Some(conduction),
+            still_share: still / (still + stirred),
         }
     }
 }

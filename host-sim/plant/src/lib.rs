@@ -23,6 +23,7 @@ mod ode;
 mod piping;
 mod pull;
 mod pwm;
+mod radial;
 mod sensors;
 mod vessel;
 mod zones;

@@ -73,7 +73,7 @@ pub(super) fn model_is_unused(scenario: &Scenario) -> bool {
 const NEARLY_VACUUM_PA: f64 = 1000.0;
 
 /// Keys that only a muscle with zones uses.
-const IN_FULL: [&str; 14] = [
+const IN_FULL: [&str; 15] = [
     "supply.droop_pa_s_kg",
     "muscle.zones",
     "cylinder.zones",
@@ -87,6 +87,7 @@ const IN_FULL: [&str; 14] = [
     "sensor.gas.housing_time_constant_s",
     "sensor.gas.position",
     "sensor.gas.span",
+    "sensor.gas.radius",
     "sensor.wall.position",
 ];
 
@@ -120,6 +121,9 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
             (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
         }
         "heat.scale" if none => Some("heat.model sets it"),
+        "sensor.gas.radius" if heat.model != HeatModel::Correlation => {
+            Some("heat.model is not \"correlation\": the gas has no profile")
+        }
         "tube.diameter_m" if scenario.tube.line().is_none() => Some("tube.length_m is 0"),
         path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
             Some("plant.model is not \"full\", or it is a vessel")
