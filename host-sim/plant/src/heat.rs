@@ -27,7 +27,7 @@
 use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
 use super::radial::{Conduction, Place, Profile};
-use super::zones::Stirring;
+use super::zones::{Shares, Stirring};
 use std::f64::consts::PI;
 use thermyo_compute::math;
 use thermyo_scenario::{DriveKind, Heat, HeatModel, PlantKind, Scenario, Valve};
@@ -57,9 +57,9 @@ pub const HEAT_TOO_LARGE: &str = "heat.scale, heat.inner_w_m2_k or heat.inner_pe
 pub fn inlet_diameter_m(scenario: &Scenario) -> f64 {
     let gas = IdealGas::new(&scenario.gas);
     let Valve { conductance_m3_s_pa, critical_ratio, .. } = scenario.valve;
-    let closed = [DriveKind::Closed, DriveKind::Discharge, DriveKind::Fill];
+    let through_orifice = [DriveKind::Closed, DriveKind::Discharge, DriveKind::Fill];
     let path = match scenario.plant.kind {
-        PlantKind::Vessel if closed.contains(&scenario.drive.kind) => {
+        PlantKind::Vessel if through_orifice.contains(&scenario.drive.kind) => {
             return scenario.orifice.diameter_m;
         }
         PlantKind::Vessel => Iso6358::valve(conductance_m3_s_pa, critical_ratio, &gas),
@@ -153,23 +153,6 @@ impl Section {
     }
 }
 
-/// Shares of a zone in what the flows stir.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shares {
-    /// Of the inflow, mean 1 over the zones: where the coefficient is a constant and a part that grows with inflow.
-    pub inflow: f64,
-    /// Of the jet's forced convection.
-    pub jet: f64,
-    /// Of the column's forced convection.
-    pub column: f64,
-}
-
-impl Shares {
-    /// A vessel, all of which a jet stirs: Woodfield's are means over vessels. Its outflow stirs nothing: with a share of
-    /// 1 the measured discharge of air (`docs/background/validation.md`) would be 8.9 instead of 3.1 K off.
-    const VESSEL: Self = Self { inflow: 1.0, jet: 1.0, column: 0.0 };
-}
-
 /// Flows through the port, as the gas still feels them \[kg/s\].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Stirred {
@@ -234,7 +217,8 @@ impl InnerHeat {
     pub fn of_vessel(scenario: &Scenario) -> Self {
         let gas = IdealGas::new(&scenario.gas);
         let diameter_m = scenario.vessel.characteristic_length_m;
-        Self::new(&scenario.heat, &gas, diameter_m, inlet_diameter_m(scenario), Shares::VESSEL)
+        let path_m = inlet_diameter_m(scenario);
+        Self::new(&scenario.heat, &gas, diameter_m, path_m, Shares::VESSEL)
     }
 
     /// Shares of gas that is one zone.

@@ -25,6 +25,7 @@ mod pull;
 mod pwm;
 mod radial;
 mod sensors;
+mod start;
 mod vessel;
 mod zones;
 
@@ -283,6 +284,9 @@ struct Substeps {
 }
 
 impl Substeps {
+    /// Until they are known.
+    const ONE: Self = Self { whole: 1, holed: 1 };
+
     /// `of` gives the number for the leak and a hole, in open valves, and the key to name if they
     /// are too large. `hottest_k`: highest upstream temperature \[K\].
     fn new(

@@ -16,6 +16,7 @@ use super::ode::rk4;
 use super::piping::{Disturbance, Piping};
 use super::pull::{Pull, Softening};
 use super::sensors::{Exposure, Sensors};
+use super::start::Start;
 use super::{
     Actuation, BuildError, Diverged, Ledger, Plant, Substeps, Truth, check_gas, check_length,
     work_through,
@@ -202,6 +203,58 @@ impl Memory {
 }
 
 impl<C: Chamber> Constants<C> {
+    fn new(scenario: &Scenario, pull: Pull<C>, start: &Start) -> Result<Self, BuildError> {
+        let chamber = &pull.chamber;
+        let rest_length = chamber.rest_length();
+        let (diameter_m, gas_m) = (chamber.diameter(rest_length), chamber.gas_length(rest_length));
+        let closure = Closure::new(scenario);
+        let mut constants = Self {
+            step_s: scenario.run.step_s,
+            substeps: Substeps::ONE,
+            closure,
+            hysteresis: Hysteresis::of(scenario),
+            isometric: scenario.load.kind == LoadKind::Isometric,
+            piping: Piping::new(scenario, &closure.gas),
+            given_flows: false,
+            heat: InnerHeat::of_chamber(scenario, diameter_m, gas_m),
+            outer_w_m2_k: scenario.heat.outer_w_m2_k,
+            outer_per_speed: scenario.heat.outer_per_speed,
+            wall_j_k: scenario.wall.heat_capacity_j_k,
+            friction_n: scenario.friction.force_n,
+            softening: Softening::new(&scenario.friction),
+            friction_to_wall: scenario.friction.heat_fraction,
+            initial_k: start.wall_k,
+            pull,
+        };
+        constants.substeps = constants.substeps_of(scenario, start)?;
+        Ok(constants)
+    }
+
+    /// By the fastest: the pressure of the smallest volume through both valves and the largest hole, near equal pressures,
+    /// or its heat.
+    fn substeps_of(&self, scenario: &Scenario, start: &Start) -> Result<Substeps, BuildError> {
+        let Self { closure, piping, heat, .. } = self;
+        let (gas, chamber) = (&closure.gas, &self.pull.chamber);
+        let rest_length = chamber.rest_length();
+        let smallest = chamber.volume(rest_length).min(start.volume);
+        let hottest = piping.supply().1.max(start.wall_k).max(start.gas_k);
+        let still = (scenario.ambient.pressure_pa, start.wall_k);
+        let space = (chamber.volume(rest_length), chamber.surface(rest_length));
+        let heat_rate =
+            heat.fastest_rate(gas, still, space, (piping.largest_inflow(), heat.whole()));
+        Substeps::new(scenario, piping, hottest, |leak, leak_too_large| {
+            let rate = (2.0 + leak) * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
+            let because = if leak > 2.0 {
+                leak_too_large
+            } else {
+                "valve.conductance_m3_s_pa is too large for the gas's volume"
+            };
+            let (rate, because) =
+                if heat_rate > rate { (heat_rate, HEAT_TOO_LARGE) } else { (rate, because) };
+            super::substeps(self.step_s, LONGEST_STEP_S.min(STEP_TIMES_RATE / rate), because)
+        })
+    }
+
     fn streams(&self, gas: (f64, f64), actuation: Actuation) -> Streams {
         if self.given_flows {
             return Streams::given(actuation.inlet, self.piping.supply().1, actuation.outlet);
@@ -286,49 +339,12 @@ pub struct Lumped<C> {
 impl<C: Chamber + Copy> Lumped<C> {
     /// The lumped plant of a scenario with that chamber.
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
-        let rest_length = chamber.rest_length();
         let pull = Pull::new(scenario, chamber);
-        let closure = Closure::new(scenario);
-        let gas = &closure.gas;
-        let piping = Piping::new(scenario, gas);
-        let friction = &scenario.friction;
-        let softening = Softening::new(friction);
-        let pressure = scenario.plant.initial_pressure_pa;
-        let temperature = scenario.plant.initial_temperature_k;
-        let isometric = scenario.load.kind == LoadKind::Isometric;
-        let length = if isometric {
-            scenario.load.length_m
-        } else {
-            pull.start_length(pressure, friction.force_n * softening.factor(temperature))
-        };
-        let volume = chamber.volume(length);
-        let heat = InnerHeat::of_chamber(
-            scenario,
-            chamber.diameter(rest_length),
-            chamber.gas_length(rest_length),
-        );
-        // Fastest: the pressure of the smallest volume through both valves and the largest hole, near
-        // equal pressures.
-        let smallest = chamber.volume(rest_length).min(volume);
-        let gas_k = scenario.plant.gas_k();
-        let hottest = piping.supply().1.max(temperature).max(gas_k);
-        let step = scenario.run.step_s;
-        let still = (scenario.ambient.pressure_pa, temperature);
-        let space = (chamber.volume(rest_length), chamber.surface(rest_length));
-        let heat_rate =
-            heat.fastest_rate(gas, still, space, (piping.largest_inflow(), heat.whole()));
-        let substeps = Substeps::new(scenario, &piping, hottest, |leak, leak_too_large| {
-            let rate = (2.0 + leak) * gas.k * gas.r * hottest * piping.steepest(hottest) / smallest;
-            let because = if leak > 2.0 {
-                leak_too_large
-            } else {
-                "valve.conductance_m3_s_pa is too large for the gas's volume"
-            };
-            let (rate, because) =
-                if heat_rate > rate { (heat_rate, HEAT_TOO_LARGE) } else { (rate, because) };
-            super::substeps(step, LONGEST_STEP_S.min(STEP_TIMES_RATE / rate), because)
-        })?;
-        let exponent = closure.exponent();
+        let start = Start::of_chamber(scenario, &pull);
+        let constants = Constants::new(scenario, pull, &start)?;
+        let gas = &constants.closure.gas;
+        let exponent = constants.closure.exponent();
+        let Start { pressure, volume, length, .. } = start;
         let power = math::pow(volume, -exponent);
         let held = Place {
             may_contract: false,
@@ -340,37 +356,12 @@ impl<C: Chamber + Copy> Lumped<C> {
             held: Held::default(),
         };
         let memory = Memory { slider: length, limit: 0.0, stretches: [0.0; ARMS] };
-        let constants = Constants {
-            step_s: step,
-            substeps,
-            closure,
-            pull,
-            hysteresis: Hysteresis::of(scenario),
-            isometric,
-            piping,
-            given_flows: false,
-            heat,
-            outer_w_m2_k: scenario.heat.outer_w_m2_k,
-            outer_per_speed: scenario.heat.outer_per_speed,
-            wall_j_k: scenario.wall.heat_capacity_j_k,
-            friction_n: friction.force_n,
-            softening,
-            friction_to_wall: friction.heat_fraction,
-            initial_k: temperature,
-        };
-        let mass = pressure * volume / (gas.r * gas_k);
         let mut state = [0.0; STATES];
-        state[MASS] = mass;
+        state[MASS] = start.mass(gas);
         state[W] = pressure / power;
-        state[WALL] = temperature;
-        let start =
-            Exposure { gas_k, wall_k: temperature, pressure_pa: pressure, length_m: length };
-        let initial = Ledger {
-            mass_initial_kg: mass,
-            energy_initial_j: gas.cv * mass * gas_k,
-            ..Ledger::default()
-        };
+        state[WALL] = start.wall_k;
         let mut lumped = Self {
+            initial: start.ledger(gas),
             constants,
             steps: 0,
             state,
@@ -379,8 +370,7 @@ impl<C: Chamber + Copy> Lumped<C> {
             stirred: Stirred::default(),
             film: Film::default(),
             truth: Truth::default(),
-            initial,
-            sensors: Sensors::new(scenario, 0.0, &start),
+            sensors: Sensors::new(scenario, 0.0, &start.exposure()),
         };
         lumped.set_film();
         lumped.observe(0.0, Actuation::default());

@@ -63,7 +63,7 @@ fn pulses_relax_as_measured() {
         for (length_m, (soonest, latest)) in
             [(0.120, (0.15, 0.45)), (0.225, (0.25, 0.5)), (0.274, (0.25, 0.5))]
         {
-            for (fills, (least, most)) in [(true, (0.23, 0.33)), (false, (0.18, 0.38))] {
+            for (fills, (least, most)) in [(true, (0.21, 0.33)), (false, (0.18, 0.38))] {
                 let (undone, time_s) = mean(model, length_m, fills);
                 let case = format!("{model:?}, {length_m} m, {}", if fills { "in" } else { "out" });
                 println!("{case}: {:.1} % undone, {time_s:.2} s", 100.0 * undone);

@@ -2,9 +2,10 @@
 
 use crate::plant_support::{MassFlow, elastic, muscle};
 use ode_solvers::{Dop853, SVector, System};
+use std::f64::consts::PI;
 use thermyo_plant::chamber::braid::Geometry;
 use thermyo_plant::flow::{Iso6358, Streams};
-use thermyo_plant::gas::IdealGas;
+use thermyo_plant::gas::{IdealGas, air_conductivity, air_viscosity};
 use thermyo_plant::{Actuation, Plant, Truth};
 use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 
@@ -51,7 +52,7 @@ fn the_working_cycle() {
     assert!((275.0..287.0).contains(&gas.0) && (312.0..328.0).contains(&gas.1));
     assert!((10.0..16.0).contains(&rms));
     // Fig. 5: the foil's mean rises by some kelvins.
-    assert!((299.0..303.0).contains(&foil));
+    assert!((299.0..305.0).contains(&foil));
     // Fig. 2: cool at the port, warm at the closed end.
     assert!(outer.windows(2).all(|pair| pair[1] > pair[0] - 0.2), "{outer:?}");
     let rise = outer.last().unwrap() - outer.first().unwrap();
@@ -147,8 +148,8 @@ fn smooth() -> Scenario {
 #[test]
 fn integration_is_of_fourth_order() {
     let mut scenario = smooth();
-    // A small flow through a wide tube: the pressure drop stays in the tube's linear range.
-    scenario.valve.conductance_m3_s_pa = 1.0e-9;
+    // A small flow through a wide tube: the pressure drop stays in the tube's linear range, and the flow laminar.
+    scenario.valve.conductance_m3_s_pa = 1.5e-10;
     scenario.tube.conductance_m3_s_pa = 3.0e-8;
     scenario.tube.volume_m3 = 3.0e-5;
     let mut pressure = |step: f64| {
@@ -224,6 +225,21 @@ struct Independent {
     surface: f64,
 }
 
+impl Independent {
+    /// To the wall of a tube as wide as a nozzle that passes as much as its port.
+    fn tube_heat_w(&self, flow: f64, gas_k: f64) -> f64 {
+        let (bore_m, wall_k) =
+            (self.tube.equivalent_diameter(&self.gas), self.scenario.ambient.temperature_k);
+        let section_m2 = PI / 4.0 * bore_m * bore_m;
+        let reynolds = flow.abs() * bore_m / (section_m2 * air_viscosity(wall_k));
+        let turbulent = ((reynolds - 2300.0) / 1700.0).clamp(0.0, 1.0);
+        let colburn = 0.3164 / 8.0 * reynolds.powf(0.75) * 0.71_f64.powf(1.0 / 3.0);
+        let nusselt = (1.0 - turbulent) * 3.66 + turbulent * colburn;
+        let surface_m2 = PI * bore_m * self.scenario.tube.volume_m3 / section_m2;
+        nusselt * air_conductivity(wall_k) / bore_m * surface_m2 * (gas_k - wall_k)
+    }
+}
+
 impl System<f64, SVector<f64, 7>> for Independent {
     fn system(&self, _: f64, y: &SVector<f64, 7>, dy: &mut SVector<f64, 7>) {
         let s = &self.scenario;
@@ -243,7 +259,7 @@ impl System<f64, SVector<f64, 7>> for Independent {
         dy[0] = port.inflow - port.outflow;
         dy[1] = into - heat;
         dy[2] = inflow - dy[0];
-        dy[3] = gas.cp * inflow * s.supply.temperature_k - into;
+        dy[3] = gas.cp * inflow * s.supply.temperature_k - into - self.tube_heat_w(dy[0], tube.1);
         dy[4] = (inflow - y[4]) / 0.02;
         dy[5] = (heat - through) / (s.wall.heat_capacity_j_k * (1.0 - s.wall.outer_fraction));
         dy[6] = (through - lost) / (s.wall.heat_capacity_j_k * s.wall.outer_fraction);

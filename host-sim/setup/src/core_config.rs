@@ -111,15 +111,7 @@ pub fn core_config(believed: &Scenario) -> Config {
             ..s.heat.core()
         },
         wall: Wall { heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32 },
-        friction: if full {
-            s.friction.core()
-        } else {
-            Friction {
-                presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
-                viscous_n_s_m: 0.0,
-                ..s.friction.core()
-            }
-        },
+        friction: friction(s),
         hysteresis: match s.plant.kind {
             PlantKind::Muscle => s.muscle.core(),
             _ => Hysteresis::NONE,
@@ -170,6 +162,17 @@ fn chamber_and_wall(
             };
             (ChamberConfig::Vessel(vessel), s.vessel.wall_heat_capacity_j_k)
         }
+    }
+}
+
+fn friction(s: &Scenario) -> Friction {
+    if s.plant.model == PlantModel::Full {
+        return s.friction.core();
+    }
+    Friction {
+        presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
+        viscous_n_s_m: 0.0,
+        ..s.friction.core()
     }
 }
 

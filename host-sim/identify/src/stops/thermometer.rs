@@ -15,6 +15,7 @@
 
 use super::Closed;
 use crate::search::{LeastSquares, minimize};
+use crate::uncertainty::correlation_rows;
 use model_core::Config;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -207,29 +208,26 @@ pub fn fit(stops: &[&Closed], prior: &Sensor) -> Option<Sensor> {
     if stops.len() < super::FEWEST {
         return None;
     }
-    let found = |stops: Vec<&Closed>, start: DVector<f64>| {
-        let noise_k = noise_k(&stops);
-        let problem = Projection { stops: stops.clone(), prior: prior.place(), noise_k };
-        minimize(&problem, start, 1e-8, 60).place
-    };
-    let place = found(stops.to_vec(), prior.place());
-    let count = stops.len();
-    let others: Vec<DVector<f64>> = (0..count)
+    let all = |noise_k: f64| Projection { stops: stops.to_vec(), prior: prior.place(), noise_k };
+    let search = |problem: &Projection, start| minimize(problem, start, 1e-8, 60).place;
+    // Residuals that go on from row to row are an error of the model: the rows count accordingly.
+    let rough = search(&all(noise_k(stops)), prior.place());
+    let residuals = all(1.0).residuals(&rough);
+    let rms_k = (residuals.norm_squared() / residuals.len() as f64).sqrt();
+    let noise_k = noise_k(stops).max(rms_k * correlation_rows(residuals.as_slice()).sqrt());
+    let problem = all(noise_k);
+    let place = search(&problem, rough);
+    let others: Vec<DVector<f64>> = (0..stops.len())
         .map(|out| {
-            let left = (0..count).filter(|i| *i != out).map(|i| stops[i]).collect();
-            found(left, place.clone())
+            let mut left = all(noise_k);
+            left.stops.remove(out);
+            search(&left, place.clone())
         })
         .collect();
-    let problem =
-        Projection { stops: stops.to_vec(), prior: prior.place(), noise_k: noise_k(stops) };
-    let residuals = problem.residuals(&place);
-    let rms_k = (residuals.norm_squared() / residuals.len() as f64).sqrt();
-    let jacobian = problem.jacobian(&place);
-    let by_noise = jacobian.tr_mul(&jacobian).cholesky().map(|squares| squares.inverse());
+    let jacobian = problem.jacobian(&place) / noise_k;
+    let by_data = jacobian.tr_mul(&jacobian).cholesky().map(|squares| squares.inverse());
     let sd = |i: usize| {
-        let own = by_noise
-            .as_ref()
-            .map_or(f64::INFINITY, |inverse| inverse[(i, i)].max(0.0).sqrt() * rms_k);
+        let own = by_data.as_ref().map_or(f64::INFINITY, |inverse| inverse[(i, i)].max(0.0).sqrt());
         jackknife_sd(&others.iter().map(|place| place[i]).collect::<Vec<_>>()).max(own)
     };
     Some(Sensor {
