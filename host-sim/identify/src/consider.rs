@@ -1,5 +1,5 @@
-//! What a fit to the gas sensor alone takes as known, and is not: the lag of its housing, and how
-//! much the gas at the sensor swings compared with the mean.
+//! Two properties that a fit to the gas sensor alone takes as known, and that are not: the lag of
+//! its housing, and how much the gas at the sensor swings compared with the mean.
 //!
 //! Neither shows in the residuals: lag and heat transfer move until they are as small as before.
 //! With the sensitivities J of the weighted residuals to the fitted logarithms, and J_c to one that

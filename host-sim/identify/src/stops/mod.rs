@@ -46,7 +46,7 @@ use thermometer::Read;
 /// Fewest usable stops.
 pub const FEWEST: usize = 3;
 /// Fit of the product P V at the stop: quadratic over this time \[s\].
-const FITTED_S: f64 = 0.25;
+const FITTED_S: f64 = 0.2;
 /// Error of the pressure that its sensor's noise does not show, as a fraction of its range: the
 /// total error band of a calibrated industrial transmitter (0.25 % of full scale).
 const PRESSURE_OFF: f64 = 0.0025;
@@ -173,7 +173,7 @@ impl Analysis {
     }
 }
 
-/// What the analysis has to know of the muscle and the law of its heat transfer.
+/// The muscle, as far as the analysis needs it, and the law of its heat transfer.
 pub struct Known<'a> {
     pub config: &'a Config,
     /// Coefficient of still gas by the scenario's law \[W/(m2 K)\], at pressure \[Pa\], gas and wall

@@ -27,8 +27,8 @@ const LEAST_START_K: f64 = 2.0;
 /// A stop counts until the difference has fallen to this share, or to this \[K\].
 const LEFT: f64 = 0.08;
 const LEFT_K: f64 = 0.5;
-/// Decay times that are tried \[s\], logarithmically. What lasts longer than a second cannot be told
-/// from still gas whose coefficient falls with the difference of temperatures.
+/// Decay times that are tried \[s\], logarithmically. Stirring that lasts longer than a second looks like
+/// still gas whose coefficient falls with the difference of temperatures.
 const DECAYS: [f64; 2] = [0.05, 1.0];
 const TRIED: usize = 25;
 /// Stirring counts if it is so many standard errors above zero.
@@ -80,8 +80,10 @@ struct Heat {
     driving: Vec<f64>,
     /// The law's coefficient \[W/(m2 K)\].
     law: Vec<f64>,
-    /// Inflow before the stop \[kg/s\], where the gas was charged.
+    /// Inflow before the stop \[kg/s\], where it is known.
     inflow_kg_s: Option<f64>,
+    /// The gas was charged before the stop; or whether it was is not known.
+    charged: bool,
 }
 
 fn heat(closed: &Closed, stop: &Stop, known: &Known, chamber: &AnyChamber) -> Option<Heat> {
@@ -116,10 +118,11 @@ fn heat(closed: &Closed, stop: &Stop, known: &Known, chamber: &AnyChamber) -> Op
             .map(|row| (known.law)(rows[row].pressure_pa, gas_k[row], wall_k[row]))
             .collect(),
         given_j: given_j[..counted].to_vec(),
-        inflow_kg_s: closed
+        inflow_kg_s: closed.hold.inflow_kg_s,
+        charged: closed
             .hold
             .inflow_kg_s
-            .filter(|inflow_kg_s| *inflow_kg_s > CHARGING_1_S * stop.mass_kg),
+            .is_none_or(|inflow_kg_s| inflow_kg_s > CHARGING_1_S * stop.mass_kg),
     })
     .filter(|heat| heat.time_s.len() > 10)
 }
@@ -193,16 +196,20 @@ fn best(heats: &[&Heat], law: bool) -> Option<(f64, Balanced)> {
     tried.min_by(|(_, a), (_, b)| a.square.total_cmp(&b.square))
 }
 
-/// Mean of the stirred coefficients after an inflow, and per inflow.
-fn stirred(heats: &[&Heat], balanced: &Balanced) -> Option<[f64; 2]> {
-    let charged: Vec<(f64, f64)> = heats
+/// Mean of the stirred coefficients after an inflow, and per inflow where that is known.
+fn stirred(heats: &[&Heat], balanced: &Balanced) -> Option<(f64, Option<f64>)> {
+    let charged: Vec<(f64, Option<f64>)> = heats
         .iter()
         .zip(&balanced.stirred)
-        .filter_map(|(heat, stirred)| heat.inflow_kg_s.map(|inflow| (*stirred, inflow)))
+        .filter(|(heat, _)| heat.charged)
+        .map(|(heat, stirred)| (*stirred, heat.inflow_kg_s))
         .collect();
-    let sum = |of: fn(&(f64, f64)) -> f64| charged.iter().map(of).sum::<f64>();
-    (charged.len() >= 2)
-        .then(|| [sum(|one| one.0) / charged.len() as f64, sum(|one| one.0) / sum(|one| one.1)])
+    if charged.len() < 2 {
+        return None;
+    }
+    let sum: f64 = charged.iter().map(|(stirred, _)| stirred).sum();
+    let inflow_kg_s: Option<f64> = charged.iter().map(|(_, inflow_kg_s)| *inflow_kg_s).sum();
+    Some((sum / charged.len() as f64, inflow_kg_s.map(|inflow_kg_s| sum / inflow_kg_s)))
 }
 
 /// Fits the heat transfer to all usable stops; none with too few that cool enough.
@@ -221,13 +228,12 @@ pub(super) fn fit(
     let seen = jet.is_some();
     let law = still(&heats, true, seen)?;
     let constant = still(&heats, false, seen)?;
-    let [stirred, per_flow, decay] = jet.map_or([None; 3], |jet| jet.map(Some));
     Some(Relaxation {
         still_w_m2_k: constant,
         scale: law,
-        stirred_w_m2_k: stirred,
-        stirred_per_flow: per_flow,
-        decay_s: decay,
+        stirred_w_m2_k: jet.as_ref().map(|jet| jet.added_w_m2_k),
+        stirred_per_flow: jet.as_ref().and_then(|jet| jet.per_flow),
+        decay_s: jet.as_ref().map(|jet| jet.decay_s),
         stops: heats.len(),
     })
 }
@@ -252,17 +258,27 @@ fn still(heats: &[&Heat], law: bool, stirred: bool) -> Option<With> {
     Some(With::of(of(heats)?, &others))
 }
 
-/// What a jet adds: its coefficient, the same per inflow, and its decay; none where it is not seen.
-fn jet(heats: &[&Heat]) -> Option<[With; 3]> {
-    let of = |heats: &[&Heat]| -> Option<[f64; 3]> {
+/// The effect of a jet when it ends.
+struct Jet {
+    added_w_m2_k: With,
+    per_flow: Option<With>,
+    decay_s: With,
+}
+
+/// The coefficient that a jet adds, and its decay; none where it is not seen.
+fn jet(heats: &[&Heat]) -> Option<Jet> {
+    let of = |heats: &[&Heat]| -> Option<(f64, Option<f64>, f64)> {
         let (decay_s, found) = best(heats, true)?;
-        let [mean, per_flow] = stirred(heats, &found)?;
-        Some([mean, per_flow, decay_s])
+        let (added, per_flow) = stirred(heats, &found)?;
+        Some((added, per_flow, decay_s))
     };
-    let found = of(heats)?;
-    let others: Vec<[f64; 3]> =
+    let (added, per_flow, decay_s) = of(heats)?;
+    let others: Vec<(f64, Option<f64>, f64)> =
         (0..heats.len()).map(|out| of(&without(heats, out))).collect::<Option<_>>()?;
-    let with = [0, 1, 2]
-        .map(|i| With::of(found[i], &others.iter().map(|other| other[i]).collect::<Vec<_>>()));
-    (with[0].value > SEEN * with[0].standard_error).then_some(with)
+    let added_w_m2_k = With::of(added, &others.iter().map(|other| other.0).collect::<Vec<_>>());
+    let other_flows: Option<Vec<f64>> = others.iter().map(|other| other.1).collect();
+    let per_flow = per_flow.zip(other_flows).map(|(per_flow, others)| With::of(per_flow, &others));
+    let decay_s = With::of(decay_s, &others.iter().map(|other| other.2).collect::<Vec<_>>());
+    let seen = added_w_m2_k.value > SEEN * added_w_m2_k.standard_error;
+    seen.then_some(Jet { added_w_m2_k, per_flow, decay_s })
 }

@@ -287,7 +287,7 @@ pub(super) fn read(closed: &Closed, sensor: &Sensor) -> Read {
         end_k,
         end_sd_k: (solved.inverse[(0, 0)] * inflated).sqrt(),
         leak_1_s: if seen { leak_1_s } else { 0.0 },
-        // What is not corrected may be there, or not: half of it.
+        // A leak that is not corrected may be there, or not: half of it counts.
         leak_sd_1_s: if seen { leak_sd_1_s } else { 0.5 * leak_1_s.abs() },
         wait_sd_k: otherwise(sensor.lag_sd.min(1.0)).abs(),
         behind_k: end_k - reading_k,

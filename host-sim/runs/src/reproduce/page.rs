@@ -239,7 +239,7 @@ fn section_iv(findings: &Findings, summary: &Summary) -> Section {
         ))
 }
 
-/// What decides between the sensors.
+/// Figures that decide between the sensors.
 fn which_sensor(findings: &Findings, summary: &Summary) -> Table {
     let (foil, wall) = (&findings.gas_sensor, &findings.wall_sensor);
     let averaging = &findings.averaging_sensor;
@@ -247,7 +247,7 @@ fn which_sensor(findings: &Findings, summary: &Summary) -> Table {
         vec![what.to_owned(), of(foil), of(averaging), of(wall)]
     };
     Table {
-        caption: "What decides between the two".to_owned(),
+        caption: "Figures that decide between them".to_owned(),
         columns: [
             "",
             "in the gas, in the middle",
@@ -385,7 +385,7 @@ fn equations(findings: &Findings) -> Section {
 /// The paper's only parameters, beside what the plant gives.
 fn coefficients(findings: &Findings, section: Section) -> Section {
     let Some(alphas) = &findings.alphas else {
-        return section.paragraph("The coefficients of eq. (9) cannot be told from this run.");
+        return section.paragraph("The coefficients of eq. (9) do not follow from this run.");
     };
     let paper = [
         ("charging, α_in", "1 to k; its reference [1]: close to k = 1.4"),
@@ -404,9 +404,9 @@ fn coefficients(findings: &Findings, section: Section) -> Section {
     })
 }
 
-/// What the paper's text does not have.
+/// Quantities that the paper's text does not have.
 fn not_in_the_paper() -> Section {
-    Section::new("What cannot be had from the paper").paragraph(
+    Section::new("Not to be had from the paper").paragraph(
         "Its text prints no length, diameter, thread or number of turns of the muscle (b and n of eq. (10)), no load, \
          no mass flow, no insulation, no lag of the foil and no coefficients α of eq. (9) beyond their \
          range; Fig. 2 and 5 are pictures without numbers, but for their scales and what the text says of them. \

@@ -32,7 +32,7 @@ const WAITS_S: [f64; 2] = [10.0, 300.0];
 const PERIOD_S: f64 = 5.0;
 const STOPS: usize = 8;
 
-/// What the user asks for.
+/// The user's wishes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Asked {
     pub stops: usize,
@@ -217,7 +217,9 @@ mod tests {
         Plan::new(&loaded, &core_config(&loaded.believed), asked, armed_pa)
     }
 
-    const ASKED: Asked = Asked { stops: 8, wait_s: None, period_s: 5.0, highest_pa: None, seed: 1 };
+    fn usual() -> Asked {
+        Asked { highest_pa: None, ..Asked::usual(0.0) }
+    }
 
     #[test]
     fn the_stops_are_at_phases_all_over_the_cycle_and_never_above_what_is_armed() {
