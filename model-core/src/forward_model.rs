@@ -107,7 +107,7 @@ impl Model {
         let way_m = self.length_m - length_m;
         let speed_m_s = -way_m / step_s;
         let surface_m2 = self.chamber.surface_m2(length_m);
-        // What would be over within a step takes one, and what is not there cannot leave: a wrong
+        // A change that would be over within a step takes one, and no more gas leaves than is there: a wrong
         // configuration makes the model wrong, but keeps it finite.
         let gas_j_k = self.gas.mass_kg() * self.config.gas.cv_j_kg_k();
         let wall_j_k = self.config.wall.heat_capacity_j_k;

@@ -241,7 +241,7 @@ pub enum AnswerWith<C> {
     FirstFailure(Option<FirstFailure>),
     /// Status of the board.
     Status(Status),
-    /// What happened; nothing before the first event that is remembered.
+    /// An event; `None` before the first event that is remembered.
     Event(Option<Event>),
 }
 
@@ -270,7 +270,7 @@ pub enum Refusal {
     NotConfigured,
     /// This board has no place where it could keep a configuration.
     NoStore,
-    /// What it was asked for it does only while it vents: to write its flash, to leave for its boot loader.
+    /// The request is carried out only while the board vents: to write its flash, to start its boot loader.
     NotVented,
     /// The flash does not take what is written to it.
     Flash,
@@ -388,7 +388,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// That of a board that has just started, and has started for the first time since power came.
+    /// Status after the first start since power came.
     pub const AT_START: Self = Self {
         step: 0,
         restarts: 0,

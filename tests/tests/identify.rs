@@ -55,7 +55,6 @@ fn identify(data: &Path, config: &Path) -> Identified {
     Identified { outcome, folder, summary }
 }
 
-/// Identifies from texts.
 fn identify_texts(data: &str, config: &str) -> Identified {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let [data_file, config_file] = ["data.csv", "config.toml"].map(|name| folder.path().join(name));

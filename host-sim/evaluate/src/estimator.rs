@@ -25,7 +25,6 @@ const RECOVERED_S: f64 = 15.0;
 /// A case: name, change, and bounds on the RMS error for `lumped` and `full` \[K\].
 #[derive(Debug, Clone, Copy)]
 pub struct Case {
-    /// Name in the table.
     pub name: &'static str,
     /// Change of the nominal scenario.
     pub change: fn(&mut Loaded),

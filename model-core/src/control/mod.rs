@@ -429,7 +429,7 @@ mod tests {
     }
 
     /// Another goal of the same kind goes on from what the loop has learnt; after another kind it starts
-    /// anew.
+    /// from scratch.
     #[test]
     fn what_a_loop_has_learnt_lasts_as_long_as_its_kind() {
         let config = Config::default();

@@ -355,7 +355,7 @@ mod tests {
     }
 
     /// A valve that closes within its period lets the other one open in the next; one that does not
-    /// makes it wait for one period, whoever drove it.
+    /// makes it wait for one period.
     #[test]
     fn after_a_pulse_to_the_end_of_its_period_the_other_valve_waits_for_one() {
         let config = Config::default();

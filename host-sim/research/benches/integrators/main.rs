@@ -211,7 +211,6 @@ fn integrate(
     samples
 }
 
-/// Length at the start \[m\].
 fn start_m(scenario: &Scenario) -> f64 {
     thermyo_plant::build(scenario, None).expect("the default muscle can be built").truth().length_m
 }

@@ -31,7 +31,7 @@ choice! {
 }
 
 table! {
-    "plant", "what is simulated", physical;
+    "plant", "the simulated actuator", physical;
     Plant {
         kind: choice PlantKind::Muscle, "what holds the gas";
         model: choice PlantModel::Full, "zones, wall layers and real valves; one zone; the paper's eq. (12)";
@@ -115,7 +115,7 @@ choice! {
 }
 
 table! {
-    "load", "what is moved", believed, physical;
+    "load", "the moved load", believed, physical;
     Load {
         kind: choice LoadKind::Isotonic, "a constant force, a fixed length, a mass that pressure lifts";
         force_n: real 100.0, "N", -1.0e6 to 1.0e6, "the force; positive where it pulls the ends apart (isotonic)";

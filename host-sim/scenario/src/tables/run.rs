@@ -46,7 +46,7 @@ choice! {
 }
 
 table! {
-    "drive", "what drives the run";
+    "drive", "set point over the run";
     Drive {
         kind: choice DriveKind::MassFlow, "controlled quantity, or fixed openings";
         period_s: real 5.0, "s", 1.0e-3 to 86_400.0, "period of the cycle (mass-flow)";
