@@ -9,6 +9,7 @@ mod docs;
 mod leak;
 mod line;
 mod logs;
+mod measure;
 #[path = "../plant/tests/plant_support/mod.rs"]
 mod plant_support;
 mod plants;

@@ -5,6 +5,7 @@ use super::pid::{PidBoard, PidGains};
 use super::{CaseFigures, Figure};
 use model_core::Duty;
 use std::f64::consts::TAU;
+use thermyo_compute::math;
 use thermyo_compute::parallel;
 use thermyo_compute::parallel::Watch;
 use thermyo_record::trace::Row;
@@ -483,6 +484,13 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
     jobs
 }
 
+/// Friction as it is at the temperature of the room, whatever the wall does.
+pub(super) fn for_the_room(s: &mut Scenario) {
+    let warmer_k = s.ambient.temperature_k - s.friction.reference_temperature_k;
+    s.friction.force_n *= math::exp(-s.friction.softening_per_k * warmer_k);
+    s.friction.softening_per_k = 0.0;
+}
+
 fn compared(full: &Loaded) -> Vec<Job<'_>> {
     [283.15, 313.15]
         .into_iter()
@@ -490,18 +498,22 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
             Box::new(move || {
                 let loaded = ambient(full.clone(), temperature_k);
                 let fixed = configured(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
+                let room = configured(loaded.clone(), for_the_room);
                 let rms = |loaded: &Loaded, board: &mut dyn Board| {
                     sine(loaded, 0.5, 0.15, board).map(|slow| slow.rms_percent)
                 };
                 let rest_m = full.plant.muscle.rest_length_m;
                 let compensated = rms(&loaded, &mut CoreBoard::default())?;
                 let uncompensated = rms(&fixed, &mut CoreBoard::default())?;
+                let by_thermometer = rms(&room, &mut CoreBoard::default())?;
                 let usual = rms(&loaded, &mut PidBoard::new(USUAL_GAINS, rest_m))?;
                 Ok(CaseFigures {
                     case: format!("0.5 Hz sine, {:.0} degC", temperature_k - 273.15),
                     figures: vec![
                         Figure::at_most("rms_percent", compensated, 2.0),
                         Figure::at_least("fixed_friction_times", uncompensated / compensated, 2.0),
+                        // A thermometer in the room does nearly the same as the estimated wall.
+                        Figure::shown("room_friction_times", by_thermometer / compensated),
                         Figure::at_least("pid_times", usual / compensated, 3.0),
                     ],
                 })

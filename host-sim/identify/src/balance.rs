@@ -28,6 +28,8 @@ pub struct Balance {
     step_s: f64,
     /// Inputs without volumes, which follow from the scenario.
     known: Vec<Known>,
+    /// How much the gas at the sensor swings, compared with the mean.
+    location_factor: f64,
 }
 
 impl Balance {
@@ -54,7 +56,13 @@ impl Balance {
                 discharging,
             }
         });
-        Self { start_s, start_k: *sensor_k, step_s, known: known.collect() }
+        let known = known.collect();
+        Self { start_s, start_k: *sensor_k, step_s, known, location_factor: 1.0 }
+    }
+
+    /// The same with a sensor at which the gas swings by that factor.
+    pub fn with_location_factor(self, location_factor: f64) -> Self {
+        Self { location_factor, ..self }
     }
 
     /// Reading of the gas sensor at the times of `points`, by the core's model of that scenario. A
@@ -75,7 +83,7 @@ impl Balance {
         for known in &mut known {
             known.volume_m3 = f64::from(chamber.volume_m3(known.length_m as f32));
         }
-        let model = Model::new(&config);
+        let model = Model::new(&config).with_location_factor(self.location_factor);
         let readings = |warmer_k: [f64; STARTS]| -> Result<DVector<f64>, Failed> {
             let [gas_k, wall_k, sensor_k] = warmer_k.map(|warmer_k| self.start_k + warmer_k);
             let mut state = State::zeros();

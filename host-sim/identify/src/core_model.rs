@@ -61,6 +61,8 @@ pub struct Model {
     chamber: AnyChamber,
     step_s: f64,
     leak: Option<Iso6358>,
+    /// How much the gas at the sensor swings about the wall, compared with the mean.
+    location_factor: f64,
 }
 
 impl Model {
@@ -75,7 +77,14 @@ impl Model {
             config: *config,
             chamber: AnyChamber::new(&config.chamber),
             step_s: f64::from(config.step_s),
+            location_factor: 1.0,
         }
+    }
+
+    /// The same with a sensor at which the gas swings by that factor.
+    #[must_use]
+    pub fn with_location_factor(self, location_factor: f64) -> Self {
+        Self { location_factor, ..self }
     }
 
     /// T = P V/(m R), eq. (1) \[K\].
@@ -150,7 +159,9 @@ impl Model {
             let outer_w = outer_w_k * (state[WALL] - ambient_k);
             state[WALL] += (heat_j + (friction_w - outer_w) * self.step_s) / wall_j_k;
             let housing_before_k = state[HOUSING];
-            state[HOUSING] += share(housing_s) * (0.5 * (gas_before_k + gas_k) - state[HOUSING]);
+            let above_k = 0.5 * (gas_before_k + gas_k) - state[WALL];
+            let seen_k = state[WALL] + self.location_factor * above_k;
+            state[HOUSING] += share(housing_s) * (seen_k - state[HOUSING]);
             let housing_k = 0.5 * (housing_before_k + state[HOUSING]);
             state[SENSOR] += share(lag_s) * (housing_k - state[SENSOR]);
         }

@@ -10,10 +10,12 @@
 //! sensor is compared, it is the core's own model, driven by the recorded pressure and length. A
 //! scenario with the model `full` gets the effective parameters that the core works with.
 //!
-//! A table without time that has gauge pressure, length and force at rest is a static map: see
+//! A record with stops, both valves shut for seconds, has the gas temperature in itself: see
+//! [`stops`]. A table without time that has gauge pressure, length and force at rest is a static map: see
 //! [`static_map`].
 
 mod balance;
+mod consider;
 pub mod core_model;
 mod data;
 mod failed;
@@ -25,6 +27,7 @@ mod record;
 mod search;
 mod simulate;
 pub mod static_map;
+pub mod stops;
 mod uncertainty;
 
 pub use data::Data;
@@ -286,6 +289,7 @@ fn covariance_inside(
         (0..count).filter(|i| !problem.parameters[*i].at_limit(place[*i])).collect();
     let sensitivities = problem.sensitivities(place).select_columns(&inside);
     let reduced = covariance(&sensitivities, &problem.data.observed, misfits)?;
+    let reduced = consider::widened(problem, place, &sensitivities, reduced);
     let mut full = DMatrix::zeros(count, count);
     for (row, i) in inside.iter().enumerate() {
         for (column, j) in inside.iter().enumerate() {

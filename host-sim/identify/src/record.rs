@@ -1,6 +1,7 @@
-//! Identification from either kind of table: a record over time, or a static map.
+//! Identification from any kind of table: a record over time, one with stops, or a static map.
 
 use super::static_map::{self, Readings};
+use super::stops;
 use super::{Identified, IdentifyError, identify, page};
 use serde::Serialize;
 use std::path::Path;
@@ -15,7 +16,11 @@ use thermyo_setup::Loaded;
 pub enum Found {
     Record(Identified),
     Map(static_map::Identified),
+    Stops(stops::Identified),
 }
+
+/// Columns that a record may have beside those of a trace: a reference sensor, its deviation.
+const REFERENCE: [&str; 2] = ["reference_gas_k", "reference_sd_k"];
 
 /// Identifies from a table; `against` is a static map that the fit does not use. `config` and
 /// `data` name the files in messages.
@@ -43,7 +48,11 @@ pub fn identify_table(
     if against.is_some() {
         return Err(InputError::file(data, Problem::NoMap).into());
     }
-    let measured = Measured::new(table, &every_column())?;
+    if stops::are_asked_for(loaded, table) {
+        return Ok(Found::Stops(stops::identify(loaded, table, data)?));
+    }
+    let known = [every_column(), REFERENCE.to_vec()].concat();
+    let measured = Measured::new(table, &known)?;
     identify(loaded, config, &measured, data, watch).map(Found::Record)
 }
 
@@ -55,10 +64,12 @@ impl Found {
         enum Either<'a> {
             Record(&'a super::Findings),
             Map(&'a static_map::Findings),
+            Stops(&'a stops::Findings),
         }
         match self {
             Self::Record(found) => Either::Record(&found.findings),
             Self::Map(found) => Either::Map(&found.findings),
+            Self::Stops(found) => Either::Stops(&found.findings),
         }
     }
 
@@ -67,6 +78,7 @@ impl Found {
         match self {
             Self::Record(found) => &found.scenario,
             Self::Map(found) => &found.scenario,
+            Self::Stops(found) => &found.scenario,
         }
     }
 
@@ -75,6 +87,7 @@ impl Found {
         match self {
             Self::Record(found) => page(found, title),
             Self::Map(found) => static_map::page(found, title),
+            Self::Stops(found) => found.page(title),
         }
     }
 
@@ -83,6 +96,7 @@ impl Found {
         match self {
             Self::Record(found) => ("fit.svg", page::plot(found, title)),
             Self::Map(found) => ("map.svg", static_map::plot(found, title)),
+            Self::Stops(found) => ("stops.svg", found.plot(title)),
         }
     }
 
@@ -91,6 +105,7 @@ impl Found {
         match self {
             Self::Record(found) => found.findings.text(),
             Self::Map(found) => found.findings.text(),
+            Self::Stops(found) => found.findings.text(),
         }
     }
 
@@ -99,6 +114,7 @@ impl Found {
         match self {
             Self::Record(found) => found.findings.failed(),
             Self::Map(found) => found.findings.failed(),
+            Self::Stops(found) => found.findings.failed(),
         }
     }
 }

@@ -30,7 +30,7 @@ use super::radial::{Conduction, Place, Profile};
 use super::zones::{Shares, Stirring};
 use std::f64::consts::PI;
 use thermyo_compute::math;
-use thermyo_scenario::{DriveKind, Heat, HeatModel, Scenario, Valve};
+use thermyo_scenario::{DriveKind, Heat, HeatModel, PlantKind, Scenario, Valve};
 
 /// Longest time for which films and flows of the stirring are kept \[s\]; sound takes as long through the muscle.
 pub const REFRESH_S: f64 = 1.0e-3;
@@ -52,6 +52,21 @@ pub const WALL_BELOW_GAS_K: f64 = 100.0;
 
 /// Why steps would have to be too short, where it is heat that is fast.
 pub const HEAT_TOO_LARGE: &str = "heat.scale, heat.inner_w_m2_k or heat.inner_per_flow is too large for the heat capacity of gas and wall";
+
+/// Diameter of the jet where `heat.inlet_diameter_m` is left out \[m\]: of what the gas comes through.
+pub fn inlet_diameter_m(scenario: &Scenario) -> f64 {
+    let gas = IdealGas::new(&scenario.gas);
+    let Valve { conductance_m3_s_pa, critical_ratio, .. } = scenario.valve;
+    let through_orifice = [DriveKind::Closed, DriveKind::Discharge, DriveKind::Fill];
+    let path = match scenario.plant.kind {
+        PlantKind::Vessel if through_orifice.contains(&scenario.drive.kind) => {
+            return scenario.orifice.diameter_m;
+        }
+        PlantKind::Vessel => Iso6358::valve(conductance_m3_s_pa, critical_ratio, &gas),
+        _ => Iso6358::port(&scenario.tube, critical_ratio, &gas),
+    };
+    path.equivalent_diameter(&gas)
+}
 
 /// Coefficient of heat transfer from gas to wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -194,24 +209,15 @@ impl InnerHeat {
     /// Heat transfer of a scenario's moving chamber, whose gas has that diameter and length \[m\].
     pub fn of_chamber(scenario: &Scenario, diameter_m: f64, length_m: f64) -> Self {
         let gas = IdealGas::new(&scenario.gas);
-        let port = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, &gas);
         let whole = Stirring::new(1, length_m, diameter_m).zones()[0];
-        Self::new(&scenario.heat, &gas, diameter_m, port.equivalent_diameter(&gas), whole)
+        Self::new(&scenario.heat, &gas, diameter_m, inlet_diameter_m(scenario), whole)
     }
 
     /// Heat transfer of a scenario's vessel.
     pub fn of_vessel(scenario: &Scenario) -> Self {
         let gas = IdealGas::new(&scenario.gas);
-        let path_m = match scenario.drive.kind {
-            DriveKind::Closed | DriveKind::Discharge | DriveKind::Fill => {
-                scenario.orifice.diameter_m
-            }
-            _ => {
-                let Valve { conductance_m3_s_pa, critical_ratio, .. } = scenario.valve;
-                Iso6358::valve(conductance_m3_s_pa, critical_ratio, &gas).equivalent_diameter(&gas)
-            }
-        };
         let diameter_m = scenario.vessel.characteristic_length_m;
+        let path_m = inlet_diameter_m(scenario);
         Self::new(&scenario.heat, &gas, diameter_m, path_m, Shares::VESSEL)
     }
 

@@ -32,8 +32,13 @@ pub struct ConfigScenario {
 pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
     let origin = Path::new("the board's configuration");
     let plant = scenario(config).map_err(|problem| InputError::file(origin, problem))?;
-    let loaded =
-        Loaded { believed: plant.clone(), plant, volume_profile: None, drive_profile: None };
+    let loaded = Loaded {
+        believed: plant.clone(),
+        plant,
+        volume_profile: None,
+        drive_profile: None,
+        shut_s: Vec::new(),
+    };
     let scenario = parse(&render(&loaded), origin)?;
     let exact = core_config(&scenario.believed) == *config;
     Ok(ConfigScenario { scenario, exact })

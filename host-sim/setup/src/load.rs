@@ -9,6 +9,7 @@ use thermyo_files::input::{InputError, Problem, read_text};
 use thermyo_files::table::{Table as CsvTable, read_table};
 use thermyo_plant::chamber;
 use thermyo_plant::chamber::table;
+use thermyo_plant::heat::inlet_diameter_m;
 use thermyo_scenario::document::{Document, Entries, Entry};
 use thermyo_scenario::fault_rules;
 use thermyo_scenario::geometry::{Dimensions, Given};
@@ -94,6 +95,7 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
         _ => {}
     }
     fit_sizes(&mut plant, given, volume_profile.as_ref());
+    start_fitted(&mut plant);
     check_heat(&plant, given).map_err(|found| blame(found, given, origin))?;
     rules::check_plant(&plant).map_err(|found| blame(found, given, origin))?;
     let drive_profile = match (&plant.drive.profile_csv, given.get("drive.profile_csv")) {
@@ -134,7 +136,20 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     believed.muscle = dimensions.applied_to(&believed.muscle);
     check_heat(&believed, overrides).map_err(|found| blame(found, overrides, origin))?;
     rules::check_believed(&believed).map_err(|found| blame(found, overrides, origin))?;
-    Ok(Loaded { plant, believed, volume_profile, drive_profile })
+    Ok(Loaded { plant, believed, volume_profile, drive_profile, shut_s: Vec::new() })
+}
+
+/// A key that may be left out, and is fitted, starts from what it stands for when it is left out.
+fn start_fitted(plant: &mut Scenario) {
+    let is_fitted = |path: &str| plant.identify.parameters.iter().any(|named| named == path);
+    if is_fitted("plant.initial_gas_temperature_k") {
+        let wall_k = plant.plant.initial_temperature_k;
+        plant.plant.initial_gas_temperature_k.get_or_insert(wall_k);
+    }
+    if is_fitted("heat.inlet_diameter_m") {
+        let path_m = inlet_diameter_m(plant);
+        plant.heat.inlet_diameter_m.get_or_insert(path_m);
+    }
 }
 
 /// Refuses coefficients of a constant heat transfer in a file that does not name the model: it was written when that

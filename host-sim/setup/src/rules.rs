@@ -128,7 +128,9 @@ fn check_identify(scenario: &Scenario) -> Result<(), Violation> {
             format!("{rule} that matter; {path} does not: {why}")
         } else if all[..i].contains(path) {
             format!("{rule}, each once; {path} appears twice")
-        } else if number(scenario, path).is_none_or(|value| value <= 0.0) {
+        } else if number(scenario, path).is_none() {
+            format!("{rule}, with values above 0 to start from; {path} has none")
+        } else if number(scenario, path).is_some_and(|value| value <= 0.0) {
             format!("{rule}, with values above 0 to start from; {path} is not above 0")
         } else {
             continue;

@@ -13,6 +13,7 @@ mod fmu;
 mod folded;
 mod interrupt;
 mod log;
+mod measure;
 mod playground;
 mod progress;
 mod replay;
@@ -85,6 +86,8 @@ enum Task {
     Sweep(sweep::SweepArgs),
     /// Identify friction, valves and gains by a short experiment on a board
     Tune(tune::TuneArgs),
+    /// Measure the gas temperature of a muscle, and its heat transfer, without a wire in the gas
+    Measure(measure::MeasureCommand),
     /// Run recorded samples through the core again and compare every bit
     Replay(replay::ReplayArgs),
     /// Export a scenario for other simulators: FMI 3.0 co-simulation
@@ -290,6 +293,7 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Identify(args) => identify_command(&args, out, err),
         Task::Sweep(args) => sweep::run(args, out, err),
         Task::Tune(args) => tune::run(&args, out, err),
+        Task::Measure(command) => measure::run(&command, out, err),
         Task::Replay(args) => replay::run(&args, out, err),
         Task::Fmu(args) => fmu::run(&args, out, err),
         Task::Compare(args) => compare::run(&args, out, err),

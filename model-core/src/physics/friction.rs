@@ -19,7 +19,8 @@ parameters! {
 }
 
 impl Friction {
-    /// Friction force \[N\] at a wall temperature: F_ref exp(-beta (T_w - T_ref)).
+    /// Friction force \[N\] at a wall temperature: F_ref exp(-beta (T_w - T_ref)). The exponential and
+    /// its 1 %/K are assumptions: no published measurement of a muscle was found.
     pub fn force_n(&self, wall_temperature_k: f32) -> f32 {
         self.force_n * self.softening(wall_temperature_k)
     }

@@ -153,15 +153,15 @@ function showState() {
   for (const field of document.querySelectorAll(".controls button, .controls input")) field.disabled = !steers;
   document.body.classList.toggle("watch", !steers);
   const able = steers && configured && !busy;
-  for (const id of ["arm", "steer", "tune"]) for (const field of $(id).elements) field.disabled = !able;
+  for (const id of ["arm", "steer", "tune", "stops"]) for (const field of $(id).elements) field.disabled = !able;
   for (const button of document.querySelectorAll("[data-calibrate]")) button.disabled = !able || recording;
-  $("tune").elements[0].disabled ||= Boolean(recording);
+  for (const id of ["tune", "stops"]) $(id).elements[0].disabled ||= Boolean(recording);
   // A calibration's second point needs another pressure: arming and steering stay enabled.
   if (busy && guide.asks) for (const id of ["arm", "steer"]) for (const field of $(id).elements) field.disabled = !steers;
   for (const field of $("steer").elements) field.disabled ||= armed_pa === null && field.type !== "radio";
   $("clear").disabled = !steers;
-  const [, reach] = reached(), tuned = $("tune-most");
-  if (tuned.value === "" && configured && document.activeElement !== tuned) tuned.value = Math.min(400, Math.floor(reach));
+  const [, reach] = reached();
+  for (const most of [$("tune-most"), $("stops-most")]) if (most.value === "" && configured && document.activeElement !== most) most.value = Math.min(400, Math.floor(reach));
   if ($("most").value === "" && configured) $("most").value = (configuration.working_limit_pa / 1e3).toFixed(0);
   showRange();
 
@@ -212,7 +212,7 @@ function showResults() {
 function showGuide(guide) {
   $("guide-choice").hidden = Boolean(guide);
   $("guided").hidden = !guide;
-  $("guide-title").textContent = guide ? guide.title : "Calibrate, tune";
+  $("guide-title").textContent = guide ? guide.title : "Calibrate, tune, measure";
   if (!guide) return;
   $("guide").open = true;
   const text = $("guide-text");
@@ -355,9 +355,9 @@ on("slide", "change", set);
 on("first", "input", () => { const value = read($("first")); if (value !== null) $("slide").value = value; });
 on("record-button", "click", () => order(state.recording ? "finish" : "record"));
 for (const button of document.querySelectorAll("[data-calibrate]")) button.addEventListener("click", () => order({ calibrate: button.dataset.calibrate }));
-on("tune", "submit", () => {
-  const most = asked("tune-most", "kPa", reached());
-  if (most !== null) order({ tune: { most_pa: most * 1e3 } });
+for (const task of ["tune", "stops"]) on(task, "submit", () => {
+  const most = asked(`${task}-most`, "kPa", reached());
+  if (most !== null) order({ [task]: { most_pa: most * 1e3 } });
 });
 on("reference", "submit", () => {
   if (asked("reference-value", state.guide.asks) === null) return;
