@@ -20,9 +20,12 @@ fn a_board_is_configured_armed_driven_and_queried() {
     bench.ok("thermyo board emulated config write scenarios/contraction.toml");
     assert!(bench.refused(set).contains("not armed"));
     let out_of_range = bench.refused("thermyo board emulated set pressure 900000 --arm");
-    assert!(out_of_range.contains("must be from 101325 Pa (ambient, "), "{out_of_range}");
+    assert!(
+        out_of_range.contains("a pressure of 900 kPa: must be from 101.33 kPa (ambient, "),
+        "{out_of_range}"
+    );
     let bar = bench.refused("thermyo board emulated set pressure 1.3 --arm --hold 1");
-    assert!(bar.contains(" Pa; 1.3 bar is 130000 Pa\n"), "{bar}");
+    assert!(bar.contains(" kPa; use 1.3bar, which is 130000 Pa\n"), "{bar}");
     fs::write(bench.path("bar.csv"), "time_s,pressure_pa\n0,1.2\n1,1.4\n").unwrap();
     let bar = bench.path("bar.csv").display().to_string();
     let bar = bench.refused(&format!("thermyo board emulated drive {bar} --arm --out out/drive"));
@@ -30,6 +33,29 @@ fn a_board_is_configured_armed_driven_and_queried() {
         bar.contains("bar.csv:2: column pressure_pa = 1.2: must be a number from 101325 to "),
         "{bar}"
     );
+    assert_the_limits_are_stated(&bench);
+    let held = bench.ok("thermyo board emulated set pressure 1.3bar --hold 1500ms");
+    let last = held.lines().last().unwrap();
+    let mean_kpa: f64 = last.split_whitespace().next().unwrap().parse().unwrap();
+    assert!((128.0..132.0).contains(&mean_kpa), "{held}");
+    // The armed pressure stops a flow and a contraction, which is summed up as one.
+    let flow = bench.ok("thermyo board emulated set flow 1g/s --hold 2");
+    assert!(flow.trim_end().ends_with("it is armed for; it vents"), "{flow}");
+    let contraction = bench.ok("thermyo board emulated set contraction 5% --hold 1.5");
+    let last = contraction.lines().last().unwrap();
+    assert!(last.contains(" % contracted in the mean of the last second, "), "{contraction}");
+    let info = bench.ok("thermyo board emulated info");
+    assert!(
+        info.contains("contraction, ") && info.contains("armed:         up to 200.0"),
+        "{info}"
+    );
+
+    assert_configurations_are_returned(&bench);
+    assert_a_drive_is_recorded(&bench);
+}
+
+/// Profiles, limits and units that are refused; the board is armed up to 2 bar in the end.
+fn assert_the_limits_are_stated(bench: &Bench) {
     // The whole profile is checked before the board is armed. A new configuration disarms.
     bench.ok("thermyo board emulated config write scenarios/contraction.toml");
     fs::write(bench.path("late.csv"), "time_s,value\n0,0.01\n0.2,0.02\n9,0.6\n").unwrap();
@@ -40,27 +66,20 @@ fn a_board_is_configured_armed_driven_and_queried() {
     let row = bench.refused(&format!("{drive} --kind contraction"));
     assert!(row.contains("late.csv:4: column value = 0.6: must be a number from 0 to 0."), "{row}");
     assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
-    assert!(bench.ok("thermyo board emulated arm --max-pressure 200000").contains("200.0 kPa"));
+    let high = bench.refused("thermyo board emulated arm --max-pressure 15bar");
+    assert!(high.contains("a pressure of 1500 kPa: must be from 101.33 kPa (ambient, "), "{high}");
+    assert!(bench.ok("thermyo board emulated arm --max-pressure 2bar").contains("200.0 kPa"));
     let above = bench.refused("thermyo board emulated set pressure 210000");
-    assert!(above.contains("configured) to 200000 Pa\n"), "{above}");
+    assert!(above.contains("configured) to 200 kPa\n"), "{above}");
     fs::write(bench.path("above.csv"), "time_s,pressure_pa\n0,120000\n1,210000\n").unwrap();
     let above = bench.path("above.csv").display().to_string();
     let above = bench.refused(&format!("thermyo board emulated drive {above} --out out/drive"));
     let expected = "above.csv: pressure_pa = 210000 at 1 s: must be a number from 101325 to 2e5 Pa, \
                     as the board is armed";
     assert!(above.contains(expected), "{above}");
-    let held = bench.ok(set);
-    let last = held.lines().last().unwrap();
-    let mean_kpa: f64 = last.split_whitespace().next().unwrap().parse().unwrap();
-    assert!((128.0..132.0).contains(&mean_kpa), "{held}");
-    let info = bench.ok("thermyo board emulated info");
-    assert!(
-        info.contains("contraction, ") && info.contains("armed:         up to 200.0"),
-        "{info}"
-    );
-
-    assert_configurations_are_returned(&bench);
-    assert_a_drive_is_recorded(&bench);
+    let kilograms = bench.run("thermyo board emulated set pressure 5kg");
+    let kilograms = String::from_utf8_lossy(&kilograms.stderr).into_owned();
+    assert!(kilograms.contains("or one with its unit: Pa, kPa, MPa, bar, "), "{kilograms}");
 }
 
 /// The board returns its configuration, to the bit.
@@ -90,10 +109,15 @@ fn assert_a_drive_is_recorded(bench: &Bench) {
     fs::write(bench.path("steps.csv"), "time_s,pressure_pa\n0,120000\n0.2,140000\n0.6,125000\n")
         .unwrap();
     let steps = bench.path("steps.csv").display().to_string();
+    // It begins when the muscle has vented.
+    bench.ok("thermyo board emulated set pressure 2bar --arm --hold 1");
     let run = format!("thermyo board emulated drive {steps} --arm --quiet --json --out out/drive");
     let summary = json(bench.ok(&run));
     assert_eq!(summary["lost_steps"], 0, "{summary}");
     assert!(summary["timing"]["step_mean_us"].as_f64().unwrap() > 10.0, "{summary}");
+    let trace = fs::read_to_string(bench.path("out/drive/trace.csv")).unwrap();
+    let first_pa: f64 = trace.lines().nth(1).unwrap().split(',').nth(1).unwrap().parse().unwrap();
+    assert!(first_pa < 1.06e5, "{first_pa}");
     let replayed = json(bench.ok("thermyo replay out/drive/trace.csv --json --out out/again"));
     assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&601.into(), &0.into()));
     assert!(bench.path("out/drive/report.html").is_file());

@@ -60,7 +60,12 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     bench.ok("thermyo board emulated arm");
     let word = typed(&bench, calibrate, "one bar\n");
     assert_eq!(word.status.code(), Some(2), "{}", message(&word));
-    assert!(message(&word).contains("must be what the reference reads, in Pa"));
+    assert!(
+        message(&word).contains("one bar\": the reference must be a number in Pa, or one with")
+    );
+    // The unit is wrong: it is refused at the first point.
+    let unit = typed(&bench, calibrate, "101.3\n");
+    assert!(message(&unit).contains("the reference reads 0.10 kPa and the sensor 101."));
     // A reference far from the sensor's reading.
     bench.ok("thermyo board emulated arm");
     let wrong = typed(&bench, calibrate, "101325\n400000\n");
@@ -75,7 +80,8 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
         info["pressure_pa"].as_f64().unwrap() < 103_000.0
     });
     bench.ok("thermyo board emulated arm");
-    let done = typed(&bench, calibrate, "101325\n252500\n");
+    // Typos do not end it.
+    let done = typed(&bench, calibrate, "101,3\n101.325 kPa\n2.5\n2.525 bar\n");
     let text = String::from_utf8_lossy(&done.stdout).into_owned();
     assert!(done.status.success(), "{text}{}", message(&done));
     assert!(text.contains("it holds 250.0 kPa") && text.contains("put right by"), "{text}");

@@ -45,6 +45,13 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
             "{name}: {chart}"
         );
         assert!(chart["hair"].as_u64() >= Some(1), "{name}: {chart}");
+        let downloads = &chart["downloads"];
+        assert_eq!(downloads["names"], serde_json::json!(["csv", "svg"]), "{name}: {chart}");
+        assert!(
+            downloads["rows"].as_u64() > Some(2) && downloads["svg"] == "<svg",
+            "{name}: {chart}"
+        );
+        assert!(downloads["head"].as_str().unwrap().contains("\",\""), "{name}: {chart}");
         assert_ne!(chart["zoomed"], chart["whole"], "{name}: {chart}");
         assert_ne!(chart["panned"], chart["zoomed"], "{name}: {chart}");
         assert_eq!(chart["back"], chart["whole"], "{name}: {chart}");

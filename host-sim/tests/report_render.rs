@@ -7,7 +7,7 @@ use std::path::Path;
 
 use quick_xml::Reader;
 use quick_xml::events::Event;
-use thermyo_record::summary::Controlled;
+use thermyo_record::tracking::Controlled;
 use thermyo_report::Colour;
 use thermyo_report::bars::Bars;
 use thermyo_report::chart::{Axis, Chart, Panel};

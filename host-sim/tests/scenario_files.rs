@@ -45,6 +45,49 @@ fn an_empty_scenario_has_the_defaults() {
 }
 
 #[test]
+fn values_are_written_in_the_units_of_their_quantity() {
+    let loaded = valid(
+        "[supply]\npressure_pa = \"7 bar\"\ntemperature_k = \"25 degC\"\n[drive]\ncontraction = \"5%\"\n\
+         [muscle]\nrest_length_m = \"250 mm\"\n[sensor.gas]\ntime_constant_s = \"200 ms\"\n\
+         [valve]\nconductance_m3_s_pa = \"1.5 l/(s bar)\"\npwm_hz = \"0.2 kHz\"\n\
+         [believed.supply]\npressure_pa = \"101.5 psi\"",
+    );
+    let plant = &loaded.plant;
+    assert_eq!((plant.supply.pressure_pa, plant.supply.temperature_k), (7e5, 298.15));
+    assert_eq!((plant.drive.contraction, plant.muscle.rest_length_m), (0.05, 0.25));
+    assert_eq!((plant.sensor.gas.time_constant_s, plant.valve.pwm_hz), (0.2, 200.0));
+    assert_eq!(plant.valve.conductance_m3_s_pa, 1.5e-8);
+    assert_eq!(loaded.believed.supply.pressure_pa.round(), 699_818.0);
+    let printed = thermyo_setup::render(&loaded);
+    assert!(printed.contains("pressure_pa = 700000.0  # Pa, "), "it prints SI");
+    assert_messages(&[
+        (
+            "[supply]\npressure_pa = \"5 kg\"",
+            "scenario.toml:2: supply.pressure_pa = \"5 kg\": must be a number from 1 to 3e6 Pa, or a text \
+             with its unit: Pa, kPa, MPa, bar, mbar, psi",
+        ),
+        (
+            "[supply]\npressure_pa = \"500000\"",
+            "scenario.toml:2: supply.pressure_pa = \"500000\": must be a number from 1 to 3e6 Pa, or a text \
+             with its unit: Pa, kPa, MPa, bar, mbar, psi",
+        ),
+        (
+            "[supply]\npressure_pa = \"50 bar\"",
+            "scenario.toml:2: supply.pressure_pa = \"50 bar\": must be a number from 1 to 3e6 Pa",
+        ),
+        (
+            "[believed.sensor.gas]\nnoise_k = \"1 degC\"",
+            "scenario.toml:2: believed.sensor.gas.noise_k = \"1 degC\": must be a number from 0 to 100 K, \
+             or a text with its unit: K",
+        ),
+        (
+            "[muscle]\nzones = \"5 mm\"",
+            "scenario.toml:2: muscle.zones = \"5 mm\": must be a whole number from 1 to 64",
+        ),
+    ]);
+}
+
+#[test]
 fn unknown_names_get_a_suggestion() {
     assert_messages(&[
         (

@@ -258,10 +258,11 @@ fn a_page_steers_and_another_watches() {
     first.until("garbage", HANGS_S, |page| page.happened("not understood"));
     first.drive(1.3e5);
     first.order(json!({ "set": { "Pressure": { "pressure_pa": 9e6 } } }));
-    first.until("out of range", HANGS_S, |page| page.happened("must be from 101325 Pa"));
+    first.until("out of range", HANGS_S, |page| page.happened("must be from 101.33 kPa"));
     first.order(json!({ "set": { "Pressure": { "pressure_pa": -3000 } } }));
-    first
-        .until("below ambient", HANGS_S, |page| page.happened("pressure_pa = -3000: must be from"));
+    first.until("below ambient", HANGS_S, |page| {
+        page.happened("a pressure of -3 kPa: must be from")
+    });
 
     assert_no_file_is_shown(&served, &mut first);
 
@@ -496,13 +497,32 @@ fn a_sensor_is_calibrated_step_by_step() {
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.until("a state", HANGS_S, |page| page.state.is_object());
+    page.until("configured", HANGS_S, |page| page.state["configuration"]["configured"] == true);
+    let checksum = page.state["configuration"]["checksum"].clone();
     page.order(json!({ "calibrate": "pressure" }));
     page.until("asked", HANGS_S, |page| page.state["guide"]["asks"] == "Pa");
     page.order(json!({ "reference": "one bar" }));
     page.until("no number", HANGS_S, |page| {
-        page.state["guide"]["text"].as_str().unwrap().contains("must be what the reference reads")
+        page.state["guide"]["text"]
+            .as_str()
+            .unwrap()
+            .contains("the reference must be a number in Pa")
     });
-    page.order(json!({ "reference": "101325" }));
+    // The first point is read vented, in the page's unit, and refused at once.
+    page.drive(3.0e5);
+    page.order(json!({ "reference": "101.3 kPa" }));
+    page.until("driven", HANGS_S, |page| {
+        page.state["guide"]["text"].as_str().unwrap().contains("the muscle does not vent")
+    });
+    page.order(json!({ "set": "Vent" }));
+    page.until("vented", HANGS_S, |page| {
+        page.frame["mode"] == "vent" && page.pressure_pa() < 1.03e5
+    });
+    page.order(json!({ "reference": "101.3" }));
+    page.until("another unit", HANGS_S, |page| {
+        page.state["guide"]["text"].as_str().unwrap().contains("reads 0.10 kPa and the sensor 10")
+    });
+    page.order(json!({ "reference": "101.325 kPa" }));
     page.until("asked again", HANGS_S, |page| {
         page.state["guide"]["text"].as_str().unwrap().contains("second point")
     });
@@ -511,8 +531,14 @@ fn a_sensor_is_calibrated_step_by_step() {
     page.order(json!({ "reference": "303000" }));
     page.until("put right", HANGS_S, |page| page.state["guide"]["over"] == true);
     let text = page.state["guide"]["text"].as_str().unwrap().to_owned();
-    assert!(text.contains("Put right by"), "{text}");
+    assert!(text.starts_with("Put right by") && text.contains(" kPa"), "{text}");
     page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
+    // The configuration before is one click away.
+    assert_eq!(page.state["guide"]["chooses"], true);
+    page.until("calibrated", HANGS_S, |page| page.state["configuration"]["checksum"] != checksum);
+    page.order(json!("back"));
+    page.until("back", HANGS_S, |page| page.state["configuration"]["checksum"] == checksum);
+    assert!(page.state["guide"].is_null(), "{}", page.state["guide"]);
 }
 
 #[test]
@@ -579,10 +605,26 @@ fn a_muscle_is_tuned_from_the_page() {
         let before = text(&page);
         page.until("it goes on", HANGS_S, |page| over(page) || text(page) != before);
     }
-    assert!(text(&page).contains("friction.force_n"), "{}", text(&page));
+    assert!(
+        text(&page).starts_with("with the tuned values a sine is followed "),
+        "{}",
+        text(&page)
+    );
+    assert_eq!(page.state["guide"]["table"][0][0], "friction.force_n");
     assert_eq!(page.state["guide"]["result"], "tune-1");
     page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
-    page.until("other values", HANGS_S, |page| page.state["configuration"]["checksum"] != checksum);
+    // Values that make it worse are not left on the board.
+    let adopted = page.state["guide"]["chooses"] == true;
+    let has = |page: &Page| (page.state["configuration"]["checksum"] != checksum) == adopted;
+    page.until("the better values", HANGS_S, has);
+    if adopted {
+        page.order(json!("back"));
+        page.until("back", HANGS_S, |page| page.state["configuration"]["checksum"] == checksum);
+    }
+    assert_the_tuning_is_written(&served, adopted);
+}
+
+fn assert_the_tuning_is_written(served: &Served, adopted: bool) {
     let (status, report) = served.get(&served.path("results/tune-1/report.html"), served.host());
     assert_eq!(status, 200);
     assert!(report.contains("<svg"));
@@ -593,6 +635,7 @@ fn a_muscle_is_tuned_from_the_page() {
     let summary: Value = serde_json::from_slice(&summary).unwrap();
     let delay_s = summary["delay_s"].as_f64().unwrap();
     assert!((0.002..0.004).contains(&delay_s), "{delay_s}");
+    assert_eq!(summary["adopted"], adopted);
 }
 
 #[test]
@@ -623,10 +666,25 @@ fn the_page_in_a_browser() {
         crate::browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve", &more);
     assert_eq!(seen["problems"], json!([]), "{seen}");
     assert_eq!(seen["first"], json!({ "armed": true, "readings": true }), "{seen}");
-    assert_eq!(seen["refused"][0], "Type a number, in kPa.", "{seen}");
+    assert_eq!(seen["most"][0], "150.0", "{seen}");
+    let most = seen["most"][1].as_str().unwrap();
+    assert!(most.starts_with("1500.0 kPa: must be from 101.3 to 660.1 kPa."), "{seen}");
+    let in_bar = &seen["in_bar"];
+    let pressure_bar = in_bar["pressure"].as_f64().unwrap();
+    assert!((3.2..3.4).contains(&pressure_bar), "{seen}");
+    assert_eq!(
+        (&in_bar["field"], &in_bar["armed"]),
+        (&json!("3.300"), &json!("armed up to 4.000 bar"))
+    );
+    assert!((0.0..60.0).contains(&in_bar["gas"].as_f64().unwrap()), "{seen}");
+    let typed = seen["refused"][0].as_str().unwrap();
+    assert!(
+        typed.starts_with("Type a number in kPa, or with its unit: Pa, kPa, MPa, bar, "),
+        "{seen}"
+    );
     let range = seen["refused"][1].as_str().unwrap();
     assert!(
-        range.starts_with("-3 kPa: must be from 101.3 to ") && range.ends_with(" kPa."),
+        range.starts_with("-3.0 kPa: must be from 101.3 to ") && range.ends_with(" kPa."),
         "{seen}"
     );
     // The typed set point is driven, and the pressure follows.

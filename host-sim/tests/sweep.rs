@@ -71,7 +71,8 @@ fn every_point_is_the_run_that_the_file_would_give() {
     assert_eq!(
         lines.next().unwrap(),
         "point,sensor.gas.time_constant_s,sensor.gas.position,seed,settled_s,sensor_gas_rmse_k,\
-         sensor_wall_rmse_k,model_rmse_k,estimate_rmse_k,estimate_within_2sd,failure,checksum"
+         sensor_wall_rmse_k,model_rmse_k,estimate_rmse_k,estimate_within_2sd,\
+         control_rms_error,failure,checksum"
     );
     let rows: Vec<Vec<f64>> = lines.map(cells).collect();
     let expected = [[0.5, 0.25], [0.5, 1.0], [3.0, 0.25], [3.0, 1.0]];
@@ -96,6 +97,23 @@ fn every_point_is_the_run_that_the_file_would_give() {
     assert!(!["src=", "<link", "<script"].iter().any(|text| page.contains(text)), "not by itself");
     let scenario = fs::read_to_string(out.join("scenario.toml")).unwrap();
     assert!(scenario.contains("zones = 4"), "{scenario}");
+}
+
+#[test]
+fn a_sweep_with_a_set_point_has_its_tracking_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[run]\nduration_s = 2\n[drive]\nkind = \"contraction\"\nshape = \"sine\"\n\
+                amplitude = \"2 %\"\n";
+    let scenario = file(folder.path(), "scenario.toml", text);
+    let out = folder.path().join("out");
+    let table = sweep(&scenario, &["--vary", "drive.period_s=250ms,2s"], &out);
+    let errors: Vec<f64> = table.lines().skip(1).map(|line| cells(line)[9]).collect();
+    assert!(errors.len() == 2 && errors[0] > 1e-3 && errors[0] != errors[1], "{table}");
+    let summary = fs::read_to_string(out.join("summary.json")).unwrap();
+    let sentence = " The set point is followed to ";
+    assert!(summary.contains(sentence) && summary.contains(" % of rest length RMS at best"));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains(">list<") && !page.contains(">linear<"), "values of a list");
 }
 
 /// A study in three shards.
@@ -396,6 +414,6 @@ fn a_diverged_point_is_empty_and_reported() {
     );
     let table = fs::read_to_string(out.join("sweep.csv")).unwrap();
     assert!(table.lines().nth(1).is_some_and(|line| cells(line).len() == 10), "{table}");
-    let failed = "2,1,1,0.5,,,,,,\"the plant diverged at ";
+    let failed = "2,1,1,0.5,,,,,,,\"the plant diverged at ";
     assert!(table.lines().nth(2).is_some_and(|line| line.starts_with(failed)), "{table}");
 }

@@ -445,6 +445,16 @@ pub enum Chip {
     Stm32G474,
 }
 
+impl core::fmt::Display for Chip {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Rp2040 => "RP2040",
+            Self::Rp2350 => "RP2350",
+            Self::Stm32G474 => "STM32G474",
+        })
+    }
+}
+
 /// How the steps were timed since the board started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Timing {

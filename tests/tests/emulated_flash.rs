@@ -76,7 +76,7 @@ fn a_running_board_is_flashed_and_runs_the_new_image() {
     });
     let version = env!("CARGO_PKG_VERSION");
     let last = output.last().unwrap();
-    assert!(last.starts_with(&format!("{name} runs firmware {version} (Rp2040, ")), "{output:#?}");
+    assert!(last.starts_with(&format!("{name} runs firmware {version} (RP2040, ")), "{output:#?}");
     assert!(
         output.iter().any(|line| line.ends_with("restarts into its boot loader")),
         "{output:#?}"

@@ -52,7 +52,7 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     };
     let text = shown(&session);
     for part in [
-        "connected, Rp2040, firmware",
+        "connected, RP2040, firmware",
         // The board has no configuration yet.
         "not configured",
         "not armed",

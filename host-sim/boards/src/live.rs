@@ -152,7 +152,17 @@ impl LiveBoard {
     }
 
     /// Arms the board up to this absolute pressure \[Pa\].
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`] outside of what the configuration allows.
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
+        if let Some(pressure_pa) = most_pa {
+            let config = self.known_config()?;
+            let (least_pa, most_pa) = (config.ambient.pressure_pa, config.working_limit_pa());
+            if !(least_pa..=most_pa).contains(&pressure_pa) {
+                return Err(BoardError::Pressure { pressure_pa, least_pa, most_pa });
+            }
+        }
         self.line.ask(HostCommand::Arm { most_pa }, "arm").map(drop)
     }
 

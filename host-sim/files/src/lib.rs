@@ -1,4 +1,4 @@
-//! Files: CSV input, output of traces and summaries, and their errors in one line.
+//! Files: CSV input, output of traces and summaries, units, and errors in one line.
 
 pub mod input;
 pub mod number;
@@ -6,3 +6,4 @@ pub mod output;
 pub mod rows;
 pub mod shipped;
 pub mod table;
+pub mod units;

@@ -1,5 +1,6 @@
 //! Numbers for readers: few digits, units of a handy size, a typographic minus sign.
 
+use super::units::Unit;
 use std::fmt::Write;
 
 /// Shown for a missing value.
@@ -8,61 +9,14 @@ pub const MISSING: &str = "–";
 /// In place of a unit: a whole number.
 pub const COUNT: &str = "count";
 
-/// How an SI unit is shown.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Unit {
-    /// Symbol of the shown unit; empty when dimensionless.
-    pub symbol: &'static str,
-    /// Shown value per SI value.
-    pub factor: f64,
-}
-
-/// Suffix of a key or column, SI symbol, shown unit. Longer suffixes stand before their own ends.
-const UNITS: [(&str, &str, Unit); 16] = [
-    ("_w_m2_k", "W/(m2 K)", Unit { symbol: "W/(m² K)", factor: 1.0 }),
-    ("_kg_s", "kg/s", Unit { symbol: "g/s", factor: 1e3 }),
-    ("_j_k", "J/K", Unit { symbol: "J/K", factor: 1.0 }),
-    ("_n_m", "N/m", Unit { symbol: "N/m", factor: 1.0 }),
-    ("_m_s", "m/s", Unit { symbol: "mm/s", factor: 1e3 }),
-    ("_deg", "deg", Unit { symbol: "°", factor: 1.0 }),
-    ("_m3", "m3", Unit { symbol: "cm³", factor: 1e6 }),
-    ("_kg", "kg", Unit { symbol: "g", factor: 1e3 }),
-    ("_pa", "Pa", Unit { symbol: "kPa", factor: 1e-3 }),
-    ("_hz", "Hz", Unit { symbol: "Hz", factor: 1.0 }),
-    ("_m", "m", Unit { symbol: "mm", factor: 1e3 }),
-    ("_k", "K", Unit { symbol: "K", factor: 1.0 }),
-    ("_s", "s", Unit { symbol: "s", factor: 1.0 }),
-    ("_n", "N", Unit { symbol: "N", factor: 1.0 }),
-    ("_j", "J", Unit { symbol: "J", factor: 1.0 }),
-    ("_w", "W", Unit { symbol: "W", factor: 1.0 }),
-];
-
-impl Unit {
-    /// Without unit or conversion.
-    pub const NONE: Self = Self { symbol: "", factor: 1.0 };
-
-    /// The unit of a key or trace column, by its suffix: `pressure_pa` is shown in kPa.
-    pub fn of_column(name: &str) -> Self {
-        UNITS
-            .iter()
-            .find(|(suffix, ..)| name.ends_with(suffix))
-            .map_or(Self::NONE, |(.., unit)| *unit)
-    }
-
-    /// The shown values of SI `values`.
-    pub fn convert(self, values: &[f64]) -> Vec<f64> {
-        values.iter().map(|v| v * self.factor).collect()
-    }
-}
-
 /// An SI value with its SI symbol, as shown value and symbol: `(4.2e5, "Pa")` is `("420", "kPa")`.
 ///
 /// An unknown symbol is kept as it is; a [`COUNT`] is shown whole. Absolute temperatures get a fourth digit. Beyond 10 000 of a submultiple the SI unit itself is shown.
 pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
     let digits = if si_symbol == "K" && value.abs() >= 100.0 { 4 } else { 3 };
-    match UNITS.iter().find(|(_, si, _)| *si == si_symbol) {
+    match Unit::of_si(si_symbol) {
         _ if si_symbol == COUNT => (fixed(value, 0), String::new()),
-        Some((.., unit)) if unit.factor <= 1.0 || (value * unit.factor).abs() < 1e4 => {
+        Some(unit) if unit.factor <= 1.0 || (value * unit.factor).abs() < 1e4 => {
             (significant(value * unit.factor, digits), unit.symbol.to_owned())
         }
         _ => (significant(value, digits), si_symbol.to_owned()),

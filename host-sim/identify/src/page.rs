@@ -2,7 +2,8 @@
 
 use super::Identified;
 use super::data::{Observed, Quantity};
-use thermyo_files::number::{MISSING, Unit, fixed, significant};
+use thermyo_files::number::{MISSING, fixed, significant};
+use thermyo_files::units::Unit;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Table, Tile};

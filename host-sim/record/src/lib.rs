@@ -6,4 +6,5 @@ pub mod measured;
 pub mod sinks;
 pub mod summary;
 pub mod trace;
+pub mod tracking;
 pub mod units;

@@ -3,44 +3,15 @@
 use crate::limit_cycle::LimitCycle;
 use crate::measured::Measured;
 use crate::trace::{COLUMNS, Row};
+use crate::tracking::{Control, Controlled, Reference, Tracking};
 use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
 use model_core::sensing::adc::at_rail;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use thermyo_files::number::{Unit, fixed, significant};
-use thermyo_plant::{Ledger, Truth};
+use thermyo_files::number::fixed;
+use thermyo_plant::Ledger;
 use thermyo_protocol::Timing;
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Controlled {
-    /// Absolute pressure \[Pa\].
-    Pressure,
-    /// Contraction, fraction of the rest length \[-\].
-    Contraction,
-}
-
-impl Controlled {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pressure => "Absolute pressure",
-            Self::Contraction => "Contraction",
-        }
-    }
-
-    pub fn unit(self) -> Unit {
-        match self {
-            Self::Pressure => Unit::of_column("pressure_pa"),
-            Self::Contraction => Unit { symbol: "% of rest length", factor: 100.0 },
-        }
-    }
-
-    pub fn text(self, value: f64) -> String {
-        let Unit { symbol, factor } = self.unit();
-        format!("{} {symbol}", significant(value * factor, 3))
-    }
-}
 
 /// The content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -171,30 +142,6 @@ impl CoreFigures {
     }
 }
 
-/// Control errors, in the set point's unit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Control {
-    pub quantity: Controlled,
-    /// Root-mean-square error.
-    pub rms_error: f64,
-    /// Mean error over the last tenth of the run; none if the run ended before.
-    pub steady_error: Option<f64>,
-    /// Largest excess over the largest set point, relative to the set point's range or itself.
-    pub overshoot: f64,
-}
-
-impl Control {
-    pub fn text(&self) -> String {
-        let steady = self.steady_error.map(|error| self.quantity.text(error));
-        let at_end = steady.map_or_else(String::new, |text| format!("at the end {text}, "));
-        format!(
-            "set point: RMS error {}, {at_end}overshoot {:.1} %\n",
-            self.quantity.text(self.rms_error),
-            self.overshoot * 100.0
-        )
-    }
-}
-
 /// Difference to a measured column.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {
@@ -270,7 +217,7 @@ pub struct Accumulator {
     faults: Faults,
     vented_s: Option<f64>,
     shown_s: Option<f64>,
-    control: ControlSums,
+    tracking: Tracking,
     comparisons: Vec<Comparison>,
 }
 
@@ -308,30 +255,6 @@ impl Extent {
 
     fn readings(&self) -> Readings {
         Readings { min: self.min, max: self.max, first: self.first, last: self.last }
-    }
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct ControlSums {
-    steps: u64,
-    squares: f64,
-    late_steps: u64,
-    late_sum: f64,
-    largest_set_point: f64,
-    smallest_set_point: f64,
-    largest_value: f64,
-}
-
-impl ControlSums {
-    fn figures(&self, quantity: Controlled) -> Control {
-        let span = self.largest_set_point - self.smallest_set_point;
-        let span = if span > 0.0 { span } else { self.largest_set_point.abs() };
-        Control {
-            quantity,
-            rms_error: (self.squares / self.steps as f64).sqrt(),
-            steady_error: (self.late_steps > 0).then(|| self.late_sum / self.late_steps as f64),
-            overshoot: ((self.largest_value - self.largest_set_point) / span).max(0.0),
-        }
     }
 }
 
@@ -403,8 +326,8 @@ impl Summary {
 }
 
 impl Accumulator {
-    /// An empty accumulator. `measured` columns must be among [`COLUMNS`].
-    pub fn new(duration_s: f64, measured: Option<&Measured>) -> Self {
+    /// An empty accumulator of a run with that set point. `measured` columns must be among [`COLUMNS`].
+    pub fn new(duration_s: f64, reference: Reference, measured: Option<&Measured>) -> Self {
         let comparisons = measured.map_or_else(Vec::new, |measured| {
             measured
                 .columns
@@ -439,12 +362,7 @@ impl Accumulator {
             faults: Faults::NONE,
             vented_s: None,
             shown_s: None,
-            control: ControlSums {
-                largest_set_point: f64::NEG_INFINITY,
-                smallest_set_point: f64::INFINITY,
-                largest_value: f64::NEG_INFINITY,
-                ..ControlSums::default()
-            },
+            tracking: Tracking::new(reference),
             comparisons,
         }
     }
@@ -479,7 +397,7 @@ impl Accumulator {
             }
         }
         if let Some(value) = controlled {
-            self.add_control(truth, row.set_point, value);
+            self.tracking.add(row, value);
         }
         if !self.comparisons.is_empty() {
             let cells = row.cells();
@@ -489,25 +407,11 @@ impl Accumulator {
         }
     }
 
-    fn add_control(&mut self, truth: &Truth, set_point: f64, value: f64) {
-        let sums = &mut self.control;
-        let error = value - set_point;
-        sums.steps += 1;
-        sums.squares += error * error;
-        if truth.time_s >= 0.9 * self.duration_s {
-            sums.late_steps += 1;
-            sums.late_sum += error;
-        }
-        sums.largest_set_point = sums.largest_set_point.max(set_point);
-        sums.smallest_set_point = sums.smallest_set_point.min(set_point);
-        sums.largest_value = sums.largest_value.max(value);
-    }
-
+    /// Completes the summary.
     pub fn finish(self, ending: Ending) -> Summary {
         let count = self.steps as f64;
         let rms = |squares: f64| (squares / count).sqrt();
-        let control = ending.controlled.filter(|_| self.control.steps > 0);
-        let control = control.map(|quantity| self.control.figures(quantity));
+        let control = ending.controlled.and_then(|quantity| self.tracking.figures(quantity));
         let compared = self.comparisons.iter().filter(|comparison| comparison.count > 0);
         let measured = (!self.comparisons.is_empty()).then(|| {
             let difference = |comparison: &Comparison| Difference {

@@ -114,6 +114,9 @@ function sample({ colour, mark }) {
   return svg;
 }
 
+/** Properties that style sheets give a drawing. */
+const INHERENT = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-dasharray", "stroke-linecap", "stroke-linejoin", "opacity", "font-family", "font-size", "font-weight", "text-anchor", "display"];
+
 /** The charts that share a window: those over the same quantity. */
 const linkedTo = (key) => charts.filter((chart) => chart.key === key);
 const charts = [];
@@ -207,7 +210,62 @@ export class Chart {
     button("◂", "Earlier; or drag with Shift", () => this.pan(-0.5));
     button("▸", "Later; or drag with Shift", () => this.pan(0.5));
     button("whole", "Back to the whole; or double-click", () => this.back());
+    // A growing record is saved by its recording.
+    if (!this.plot.live) for (const kind of ["csv", "svg", "png"]) button(kind, `Download as ${kind.toUpperCase()}`, () => this.save(kind));
     place.append(bar);
+  }
+
+  /** Downloads the points within the window, or the drawing. */
+  save(kind) {
+    const offer = (href) => {
+      const link = html("a", "");
+      link.href = href;
+      link.download = `${this.plot.name.toLowerCase().replace(/[^a-z0-9]+/g, "-")}.${kind}`;
+      link.click();
+    };
+    if (kind === "csv") return offer(`data:text/csv;charset=utf-8,${encodeURIComponent(this.table())}`);
+    const drawing = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(this.drawing())}`;
+    if (kind === "svg") return offer(drawing);
+    const image = new Image();
+    image.onload = () => {
+      const canvas = document.createElement("canvas");
+      // Twice the size on the screen, for print.
+      [canvas.width, canvas.height] = [2 * image.width, 2 * image.height];
+      canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+      offer(canvas.toDataURL("image/png"));
+    };
+    image.src = drawing;
+  }
+
+  /** Visible layers as a table: a row for each x, a column for each edge. */
+  table() {
+    const layers = this.layers.filter(({ id }) => !this.off.has(id)), rows = new Map();
+    const columns = layers.flatMap((layer) => layer.y.map((values, edge) => ({ layer, values, edge })));
+    columns.forEach(({ layer, values }, column) => layer.x.forEach((x, i) => {
+      if (!(x >= this.window[0] && x <= this.window[1]) || Number.isNaN(values[i])) return;
+      if (!rows.has(x)) rows.set(x, []);
+      rows.get(x)[column] = values[i];
+    }));
+    const name = ({ layer, edge }) => {
+      const { y } = this.plot.panels[layer.panel], bound = layer.y.length > 1 ? [" low", " high"][edge] : "";
+      return `${y.label}${layer.name && layer.name !== y.label ? `, ${layer.name}` : ""}${bound}${y.unit ? ` [${y.unit}]` : ""}`;
+    };
+    const quoted = (text) => `"${text.replaceAll('"', '""')}"`;
+    const head = [title(this.plot.x), ...columns.map(name)].map(quoted);
+    const body = [...rows].sort(([a], [b]) => a - b).map(([x, cells]) => [x, ...columns.map((_, column) => cells[column] ?? "")]);
+    return [head, ...body].map((cells) => cells.join(",")).join("\n") + "\n";
+  }
+
+  /** The drawing as a file of its own, with the colours of the page. */
+  drawing() {
+    const copy = this.svg.cloneNode(true);
+    const [from, to] = [this.svg, copy].map((svg) => [svg, ...svg.querySelectorAll("*")]);
+    from.forEach((node, i) => {
+      const style = getComputedStyle(node);
+      for (const name of INHERENT) to[i].style.setProperty(name, style.getPropertyValue(name));
+    });
+    copy.prepend(element("rect", { width: "100%", height: "100%", fill: getComputedStyle(document.body).backgroundColor }));
+    return new XMLSerializer().serializeToString(copy);
   }
 
   /** Moves the whole to `window`, which a zoomed chart does not show until it is back. */

@@ -1,7 +1,8 @@
 //! Parts of a report on a run in which the core found faults, on a board or in this process.
 
 use super::run_report::{SummaryRow, capitalised};
-use thermyo_record::summary::{Control, CoreFigures, Found};
+use thermyo_record::summary::{CoreFigures, Found};
+use thermyo_record::tracking::Control;
 use thermyo_report::page::Tile;
 
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +21,8 @@ impl Faulted<'_> {
         if self.0.vented_s.is_some() {
             format!("The {what} misses its set point by {error} (RMS), the vented time included. ")
         } else {
-            format!("The {what} follows its set point with an error of {error} (RMS). ")
+            let why = &control.diagnosis;
+            format!("The {what} follows its set point with an error of {error} (RMS); {why}. ")
         }
     }
 

@@ -12,6 +12,7 @@ use model_core::{
     AdcCode, Command, Config, Duty, Estimate, Faults, RawCode, Sample, SetPoint, Telemetry,
 };
 use std::path::Path;
+use thermyo_protocol::checksum;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::run::{MOST_LATE_STEPS, SetPoints};
 
@@ -74,40 +75,120 @@ pub fn replay(
     Ok(outcome)
 }
 
+/// The part of a record that is replayed: consecutive steps of one configuration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// Rows before it.
+    pub before: usize,
+    pub rows: usize,
+    /// Rows after it.
+    pub after: usize,
+    /// Step of its first row. Beyond 0 the state of the core at that step is not in the record, and
+    /// the replay begins with a core that has just started.
+    pub first_step: u32,
+}
+
+impl Part {
+    /// The longest part from a start of the core on; without a start, the longest part.
+    ///
+    /// `of_config` is whether a row was recorded with the configuration that is replayed. The board
+    /// states it some steps late: the last row of a part counts.
+    fn of(steps: &[f64], of_config: impl Fn(usize) -> bool) -> Option<Self> {
+        let ends = (1..=steps.len())
+            .filter(|end| steps.get(*end).is_none_or(|step| *step != steps[end - 1] + 1.0));
+        let mut begin = 0;
+        let parts = ends.map(|end| {
+            let part = begin..end;
+            begin = end;
+            part
+        });
+        let longest = parts
+            .filter(|part| of_config(part.end - 1))
+            .max_by_key(|part| (steps[part.start] == 0.0, part.len(), steps.len() - part.start))?;
+        Some(Self {
+            before: longest.start,
+            rows: longest.len(),
+            after: steps.len() - longest.end,
+            first_step: steps[longest.start] as u32,
+        })
+    }
+
+    /// Which rows are replayed, where it is not the whole record from a start on.
+    pub fn note(&self) -> Option<String> {
+        let Self { before, rows, after, first_step } = *self;
+        let all = before + rows + after;
+        match first_step {
+            0 if rows == all => None,
+            0 => Some(format!(
+                "replayed from the start of the core in row {} on, {rows} of {all} rows",
+                before + 1
+            )),
+            _ => Some(format!(
+                "the record has no start of the core: replayed from its step {first_step} on ({rows} of \
+                 {all} rows) with a core that starts there, so that the first seconds differ"
+            )),
+        }
+    }
+}
+
+/// A record to replay.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    pub config: Config,
+    pub part: Part,
+    pub rows: Vec<Row>,
+}
+
 /// Reads a run's record: the `table` of its `trace.csv`, and the `scenario.toml` beside it.
 ///
 /// # Errors
-/// When the scenario cannot be read, or the trace lacks a step from the first on.
-pub fn read_record(trace: &Path, table: &Table) -> Result<(Config, Vec<Row>), InputError> {
+/// When the scenario cannot be read, or the trace does not have every step.
+pub fn read_record(trace: &Path, table: &Table) -> Result<Record, InputError> {
     let loaded = thermyo_setup::load(&trace.with_file_name("scenario.toml"))?;
-    let column = |name: &str| table.filled(name);
-    let steps = column("step")?;
-    if let Some(row) = steps.iter().zip(0_u32..).position(|(step, row)| *step != f64::from(row)) {
-        let allowed = "the next step from 0 on: record with [run] log_every = 1";
-        return Err(table.cell_error(row, "step", allowed));
-    }
-    let drive = SetPoints::new(&loaded);
     let config = core_config(&loaded.believed);
+    let part = part_of(table, &config)?;
+    let drive = SetPoints::new(&loaded);
     let recorded = Recorded::new(table, &config.sensors)?;
     let logged = logged_set_points(table)?;
     let mut held = SetPoint::Vent;
-    let rows = (0..steps.len())
-        .map(|i| {
+    let rows = (part.before..part.before + part.rows)
+        .map(|row| {
+            let i = row - part.before;
             let set_point = match &logged {
                 // The core vents by itself on a fault.
-                Some(logged) if recorded.faults(i).intersects(VENTING) => {
-                    held = logged[i];
+                Some(logged) if recorded.faults(row).intersects(VENTING) => {
+                    held = logged[row];
                     None
                 }
-                Some(logged) => (i == 0 || logged[i] != held).then_some(logged[i]),
+                Some(logged) => (i == 0 || logged[row] != held).then_some(logged[row]),
                 None if i == 0 => Some(drive.at(0.0)),
                 None => drive.acting_from(i as u64, &loaded),
             };
             held = set_point.unwrap_or(held);
-            Row { set_point, telemetry: recorded.telemetry(i, held) }
+            let telemetry = Telemetry { step: i as u32, ..recorded.telemetry(row, held) };
+            Row { set_point, telemetry }
         })
         .collect();
-    Ok((config, rows))
+    Ok(Record { config, part, rows })
+}
+
+fn part_of(table: &Table, config: &Config) -> Result<Part, InputError> {
+    let steps = table.filled("step")?;
+    let is_step = |step: &f64| step.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(step);
+    if let Some(row) = steps.iter().position(|step| !is_step(step)) {
+        return Err(table.cell_error(row, "step", "a whole number from 0 on"));
+    }
+    let has = |name: &str| table.columns().iter().any(|column| column.name == name);
+    // A board that has not stated it yet leaves it empty.
+    let checksums =
+        if has("config_checksum") { Some(table.column("config_checksum")?) } else { None };
+    let own = f64::from(checksum(config));
+    let of_config =
+        |row: usize| checksums.as_ref().and_then(|all| all[row]).is_none_or(|stated| stated == own);
+    let part = Part::of(&steps, of_config).or_else(|| Part::of(&steps, |_| true));
+    part.filter(|part| part.rows > 1 || steps.len() < 2).ok_or_else(|| {
+        table.cell_error(1, "step", "the next step: record with [run] log_every = 1")
+    })
 }
 
 /// The columns of a record.
@@ -157,7 +238,7 @@ impl Recorded {
         Faults(self.faults[i] as u32)
     }
 
-    /// Telemetry of a row.
+    /// Telemetry of a row, without its step.
     fn telemetry(&self, i: usize, set_point: SetPoint) -> Telemetry {
         let [pressure, gas, length] = self.codes.each_ref().map(|codes| codes[i] as u16);
         let [pressure, gas] = [(pressure, self.digital[0]), (gas, self.digital[1])]
@@ -171,7 +252,7 @@ impl Recorded {
         let [inlet, outlet] =
             self.duties.each_ref().map(|duties| Duty::from_share(duties[i] as f32));
         Telemetry {
-            step: i as u32,
+            step: 0,
             sample: Sample {
                 pressure,
                 gas,
@@ -285,6 +366,23 @@ mod tests {
         let config = Config::default();
         let outcome = again(&config, &record(&config));
         assert_eq!((outcome.steps, outcome.mismatches, outcome.first), (500, 0, None));
+    }
+
+    #[test]
+    fn a_part_is_replayed_from_a_start_of_the_core_on() {
+        let part = |steps: &[u32]| {
+            let steps: Vec<f64> = steps.iter().map(|step| f64::from(*step)).collect();
+            let Part { before, rows, after, first_step } = Part::of(&steps, |_| true).unwrap();
+            [before, rows, after, first_step as usize]
+        };
+        assert_eq!(part(&[0, 1, 2]), [0, 3, 0, 0]);
+        assert_eq!(part(&[7, 8, 9, 0, 1]), [3, 2, 0, 0], "a start goes before length");
+        assert_eq!(part(&[7, 8, 9, 11, 12]), [0, 3, 2, 7]);
+        assert_eq!(part(&[0, 1, 3, 0, 1, 2]), [3, 3, 0, 0]);
+        let steps = [0.0, 1.0, 2.0, 0.0, 1.0];
+        let other = Part::of(&steps, |row| row > 2).unwrap();
+        assert_eq!((other.before, other.rows), (3, 2), "of the configuration that is replayed");
+        assert!(other.note().unwrap().contains("in row 4 on, 2 of 5 rows"));
     }
 
     #[test]

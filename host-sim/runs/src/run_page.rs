@@ -4,7 +4,8 @@ use super::Faulted;
 use super::run_report::{
     self, Measured as MeasuredColumn, RunReport, SummaryRow, capitalised, label,
 };
-use thermyo_files::number::{COUNT, Unit, of_column};
+use thermyo_files::number::{COUNT, of_column};
+use thermyo_files::units::Unit;
 use thermyo_plant::chamber;
 use thermyo_record::measured::Measured;
 use thermyo_record::summary::{Summary, whole_strokes};
@@ -105,7 +106,7 @@ impl RunRecorder {
             scenario_toml: &thermyo_setup::render(loaded),
             tiles: tiles(summary),
             series: &self.recorder,
-            controlled: summary.control.map(|control| control.quantity),
+            controlled: summary.control.as_ref().map(|control| control.quantity),
             drives_flow: loaded.plant.drive.kind == DriveKind::MassFlow,
             measured: &measured,
             summary: &rows(summary),
@@ -232,6 +233,12 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
         let steady = control.steady_error.map(|error| error * factor);
         rows.extend(steady.map(|error| row("Set point, error at the end", error, symbol)));
         rows.push(row("Set point, overshoot", 100.0 * control.overshoot, "%"));
+        rows.extend(control.gain.map(|gain| row("Sine, gain", gain, "")));
+        rows.extend(control.phase_deg.map(|phase_deg| row("Sine, phase", phase_deg, "deg")));
+        rows.extend(control.settled_s.map(|settled_s| row("Steps, settled in", settled_s, "s")));
+        rows.push(row("Pulses of both valves", control.pulses_per_s, "1/s"));
+        rows.push(row("Inlet fully open", 100.0 * control.inlet_open, "%"));
+        rows.push(row("Outlet fully open", 100.0 * control.outlet_open, "%"));
     }
     rows
 }

@@ -1,7 +1,8 @@
 //! Page of a run that has no page of its own: recorded quantities over time.
 
-use thermyo_files::number::{Unit, quantity, significant};
-use thermyo_record::summary::Controlled;
+use thermyo_files::number::{quantity, significant};
+use thermyo_files::units::Unit;
+use thermyo_record::tracking::Controlled;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::muscle::Muscle;

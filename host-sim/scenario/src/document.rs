@@ -119,8 +119,8 @@ impl Document {
         self.put(full_path, key, value, number.to_string())
     }
 
-    /// Sets a key to a word: a choice, "true" or "false", or a whole number with more digits than
-    /// an `f64` has.
+    /// Sets a key to a word: a choice, "true" or "false", a number with its unit, or a whole number
+    /// with more digits than an `f64` has.
     ///
     /// # Errors
     /// When there is no such key, or the word is not allowed.
@@ -131,6 +131,10 @@ impl Document {
                 words.contains(&word).then(|| Value::String(word.to_owned()))
             }
             (Allowed::Switch, "true" | "false") => Some(Value::Boolean(word == "true")),
+            (Allowed::Real(limits), _) => {
+                let number = limits.wanted().read(word).ok();
+                number.filter(|number| limits.contains(*number)).map(Value::Float)
+            }
             (Allowed::Whole { min, max }, _) => {
                 let whole = word.parse().ok().filter(|whole| (min..=max).contains(whole));
                 whole.map(Value::Integer)
@@ -168,7 +172,7 @@ impl Document {
         written: String,
     ) -> Result<(), Problem> {
         let Some(value) = value else {
-            let allowed = key.allowed.to_string();
+            let allowed = allowed_instead(key.allowed, Some(&written));
             return Err(Problem::NotAllowed { key: full_path.to_owned(), value: written, allowed });
         };
         let (is_believed, path) = split_believed(full_path);
@@ -247,17 +251,25 @@ impl Walk<'_> {
         if is_believed && matches!(key.allowed, Allowed::Csv { .. }) {
             return Err(Problem::NotBelieved { key: full_path.to_owned() });
         }
-        let Some(value) = checked(key.allowed, value.get_ref()) else {
-            return Err(Problem::NotAllowed {
-                key: full_path.to_owned(),
-                value: written,
-                allowed: key.allowed.to_string(),
-            });
+        let Some(found) = checked(key.allowed, value.get_ref()) else {
+            let allowed = allowed_instead(key.allowed, value.get_ref().as_str());
+            return Err(Problem::NotAllowed { key: full_path.to_owned(), value: written, allowed });
         };
         let line = Some(self.lines.line_at(offset));
         let entries = if is_believed { &mut self.believed } else { &mut self.plant };
-        entries.list.push(Entry { table: table_of(path).to_owned(), key, value, written, line });
+        let table = table_of(path).to_owned();
+        entries.list.push(Entry { table, key, value: found, written, line });
         Ok(())
+    }
+}
+
+/// Allowed values in place of another; for a text without a unit of the key, also the units.
+fn allowed_instead(allowed: Allowed, text: Option<&str>) -> String {
+    match (allowed, text) {
+        (Allowed::Real(limits), Some(text)) if limits.wanted().read_with_unit(text).is_err() => {
+            format!("{limits}, or a text with its unit: {}", limits.wanted().names())
+        }
+        _ => allowed.to_string(),
     }
 }
 
@@ -268,6 +280,7 @@ fn checked(allowed: Allowed, value: &DeValue<'_>) -> Option<Value> {
             let number = match value {
                 DeValue::Float(float) => float.as_str().parse().ok()?,
                 DeValue::Integer(integer) => whole(integer)? as f64,
+                DeValue::String(text) => limits.wanted().read_with_unit(text).ok()?,
                 _ => return None,
             };
             limits.contains(number).then_some(Value::Float(number))

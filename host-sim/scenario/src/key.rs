@@ -1,6 +1,7 @@
 //! Keys of a table: allowed values and meaning.
 
 use std::fmt;
+use thermyo_files::units::Wanted;
 
 /// A table of keys, such as `[sensor.gas]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,6 +72,11 @@ impl Limits {
     /// Whether the value lies within; NaN does not.
     pub fn contains(&self, value: f64) -> bool {
         self.min <= value && value <= self.max
+    }
+
+    /// Its quantity, for values with a unit. Only a temperature that cannot be zero is absolute.
+    pub fn wanted(&self) -> Wanted {
+        Wanted { si: self.unit, absolute: self.min > 0.0 }
     }
 
     /// The same unit between other limits.

@@ -2,7 +2,7 @@
 
 use super::state;
 use model_core::{Config, Sample};
-use thermyo_studies::calibrate::{Guide, Implausible, Sensor};
+use thermyo_studies::calibrate::{Guide, Sensor};
 
 #[derive(Debug)]
 pub enum Guided {
@@ -25,8 +25,8 @@ pub struct Calibration {
 #[derive(Debug)]
 pub enum Step {
     Goes,
-    /// Both points are known: the configuration, and the sensor's error at them.
-    Calibrated(Box<Config>, [f64; 2]),
+    /// Both points are known: the configuration, and the sensor's error at them as text.
+    Calibrated(Box<Config>, [String; 2]),
 }
 
 impl Calibration {
@@ -42,27 +42,33 @@ impl Calibration {
         }
     }
 
-    /// Takes one of 100 samples per second.
-    pub fn see(&mut self, sample: &Sample) -> Result<Step, Implausible> {
-        match self.guide.see(sample) {
-            Ok(None) => return Ok(Step::Goes),
+    /// Takes one of 100 samples per second, and whether the muscle vents.
+    pub fn see(&mut self, sample: &Sample, vents: bool) -> Step {
+        match self.guide.see(sample, vents) {
+            Ok(None) => return Step::Goes,
             Ok(Some(point)) => {
-                let unit = self.sensor.unit();
-                self.notes += &format!(
-                    "the reference reads {} {unit}, the sensor {:.4} {unit}\n",
-                    point.reference, point.reading
-                );
+                let [reference, reading] =
+                    [point.reference, point.reading].map(|value| self.sensor.text(value));
+                self.notes += &format!("The reference reads {reference}, the sensor {reading}.\n");
             }
             // The reference is requested again.
-            Err(restless) => self.notes += &format!("{restless}\n"),
+            Err(implausible) => self.notes += &format!("Not taken: {implausible}.\n"),
         }
         self.reads = false;
-        let calibrated = self.guide.calibrated()?;
-        Ok(calibrated.map_or(Step::Goes, |(config, off)| Step::Calibrated(Box::new(config), off)))
+        let off = |off: [f64; 2]| off.map(|off| self.sensor.text(off));
+        let calibrated = self.guide.calibrated();
+        calibrated.map_or(Step::Goes, |(config, by)| Step::Calibrated(Box::new(config), off(by)))
     }
 
-    pub fn outcome(&self, text: &str) -> Guided {
-        Guided::over(&title(self.sensor), format!("{}{text}", self.notes), None)
+    /// The outcome of the task; `chooses` where the board has another calibration.
+    pub fn outcome(&self, text: &str, chooses: bool) -> Guided {
+        Guided::Over(state::Guide {
+            title: title(self.sensor),
+            text: format!("{text}\n{}", self.notes),
+            chooses,
+            over: true,
+            ..state::Guide::default()
+        })
     }
 }
 
@@ -76,10 +82,10 @@ fn title(sensor: Sensor) -> String {
 }
 
 impl Guided {
-    /// A finished task, and the result that it wrote.
-    pub fn over(title: &str, text: String, result: Option<String>) -> Self {
+    /// A task that ended without a result.
+    pub fn failed(title: &str, text: String) -> Self {
         let title = title.to_owned();
-        Self::Over(state::Guide { title, text, asks: None, progress: None, result, over: true })
+        Self::Over(state::Guide { title, text, over: true, ..state::Guide::default() })
     }
 
     pub fn state(&self) -> state::Guide {
@@ -93,9 +99,7 @@ impl Guided {
                     format!("{}{}", calibration.notes, calibration.guide.question())
                 },
                 asks: (!calibration.reads).then(|| calibration.sensor.unit()),
-                progress: None,
-                result: None,
-                over: false,
+                ..state::Guide::default()
             },
         }
     }

@@ -30,7 +30,7 @@ use thermyo_studies::drive::LiveBench;
 use thermyo_studies::stops;
 use thermyo_studies::stops::{Asked, LiveRows, Plan, Record, RowBench};
 use thermyo_studies::tune;
-use thermyo_studies::tune::{OutOfReach, TuneError};
+use thermyo_studies::tune::{OutOfReach, TuneError, Tuned};
 
 /// A board without telemetry for this long counts as silent.
 const SILENCE: Duration = Duration::from_millis(500);
@@ -55,6 +55,8 @@ pub struct Operator {
     known: Known,
     /// The part of it that the page needs.
     configuration: Configuration,
+    /// Configuration and name before the last change.
+    former: Option<(Config, String)>,
     link: Link,
     frames: Frames,
     recording: Option<Recording>,
@@ -107,6 +109,7 @@ enum NotDone {
 }
 
 const NO_LINK: NotDone = NotDone::NotNow("there is no link to the board");
+const NO_FORMER: NotDone = NotDone::NotNow("this page has changed no configuration yet");
 const RECORDS: NotDone =
     NotDone::NotNow("a recording runs, and a record has one configuration: end it first");
 
@@ -131,6 +134,7 @@ impl Operator {
             board: Some(board),
             known,
             configuration,
+            former: None,
             link: Link::Connected,
             frames: Frames::new(),
             recording: None,
@@ -371,23 +375,28 @@ impl Operator {
 
     fn calibrate(&mut self, telemetry: &Telemetry) {
         let Some(Guided::Calibration(calibration)) = &mut self.guided else { return };
-        let calibrated = match calibration.see(&telemetry.sample) {
-            Ok(Step::Goes) => return,
-            Ok(Step::Calibrated(config, off)) => Ok((config, off)),
-            Err(implausible) => Err(format!("Not calibrated: {implausible}.")),
+        let vents = matches!(telemetry.mode, Mode::Vent | Mode::StartupCheck);
+        let Step::Calibrated(config, [first, second]) = calibration.see(&telemetry.sample, vents)
+        else {
+            return;
         };
-        let known = calibrated.and_then(|(config, [first, second])| {
-            let name = self.known.status.config_name;
-            let board = self.board.as_mut().ok_or_else(|| NO_LINK.to_string())?;
-            let configured = board.configure(&config, name.as_str());
-            configured.map_err(|error| format!("Not calibrated: {error}."))?;
-            Ok(format!(
-                "Put right by {first:+.4} and {second:+.4}. The board has it, and vents; it is not saved."
-            ))
-        });
-        let text = known.unwrap_or_else(|why| why);
+        let name = self.known.status.config_name;
+        let configured = match self.board.as_mut() {
+            Some(board) => board.configure(&config, name.as_str()).map_err(NotDone::from),
+            None => Err(NO_LINK),
+        };
+        let calibrated = configured.is_ok();
+        let text = match configured {
+            Ok(_) => format!(
+                "Put right by {first} and {second}. The board has it, and vents; it is not saved."
+            ),
+            Err(error) => format!("Not calibrated: {error}."),
+        };
         if let Some(Guided::Calibration(calibration)) = &self.guided {
-            self.guided = Some(calibration.outcome(&text));
+            self.guided = Some(calibration.outcome(&text, calibrated));
+        }
+        if calibrated {
+            self.remember();
         }
         self.shown = None;
     }
@@ -430,11 +439,13 @@ impl Operator {
                 self.shared.log(Weight::Plain, format!("set point: {}", asked_for(set_point)));
             }
             Order::Clear => board.forget_faults()?,
-            Order::Configure(_) if self.recording.is_some() => return Err(RECORDS),
+            Order::Configure(_) | Order::Back if self.recording.is_some() => return Err(RECORDS),
             Order::Configure(text) => {
                 let (config, name) = configuration(&self.target, text)?;
                 board.configure(&config, &name)?;
+                self.remember();
             }
+            Order::Back => return self.back(),
             Order::Save => {
                 board.save()?;
                 self.shared.log(Weight::Plain, "the configuration is kept over the loss of power");
@@ -457,6 +468,22 @@ impl Operator {
             | Order::Tune { .. }
             | Order::Stops { .. } => (),
         }
+        Ok(())
+    }
+
+    /// Keeps the known configuration as the former one: the board has just got another.
+    fn remember(&mut self) {
+        let Known { config, status, .. } = &self.known;
+        if status.config_source != ConfigSource::Defaults {
+            self.former = Some((*config, status.config_name.as_str().to_owned()));
+        }
+    }
+
+    fn back(&mut self) -> Result<(), NotDone> {
+        let (config, name) = self.former.clone().ok_or(NO_FORMER)?;
+        self.board.as_mut().ok_or(NO_LINK)?.configure(&config, &name)?;
+        self.remember();
+        self.guided = None;
         Ok(())
     }
 
@@ -496,21 +523,38 @@ impl Operator {
         self.tuning = None;
         self.board = Some(board);
         self.heard = Instant::now();
+        if tuned.as_ref().is_ok_and(|tuned| tuned.findings.adopted) {
+            self.remember();
+        }
         self.learn_anew();
+        match tuned {
+            Ok(tuned) => self.tuned(&tuned)?,
+            Err(error) => self.not_tuned(error),
+        }
+        Ok(())
+    }
+
+    fn tuned(&mut self, tuned: &Tuned) -> Result<(), InputError> {
         let (folder, name) = next_folder(&self.out, "tune");
-        let outcome = match tuned {
-            Ok(tuned) => tuning::write(&tuned, &folder, &name).map(|()| tuned.findings.text())?,
-            Err(error) => {
-                self.not_tuned(error);
-                return Ok(());
-            }
-        };
+        tuning::write(tuned, &folder, &name)?;
         self.shared.log(Weight::Plain, format!("tuned: {}", folder.display()));
         let text = "friction, valves and gains".to_owned();
         self.shared.add_result(Outcome { name: name.clone(), folder, text });
-        let outcome =
-            format!("{outcome}The board has these values, and vents; they are not saved.");
-        self.guided = Some(Guided::over("Tuning", outcome, Some(name)));
+        let adopted = tuned.findings.adopted;
+        let has = if adopted {
+            "The board has the tuned values, and vents; they are not saved."
+        } else {
+            "The board has its former values again, and vents."
+        };
+        self.guided = Some(Guided::Over(Guide {
+            title: "Tuning".to_owned(),
+            text: format!("{}\n{has}", tuned.findings.verdict()),
+            table: tuned.findings.rows(),
+            chooses: adopted,
+            result: Some(name),
+            over: true,
+            ..Guide::default()
+        }));
         Ok(())
     }
 
@@ -559,7 +603,7 @@ impl Operator {
         if let Some(why) = why {
             let text = format!("Nothing was measured: {why}.");
             self.shared.log(Weight::Refused, text.clone());
-            self.guided = Some(Guided::over("Stops", text, None));
+            self.guided = Some(Guided::failed("Stops", text));
             return Ok(());
         }
         let findings = stops::measured(&record, &plan, &loaded, &self.target.name());
@@ -570,7 +614,13 @@ impl Operator {
         self.shared.log(Weight::Plain, format!("stops measured: {}", folder.display()));
         let text = "gas temperature at stops, heat transfer".to_owned();
         self.shared.add_result(Outcome { name: name.clone(), folder, text });
-        self.guided = Some(Guided::over("Stops", findings.text(), Some(name)));
+        self.guided = Some(Guided::Over(Guide {
+            title: "Stops".to_owned(),
+            text: findings.text(),
+            result: Some(name),
+            over: true,
+            ..Guide::default()
+        }));
         Ok(())
     }
 
@@ -579,7 +629,7 @@ impl Operator {
             self.shared.log(Weight::Refused, "the board is at work: to vent ends that");
         }
         let (title, progress) = (title.to_owned(), Some(progress));
-        self.tuning = Some(Guide { title, text, asks: None, progress, result: None, over: false });
+        self.tuning = Some(Guide { title, text, progress, ..Guide::default() });
     }
 
     fn not_tuned(&mut self, error: TuneError) {
@@ -591,7 +641,7 @@ impl Operator {
         };
         let text = format!("Nothing was tuned: {why}.");
         self.shared.log(Weight::Refused, text.clone());
-        self.guided = Some(Guided::over("Tuning", text, None));
+        self.guided = Some(Guided::failed("Tuning", text));
     }
 
     fn finish_recording(&mut self) {
@@ -617,6 +667,7 @@ impl Operator {
             target: self.target.name(),
             board: self.board.as_ref().map(|board| board.version().into()),
             configuration: self.configuration.clone(),
+            former: self.former.as_ref().map(|(_, name)| name.clone()),
             armed_pa: status.armed_pa,
             faults: names(self.faults),
             vents: self.faults.intersects(VENTING),

@@ -1,4 +1,4 @@
-//! Decides which page steers: the one that has been open longest. The others watch.
+//! Decides which page steers: the one that has been open longest, or took over last. The others watch.
 
 use tokio::sync::watch;
 
@@ -19,7 +19,7 @@ impl Seats {
     pub fn take(&self) -> u64 {
         let mut number = 0;
         self.taken.send_modify(|taken| {
-            number = taken.last().map_or(0, |last| last + 1);
+            number = taken.iter().max().map_or(0, |last| last + 1);
             taken.push(number);
         });
         number
@@ -33,6 +33,14 @@ impl Seats {
             taken.retain(|other| *other != number);
         });
         steered
+    }
+
+    /// Makes a page the steering one.
+    pub fn take_over(&self, number: u64) {
+        self.taken.send_modify(|taken| {
+            taken.retain(|other| *other != number);
+            taken.insert(0, number);
+        });
     }
 
     pub fn steers(&self, number: u64) -> bool {
@@ -57,5 +65,10 @@ mod tests {
         assert!(seats.leave(first) && seats.steers(third));
         let fourth = seats.take();
         assert!(fourth != third && !seats.steers(fourth));
+        seats.take_over(fourth);
+        assert!(seats.steers(fourth) && !seats.steers(third));
+        let fifth = seats.take();
+        assert!(![third, fourth].contains(&fifth), "every page has a number of its own");
+        assert!(seats.leave(fourth) && seats.steers(third));
     }
 }

@@ -155,6 +155,12 @@ fn hear(word: Word, shared: &Shared, seat: u64, refused: &mut Refused) {
         Word::Vent => {
             return shared.vent("Vent was pressed on a page");
         }
+        Word::Steer if shared.seats.steers(seat) => return,
+        Word::Steer => {
+            // The other user may have had the muscle in view: it does not go on by itself.
+            shared.vent("another page took over");
+            return shared.seats.take_over(seat);
+        }
         Word::Order(order) => order,
         Word::Seen(_) => return,
     };

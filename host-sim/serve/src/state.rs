@@ -30,6 +30,8 @@ pub struct State {
     pub target: String,
     pub board: Option<Board>,
     pub configuration: Configuration,
+    /// Name of the configuration before the last change.
+    pub former: Option<String>,
     /// Highest absolute pressure of set points \[Pa\]; none if the board is not armed.
     pub armed_pa: Option<f32>,
     /// Names of the present faults.
@@ -134,12 +136,16 @@ pub struct ResultLink {
 }
 
 /// Progress of a guided task.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Guide {
     pub title: String,
     /// Instruction or outcome.
     pub text: String,
-    /// Unit of the number that the user must enter.
+    /// Values in rows of name, before and after.
+    pub table: Vec<[String; 3]>,
+    /// The board has new values: the user keeps them, or goes back to the former configuration.
+    pub chooses: bool,
+    /// SI symbol of the quantity that the user must enter.
     pub asks: Option<&'static str>,
     /// Finished fraction \[-\].
     pub progress: Option<f64>,

@@ -41,8 +41,8 @@ impl Bench for Watched<'_, '_> {
         })
     }
 
-    fn vent(&mut self, config: &Config) -> Result<(), BoardError> {
-        self.bench.vent(config)
+    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
+        self.bench.leave(config)
     }
 }
 

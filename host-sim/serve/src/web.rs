@@ -26,6 +26,7 @@ use std::net::{Ipv4Addr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use thermyo_files::units;
 use tokio::task::AbortHandle;
 use tokio_tungstenite::WebSocketStream;
 use tokio_tungstenite::tungstenite::handshake::server::create_response_with_body;
@@ -49,7 +50,7 @@ const PAGE_POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'sel
                            img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 /// A report contains its script and style, and loads nothing, not even from this server.
 const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
-                             img-src data:; sandbox allow-scripts; frame-ancestors 'none'";
+                             img-src data:; sandbox allow-scripts allow-downloads; frame-ancestors 'none'";
 
 const PLAIN: &str = "text/plain; charset=utf-8";
 
@@ -220,6 +221,7 @@ fn file(name: &str) -> Response {
     let text = match name {
         "page.js" => Some(include_str!("page/page.js").to_owned()),
         "palette.js" => Some(page::colours()),
+        "units.js" => Some(units::script(&["Pa", "K", "m", "", "kg/s", "s"])),
         _ => page::FILES.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).into()),
     };
     let kind = if name.ends_with(".css") {

@@ -9,6 +9,8 @@ use thermyo_studies::calibrate::Sensor;
 pub enum Word {
     /// Vent now. Accepted from every page.
     Vent,
+    /// Take over the steering; the muscle vents.
+    Steer,
     /// Number of messages that the page has processed.
     Seen(u64),
     /// Accepted from the steering page.
@@ -29,6 +31,8 @@ pub enum Order {
     /// Sends the configuration of a scenario's text; without one, that of the emulated board's own
     /// muscle.
     Configure(Option<ScenarioText>),
+    /// Sends the configuration that the board had before the last change.
+    Back,
     /// Saves the configuration in flash.
     Save,
     /// Starts a recording.

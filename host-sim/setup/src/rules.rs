@@ -7,7 +7,7 @@ use thermyo_scenario::fault_rules;
 use thermyo_scenario::schema::{Limits, fittable, fittable_paths, limits};
 use thermyo_scenario::violation::{Violation, within};
 use thermyo_scenario::{
-    DriveKind, HeatModel, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Tube,
+    Drive, DriveKind, HeatModel, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Shape, Tube,
 };
 use thermyo_scenario::{number, short};
 
@@ -173,6 +173,7 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
         let allowed = "another kind: with load.kind = \"isometric\" nothing moves".to_owned();
         return Err(Violation::value("drive.kind", "\"contraction\"", allowed));
     }
+    check_shape(drive)?;
     match (&drive.profile_csv, drive.kind) {
         (Some(path), DriveKind::Discharge | DriveKind::Fill | DriveKind::Closed) => {
             let path_text = format!("{:?}", path.display().to_string());
@@ -189,6 +190,14 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
             let why = "at least four periods of valve.pwm_hz, two a stroke";
             within("drive.period_s", drive.period_s, (shortest, longest), why)
         }
+        (None, DriveKind::Pressure | DriveKind::Contraction) if drive.shape != Shape::Constant => {
+            let (allowed, why) = set_points(scenario);
+            let outside = drive.extremes().into_iter().find(|value| !allowed.contains(*value));
+            outside.map_or(Ok(()), |value| {
+                let why = format!("{allowed} at every time, and it reaches {value}: {why}");
+                Err(Violation::value("drive.amplitude", &format!("{:?}", drive.amplitude), why))
+            })
+        }
         (None, DriveKind::Pressure | DriveKind::Contraction) => {
             let (path, value) = if contraction {
                 ("drive.contraction", drive.contraction)
@@ -200,6 +209,27 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
         }
         _ => Ok(()),
     }
+}
+
+fn check_shape(drive: &Drive) -> Result<(), Violation> {
+    if drive.shape == Shape::Constant {
+        return Ok(());
+    }
+    let shape = format!("{:?}", drive.shape.word());
+    if !matches!(drive.kind, DriveKind::Pressure | DriveKind::Contraction) {
+        let allowed =
+            "left out: only drive.kind = \"pressure\" and \"contraction\" have a shape".to_owned();
+        return Err(Violation::value("drive.shape", &shape, allowed));
+    }
+    if drive.profile_csv.is_some() {
+        let allowed = "left out: drive.profile_csv is the set point over time".to_owned();
+        return Err(Violation::value("drive.shape", &shape, allowed));
+    }
+    if drive.amplitude == 0.0 {
+        let why = "a shape needs its amplitude, in the set point's unit";
+        return Err(Violation::missing("drive.amplitude", "drive.shape", why));
+    }
+    Ok(())
 }
 
 /// Allowed set points of the drive, and the reason.

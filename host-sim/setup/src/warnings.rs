@@ -15,6 +15,7 @@ use thermyo_plant::load_n;
 use thermyo_scenario::document::{Document, Entry};
 use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
+    Shape,
 };
 
 /// Tables that neither plant nor core uses, each with the value that causes it.
@@ -97,10 +98,16 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
     let of_drive = |kind, why| {
         let why = (drive.kind != kind).then_some(why);
         why.or(drive.profile_csv.is_some().then_some("drive.profile_csv sets it"))
+            .or(drive.offset.is_some().then_some("drive.offset sets it"))
     };
+
     let of_load = |kind, why| (load.kind != kind).then_some(why);
     let none = matches!(heat.model, HeatModel::Adiabatic | HeatModel::Isothermal);
     match path {
+        "drive.period_s" if drive.shape != Shape::Constant => None,
+        "drive.amplitude" | "drive.offset" => {
+            (drive.shape == Shape::Constant).then_some("drive.shape is \"constant\"")
+        }
         "drive.period_s" | "drive.flow_kg_s" => {
             of_drive(DriveKind::MassFlow, "drive.kind is not \"mass-flow\"")
         }
@@ -301,7 +308,7 @@ impl Spring {
         let length_m = if s.drive.profile_csv.is_some() {
             0.5 * (shortest + longest)
         } else {
-            rest_m * (1.0 - s.drive.contraction)
+            rest_m * (1.0 - s.drive.middle())
         };
         let area_m2 = moving.force_area(length_m);
         let volume_m3 = with_tube_m3(s, moving.volume(length_m));
@@ -391,7 +398,7 @@ fn short_of_pressure(scenario: &Scenario) -> Option<String> {
 fn short_of_length(scenario: &Scenario) -> Option<String> {
     let rest_m = chamber::of(scenario)?.rest_length();
     let Scenario { load, drive, .. } = scenario;
-    let driven = drive.kind == DriveKind::Contraction && drive.profile_csv.is_none();
+    let driven = drive.kind == DriveKind::Contraction && drive.is_constant();
     let (what, length_m) = match load.kind {
         LoadKind::Isometric => ("load.length_m", load.length_m),
         _ if driven && drive.contraction < 0.0 => {

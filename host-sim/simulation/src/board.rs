@@ -120,20 +120,20 @@ pub enum BoardError {
     )]
     Protocol { board: u16 },
     #[error(
-        "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
+        "the board ({chip}) samples its own inputs: for simulated ones flash the firmware \
          built with `--features hil`"
     )]
     NotHil { chip: Chip },
     /// The board expects its samples from the host.
     #[error(
-        "the board ({chip:?}) waits for simulated samples: to drive a muscle flash the firmware built \
+        "the board ({chip}) waits for simulated samples: to drive a muscle flash the firmware built \
          without the feature `hil`"
     )]
     Hil { chip: Chip },
     /// The configuration is for another chip's converter.
     #[error(
         "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
-         ({chip:?}) has none: [adc] wide_code_lsb = 0"
+         ({chip}) has none: [adc] wide_code_lsb = 0"
     )]
     OtherChip {
         /// The board's chip.
@@ -172,16 +172,20 @@ pub enum BoardError {
     NoRestart,
 }
 
-/// Allowed pressures, and the value in Pa if another unit was meant.
+/// Allowed pressures, and how to write the value if another unit was meant.
 fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     let meant = [("bar", 1e5), ("kPa", 1e3)].into_iter().find_map(|(unit, unit_pa)| {
         let meant_pa = f64::from(pressure_pa) * unit_pa;
         let can_be = (f64::from(least_pa)..=f64::from(most_pa)).contains(&meant_pa);
-        can_be.then(|| format!("; {pressure_pa} {unit} is {meant_pa:.0} Pa"))
+        can_be.then(|| format!("; use {pressure_pa}{unit}, which is {meant_pa:.0} Pa"))
     });
+    // Rounded inwards: what is printed is allowed.
+    let least_kpa = (f64::from(least_pa) / 10.0).ceil() / 100.0;
+    let most_kpa = (f64::from(most_pa) / 10.0).floor() / 100.0;
     format!(
-        "pressure_pa = {pressure_pa}: must be from {least_pa} Pa (ambient, as the board is configured) to \
-         {most_pa} Pa{}",
+        "a pressure of {} kPa: must be from {least_kpa} kPa (ambient, as the board is configured) to \
+         {most_kpa} kPa{}",
+        pressure_pa / 1e3,
         meant.unwrap_or_default()
     )
 }

@@ -18,10 +18,11 @@ use thermyo_plant::chamber;
 use thermyo_plant::{BuildError, Diverged, Truth};
 use thermyo_record::limit_cycle::Detector;
 use thermyo_record::measured::Measured;
-use thermyo_record::summary::{Accumulator, Controlled, Ending, Summary};
+use thermyo_record::summary::{Accumulator, Ending, Summary};
 use thermyo_record::trace::Row;
+use thermyo_record::tracking::{Controlled, Reference};
 use thermyo_scenario::profile::Profile;
-use thermyo_scenario::{Drive, DriveKind, LoadKind, Scenario};
+use thermyo_scenario::{Drive, DriveKind, LoadKind, Scenario, Shape};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 
@@ -155,7 +156,11 @@ impl Run {
             detector: drive.dead_zone(&loaded.believed).map(Detector::new),
             drive,
             model,
-            accumulator: Accumulator::new(scenario.run.duration_s, measured),
+            accumulator: Accumulator::new(
+                scenario.run.duration_s,
+                Reference::of(scenario),
+                measured,
+            ),
             rest_length_m,
             length_held: rest_length_m.is_none() || scenario.load.kind == LoadKind::Isometric,
             sample: Sample::default(),
@@ -285,7 +290,7 @@ impl Run {
         Ok(self.accumulator.finish(Ending {
             wall_clock_s,
             board: board.name(),
-            period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.follows_profile())
+            period_s: (scenario.drive.kind == DriveKind::MassFlow && !drive.moves())
                 .then_some(scenario.drive.period_s),
             controlled: drive.quantity(),
             limit_cycle: self.detector.and_then(Detector::finish),
@@ -341,6 +346,7 @@ pub struct SetPoints {
     drive: Drive,
     profile: Option<Profile>,
     shut_s: Vec<Range<f64>>,
+    duration_s: f64,
 }
 
 impl SetPoints {
@@ -349,6 +355,7 @@ impl SetPoints {
             drive: loaded.plant.drive.clone(),
             profile: loaded.drive_profile.clone(),
             shut_s: loaded.shut_s.clone(),
+            duration_s: loaded.plant.run.duration_s,
         }
     }
 
@@ -356,13 +363,24 @@ impl SetPoints {
     pub fn acting_from(&self, step: u64, loaded: &Loaded) -> Option<SetPoint> {
         let step_s = loaded.plant.run.step_s;
         let interval = (SET_POINT_INTERVAL_S / step_s).round() as u64;
-        let due = self.follows_profile() && step.is_multiple_of(interval.max(1));
+        let due = self.moves() && step.is_multiple_of(interval.max(1));
         due.then(|| self.at(step as f64 * step_s))
     }
 
-    /// Whether a profile moves it.
-    pub fn follows_profile(&self) -> bool {
-        self.profile.is_some()
+    /// Whether a profile or a shape moves it.
+    pub fn moves(&self) -> bool {
+        self.profile.is_some() || self.drive.shape != Shape::Constant
+    }
+
+    /// Smallest and largest value with their times \[s\], in the drive's own unit.
+    pub fn extremes(&self) -> Vec<(f64, f64)> {
+        match &self.profile {
+            Some(profile) => profile.points().to_vec(),
+            None if self.drive.shape != Shape::Constant => {
+                self.drive.extremes().map(|value| (0.0, value)).to_vec()
+            }
+            None => vec![(0.0, self.value(0.0))],
+        }
     }
 
     /// The value in the drive's own unit; 0 if it has none.
@@ -375,8 +393,9 @@ impl SetPoints {
                 let filling = (time_s / self.drive.period_s + 1e-9).fract() < 0.5;
                 if filling { self.drive.flow_kg_s } else { -self.drive.flow_kg_s }
             }
-            DriveKind::Pressure => self.drive.pressure_pa,
-            DriveKind::Contraction => self.drive.contraction,
+            DriveKind::Pressure | DriveKind::Contraction => {
+                self.drive.shaped(time_s, self.duration_s)
+            }
             DriveKind::Fill => 1.0,
             DriveKind::Discharge => -1.0,
             DriveKind::Duty | DriveKind::Closed => 0.0,

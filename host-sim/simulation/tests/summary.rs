@@ -1,8 +1,9 @@
 //! The figures of a run's summary, on runs.
 
 use thermyo_plant::Ledger;
-use thermyo_record::summary::{Accumulator, Controlled, Ending};
+use thermyo_record::summary::{Accumulator, Ending};
 use thermyo_record::trace::Row;
+use thermyo_record::tracking::{Controlled, Reference};
 use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 
@@ -18,7 +19,8 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
     };
     run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
     let ended_at = |steps: usize| {
-        let mut accumulator = Accumulator::new(loaded.plant.run.duration_s, None);
+        let mut accumulator =
+            Accumulator::new(loaded.plant.run.duration_s, Reference::of(&loaded.plant), None);
         rows[..steps].iter().for_each(|row| accumulator.add(row, Some(row.truth.pressure_pa)));
         let ending = Ending {
             limit_cycle: None,
@@ -44,4 +46,46 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
     let mean = mean / rows[900..].len() as f64;
     assert!((whole.steady_error.unwrap() - mean).abs() < 1e-9 * mean.abs(), "{mean}");
     assert!(whole.text().contains(", at the end "));
+}
+
+/// A run of the nominal muscle, or of another scenario.
+fn control(text: &str) -> serde_json::Value {
+    let text = format!("[run]\nlog_every = 1\n{text}");
+    let loaded = thermyo_setup::parse(&text, "test".as_ref()).unwrap();
+    let mut observer = |_: &Row| Ok(());
+    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    serde_json::to_value(summary.control.unwrap()).unwrap()
+}
+
+#[test]
+fn a_slow_sine_is_followed_and_a_fast_one_is_late() {
+    let sine = |period_s: f64| {
+        control(&format!(
+            "duration_s = {}\n[drive]\nkind = \"contraction\"\nshape = \"sine\"\noffset = \"10 %\"\n\
+             amplitude = \"2%\"\nperiod_s = {period_s}\n",
+            4.0 * period_s
+        ))
+    };
+    let figure = |control: &serde_json::Value, name: &str| control[name].as_f64().unwrap();
+    let (slow, fast) = (sine(4.0), sine(0.1));
+    assert!((0.97..1.03).contains(&figure(&slow, "gain")), "{slow}");
+    assert!((-8.0..0.5).contains(&figure(&slow, "phase_deg")), "{slow}");
+    assert!(figure(&fast, "gain") < 0.7 && figure(&fast, "phase_deg") < -30.0, "{fast}");
+    assert!(figure(&fast, "rms_error") > 3.0 * figure(&slow, "rms_error"), "{fast}");
+    let diagnosis = fast["diagnosis"].as_str().unwrap();
+    assert!(diagnosis.contains("fully open ") && diagnosis.contains("limits you"), "{diagnosis}");
+    assert!(slow["diagnosis"].as_str().unwrap().contains("the loop, not the valve"), "{slow}");
+}
+
+#[test]
+fn steps_settle_and_their_pulses_are_counted() {
+    let steps = control(
+        "duration_s = 8\n[drive]\nkind = \"pressure\"\nshape = \"step\"\noffset = \"2 bar\"\n\
+         amplitude = \"1 bar\"\nperiod_s = 4\n",
+    );
+    let settled_s = steps["settled_s"].as_f64().unwrap();
+    assert!((0.02..1.0).contains(&settled_s), "{steps}");
+    assert_eq!((&steps["unsettled"], &steps["gain"]), (&0.into(), &serde_json::Value::Null));
+    let pulses_per_s = steps["pulses_per_s"].as_f64().unwrap();
+    assert!((0.5..60.0).contains(&pulses_per_s), "{steps}");
 }

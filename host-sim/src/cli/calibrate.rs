@@ -1,16 +1,18 @@
 //! `thermyo board PORT calibrate`: leads through two points and configures the board.
 
-use super::{Failure, FormatArgs, interrupt, number, print};
+use super::{Failure, FormatArgs, core_quantity, interrupt, print};
 use clap::{Args, ValueEnum};
+use model_core::control::Mode;
 use model_core::safety::supervisor::VENTING;
-use model_core::{Config, Faults, Sample, SetPoint};
+use model_core::{Config, Faults, SetPoint, Telemetry};
 use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::thread;
 use thermyo_boards::live::LiveBoard;
+use thermyo_files::units::Wanted;
 use thermyo_protocol::ConfigSource;
 use thermyo_simulation::board::BoardError;
-use thermyo_studies::calibrate::{Guide, Point, Sensor};
+use thermyo_studies::calibrate::{Guide, Implausible, Point, Sensor};
 
 /// Steps that the muscle gets to settle at a held pressure.
 const SETTLING_STEPS: u32 = 3000;
@@ -20,8 +22,9 @@ pub(super) struct CalibrateArgs {
     /// Sensor to calibrate
     #[arg(value_enum)]
     sensor: Which,
-    /// Absolute pressure that the board holds for the second point, in Pa; the board must be armed
-    #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = number)]
+    /// Absolute pressure that the board holds for the second point, such as 2.5bar or 250000 (Pa);
+    /// the board must be armed
+    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = core_quantity("Pa"))]
     hold: Option<f32>,
 }
 
@@ -73,10 +76,9 @@ pub(super) fn run(
             "config_checksum": status.config_checksum,
         }),
         &format!(
-            "put right by {:+.4} and {:+.4} {}; configuration {} {:08x}, not saved; it vents and is not armed\n",
-            shifts[0],
-            shifts[1],
-            sensor.unit(),
+            "put right by {} and {}; configuration {} {:08x}, not saved; it vents and is not armed\n",
+            sensor.text(shifts[0]),
+            sensor.text(shifts[1]),
             status.config_name.as_str(),
             status.config_checksum,
         ),
@@ -93,42 +95,70 @@ fn two_points(
     asks: &mut dyn Write,
 ) -> Result<(Config, [f64; 2]), Failure> {
     let lines = typed();
-    let mut held = false;
+    let mut hold = hold;
     let mut guide = Guide::new(sensor, config);
+    let mut refused = None;
     loop {
-        if let Some(calibrated) = guide.calibrated().map_err(implausible)? {
+        if let Some(calibrated) = guide.calibrated() {
             return Ok(calibrated);
         }
-        print(asks, &format!("{} ", guide.question()))?;
-        let mut typed = None;
-        wait(board, |_, _| match lines.try_recv() {
-            Ok(line) => {
-                typed = Some(line);
-                true
+        let units = Wanted::new(sensor.unit()).names();
+        print(asks, &format!("{} ({units}) ", guide.question()))?;
+        let typed = line(board, &lines)?;
+        let Some(typed) = typed else {
+            let why = refused.unwrap_or_else(|| "the input has ended".to_owned());
+            return Err(Failure::Usage(format!("not calibrated: {why}")));
+        };
+        let seen = match guide.answer(&typed) {
+            Err(unread) => Err(unread.to_string()),
+            Ok(()) => averaged(board, &mut guide)?.map_err(|why| why.to_string()),
+        };
+        match seen {
+            Err(why) => {
+                print(asks, &format!("{why}\n"))?;
+                refused = Some(why);
             }
-            Err(TryRecvError::Disconnected) => true,
-            Err(TryRecvError::Empty) => false,
-        })?;
-        let typed = typed.unwrap_or_default();
-        guide.answer(&typed).map_err(|error| Failure::Usage(error.to_string()))?;
-        let mut seen = Ok(None);
-        wait(board, |_, sample| {
-            seen = guide.see(sample);
-            !matches!(seen, Ok(None))
-        })?;
-        if let Some(Point { reading, .. }) = seen.map_err(implausible)? {
-            print(asks, &format!("the sensor reads {reading:.4} {}\n", sensor.unit()))?;
-        }
-        if let Some(pressure_pa) = hold.filter(|_| !std::mem::replace(&mut held, true)) {
-            let first = board.set(SetPoint::Pressure { pressure_pa })?;
-            print(asks, &format!("it holds {:.1} kPa\n", pressure_pa / 1e3))?;
-            wait(board, |step, _| step.saturating_sub(first) >= SETTLING_STEPS)?;
+            Ok(None) => {}
+            Ok(Some(Point { reading, .. })) => {
+                print(asks, &format!("the sensor reads {}\n", sensor.text(reading)))?;
+                if let Some(pressure_pa) = hold.take() {
+                    let first = board.set(SetPoint::Pressure { pressure_pa })?;
+                    print(asks, &format!("it holds {:.1} kPa\n", pressure_pa / 1e3))?;
+                    wait(board, |telemetry| {
+                        telemetry.step.saturating_sub(first) >= SETTLING_STEPS
+                    })?;
+                }
+            }
         }
     }
 }
 
-fn implausible(why: thermyo_studies::calibrate::Implausible) -> Failure {
-    Failure::Usage(format!("not calibrated: {why}"))
+/// The next line that the user types; none at the end of the input.
+fn line(board: &mut LiveBoard, lines: &Receiver<String>) -> Result<Option<String>, Failure> {
+    let mut typed = None;
+    wait(board, |_| match lines.try_recv() {
+        Ok(line) => {
+            typed = Some(line);
+            true
+        }
+        Err(TryRecvError::Disconnected) => true,
+        Err(TryRecvError::Empty) => false,
+    })?;
+    Ok(typed)
+}
+
+/// The point that the guide averages, or why it is refused.
+fn averaged(
+    board: &mut LiveBoard,
+    guide: &mut Guide,
+) -> Result<Result<Option<Point>, Implausible>, Failure> {
+    let mut seen = Ok(None);
+    wait(board, |telemetry| {
+        seen =
+            guide.see(&telemetry.sample, matches!(telemetry.mode, Mode::Vent | Mode::StartupCheck));
+        !matches!(seen, Ok(None))
+    })?;
+    Ok(seen)
 }
 
 /// Lines that the user types, read while the board is kept alive.
@@ -144,8 +174,8 @@ fn typed() -> Receiver<String> {
     receiver
 }
 
-/// Keeps the board alive until `done`, which gets the telemetry's step and sample.
-fn wait(board: &mut LiveBoard, mut done: impl FnMut(u32, &Sample) -> bool) -> Result<(), Failure> {
+/// Keeps the board alive until `done`, which gets the telemetry.
+fn wait(board: &mut LiveBoard, mut done: impl FnMut(&Telemetry) -> bool) -> Result<(), Failure> {
     loop {
         if interrupt::is_requested() {
             return Err(BoardError::Interrupted.into());
@@ -155,7 +185,7 @@ fn wait(board: &mut LiveBoard, mut done: impl FnMut(u32, &Sample) -> bool) -> Re
         if faults != Faults::NONE {
             return Err(BoardError::Vented(faults).into());
         }
-        if done(telemetry.step, &telemetry.sample) {
+        if done(&telemetry) {
             return Ok(());
         }
     }

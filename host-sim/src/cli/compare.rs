@@ -1,8 +1,11 @@
 use super::{Failure, OutputArgs, print, publish, read_record, trace_in};
 use clap::Args;
+use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use thermyo_files::number::significant;
 use thermyo_files::output::OutputDir;
+use thermyo_record::tracking::Controlled;
 use thermyo_runs::compare;
 use thermyo_runs::compare::{Compared, Run};
 
@@ -26,6 +29,9 @@ pub(super) fn run(
     }
     let Some((first, others)) = runs.split_first() else { return Ok(()) };
     let compared: Vec<Compared> = others.iter().map(|run| run.compared(first)).collect();
+    for note in others.iter().filter_map(|run| run.unlike(first)) {
+        let _ = writeln!(stderr, "thermyo: warning: {note}");
+    }
     for compared in compared.iter().filter(|compared| compared.differences.is_empty()) {
         let Compared { run, with, .. } = compared;
         let _ = writeln!(
@@ -35,7 +41,12 @@ pub(super) fn run(
     }
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/compare"));
     let mut out = OutputDir::create(&folder)?;
-    let json = serde_json::to_string_pretty(&compared).expect("figures are plain data") + "\n";
+    let control: Vec<Value> = args.runs.iter().map(|path| control_of(path)).collect();
+    let mut json = serde_json::to_value(&compared).expect("figures are plain data");
+    for (entry, control_of_run) in json.as_array_mut().into_iter().flatten().zip(&control[1..]) {
+        entry["control"] = json!({ "run": control_of_run, "with": control[0] });
+    }
+    let json = format!("{json:#}\n");
     out.text("summary.json", &json)?;
     out.text("report.html", &compare::page(&runs, &compared))?;
     publish(out, stderr)?;
@@ -43,7 +54,36 @@ pub(super) fn run(
         return print(stdout, &json);
     }
     print(stdout, &compare::text(&compared))?;
+    for (run, control) in runs.iter().zip(&control) {
+        print(stdout, &tracking(&run.name, control))?;
+    }
     print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
+}
+
+/// `control` of the summary beside a trace; null without one.
+fn control_of(run: &Path) -> Value {
+    let summary = std::fs::read(trace_in(run).with_file_name("summary.json")).unwrap_or_default();
+    let summary: Value = serde_json::from_slice(&summary).unwrap_or_default();
+    summary["control"].clone()
+}
+
+/// How a run followed its set point, in a line; empty without a set point.
+fn tracking(name: &str, control: &Value) -> String {
+    let quantity = match control["quantity"].as_str() {
+        Some("pressure") => Controlled::Pressure,
+        Some("contraction") => Controlled::Contraction,
+        _ => return String::new(),
+    };
+    let figure = |key: &str| control[key].as_f64();
+    let mut parts = Vec::new();
+    parts.extend(figure("rms_error").map(|error| format!("RMS error {}", quantity.text(error))));
+    parts.extend(figure("overshoot").map(|share| format!("overshoot {:.1} %", 100.0 * share)));
+    parts.extend(figure("gain").map(|gain| format!("gain {}", significant(gain, 3))));
+    parts.extend(figure("phase_deg").map(|phase_deg| format!("phase {phase_deg:.0} deg")));
+    parts.extend(figure("settled_s").map(|time_s| format!("settled in {time_s:.2} s")));
+    parts.extend(figure("pulses_per_s").map(|rate| format!("{rate:.1} pulses/s")));
+    parts.extend(control["diagnosis"].as_str().map(str::to_owned));
+    format!("{name}: {}\n", parts.join(", "))
 }
 
 /// Name of a run: its path without the file name that every trace has.

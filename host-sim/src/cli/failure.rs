@@ -43,6 +43,8 @@ pub(super) enum Failure {
     Check(String),
     /// Exit 130: Ctrl-C was pressed.
     Interrupted,
+    /// As above, at a time that the message has.
+    StoppedAt(String),
 }
 
 impl fmt::Display for Failure {
@@ -62,6 +64,7 @@ impl fmt::Display for Failure {
             Self::Run(error) => error.fmt(f),
             Self::Check(message) => f.write_str(message),
             Self::Interrupted => f.write_str("stopped"),
+            Self::StoppedAt(time) => write!(f, "stopped at {time}"),
         }
     }
 }
@@ -149,7 +152,7 @@ impl Failure {
             | Self::Tune(_)
             | Self::Run(_)
             | Self::Check(_) => 1,
-            Self::Interrupted => STOPPED,
+            Self::Interrupted | Self::StoppedAt(_) => STOPPED,
         }
     }
 }

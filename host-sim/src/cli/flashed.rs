@@ -1,14 +1,14 @@
 //! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
 use super::log::LogArgs;
+use super::muscle::{line, vents};
 use super::progress::Bar;
 use super::{
-    Failure, FormatArgs, calibrate, interrupt, load, number, print, publish, read_to_compare, tune,
+    Failure, FormatArgs, calibrate, interrupt, load, print, publish, read_to_compare, set, tune,
 };
 use clap::{Args, Subcommand};
-use model_core::control::Mode;
+use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
-use model_core::{Faults, SetPoint, Telemetry};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,6 @@ use thermyo_scenario::DriveKind;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_setup::{Loaded, SET_POINT_COLUMNS};
-use thermyo_simulation::board::BoardError;
 use thermyo_studies::drive;
 use thermyo_studies::drive::{Drawn, DriveError, Driven, Ended, Gathered};
 
@@ -48,7 +47,7 @@ enum BoardTask {
     /// Arm the board: set points are accepted until something vents it
     Arm(ArmArgs),
     /// Send a set point, show the muscle, and vent in the end
-    Set(SetArgs),
+    Set(set::SetArgs),
     /// Vent
     Stop,
     /// Clear latched faults whose cause is gone
@@ -73,21 +72,10 @@ enum BoardTask {
 
 #[derive(Debug, Args)]
 struct ArmArgs {
-    /// Highest absolute pressure of a set point, in Pa [default: the limit in the configuration]
-    #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = tune::pressure)]
+    /// Highest absolute pressure of a set point, such as 2bar or 200000 (Pa) [default: the limit in
+    /// the configuration]
+    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = tune::pressure)]
     max_pressure: Option<f64>,
-}
-
-#[derive(Debug, Args)]
-struct SetArgs {
-    #[command(subcommand)]
-    set_point: SetPointArgs,
-    /// Vent after this time, in s [default: at Ctrl-C]
-    #[arg(long, value_name = "S", global = true, allow_negative_numbers = true, value_parser = seconds)]
-    hold: Option<f64>,
-    /// Arm the board first
-    #[arg(long, global = true)]
-    arm: bool,
 }
 
 #[derive(Debug, Args)]
@@ -109,62 +97,6 @@ struct DriveArgs {
     out: Option<PathBuf>,
     #[command(flatten)]
     log: LogArgs,
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|value: &f64| (0.0..=1.0e6).contains(value));
-    value.ok_or_else(|| "must be a time from 0 to 1000000 s".to_owned())
-}
-
-#[derive(Debug, Clone, Copy, Subcommand)]
-enum SetPointArgs {
-    /// Absolute pressure
-    Pressure {
-        /// Pressure in Pa
-        #[arg(allow_negative_numbers = true, value_parser = number)]
-        pressure_pa: f32,
-    },
-    /// Contraction
-    Contraction {
-        /// Fraction of the rest length
-        #[arg(allow_negative_numbers = true, value_parser = number)]
-        contraction: f32,
-    },
-    /// Mass flow, or a working cycle that alternates inflow and outflow
-    Flow {
-        /// Mass flow in kg/s, negative out of the muscle
-        #[arg(allow_negative_numbers = true, value_parser = number)]
-        flow_kg_s: f32,
-        /// Period of the cycle, in s
-        #[arg(allow_negative_numbers = true, value_parser = number)]
-        period_s: Option<f32>,
-    },
-    /// Fixed duties of the valves
-    Duty {
-        /// Inlet, 0 to 1
-        #[arg(allow_negative_numbers = true, value_parser = number)]
-        inlet: f32,
-        /// Outlet, 0 to 1
-        #[arg(allow_negative_numbers = true, value_parser = number)]
-        outlet: f32,
-    },
-    /// Inlet shut, outlet open
-    Vent,
-}
-
-impl From<SetPointArgs> for SetPoint {
-    fn from(args: SetPointArgs) -> Self {
-        match args {
-            SetPointArgs::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
-            SetPointArgs::Contraction { contraction } => Self::Contraction { contraction },
-            SetPointArgs::Flow { flow_kg_s, period_s: None } => Self::MassFlow { flow_kg_s },
-            SetPointArgs::Flow { flow_kg_s, period_s: Some(period_s) } => {
-                Self::MassFlowCycle { flow_kg_s, period_s }
-            }
-            SetPointArgs::Duty { inlet, outlet } => Self::Duty { inlet, outlet },
-            SetPointArgs::Vent => Self::Vent,
-        }
-    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -199,7 +131,7 @@ pub(super) fn run(
     match task {
         BoardTask::Info => info(&mut board, format, out),
         BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, format, out),
-        BoardTask::Set(args) => set(&mut board, &args, format, out, err),
+        BoardTask::Set(args) => set::run(&mut board, &args, format, out, err),
         BoardTask::Stop => {
             board.stop()?;
             format.done(out, &vents(), "it vents\n")
@@ -222,10 +154,6 @@ pub(super) fn run(
         BoardTask::Drive(args) => drive_profile(&mut board, &args, format, out, err),
         BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
     }
-}
-
-fn vents() -> Value {
-    json!({ "mode": "vent" })
 }
 
 fn plug(
@@ -289,7 +217,7 @@ fn info(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Resul
     });
     let [major, minor, patch] = version.firmware;
     let text = format!(
-        "board:         {:?}, firmware {major}.{minor}.{patch}, protocol {}\n\
+        "board:         {}, firmware {major}.{minor}.{patch}, protocol {}\n\
          started by:    {}, {} restarts since power came\n\
          configuration: {}\n\
          armed:         {}\n\
@@ -307,7 +235,7 @@ fn info(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Resul
         } else {
             telemetry.faults.to_string()
         },
-        muscle(&telemetry),
+        line(&telemetry),
         timed(&timing),
     );
     format.answer(out, &json, &text)
@@ -353,20 +281,6 @@ fn timed(timing: &Timing) -> String {
     )
 }
 
-fn muscle(telemetry: &Telemetry) -> String {
-    let Telemetry { pressure_pa, length_m, estimate, command, mode, .. } = telemetry;
-    let mode = Mode::NAMES.iter().find(|(known, _)| known == mode).map_or("", |(_, name)| name);
-    format!(
-        "{:7.2} kPa  {:6.1} mm  gas {:6.2} +- {:.2} K  in {:5.1} %  out {:5.1} %  {mode}",
-        pressure_pa / 1e3,
-        length_m * 1e3,
-        estimate.gas_k,
-        estimate.gas_sd_k,
-        command.inlet.share() * 100.0,
-        command.outlet.share() * 100.0,
-    )
-}
-
 fn arm(
     board: &mut LiveBoard,
     most_pa: Option<f64>,
@@ -377,86 +291,6 @@ fn arm(
     let armed_pa = board.status()?.armed_pa.unwrap_or_default();
     let words = format!("armed up to {:.1} kPa, absolute\n", armed_pa / 1e3);
     format.done(out, &json!({ "armed_pa": armed_pa }), &words)
-}
-
-/// Interval of the printed lines \[s\].
-const LINE_S: f64 = 0.5;
-/// The held pressure is averaged over this time before the end \[s\].
-const HELD_S: f64 = 1.0;
-
-fn set(
-    board: &mut LiveBoard,
-    args: &SetArgs,
-    format: FormatArgs,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
-    let set_point = SetPoint::from(args.set_point);
-    let step_s = f64::from(board.config()?.step_s);
-    interrupt::watch();
-    if args.arm {
-        board.arm(None)?;
-    }
-    let first = board.set(set_point)?;
-    if set_point == SetPoint::Vent {
-        return format.done(out, &vents(), "it vents\n");
-    }
-    let (stopped, mut held) = hold(board, args, format, (first, step_s), out)?;
-    board.stop()?;
-    let Some(&(end_s, _)) = held.last() else { return Err(Failure::Interrupted) };
-    held.retain(|(time_s, _)| *time_s >= end_s - HELD_S);
-    let mean_pa = held.iter().map(|(_, pa)| pa).sum::<f64>() / held.len() as f64;
-    let error_pa = match set_point {
-        SetPoint::Pressure { pressure_pa } => Some(mean_pa - f64::from(pressure_pa)),
-        _ => None,
-    };
-    let error = error_pa
-        .map_or_else(String::new, |pa| format!(", {:+.2} kPa from the set point", pa / 1e3));
-    format.answer(
-        out,
-        &json!({ "mean_pressure_pa": mean_pa, "error_pa": error_pa, "held_s": end_s, "mode": "vent" }),
-        &format!("{:.2} kPa in the mean of the last second{error}; it vents\n", mean_pa / 1e3),
-    )?;
-    if !stopped {
-        return Ok(());
-    }
-    let of = args.hold.map_or_else(String::new, |hold_s| format!(" of {hold_s} s"));
-    let _ = writeln!(err, "thermyo: stopped at {end_s:.2} s{of}");
-    Err(Failure::Interrupted)
-}
-
-/// Prints the muscle from the step `first` on, until the time is over or it is stopped. Returns
-/// whether it was stopped, and the pressures.
-fn hold(
-    board: &mut LiveBoard,
-    args: &SetArgs,
-    format: FormatArgs,
-    (first, step_s): (u32, f64),
-    out: &mut dyn Write,
-) -> Result<(bool, Vec<(f64, f64)>), Failure> {
-    let (mut next_line_s, mut held) = (0.0, Vec::new());
-    let stopped = loop {
-        if interrupt::is_requested() {
-            break true;
-        }
-        let Some(telemetry) = board.poll()? else { continue };
-        let faults = telemetry.faults.of(VENTING);
-        if faults != Faults::NONE {
-            return Err(BoardError::Vented(faults).into());
-        }
-        // Telemetry from before the set point is skipped.
-        let Some(steps) = telemetry.step.checked_sub(first) else { continue };
-        let time_s = f64::from(steps) * step_s;
-        held.push((time_s, f64::from(telemetry.pressure_pa)));
-        if time_s >= next_line_s && !format.quiet && !format.json {
-            next_line_s += LINE_S;
-            print(out, &format!("{time_s:7.2} s  {}\n", muscle(&telemetry)))?;
-        }
-        if args.hold.is_some_and(|hold_s| time_s >= hold_s) {
-            break false;
-        }
-    };
-    Ok((stopped, held))
 }
 
 fn configure(
@@ -630,8 +464,7 @@ fn drove(
     }
     if summary.stopped_of_s.is_some() {
         let (driven, folder) = (summary.driven(), folder.display());
-        let _ = writeln!(err, "thermyo: stopped at {driven}; the record is in {folder}");
-        return Err(Failure::Interrupted);
+        return Err(Failure::StoppedAt(format!("{driven}; the record is in {folder}")));
     }
     Ok(())
 }

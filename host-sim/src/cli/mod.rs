@@ -14,10 +14,12 @@ mod folded;
 mod interrupt;
 mod log;
 mod measure;
+mod muscle;
 mod playground;
 mod progress;
 mod replay;
 mod serve;
+mod set;
 mod shell;
 mod sweep;
 mod tune;
@@ -44,6 +46,7 @@ use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
 use thermyo_files::table;
 use thermyo_files::table::Table;
+use thermyo_files::units::Wanted;
 use thermyo_identify::static_map;
 use thermyo_identify::static_map::Readings;
 use thermyo_identify::{IdentifyError, identify_table};
@@ -237,8 +240,14 @@ struct IdentifyArgs {
     output: OutputArgs,
 }
 
-fn number(text: &str) -> Result<f32, String> {
-    text.parse().map_err(|_| "must be a number, with a point: 1.3e5".to_owned())
+/// Parser of an argument in SI, or in another unit of that quantity: `130000`, `1.3bar`.
+fn quantity(si: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| Wanted::new(si).read(text).map_err(|unread| format!("must be {unread}"))
+}
+
+/// As [`quantity`], in the core's f32.
+fn core_quantity(si: &'static str) -> impl Fn(&str) -> Result<f32, String> + Clone {
+    move |text| quantity(si)(text).map(|value| value as f32)
 }
 
 fn whole<T: FromStr + PartialOrd + Display>(

@@ -12,11 +12,12 @@ use thermyo_report::Recorder;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Tile};
 use thermyo_runs::replay;
-use thermyo_runs::replay::Replay;
+use thermyo_runs::replay::{Record, Replay};
 
 #[derive(Debug, Args)]
 pub(super) struct ReplayArgs {
-    /// A run with log_every = 1: its folder of results, or its trace.csv with scenario.toml beside it
+    /// A run with log_every = 1, or a record of a board: its folder of results, or its trace.csv
+    /// with scenario.toml beside it
     trace: PathBuf,
     #[command(flatten)]
     output: OutputArgs,
@@ -34,7 +35,7 @@ pub(super) fn run(
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
     let trace = trace_in(&args.trace);
-    let (config, rows) = replay::read_record(&trace, &read_record(&trace, stderr)?)?;
+    let Record { config, part, rows } = replay::read_record(&trace, &read_record(&trace, stderr)?)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/replay"));
     let mut board = args.board.open()?;
     let mut out = OutputDir::create(&folder)?;
@@ -53,18 +54,29 @@ pub(super) fn run(
         return Err(Failure::Interrupted);
     }
     let outcome = outcome.map_err(Failure::Board)?;
-    let json = serde_json::json!({ "steps": outcome.steps, "mismatches": outcome.mismatches });
+    let json = serde_json::json!({
+        "steps": outcome.steps,
+        "mismatches": outcome.mismatches,
+        "first_step": part.first_step,
+        "rows_before": part.before,
+        "rows_after": part.after,
+    });
     let json = format!("{json:#}\n");
     out.text("summary.json", &json)?;
-    out.text("report.html", &page(&outcome, rows.len() as u64, &recorder))?;
+    let note = part.note();
+    out.text("report.html", &page(&outcome, rows.len() as u64, note.as_deref(), &recorder))?;
     publish(out, stderr)?;
     if args.output.json {
         print(stdout, &json)?;
     } else {
         print(stdout, &format!("{}\n", sentence(&outcome, rows.len() as u64)))?;
+        if let Some(note) = &note {
+            print(stdout, &format!("{note}\n"))?;
+        }
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
-    verdict(&outcome, rows.len() as u64)
+    // Without the state of the core at the first row, no equal bits are claimed.
+    if part.first_step > 0 { Ok(()) } else { verdict(&outcome, rows.len() as u64) }
 }
 
 fn row(step_s: f64, recorded: &Telemetry, replayed: &Telemetry) -> [f64; COLUMNS.len()] {
@@ -99,7 +111,7 @@ fn verdict(outcome: &Replay, rows: u64) -> Result<(), Failure> {
     }
 }
 
-fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
+fn page(outcome: &Replay, rows: u64, note: Option<&str>, recorder: &Recorder) -> String {
     let column = |name: &str| recorder.column(name).unwrap_or_default();
     let time = column("time_s");
     let chart = Chart::new(Axis::new("Time", "s"))
@@ -128,7 +140,8 @@ fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
         );
     let caption = "Recorded outputs of the core, and the difference on replay: a straight line at zero where no \
                    bit differs.";
-    let lead = format!("{}.", sentence(outcome, rows));
+    let note = note.map_or_else(String::new, |note| format!("; {note}"));
+    let lead = format!("{}{note}.", sentence(outcome, rows));
     let steps = Tile::new("Steps replayed", outcome.steps as f64, COUNT)
         .target(&format!("all {rows}"), outcome.steps == rows);
     let differing = Tile::new("Steps that differ", outcome.mismatches as f64, COUNT)

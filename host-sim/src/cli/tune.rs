@@ -1,5 +1,5 @@
 use super::progress::Bar;
-use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish};
+use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish, quantity};
 use clap::Args;
 use model_core::{Config, Telemetry};
 use std::io::Write;
@@ -18,8 +18,8 @@ use thermyo_studies::tune::{Bench, Simulated};
 pub(super) struct TuneArgs {
     /// Scenario file (TOML): muscle, load, and the core's present configuration
     scenario: PathBuf,
-    /// Highest absolute pressure of the experiment, in Pa [default: 400000]
-    #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = pressure)]
+    /// Highest absolute pressure of the experiment, such as 3.5bar or 350000 (Pa) [default: 4bar]
+    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = pressure)]
     max_pressure: Option<f64>,
     #[command(flatten)]
     output: OutputArgs,
@@ -31,13 +31,13 @@ pub(super) struct TuneArgs {
 const LEAST_PA: f64 = 1.0e5;
 
 pub(super) fn pressure(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= LEAST_PA => Ok(value),
-        Ok(value) if (1.0..100.0).contains(&value) => {
-            Err(format!("must be an absolute pressure in Pa: {value} bar are {:.0}", value * 1e5))
-        }
-        _ => Err("must be an absolute pressure in Pa, at least 100000 (1 bar)".to_owned()),
+    let value = quantity("Pa")(text)?;
+    if value >= LEAST_PA {
+        return Ok(value);
     }
+    let bare = text.parse::<f64>().is_ok_and(|bar| (1.0..100.0).contains(&bar));
+    let meant = if bare { format!(": use {text}bar") } else { String::new() };
+    Err(format!("must be an absolute pressure of at least 100000 Pa (1 bar){meant}"))
 }
 
 /// A bench that shows the driven time on a progress bar.
@@ -66,8 +66,17 @@ impl Bench for Watched<'_> {
         Ok(())
     }
 
-    fn vent(&mut self, config: &Config) -> Result<(), BoardError> {
-        self.bench.vent(config)
+    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
+        self.bench.leave(config)
+    }
+}
+
+fn left_on_board(adopted: bool) -> &'static str {
+    if adopted {
+        "the board vents and has the tuned values, not saved; `thermyo board PORT config write` \
+         with the scenario of before goes back\n"
+    } else {
+        "the board vents and has its former values; tuned.toml has the tuned ones\n"
     }
 }
 
@@ -116,6 +125,9 @@ pub(super) fn run(
         print(stdout, &json)
     } else {
         print(stdout, &tuned.findings.text())?;
+        if args.board.port().is_some() {
+            print(stdout, left_on_board(tuned.findings.adopted))?;
+        }
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
     }
 }

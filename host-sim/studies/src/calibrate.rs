@@ -2,6 +2,7 @@
 //! from two points with a reference reading.
 
 use model_core::{Config, Sample};
+use thermyo_files::units::{Unit, Unread, Wanted};
 
 /// A sensor that can be calibrated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,26 +26,31 @@ const MOST_SHIFT: f64 = 0.1;
 /// A reading that scatters by more than this fraction of the range is not at rest.
 const MOST_SCATTER: f64 = 0.005;
 
-/// Reason why a calibration is refused.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+/// Reason why a point or a calibration is refused. Values are texts with their units.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Implausible {
+    /// The first point is not at ambient pressure.
+    #[error("the muscle does not vent: the first point is read vented; vent it, then type again")]
+    NotVented,
     /// The points are too close to each other.
-    #[error("the two points are {found} {unit} apart: must be at least {least} {unit}")]
-    TooClose { found: f64, least: f64, unit: &'static str },
+    #[error("the two points are {found} apart: must be at least {least}")]
+    TooClose { found: String, least: String },
     /// Another sensor, or another range than configured.
     #[error(
-        "the gain came out as {gain:.4}: must be from {:.2} to {:.2}; is the sensor's range the one in the \
-         configuration, and the reference read in {unit}?",
+        "the gain came out as {gain}: must be from {:.2} to {:.2}; is the sensor's range the one in the \
+         configuration?",
         1.0 - MOST_GAIN, 1.0 + MOST_GAIN
     )]
-    Gain { gain: f64, unit: &'static str },
+    Gain { gain: String },
     /// The correction is too large.
-    #[error("the sensor is {found:.4} {unit} off: at most {most:.4} {unit} are put right")]
-    Shift { found: f64, most: f64, unit: &'static str },
     #[error(
-        "the reading scatters by {found:.4} {unit}: at most {most:.4} {unit} are taken; is it at rest?"
+        "the reference reads {reference} and the sensor {reading}: at most {most} are put right; is the \
+         unit the right one?"
     )]
-    Restless { found: f64, most: f64, unit: &'static str },
+    Shift { reference: String, reading: String, most: String },
+    /// The reading is not at rest.
+    #[error("the reading scatters by {found}: at most {most} are taken; is it at rest?")]
+    Restless { found: String, most: String },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,12 +61,23 @@ pub struct Point {
 }
 
 impl Sensor {
+    /// SI symbol.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Pressure => "Pa",
             Self::Length => "m",
             Self::Gas => "K",
         }
+    }
+
+    /// A value or difference for a reader.
+    pub fn text(self, value: f64) -> String {
+        let Unit { symbol, factor } = match self {
+            Self::Pressure => Unit::of_column("pressure_pa"),
+            Self::Length => Unit::of_column("length_m"),
+            Self::Gas => Unit::of_column("sensor_gas_k"),
+        };
+        format!("{:.2} {symbol}", value * factor)
     }
 
     /// Range of the sensor, in its unit.
@@ -96,29 +113,39 @@ impl Sensor {
         if found <= most {
             Ok(mean)
         } else {
-            Err(Implausible::Restless { found, most, unit: self.unit() })
+            Err(Implausible::Restless { found: self.text(found), most: self.text(most) })
         }
+    }
+
+    /// Refuses a point whose reference is far from the sensor's reading.
+    fn check_shift(self, config: &Config, point: Point) -> Result<(), Implausible> {
+        let most = MOST_SHIFT * self.range(config);
+        // NaN is refused too.
+        if (point.reference - point.reading).abs() <= most {
+            return Ok(());
+        }
+        let [reference, reading, most] =
+            [point.reference, point.reading, most].map(|value| self.text(value));
+        Err(Implausible::Shift { reference, reading, most })
     }
 
     /// The configuration with the sensor calibrated so that its readings match the reference at
     /// both points.
     pub fn calibrated(self, config: &Config, [a, b]: [Point; 2]) -> Result<Config, Implausible> {
-        let (range, unit) = (self.range(config), self.unit());
+        let range = self.range(config);
         let span = |of: fn(&Point) -> f64| of(&b) - of(&a);
         let found = span(|point| point.reference).abs().min(span(|point| point.reading).abs());
         let least = LEAST_SPAN * range;
         if found.is_nan() || found < least {
-            return Err(Implausible::TooClose { found, least, unit });
+            let [found, least] = [found, least].map(|value| self.text(value));
+            return Err(Implausible::TooClose { found, least });
         }
         let gain = span(|point| point.reference) / span(|point| point.reading);
         if !(1.0 - MOST_GAIN..=1.0 + MOST_GAIN).contains(&gain) {
-            return Err(Implausible::Gain { gain, unit });
+            return Err(Implausible::Gain { gain: format!("{gain:.4}") });
         }
-        let most = MOST_SHIFT * range;
-        let off = |point: &Point| (point.reference - point.reading).abs();
-        let found = off(&a).max(off(&b));
-        if found > most {
-            return Err(Implausible::Shift { found, most, unit });
+        for point in [a, b] {
+            self.check_shift(config, point)?;
         }
         let (gain, offset) = (gain as f32, (a.reference - gain * a.reading) as f32);
         let mut config = *config;
@@ -156,30 +183,33 @@ impl Guide {
         } else {
             ("second", "at another value")
         };
-        let unit = self.sensor.unit();
-        format!("{number} point, {how} and at rest: what does the reference read, in {unit}?")
+        format!("{number} point, {how} and at rest: what does the reference read?")
     }
 
-    /// Sets the reference of the current point and starts averaging the sensor.
+    /// Sets the reference of the current point, an SI number or one with its unit, and starts
+    /// averaging the sensor.
     ///
     /// # Errors
-    /// Where it is no number.
-    pub fn answer(&mut self, said: &str) -> Result<(), NoNumber> {
-        let said = said.trim();
-        let value = said.parse().ok().filter(|value: &f64| value.is_finite());
-        let unit = self.sensor.unit();
-        self.reference = Some(value.ok_or_else(|| NoNumber { said: said.to_owned(), unit })?);
+    /// Where it is no value of the sensor's quantity; the point is then asked for again.
+    pub fn answer(&mut self, typed: &str) -> Result<(), NoValue> {
+        let read = Wanted::new(self.sensor.unit()).read(typed);
+        let value = read.map_err(|why| NoValue { typed: typed.trim().to_owned(), why })?;
+        self.reference = Some(value);
         self.samples.clear();
         Ok(())
     }
 
-    /// Takes one of 100 samples a second; returns the point when there are enough. Does nothing
-    /// before the reference is set.
+    /// Takes one of 100 samples a second, and whether the muscle vents; returns the point when there
+    /// are enough. Does nothing before the reference is set.
     ///
     /// # Errors
-    /// [`Implausible::Restless`]; the point is then asked for again.
-    pub fn see(&mut self, sample: &Sample) -> Result<Option<Point>, Implausible> {
+    /// [`Implausible`]; the point is then asked for again.
+    pub fn see(&mut self, sample: &Sample, vents: bool) -> Result<Option<Point>, Implausible> {
         let Some(reference) = self.reference else { return Ok(None) };
+        if self.points.is_empty() && !vents {
+            self.reference = None;
+            return Err(Implausible::NotVented);
+        }
         self.samples.push(*sample);
         if self.samples.len() < READINGS {
             return Ok(None);
@@ -187,25 +217,29 @@ impl Guide {
         self.reference = None;
         let reading = self.sensor.reading(&self.config, &self.samples)?;
         let point = Point { reading, reference };
+        self.sensor.check_shift(&self.config, point)?;
+        if let [first] = self.points[..] {
+            self.sensor.calibrated(&self.config, [first, point])?;
+        }
         self.points.push(point);
         Ok(Some(point))
     }
 
     /// The configuration with the calibrated sensor, and the corrections at the two points; none
     /// before both points are known.
-    pub fn calibrated(&self) -> Result<Option<(Config, [f64; 2])>, Implausible> {
-        let [a, b] = self.points[..] else { return Ok(None) };
-        let config = self.sensor.calibrated(&self.config, [a, b])?;
-        Ok(Some((config, [a, b].map(|point| point.reference - point.reading))))
+    pub fn calibrated(&self) -> Option<(Config, [f64; 2])> {
+        let [a, b] = self.points[..] else { return None };
+        let config = self.sensor.calibrated(&self.config, [a, b]).ok()?;
+        Some((config, [a, b].map(|point| point.reference - point.reading)))
     }
 }
 
-/// Error for a reference that is no number.
+/// Error for a reference that is no value of the sensor's quantity.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{said:?}: must be what the reference reads, in {unit}")]
-pub struct NoNumber {
-    said: String,
-    unit: &'static str,
+#[error("{typed:?}: the reference must be {why}")]
+pub struct NoValue {
+    typed: String,
+    why: Unread,
 }
 
 /// The configuration without any calibration.
@@ -257,22 +291,49 @@ mod tests {
     fn a_guide_asks_for_two_points_and_averages() {
         let mut guide = Guide::new(Sensor::Length, Config::default());
         let sample = |code| Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(code));
-        assert_eq!(guide.see(&sample(16_380)), Ok(None), "no reference has been entered");
-        assert!(guide.question().contains("first point") && guide.calibrated() == Ok(None));
-        assert!(guide.answer("0,2").unwrap_err().to_string().contains("in m"));
-        for (code, reference) in [(16_380, "0.201"), (20_475, " 0.257\n")] {
+        assert_eq!(guide.see(&sample(16_380), true), Ok(None), "no reference has been entered");
+        assert!(guide.question().contains("first point") && guide.calibrated().is_none());
+        let typo = guide.answer("0,2").unwrap_err().to_string();
+        assert!(typo.contains("a number in m, or one with its unit: m, cm, mm"), "{typo}");
+        for (code, reference) in [(16_380, "0.201"), (20_475, " 257 mm\n")] {
             guide.answer(reference).unwrap();
-            let seen: Vec<_> = (0..READINGS).map(|_| guide.see(&sample(code)).unwrap()).collect();
+            let seen: Vec<_> =
+                (0..READINGS).map(|_| guide.see(&sample(code), true).unwrap()).collect();
             assert_eq!(seen.iter().flatten().count(), 1);
             assert!(seen[READINGS - 1].is_some());
         }
-        let (config, shifts) = guide.calibrated().unwrap().unwrap();
+        let (config, shifts) = guide.calibrated().unwrap();
         let sensing = config.sensing();
         for (code, reference, shift) in [(16_380, 0.201, shifts[0]), (20_475, 0.257, shifts[1])] {
             let length_m = f64::from(sensing.length_m(AdcCode(code)));
             assert!((length_m - reference).abs() < 1e-5, "{length_m} where {reference} is read");
             assert!((1e-4..1e-2).contains(&shift), "{shift}");
         }
+    }
+
+    /// The first point, with a wrong unit, was refused only after the second.
+    #[test]
+    fn a_point_is_refused_at_once_and_asked_for_again() {
+        let mut guide = Guide::new(Sensor::Pressure, Config::default());
+        let sample = |code| Sample::new(AdcCode(code), AdcCode(15_950), AdcCode(16_380));
+        let see = |guide: &mut Guide, typed: &str, code, vents| {
+            guide.answer(typed).unwrap();
+            let mut seen = (0..READINGS).map(|_| guide.see(&sample(code), vents));
+            seen.find(|seen| !matches!(seen, Ok(None))).unwrap().map(drop)
+        };
+        let config = Config::default();
+        let low_pa = Sensor::Pressure.reading(&config, &[sample(7000)]).unwrap();
+        let high_pa = Sensor::Pressure.reading(&config, &[sample(12_000)]).unwrap();
+        let low = format!("{low_pa}");
+        assert_eq!(see(&mut guide, &low, 7000, false), Err(Implausible::NotVented));
+        let unit = see(&mut guide, "101.3", 7000, true).unwrap_err().to_string();
+        assert!(unit.contains("the reference reads 0.10 kPa and the sensor "), "{unit}");
+        assert!(guide.question().contains("first"));
+        see(&mut guide, &low, 7000, true).unwrap();
+        let gain = see(&mut guide, &format!("{} kPa", high_pa / 0.85e3), 12_000, false);
+        assert!(gain.is_err() && guide.question().contains("second"), "{gain:?}");
+        see(&mut guide, &format!("{} kPa", high_pa / 1e3), 12_000, false).unwrap();
+        assert!(guide.calibrated().is_some());
     }
 
     #[test]

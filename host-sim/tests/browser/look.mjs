@@ -51,6 +51,16 @@ async function used(page, id) {
   const readout = await figure.$eval(".readout", (node) => (node.hidden ? null :
     [...node.querySelectorAll("dt:not(.of)")].map((term) => [term.textContent, term.nextElementSibling.textContent])));
   const hair = await figure.$$eval(".hair", (all) => all.length);
+  // The downloads, caught at their link.
+  const saved = await figure.evaluate((node) => {
+    const links = [], click = HTMLAnchorElement.prototype.click;
+    HTMLAnchorElement.prototype.click = function () { links.push([this.download, decodeURIComponent(this.href.split(",").slice(1).join(","))]); };
+    for (const kind of ["csv", "svg"]) node.querySelector(`[aria-label="Download as ${kind.toUpperCase()}"]`).click();
+    HTMLAnchorElement.prototype.click = click;
+    return links;
+  });
+  const table = saved[0][1].trim().split("\n");
+  const downloads = { names: saved.map(([name]) => name.split(".").at(-1)), rows: table.length, head: table[0], svg: saved[1][1].slice(0, 4) };
   await page.mouse.move(...at(0.4));
   await page.mouse.down();
   await page.mouse.move(...at(0.5), { steps: 4 });
@@ -96,7 +106,7 @@ async function used(page, id) {
   const printed = await drawn(figure);
   await page.emulateMediaType("screen");
   await page.keyboard.press("Escape");
-  return { id, whole, readout, hair, zoomed, linked, empty, printed, panned, back, touched, left, keyed, traces: [before, without, again] };
+  return { id, downloads, whole, readout, hair, zoomed, linked, empty, printed, panned, back, touched, left, keyed, traces: [before, without, again] };
 }
 
 const began = Date.now();

@@ -109,7 +109,10 @@ fn used(table: &Table, scenario: &Loaded) {
         Err(error) => assert_names_place(&error, FILE),
     }
     match replay::read_record(&RUN.1, table) {
-        Ok((_, rows)) => assert_eq!(rows.len(), table.rows()),
+        Ok(record) => {
+            let part = record.part;
+            assert_eq!(part.before + record.rows.len() + part.after, table.rows());
+        }
         Err(error) => assert_names_place(&error, FILE),
     }
 }

@@ -9,9 +9,12 @@ pub use page::page;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::input::InputError;
-use thermyo_files::number::of_column;
+use thermyo_files::number::{of_column, short};
 use thermyo_files::table::Table;
 use thermyo_record::trace::COMPARABLE;
+
+/// Relative difference up to which two records last equally long \[-\].
+const SAME_LENGTH: f64 = 0.01;
 
 #[derive(Debug, Clone)]
 pub struct Run {
@@ -80,6 +83,26 @@ impl Run {
         Some(start + (end - start) * (time_s - start_s) / (end_s - start_s))
     }
 
+    /// Why a comparison with `first` may mean little: another kind of plant, or another length.
+    pub fn unlike(&self, first: &Self) -> Option<String> {
+        let has_length = |run: &Self| run.columns.contains_key("length_m");
+        let length_s = |run: &Self| run.time_s[run.time_s.len() - 1] - run.time_s[0];
+        let (own, other) = (&self.name, &first.name);
+        if has_length(self) != has_length(first) {
+            let [with, without] = if has_length(self) { [own, other] } else { [other, own] };
+            return Some(format!(
+                "{with} has a length and {without} has none: another kind of plant"
+            ));
+        }
+        let [own_s, other_s] = [length_s(self), length_s(first)];
+        ((own_s - other_s).abs() > SAME_LENGTH * own_s.max(other_s)).then(|| {
+            let [own_s, other_s] = [own_s, other_s].map(short);
+            format!(
+                "{own} lasts {own_s} s and {other} {other_s} s: only the common time is compared"
+            )
+        })
+    }
+
     /// Differences from `first`.
     pub fn compared(&self, first: &Self) -> Compared {
         let (from_s, to_s) = (self.time_s[0], self.time_s[self.time_s.len() - 1]);
@@ -144,6 +167,18 @@ mod tests {
         let difference = compared.differences["pressure_pa"];
         assert_eq!(difference, Difference { mean: 3.0, rms: 3.0, max: 3.0 });
         assert!(text(&[compared]).contains("pressure_pa            RMS 0.00300 kPa"));
+    }
+
+    #[test]
+    fn runs_of_another_kind_or_length_are_reported() {
+        let muscle = run("m", "time_s,pressure_pa,length_m\n0,1,1\n5,1,1\n");
+        let vessel = run("v", "time_s,pressure_pa,length_m\n0,1,\n5,1,\n");
+        let short = run("s", "time_s,pressure_pa,length_m\n0,1,1\n2,1,1\n");
+        let note = vessel.unlike(&muscle).unwrap();
+        assert_eq!(note, "m has a length and v has none: another kind of plant");
+        let note = short.unlike(&muscle).unwrap();
+        assert_eq!(note, "s lasts 2 s and m 5 s: only the common time is compared");
+        assert_eq!(muscle.unlike(&muscle), None);
     }
 
     #[test]

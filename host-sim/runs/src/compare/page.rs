@@ -2,7 +2,8 @@
 
 use super::{Compared, Run};
 use crate::run_report::label;
-use thermyo_files::number::{MISSING, Unit, of_column};
+use thermyo_files::number::{MISSING, of_column};
+use thermyo_files::units::Unit;
 use thermyo_record::trace::COMPARABLE;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};

@@ -2,6 +2,8 @@
 
 use crate::declare::{choice, table};
 use model_core::config::{self, LinkConfig};
+use std::f64::consts::{LN_2, TAU};
+use thermyo_compute::math;
 
 table! {
     "run", "length, step, seed";
@@ -45,15 +47,80 @@ choice! {
     }
 }
 
+choice! {
+    /// Set point over time, around an offset.
+    Shape {
+        Constant = "constant",
+        Sine = "sine",
+        /// Offset for half of the period, then offset + amplitude.
+        Step = "step",
+        /// A sine whose frequency rises from 1/period_s over [`CHIRP_OCTAVES`] octaves during the run.
+        Chirp = "chirp",
+        /// Eight holds per period: offset, up to + amplitude, down to - amplitude, back.
+        Staircase = "staircase",
+    }
+}
+
+/// Octaves of a chirp: assumed, from a slow motion to beyond what a muscle follows.
+pub const CHIRP_OCTAVES: f64 = 4.0;
+
 table! {
     "drive", "set point over the run";
     Drive {
         kind: choice DriveKind::MassFlow, "controlled quantity, or fixed openings";
-        period_s: real 5.0, "s", 1.0e-3 to 86_400.0, "period of the cycle (mass-flow)";
+        period_s: real 5.0, "s", 1.0e-3 to 86_400.0, "period of the cycle (mass-flow), or of the shape";
         flow_kg_s: real 3.6e-4, "kg/s", 0.0 to 1.0, "flow, in for half of the period, then out (mass-flow)";
         pressure_pa: real 300_000.0, "Pa", 1.0 to 1.0e8, "set point, absolute (pressure)";
         contraction: real 0.1, "", -10.0 to 0.95, "set point, fraction of the rest length; negative where it lengthens (contraction)";
+        shape: choice Shape::Constant, "set point over time (pressure, contraction)";
+        amplitude: real 0.0, "Pa or 1", -1.0e8 to 1.0e8, "amplitude of the shape, in the set point's unit";
+        offset: optional "Pa or 1", -1.0e8 to 1.0e8, "middle of the shape, start of a step, in the set point's unit; else pressure_pa or contraction";
         profile_csv: csv "value", "flow (negative: out), duty (negative: outlet), pressure or contraction over time";
+    }
+}
+
+impl Drive {
+    /// Whether one number is the set point of the whole run.
+    pub fn is_constant(&self) -> bool {
+        self.profile_csv.is_none() && self.shape == Shape::Constant
+    }
+
+    /// Middle of the shape, in the unit of the set point.
+    pub fn middle(&self) -> f64 {
+        let own =
+            if self.kind == DriveKind::Contraction { self.contraction } else { self.pressure_pa };
+        self.offset.unwrap_or(own)
+    }
+
+    /// Smallest and largest set point of the shape, in its unit.
+    pub fn extremes(&self) -> [f64; 2] {
+        let (middle, size) = (self.middle(), self.amplitude.abs());
+        match self.shape {
+            Shape::Constant => [middle; 2],
+            Shape::Step => [middle + self.amplitude.min(0.0), middle + self.amplitude.max(0.0)],
+            _ => [middle - size, middle + size],
+        }
+    }
+
+    /// Set point of the shape in a run of that length, in its unit.
+    pub fn shaped(&self, time_s: f64, duration_s: f64) -> f64 {
+        let cycles = time_s / self.period_s;
+        // Multiples of the period belong to the next cycle, whatever the rounding.
+        let part = (cycles + 1e-9).fract();
+        let share = match self.shape {
+            Shape::Constant => 0.0,
+            Shape::Sine => math::sin(TAU * cycles),
+            Shape::Step => f64::from(u8::from(part >= 0.5)),
+            Shape::Chirp => {
+                let octaves = CHIRP_OCTAVES * LN_2 / duration_s;
+                math::sin(TAU / self.period_s * (math::exp(octaves * time_s) - 1.0) / octaves)
+            }
+            Shape::Staircase => {
+                const HOLDS: [f64; 8] = [0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5];
+                HOLDS.get((part * 8.0) as usize).copied().unwrap_or_default()
+            }
+        };
+        self.middle() + self.amplitude * share
     }
 }
 
@@ -71,5 +138,44 @@ table! {
         columns: list "measured columns to compare with; empty: all that the data has";
         starts: whole u64, 6, 1 to 100, "starts of the search, the scenario's own values first";
         spread: real 2.0, "", 1.0 to 100.0, "factor that the other starts lie within";
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_are_what_they_are_called() {
+        let drive = |shape| Drive {
+            kind: DriveKind::Contraction,
+            contraction: 0.1,
+            amplitude: 0.02,
+            period_s: 4.0,
+            shape,
+            ..Drive::default()
+        };
+        for (shape, points) in [
+            (Shape::Constant, [0.1; 5]),
+            (Shape::Sine, [0.1, 0.12, 0.1, 0.08, 0.1]),
+            (Shape::Step, [0.1, 0.1, 0.12, 0.12, 0.1]),
+            (Shape::Staircase, [0.1, 0.12, 0.1, 0.08, 0.1]),
+        ] {
+            for (time_s, expected) in (0_u8..).map(f64::from).zip(points) {
+                let value = drive(shape).shaped(time_s, 8.0);
+                assert!((value - expected).abs() < 1e-12, "{shape:?} at {time_s} s: {value}");
+            }
+        }
+        let chirp = drive(Shape::Chirp);
+        // Of the phase's rate: from 1/period_s to 16/period_s.
+        let crossings = |from_s: f64, to_s: f64| {
+            let values = (0..10_000).map(|i| from_s + f64::from(i) * 1e-4 * (to_s - from_s));
+            let above: Vec<bool> = values.map(|t| chirp.shaped(t, 40.0) > 0.1).collect();
+            above.windows(2).filter(|pair| pair[0] != pair[1]).count()
+        };
+        assert_eq!(crossings(0.1, 4.0), 2, "a little more than one cycle in the first period");
+        assert!((28..=32).contains(&crossings(36.0, 40.0)), "{}", crossings(36.0, 40.0));
+        assert_eq!(chirp.extremes(), [0.08, 0.12000000000000001]);
+        assert_eq!(Drive { offset: Some(0.2), ..drive(Shape::Sine) }.shaped(0.0, 8.0), 0.2);
     }
 }

@@ -12,7 +12,7 @@ export const line = layer("line"), dashed = layer("line dashed"), wide = layer("
 export class Live {
   /** `names` of columns beside time; `kept_s` of data are kept, and up to `spare` rows more. */
   constructor(names, kept_s, spare) {
-    Object.assign(this, { kept_s, spare, paused: false, shown: 0, span: 20, charts: [] });
+    Object.assign(this, { kept_s, spare, paused: false, shown: 0, span: 20, charts: [], axes: {} });
     this.columns = Object.fromEntries(["time", ...names].map((name) => [name, []]));
     for (const radio of document.querySelectorAll("[name=span]")) radio.addEventListener("change", () => {
       this.span = +radio.value;
@@ -49,8 +49,17 @@ export class Live {
     }
     const x = { label: "Time", unit: "s", words: [] };
     const panels = [{ y: axis, layers, references: [] }];
+    this.axes[id] = { axis, heading };
     const tools = this.charts.length ? null : $("tools");
     this.charts.push(new Chart(figure, { name: axis.label, live: true, x, window: [-this.span, 0], panels, markers: [] }, tools));
+  }
+
+  /** Changes the unit of a chart's axis, and by `convert` the values of columns. */
+  rescale(id, changes, names, convert) {
+    const { axis, heading } = this.axes[id];
+    Object.assign(axis, changes);
+    heading.textContent = `${axis.label} [${axis.unit}]`;
+    for (const name of names) this.columns[name].forEach((value, i, all) => (all[i] = convert(value)));
   }
 
   /** Adds a row; columns that it lacks have a gap. */

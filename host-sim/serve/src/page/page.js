@@ -1,6 +1,7 @@
 // The page: shows the server's messages and sends the user's orders.
 import { Live, band, dashed, line } from "./live.js";
 import { Muscle } from "./muscle.js";
+import units from "./units.js";
 
 const $ = (id) => document.getElementById(id);
 /** Cells of a row. */
@@ -11,6 +12,45 @@ const KEPT_S = 125, QUIET_MS = 700;
 let socket = null, received = 0, heard = 0, open = false;
 let state = null, own = { steers: false, pages: 1, lost_frames: 0 };
 let due = false;
+
+// Units
+
+/** The displayed units by SI symbol; the user chooses those of pressure and temperature. */
+const chosen = { Pa: "kPa", K: "K", "": "%", "kg/s": "g/s", s: "s", m: "mm" };
+const DIGITS = { kPa: 1, bar: 3, psi: 2, mm: 1, K: 2, degC: 2 };
+/** Data and axes that have a unit to choose. */
+const SCALED = {
+  Pa: { chart: "plot-pressure", least: 1e4, columns: ["pressure", "pressureSet"], fields: ["most", "tune-most"], mode: "pressure" },
+  K: { chart: "plot-temperature", least: 2, columns: ["gas", "low", "high", "sensor"], fields: [] },
+};
+
+const unit = (si) => units[si].find(([name]) => name === chosen[si]);
+const symbol = (si) => chosen[si].replace("deg", "°");
+const digits = (si) => DIGITS[chosen[si]] ?? 2;
+const shownIn = (si, value) => { const [, one, zero] = unit(si); return (value - zero) / one; };
+const format = (si, value) => shownIn(si, value).toFixed(digits(si));
+
+/** SI value of a typed number, in the displayed unit or with its own; a comma is accepted as a decimal point. */
+function parse(text, si) {
+  const [, number, name] = /^([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(.*)$/i.exec(text.trim().replace(",", ".")) ?? [];
+  const typed = name ? units[si].find(([known]) => known === name.replace("°", "deg")) : unit(si);
+  const value = typed && Number(number) * typed[1] + typed[2];
+  return Number.isFinite(value) ? value : null;
+}
+
+function choose(si, name) {
+  const { chart, least, columns, fields, mode: own } = SCALED[si], [, one, zero] = unit(si);
+  const texts = [...fields.map((id) => $(id)), ...(own && mode === own ? [$("first")] : [])];
+  const values = texts.map((field) => parse(field.value, si)), ofMode = own && parse(kept[own][0], si);
+  chosen[si] = name;
+  localStorage.setItem(`unit ${si}`, name);
+  live.rescale(chart, { unit: symbol(si), digits: digits(si), least: least / unit(si)[1] }, columns, (value) => shownIn(si, value * one + zero));
+  texts.forEach((field, i) => { if (values[i] !== null) field.value = format(si, values[i]); });
+  if (own) kept[own][0] = format(si, ofMode);
+  for (const place of document.querySelectorAll(`[data-unit="${si}"]`)) place.textContent = symbol(si);
+  if (state) showState();
+  draw();
+}
 
 // The link
 
@@ -51,13 +91,15 @@ function take(frame) {
     const row = Object.fromEntries(CELLS.map((name, i) => [name, cells[i] ?? NaN]));
     // In displayed units.
     live.push({
-      time: row.time, pressure: row.pressure_pa / 1e3, pressureSet: row.pressure_set_pa / 1e3,
-      gas: row.gas_k, low: row.gas_k - 2 * row.sd_k, high: row.gas_k + 2 * row.sd_k, sensor: row.sensor_k, wall: row.wall_k,
+      time: row.time, pressure: shownIn("Pa", row.pressure_pa), pressureSet: shownIn("Pa", row.pressure_set_pa),
+      gas: shownIn("K", row.gas_k), low: shownIn("K", row.gas_k - 2 * row.sd_k), high: shownIn("K", row.gas_k + 2 * row.sd_k),
+      sensor: shownIn("K", row.sensor_k), wall: row.wall_k,
       length: row.length_m * 1e3, contraction: rest ? (1 - row.length_m / rest) * 100 : NaN, contractionSet: row.contraction_set * 100,
       inlet: row.inlet * 100, outlet: row.outlet * 100,
     });
   }
   live.trim();
+  Object.assign(kelvin, { gas: frame.rows.at(-1)?.[4], sensor: frame.rows.at(-1)?.[3] });
   showMode(frame);
   showLink();
   draw();
@@ -85,14 +127,16 @@ live.chart("plot-length", { label: "Contraction", unit: "%", digits: 2, least: 2
 live.chart("plot-duty", { label: "Valve openings", unit: "%", digits: 0, range: [-3, 103] },
   [line("inlet", "inlet", "inlet"), line("outlet", "outlet", "outlet")]);
 const muscle = new Muscle($("muscle"));
+/** Temperatures of the last row, whose colours do not depend on the chosen unit [K]. */
+const kelvin = {};
 
 function showReadings() {
   const { now } = live;
   if (!now) return;
-  muscle.draw(now, state?.configuration);
-  put("r-pressure", now.pressure.toFixed(1), "kPa");
-  put("r-gas", now.gas.toFixed(2), `± ${(now.high - now.gas).toFixed(2)} K`);
-  put("r-sensor", now.sensor.toFixed(2), "K");
+  muscle.draw({ ...now, ...kelvin }, state?.configuration);
+  put("r-pressure", now.pressure.toFixed(digits("Pa")), symbol("Pa"));
+  put("r-gas", now.gas.toFixed(2), `± ${(now.high - now.gas).toFixed(2)} ${symbol("K")}`);
+  put("r-sensor", now.sensor.toFixed(2), symbol("K"));
   const contracted = Number.isFinite(now.contraction);
   $("r-length-name").textContent = contracted ? "Length, contraction" : "Length";
   put("r-length", now.length.toFixed(1), contracted ? `mm, ${now.contraction.toFixed(1)} %` : "mm");
@@ -141,7 +185,7 @@ function showState() {
   $("target").textContent = state.target;
   document.title = `${state.link === "connected" ? "" : "⚠ "}Thermyo: ${state.target}`;
   const armed = armed_pa !== null && open && state.link === "connected";
-  $("armed").textContent = armed ? `armed up to ${(armed_pa / 1e3).toFixed(0)} kPa` : armed_pa === null ? "not armed" : "was armed";
+  $("armed").textContent = armed ? `armed up to ${withUnit("Pa", armed_pa)}` : armed_pa === null ? "not armed" : "was armed";
   $("armed").className = armed ? "chip good" : "chip";
   const wrong = faults.filter((fault) => fault !== "not configured");
   $("faults").hidden = !wrong.length;
@@ -160,9 +204,11 @@ function showState() {
   if (busy && guide.asks) for (const id of ["arm", "steer"]) for (const field of $(id).elements) field.disabled = !steers;
   for (const field of $("steer").elements) field.disabled ||= armed_pa === null && field.type !== "radio";
   $("clear").disabled = !steers;
-  const [, reach] = reached();
-  for (const most of [$("tune-most"), $("stops-most")]) if (most.value === "" && configured && document.activeElement !== most) most.value = Math.min(400, Math.floor(reach));
-  if ($("most").value === "" && configured) $("most").value = (configuration.working_limit_pa / 1e3).toFixed(0);
+  const [, reach_pa] = reached();
+  for (const most of [$("tune-most"), $("stops-most")]) if (most.value === "" && configured && document.activeElement !== most) most.value = format("Pa", Math.min(4e5, Math.floor(reach_pa / 1e3) * 1e3));
+  if ($("most").value === "" && configured) $("most").value = format("Pa", armed_pa ?? Math.min(FIRST_PA, configuration.working_limit_pa));
+  $("back").hidden = !state.former;
+  $("back").textContent = `Back to the configuration before, ${state.former || "without a name"}`;
   showRange();
 
   $("recording").hidden = !recording;
@@ -181,7 +227,7 @@ function showState() {
   const facts = [
     ["Chip", board ? `${board.chip}, firmware ${board.firmware.join(".")}` : "–"],
     ["Configuration", `${configuration.name || "without a name"}, ${configuration.checksum.toString(16).padStart(8, "0")}, ${{ Defaults: "the core's defaults", Host: "not saved", Flash: "saved" }[configuration.source]}`],
-    ["Limit", `${(configuration.working_limit_pa / 1e3).toFixed(0)} kPa; supply ${(configuration.supply_pa / 1e3).toFixed(0)} kPa`],
+    ["Limit", `${withUnit("Pa", configuration.working_limit_pa)}; supply ${withUnit("Pa", configuration.supply_pa)}`],
     ["Core step", timing ? `${(timing.step_mean_ns / 1e3).toFixed(0)} µs mean, ${timing.step_worst_us} µs worst, ${timing.missed_steps} missed` : "–"],
     ["Link", `telemetry of ${state.lost_steps} steps lost`],
     ["Pages", `${own.pages} open`],
@@ -217,15 +263,29 @@ function showGuide(guide) {
   $("guide").open = true;
   const text = $("guide-text");
   if (text.textContent !== guide.text) text.textContent = guide.text;
-  text.classList.toggle("table", Boolean(guide.result));
+  showTable(guide.table);
   $("guide-progress").hidden = guide.progress === null;
   if (guide.progress !== null) $("guide-progress").value = guide.progress;
   $("reference").hidden = !guide.asks;
-  $("reference-unit").textContent = guide.asks || "";
+  $("reference-unit").textContent = guide.asks ? symbol(guide.asks) : "";
   $("guide-result").hidden = !guide.result;
   $("guide-result").href = guide.result ? `results/${guide.result}/report.html` : "";
-  $("leave").textContent = guide.over ? "Done" : "Cancel";
+  $("leave").textContent = guide.chooses ? "Keep" : guide.over ? "Done" : "Cancel";
   $("leave").hidden = guide.progress !== null;
+  $("go-back").hidden = !guide.chooses;
+}
+
+let tableShown = "";
+function showTable(rows) {
+  const key = JSON.stringify(rows);
+  $("guide-table").hidden = !rows.length;
+  if (key === tableShown) return;
+  tableShown = key;
+  $("guide-table").tBodies[0].replaceChildren(...rows.map(([name, ...values]) => {
+    const row = document.createElement("tr");
+    row.append(element("th", name, { scope: "row" }), ...values.map((value) => element("td", value)));
+    return row;
+  }));
 }
 
 let eventsShown = "";
@@ -242,62 +302,98 @@ function showEvents() {
   }));
 }
 
+// The last two minutes, over a reload: in SI, as units may change meanwhile
+
+addEventListener("pagehide", () => {
+  const columns = Object.entries(live.columns).map(([name, values]) => {
+    const si = Object.keys(SCALED).find((si) => SCALED[si].columns.includes(name)), [, one, zero] = si ? unit(si) : [name, 1, 0];
+    return [name, values.map((value) => (Number.isFinite(value) ? +(value * one + zero).toPrecision(7) : null))];
+  });
+  try {
+    sessionStorage.setItem(location.pathname, JSON.stringify(Object.fromEntries(columns)));
+  } catch {
+    // No room: the charts begin again.
+  }
+});
+
+function restore() {
+  const columns = JSON.parse(sessionStorage.getItem(location.pathname) ?? "{}");
+  for (const [name, values] of Object.entries(columns)) {
+    const si = Object.keys(SCALED).find((si) => SCALED[si].columns.includes(name));
+    live.columns[name]?.push(...values.map((value) => (value === null ? NaN : si ? shownIn(si, value) : value)));
+  }
+}
+
 // Orders of the user
 
-/** For each mode: its values, their units and factors to SI, and the order. */
+/** For each mode: its values with their SI symbols, and the order. */
 const MODES = {
-  pressure: { first: ["Pressure", "kPa", 1e3], set: ([pressure_pa]) => ({ Pressure: { pressure_pa } }), digits: 1 },
-  contraction: { first: ["Contraction", "%", .01], set: ([contraction]) => ({ Contraction: { contraction } }), digits: 2 },
-  flow: { first: ["In and out", "g/s", 1e-3], second: ["period", "s", 1], set: ([flow_kg_s, period_s]) => ({ MassFlowCycle: { flow_kg_s, period_s } }) },
-  duty: { first: ["Inlet", "%", .01], second: ["outlet", "%", .01], set: ([inlet, outlet]) => ({ Duty: { inlet, outlet } }) },
+  pressure: { first: ["Pressure", "Pa"], set: ([pressure_pa]) => ({ Pressure: { pressure_pa } }) },
+  contraction: { first: ["Contraction", ""], set: ([contraction]) => ({ Contraction: { contraction } }) },
+  flow: { first: ["In and out", "kg/s"], second: ["period", "s"], set: ([flow_kg_s, period_s]) => ({ MassFlowCycle: { flow_kg_s, period_s } }) },
+  duty: { first: ["Inlet", ""], second: ["outlet", ""], set: ([inlet, outlet]) => ({ Duty: { inlet, outlet } }) },
 };
+/** Limit for the first arming, as in docs/reference/board.md [Pa]. */
+const FIRST_PA = 1.5e5;
 const kept = { pressure: ["130", ""], contraction: ["5", ""], flow: ["0.36", "5"], duty: ["0", "100"] };
 let mode = "pressure";
 
-/** Range of the pressure of a tuning [kPa]. */
-function reached() {
-  const { ambient_pa, supply_pa, working_limit_pa } = state.configuration;
-  return [ambient_pa / 1e3, Math.min(supply_pa, working_limit_pa) / 1e3];
+const withUnit = (si, value) => `${format(si, value)} ${symbol(si)}`;
+
+/** Range of the pressure of an arming [Pa]. */
+function armable() {
+  const { ambient_pa, working_limit_pa } = state.configuration;
+  return [ambient_pa, working_limit_pa];
 }
 
-/** Range of the first value, in displayed units. */
+/** Range of the pressure of a tuning [Pa]. */
+function reached() {
+  const { ambient_pa, supply_pa, working_limit_pa } = state.configuration;
+  return [ambient_pa, Math.min(supply_pa, working_limit_pa)];
+}
+
+/** Range of the first value, in SI. */
 function limits() {
   const { ambient_pa, working_limit_pa, contractions } = state.configuration;
-  if (mode === "pressure") return [ambient_pa / 1e3, Math.min(state.armed_pa ?? working_limit_pa, working_limit_pa) / 1e3];
-  if (mode === "contraction") return contractions.map((share) => share * 100);
-  return mode === "duty" ? [0, 100] : [0, 2];
+  if (mode === "pressure") return [ambient_pa, Math.min(state.armed_pa ?? working_limit_pa, working_limit_pa)];
+  if (mode === "contraction") return contractions;
+  return mode === "duty" ? [0, 1] : [0, .002];
 }
 
 function showRange() {
-  const [low, high] = limits(), { first, second } = MODES[mode];
+  const { first, second } = MODES[mode], [low, high] = limits().map((value) => shownIn(first[1], value));
   const slide = $("slide");
   // Assigning an unchanged range would move the slide under the pointer.
-  if (+slide.min !== low || +slide.max !== high) { slide.min = low; slide.max = high; slide.value = read($("first")) ?? low; }
+  if (+slide.min !== low || +slide.max !== high) { slide.min = low; slide.max = high; slideToField(); }
   $("first-name").textContent = first[0];
-  $("first-unit").textContent = first[1];
+  $("first-unit").textContent = symbol(first[1]);
   $("second-label").hidden = !second;
   $("second-name").textContent = second ? second[0] : "";
-  $("second-unit").textContent = second ? second[1] : "";
-  const range = `${low.toFixed(1)} to ${high.toFixed(1)} ${first[1]}`;
+  $("second-unit").textContent = second ? symbol(second[1]) : "";
+  const range = `${low.toFixed(digits(first[1]))} to ${high.toFixed(digits(first[1]))} ${symbol(first[1])}`;
   $("range").textContent = state.armed_pa === null && state.configuration.configured ? "Arm first: until then no set point is taken."
     : mode === "flow" ? "The working cycle: half of the period in, half out." : mode === "duty" ? "Fixed openings." : `From ${range}${mode === "pressure" ? ", absolute" : ""}.`;
 }
 
-/** The typed number; a comma is accepted as a decimal point. */
-function read(input) {
-  const text = input.value.trim().replace(",", ".");
-  const value = text === "" ? NaN : Number(text);
-  const good = Number.isFinite(value);
-  input.setAttribute("aria-invalid", String(!good));
-  return good ? value : null;
+function slideToField() {
+  const [, si] = MODES[mode].first, value = read("first", si);
+  if (value !== null) $("slide").value = shownIn(si, value);
 }
 
-/** The number of a field within its range; otherwise the field shows what is allowed. */
-function asked(id, unit, [low, high] = [-Infinity, Infinity]) {
+/** SI value of a field; a field without one is marked. */
+function read(id, si) {
+  const value = parse($(id).value, si);
+  $(id).setAttribute("aria-invalid", String(value === null));
+  return value;
+}
+
+/** SI value of a field within its range in SI; otherwise the field shows what is allowed. */
+function asked(id, si, [low, high] = [-Infinity, Infinity]) {
   // Compared at the displayed precision.
-  const value = read($(id)), off = .05;
-  const why = value === null ? `Type a number, in ${unit}.`
-    : value < low - off || value > high + off ? `${value} ${unit}: must be from ${low.toFixed(1)} to ${high.toFixed(1)} ${unit}.` : "";
+  const value = read(id, si), off = .5 * unit(si)[1] * 10 ** -digits(si);
+  const names = units[si].map(([name]) => name).filter(Boolean).join(", ");
+  const why = value === null ? `Type a number in ${symbol(si)}, or with its unit: ${names}.`
+    : value < low - off || value > high + off ? `${withUnit(si, value)}: must be from ${format(si, low)} to ${withUnit(si, high)}.` : "";
   $(id).setCustomValidity(why);
   if (why) $(id).reportValidity();
   return why ? null : Math.min(Math.max(value, low), high);
@@ -309,7 +405,7 @@ function chooseMode(next) {
   mode = next;
   [$("first").value, $("second").value] = kept[mode];
   if (state) showRange();
-  $("slide").value = read($("first")) ?? 0;
+  slideToField();
 }
 
 function set() {
@@ -317,8 +413,8 @@ function set() {
   // The board checks flows itself.
   const range = mode === "flow" ? undefined : limits();
   const fields = [[first, "first"], [second, "second"]].filter(([quantity]) => quantity);
-  const values = fields.map(([[, unit, factor], id]) => [asked(id, unit, range), factor]);
-  if (values.every(([value]) => value !== null)) order({ set: setPoint(values.map(([value, factor]) => value * factor)) });
+  const values = fields.map(([[, si], id]) => asked(id, si, range));
+  if (values.every((value) => value !== null)) order({ set: setPoint(values) });
 }
 
 function vent() {
@@ -344,27 +440,30 @@ addEventListener("keyup", (event) => { if (event.key === " ") event.preventDefau
 
 addEventListener("input", ({ target }) => target.setCustomValidity(""));
 on("arm", "submit", () => {
-  const most = asked("most", "kPa");
-  if (most !== null) order({ arm: { most_pa: most * 1e3 } });
+  const most_pa = asked("most", "Pa", armable());
+  if (most_pa !== null) order({ arm: { most_pa } });
 });
 on("clear", "click", () => order("clear"));
 on("steer", "submit", set);
 for (const radio of document.querySelectorAll("[name=mode]")) radio.addEventListener("change", () => chooseMode(radio.value));
-on("slide", "input", () => ($("first").value = (+$("slide").value).toFixed(MODES[mode].digits ?? 2)));
+on("slide", "input", () => ($("first").value = (+$("slide").value).toFixed(digits(MODES[mode].first[1]))));
 on("slide", "change", set);
-on("first", "input", () => { const value = read($("first")); if (value !== null) $("slide").value = value; });
+on("first", "input", slideToField);
 on("record-button", "click", () => order(state.recording ? "finish" : "record"));
 for (const button of document.querySelectorAll("[data-calibrate]")) button.addEventListener("click", () => order({ calibrate: button.dataset.calibrate }));
 for (const task of ["tune", "stops"]) on(task, "submit", () => {
-  const most = asked(`${task}-most`, "kPa", reached());
-  if (most !== null) order({ [task]: { most_pa: most * 1e3 } });
+  const most_pa = asked(`${task}-most`, "Pa", reached());
+  if (most_pa !== null) order({ [task]: { most_pa } });
 });
 on("reference", "submit", () => {
-  if (asked("reference-value", state.guide.asks) === null) return;
-  order({ reference: $("reference-value").value.replace(",", ".") });
+  const value = asked("reference-value", state.guide.asks);
+  if (value === null) return;
+  order({ reference: String(value) });
   $("reference-value").value = "";
 });
 on("leave", "click", () => order("leave"));
+for (const id of ["back", "go-back"]) on(id, "click", () => order("back"));
+on("take-over", "click", () => say("steer"));
 on("save", "click", () => order("save"));
 on("configure", "submit", () => order({ configure: null }));
 for (const id of ["file", "other-file"]) on(id, "change", async ({ target }) => {
@@ -375,4 +474,11 @@ for (const id of ["file", "other-file"]) on(id, "change", async ({ target }) => 
 setInterval(showLink, 100);
 [$("first").value, $("second").value] = kept.pressure;
 $("slide").value = kept.pressure[0];
+for (const si of Object.keys(SCALED)) {
+  const select = $(`unit-${si}`), before = localStorage.getItem(`unit ${si}`);
+  on(`unit-${si}`, "change", () => choose(si, select.value));
+  if ([...select.options].some(({ value }) => value === before)) select.value = before;
+  choose(si, select.value);
+}
+restore();
 connect();

@@ -257,7 +257,7 @@ const fn number(text: &str) -> u16 {
 pub fn version_text(version: &Version) -> String {
     let Version { firmware: [major, minor, patch], chip, protocol, hil } = version;
     let hil = if *hil { ", samples from the host" } else { "" };
-    format!("firmware {major}.{minor}.{patch} ({chip:?}, protocol {protocol}{hil})")
+    format!("firmware {major}.{minor}.{patch} ({chip}, protocol {protocol}{hil})")
 }
 
 fn named(name: &str) -> Result<Target, FlashError> {

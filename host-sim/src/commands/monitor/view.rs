@@ -3,10 +3,10 @@
 use super::{Session, Shown, Status};
 use crossterm::terminal;
 use model_core::control::Mode;
-use model_core::{Faults, SetPoint};
+use model_core::{Faults, SetPoint, SetPointError};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
-use thermyo_protocol::LastReset;
+use thermyo_protocol::{LastReset, Refusal};
 use thermyo_record::board_trace::kind_and_values;
 
 /// The keys at a terminal.
@@ -73,7 +73,7 @@ pub fn notes(session: &Session) -> Vec<String> {
     };
     let board = session.version().map_or(String::new(), |version| {
         let [major, minor, patch] = version.firmware;
-        format!(", {:?}, firmware {major}.{minor}.{patch}", version.chip)
+        format!(", {}, firmware {major}.{minor}.{patch}", version.chip)
     });
     let arming = session.last_status().map(|status| {
         let armed = match status.armed_pa {
@@ -94,9 +94,23 @@ pub fn notes(session: &Session) -> Vec<String> {
         let bar = first.pressure_pa / 1.0e5;
         format!("first failure: {} at {bar:.2} bar, step {}", first.faults, first.step)
     });
-    let refused = session.refused().map(|refusal| format!("refused: {refusal}"));
+    let refused =
+        session.refused().map(|refusal| format!("refused: {refusal}{}", way_out(&refusal)));
     let connection = Some(format!("{}: {status}{board}", session.port()));
     [connection, arming, restart, first, refused].into_iter().flatten().collect()
+}
+
+/// Remedy of a refusal, as the end of its message.
+fn way_out(refusal: &Refusal) -> &'static str {
+    match refusal {
+        Refusal::NotConfigured
+        | Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED)) => {
+            "; thermyo board PORT config write SCENARIO.toml configures it"
+        }
+        Refusal::SetPoint(SetPointError::NotArmed) => "; a arms it",
+        Refusal::SetPoint(SetPointError::Faults(_)) => "; thermyo board PORT clear, then a arms it",
+        _ => "",
+    }
 }
 
 /// The latest telemetry in one line, the most important first: a narrow terminal truncates it.

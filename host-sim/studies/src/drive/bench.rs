@@ -4,6 +4,7 @@ use super::{DriveError, Ended, drive};
 use crate::tune::Bench;
 use model_core::{Config, Telemetry};
 use thermyo_boards::live::LiveBoard;
+use thermyo_protocol::checksum;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::board::BoardError;
@@ -47,7 +48,11 @@ impl Bench for LiveBench<'_> {
         }
     }
 
-    fn vent(&mut self, _: &Config) -> Result<(), BoardError> {
-        self.board.stop()
+    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
+        self.board.stop()?;
+        if self.board.status()?.config_checksum != checksum(config) {
+            self.board.configure(config, self.name)?;
+        }
+        Ok(())
     }
 }

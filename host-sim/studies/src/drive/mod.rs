@@ -34,6 +34,12 @@ use thermyo_simulation::run::SetPoints;
 /// Steps by which a set point is sent ahead of its time, to cover the delay of the link.
 const LEAD_STEPS: u64 = 5;
 
+/// A muscle has vented within this excess over ambient, a part of what sensors are off \[Pa\].
+const VENTED_PA: f32 = 3.0e3;
+/// It vents no further if the reading falls by less than this in that many steps.
+const STILL_PA: f32 = 200.0;
+const STILL_STEPS: u32 = 500;
+
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
     /// The board cannot be used any more, or vents.
@@ -127,8 +133,7 @@ fn check(file: &Path, driven: &Loaded, armed_pa: Option<f32>) -> Result<(), Inpu
     {
         (allowed.max, why) = (armed_pa, "as the board is armed");
     }
-    let whole = [(0.0, SetPoints::new(driven).value(0.0))];
-    let points = driven.drive_profile.as_ref().map_or(&whole[..], |profile| profile.points());
+    let points = SetPoints::new(driven).extremes();
     let Some((time_s, value)) = points.iter().find(|(_, value)| !allowed.contains(*value)) else {
         return Ok(());
     };
@@ -158,6 +163,30 @@ pub fn drive(
     outcome.and_then(|ended| Ok(stopped.map(|()| ended)?))
 }
 
+/// Waits until the muscle has vented: to ambient, or to where the reading stays. Returns false if it is
+/// stopped meanwhile.
+fn vented(
+    board: &mut LiveBoard,
+    driven: &Loaded,
+    wanted: &dyn Fn() -> bool,
+) -> Result<bool, DriveError> {
+    board.vent()?;
+    let ambient_pa = driven.believed.ambient.pressure_pa as f32;
+    // The lowest reading and its step; a board that has restarted counts from 0 again.
+    let mut lowest = (f32::INFINITY, 0);
+    while !wanted() {
+        let Some(telemetry) = board.poll()? else { continue };
+        let (pressure_pa, step) = (telemetry.pressure_pa, telemetry.step);
+        if pressure_pa < lowest.0 - STILL_PA || step < lowest.1 {
+            lowest = (pressure_pa, step);
+        }
+        if pressure_pa <= ambient_pa + VENTED_PA || step - lowest.1 >= STILL_STEPS {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
 fn along(
     board: &mut LiveBoard,
     driven: &Loaded,
@@ -166,6 +195,9 @@ fn along(
 ) -> Result<Ended, DriveError> {
     let steps = driven.plant.run.steps();
     let set_points = SetPoints::new(driven);
+    if !vented(board, driven, wanted)? {
+        return Ok(Ended::Stopped);
+    }
     board.start(set_points.at(0.0))?;
     let mut reported = 0;
     let mut asked = None;

@@ -6,9 +6,10 @@ use thermyo_plant::{Ledger, chamber};
 use thermyo_protocol::{Status, Timing};
 use thermyo_record::measured::Measured;
 use thermyo_record::summary::{
-    Accumulator, Control, CoreFigures, Difference, Ending, Range, Readings, TimingFigures,
+    Accumulator, CoreFigures, Difference, Ending, Range, Readings, TimingFigures,
 };
 use thermyo_record::trace::Row;
+use thermyo_record::tracking::{Control, Reference};
 use thermyo_scenario::DriveKind;
 use thermyo_setup::Loaded;
 use thermyo_simulation::run::SetPoints;
@@ -77,7 +78,11 @@ impl Gathered {
     /// For a run, which begins at step 0.
     pub fn new(driven: &Loaded, measured: Option<&Measured>) -> Self {
         Self {
-            accumulator: Accumulator::new(driven.plant.run.duration_s, measured),
+            accumulator: Accumulator::new(
+                driven.plant.run.duration_s,
+                Reference::of(&driven.plant),
+                measured,
+            ),
             set_points: SetPoints::new(driven),
             scenario: driven.clone(),
             rest_length_m: chamber::of(&driven.believed).map(|chamber| chamber.rest_length()),
@@ -118,8 +123,7 @@ impl Gathered {
 
     pub fn finish(self, port: &str, status: &Status, timing: &Timing) -> Driven {
         let scenario = &self.scenario.plant;
-        let cycle =
-            scenario.drive.kind == DriveKind::MassFlow && !self.set_points.follows_profile();
+        let cycle = scenario.drive.kind == DriveKind::MassFlow && !self.set_points.moves();
         let summary = self.accumulator.finish(Ending {
             limit_cycle: None,
             controlled: self.set_points.quantity(),

@@ -1,4 +1,5 @@
-//! One point of a sweep: a run, and the error of each method for the gas temperature.
+//! One point of a sweep: a run, the error of each method for the gas temperature, and that of the
+//! set point.
 
 use std::io;
 use thermyo_record::summary::Errors;
@@ -24,6 +25,9 @@ pub struct Figures {
     /// Fraction of the steps in which the true value lies within two stated standard deviations
     /// \[-\].
     pub within_2sd: f64,
+    /// Root-mean-square error of the set point over the whole run, in its unit; none without a
+    /// controlled quantity.
+    pub control_rms_error: Option<f64>,
 }
 
 /// Runs a scenario with the core in this process; the errors count from `from_s` on \[s\]. `go_on`
@@ -53,11 +57,12 @@ pub fn measure(
         }
         Ok(())
     };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
     let [sensor_gas, sensor_wall, model, estimate] =
         squares.map(|sum: f64| (sum / steps as f64).sqrt());
     Ok(Figures {
         rmse_k: Errors { sensor_gas, sensor_wall, model, estimate },
         within_2sd: within as f64 / steps as f64,
+        control_rms_error: summary.control.map(|control| control.rms_error),
     })
 }

@@ -32,6 +32,8 @@ pub struct Summary {
     pub errors: BTreeMap<&'static str, Extent>,
     /// Smallest and largest fraction of time within two stated standard deviations \[-\].
     pub estimate_within_2sd: [Option<f64>; 2],
+    /// Smallest and largest root-mean-square error of the set point, in its unit.
+    pub control_rms_error: [Option<f64>; 2],
     /// Conclusion in words.
     pub conclusion: String,
     /// Keys without effect on any figure.
@@ -82,9 +84,28 @@ impl<'a> Outcome<'a> {
             within_k,
             errors: WAYS.iter().map(extent).collect(),
             estimate_within_2sd: ends(self.figures().map(|figures| figures.within_2sd)),
+            control_rms_error: self.control(),
             conclusion: self.conclusion(within_k),
             without_effect: self.without_effect(),
         }
+    }
+
+    fn control(&self) -> [Option<f64>; 2] {
+        ends(self.figures().filter_map(|figures| figures.control_rms_error))
+    }
+
+    /// How closely the set point is followed, in a sentence; none where no point has one.
+    fn tracking(&self) -> String {
+        let [Some(least), Some(most)] = self.control() else { return String::new() };
+        let text = |value| match self.study.controlled() {
+            Some(quantity) => quantity.text(value),
+            None => significant(value, 3),
+        };
+        format!(
+            " The set point is followed to {} RMS at best, {} at worst.",
+            text(least),
+            text(most)
+        )
     }
 
     /// Number of failed points, and the reason of the first failure.
@@ -168,9 +189,10 @@ impl<'a> Outcome<'a> {
             }
         };
         format!(
-            "Within {within_k} K RMS of the gas temperature: the bare sensor {}; the estimate {}.",
+            "Within {within_k} K RMS of the gas temperature: the bare sensor {}; the estimate {}.{}",
             who(BARE),
-            who(ESTIMATE)
+            who(ESTIMATE),
+            self.tracking()
         )
     }
 
@@ -186,9 +208,10 @@ impl<'a> Outcome<'a> {
             format!("at {within} of {} points{best}", self.rows.len())
         };
         format!(
-            "Within {within_k} K RMS of the gas temperature: the bare sensor {}; the estimate {}.",
+            "Within {within_k} K RMS of the gas temperature: the bare sensor {}; the estimate {}.{}",
             of(BARE),
-            of(ESTIMATE)
+            of(ESTIMATE),
+            self.tracking()
         )
     }
 

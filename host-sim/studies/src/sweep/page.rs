@@ -224,8 +224,10 @@ fn how(outcome: &Outcome) -> Section {
             true => "any between".to_owned(),
             false => range.values.len().to_string(),
         };
+        let listed = range.written().contains(',');
         let scale = match (&range.words[..], range.logarithmic) {
             ([], true) => "logarithmic",
+            ([], false) if listed => "list",
             ([], false) => "linear",
             _ => "words",
         };

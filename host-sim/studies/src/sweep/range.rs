@@ -5,8 +5,10 @@ use std::fmt;
 use std::str::FromStr;
 use thermyo_files::input::Problem;
 use thermyo_files::number::short;
+use thermyo_files::units::Wanted;
 use thermyo_report::scale::Spacing;
 use thermyo_scenario::Document;
+use thermyo_scenario::schema::{self, Allowed};
 
 /// Most values of one key, and most points of a sweep.
 pub const MOST_POINTS: usize = 10_000_000;
@@ -97,8 +99,8 @@ pub enum RangeError {
          --lhs, KEY=FROM:TO or KEY=FROM:TO:log"
     )]
     Form,
-    #[error("{0} = \"{1}\": must be a number")]
-    NoNumber(&'static str, String),
+    #[error("{0} = \"{1}\": must be {2}")]
+    NoNumber(&'static str, String, String),
     /// An integer beyond 2^53: f64 does not hold its neighbours.
     #[error(
         "{0} = \"{1}\": has too many digits for a range, beyond 2^53: name each value, KEY=A,B,C"
@@ -135,12 +137,13 @@ impl FromStr for Range {
         if key.is_empty() {
             return Err(RangeError::Form);
         }
-        let limit = |name, text: &str| match text.parse::<f64>() {
+        let wanted = wanted(key);
+        let limit = |name, text: &str| match wanted.read(text) {
             Ok(number) if !keeps(text, number) => {
                 Err(RangeError::TooManyDigits(name, text.to_owned()))
             }
-            Ok(number) if number.is_finite() => Ok(number),
-            _ => Err(RangeError::NoNumber(name, text.to_owned())),
+            Ok(number) => Ok(number),
+            Err(unread) => Err(RangeError::NoNumber(name, text.to_owned(), unread.to_string())),
         };
         let (from, to) = (limit("FROM", from)?, limit("TO", to)?);
         let interval = count.is_none();
@@ -185,8 +188,8 @@ fn listed(text: &str, key: &str, list: &str) -> Result<Range, RangeError> {
         }
     }
     let number = |part: &&str| {
-        let number = part.parse::<f64>().ok();
-        number.filter(|number| number.is_finite() && keeps(part, *number))
+        let number = wanted(key).read(part).ok();
+        number.filter(|number| keeps(part, *number))
     };
     let numbers: Option<Vec<f64>> = parts.iter().map(number).collect();
     let (values, words) = match numbers {
@@ -201,6 +204,15 @@ fn listed(text: &str, key: &str, list: &str) -> Result<Range, RangeError> {
     }
     let (key, written) = (key.to_owned(), text.to_owned());
     Ok(Range { key, values, words, logarithmic: false, interval: false, written })
+}
+
+/// The quantity of a key, for values with a unit; a ratio's for a key that takes no number.
+fn wanted(key: &str) -> Wanted {
+    let path = key.strip_prefix("believed.").unwrap_or(key);
+    match schema::key(path).map(|(_, key)| key.allowed) {
+        Some(Allowed::Real(limits)) => limits.wanted(),
+        _ => Wanted::new(""),
+    }
 }
 
 /// f64 holds every digit of the number as written; a seed may have more.
@@ -230,6 +242,19 @@ mod tests {
         assert_eq!(values("a.b=3:3:1"), [3.0]);
         assert_eq!(values("a.b=-1:1:3"), [-1.0, 0.0, 1.0]);
         assert_eq!(values("a.b=0.1,0.5,7"), [0.1, 0.5, 7.0]);
+    }
+
+    #[test]
+    fn values_have_the_units_of_their_key() {
+        assert_eq!(values("supply.pressure_pa=4bar:800 kPa:3"), [4e5, 6e5, 8e5]);
+        assert_eq!(values("believed.drive.contraction=5%,10%"), [0.05, 0.1]);
+        assert_eq!(values("ambient.temperature_k=10degC:20degC"), [283.15, 293.15]);
+        let error = "supply.pressure_pa=4bar:8kg:3".parse::<Range>().unwrap_err().to_string();
+        assert!(error.contains("TO = \"8kg\": must be a number in Pa, or one with"), "{error}");
+        let range: Range = "supply.pressure_pa=4kg,5kg".parse().unwrap();
+        let mut document = Document::parse("", "test".as_ref()).unwrap();
+        let error = range.set(&mut document, 0.0).unwrap_err().to_string();
+        assert!(error.contains("= 4kg: must be a number from 1 to 3e6 Pa, or a text"), "{error}");
     }
 
     #[test]

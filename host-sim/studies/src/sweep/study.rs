@@ -6,6 +6,7 @@ use super::{Figures, Range, Shard, SweepError};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Write};
 use thermyo_record::summary::Errors;
+use thermyo_record::tracking::Controlled;
 use thermyo_scenario::schema;
 use thermyo_scenario::schema::Allowed;
 use thermyo_setup::Loaded;
@@ -120,6 +121,16 @@ impl Study {
         each.collect::<Vec<_>>().join(", ")
     }
 
+    /// The quantity that the scenario's drive controls. No other table has these kinds.
+    pub(super) fn controlled(&self) -> Option<Controlled> {
+        let kinds = [
+            ("kind = \"pressure\"", Controlled::Pressure),
+            ("kind = \"contraction\"", Controlled::Contraction),
+        ];
+        let driven = |kind: &str| self.scenario.lines().any(|line| line.starts_with(kind));
+        kinds.into_iter().find(|(kind, _)| driven(kind)).map(|(_, controlled)| controlled)
+    }
+
     /// SI unit of a key's values; empty for a ratio or a count.
     pub(super) fn unit(&self, key: usize) -> &'static str {
         let path = &self.ranges()[key].key;
@@ -135,7 +146,7 @@ impl Study {
         let keys = self.ranges().iter().map(|range| range.key.as_str());
         let errors = WAYS.iter().map(|(_, column, _)| *column);
         let all = ["point"].into_iter().chain(keys).chain(["seed", "settled_s"]).chain(errors);
-        let last = ["estimate_within_2sd", "failure", "checksum"];
+        let last = ["estimate_within_2sd", "control_rms_error", "failure", "checksum"];
         all.chain(last).collect::<Vec<&str>>().join(",")
     }
 
@@ -163,10 +174,11 @@ impl Study {
             Ok(figures) => {
                 WAYS.iter().for_each(|(.., error)| put(&mut text, error(&figures.rmse_k)));
                 put(&mut text, figures.within_2sd);
+                put(&mut text, figures.control_rms_error.unwrap_or(f64::NAN));
                 text.push(',');
             }
             Err(failure) => {
-                text += &",".repeat(WAYS.len() + 2);
+                text += &",".repeat(WAYS.len() + 3);
                 text += &quoted(failure);
             }
         }
@@ -191,8 +203,9 @@ impl Study {
         let (row, _) = line.rsplit_once(',')?;
         let rest = row.strip_prefix(&self.csv_start(point))?.strip_prefix(',')?;
         // The failure is the last cell, and may contain commas.
-        let cells: Vec<&str> = rest.splitn(WAYS.len() + 4, ',').collect();
-        let [seed, settled_s, gas, wall, model, estimate, within, failure] = cells[..] else {
+        let cells: Vec<&str> = rest.splitn(WAYS.len() + 5, ',').collect();
+        let [seed, settled_s, gas, wall, model, estimate, within, control, failure] = cells[..]
+        else {
             return None;
         };
         let number = |cell: &str| match cell {
@@ -206,7 +219,12 @@ impl Study {
                 model: number(model)?,
                 estimate: number(estimate)?,
             };
-            Ok(Figures { rmse_k, within_2sd: within.parse().ok()? })
+            let control_rms_error = number(control)?;
+            Ok(Figures {
+                rmse_k,
+                within_2sd: within.parse().ok()?,
+                control_rms_error: Some(control_rms_error).filter(|error| !error.is_nan()),
+            })
         } else {
             Err(unquoted(failure)?)
         };
@@ -259,10 +277,13 @@ mod tests {
         let study = study();
         let rmse_k =
             Errors { sensor_gas: 0.1, sensor_wall: 1.0 / 3.0, model: f64::NAN, estimate: 3e-7 };
-        let figures = Ok(Figures { rmse_k, within_2sd: 1.0 });
+        let figures = Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5) });
         let whole = Point { point: 4, seed: 7, settled_s: 10.0, figures };
         let text = study.csv_row(&whole);
-        assert_eq!(text, "5,3,full,7,10,0.1,0.3333333333333333,,0.0000003,1,,1764967966016988612");
+        assert_eq!(
+            text,
+            "5,3,full,7,10,0.1,0.3333333333333333,,0.0000003,1,0.5,,3996181454374378094"
+        );
         // NaN is not equal to itself.
         assert_eq!(study.read_row(&text).map(|row| study.csv_row(&row)), Some(text.clone()));
         let failure = "the plant diverged: p = 1 Pa, \"V\" = 0".to_owned();
@@ -280,6 +301,6 @@ mod tests {
         }
         let other = Study { checksum: "1".to_owned(), ..super::tests::study() };
         assert!(other.read_row(&text).is_none(), "the row of another scenario");
-        assert!(study.read_row("99,3,full,7,10,0.1,0.1,0.1,0.1,1,,1").is_none());
+        assert!(study.read_row("99,3,full,7,10,0.1,0.1,0.1,0.1,1,,,1").is_none());
     }
 }

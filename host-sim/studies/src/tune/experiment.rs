@@ -100,7 +100,8 @@ pub trait Bench {
     /// Runs a scenario from start to end and calls `each` with the telemetry of every step.
     fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError>;
 
-    fn vent(&mut self, config: &Config) -> Result<(), BoardError>;
+    /// Vents; the board has this configuration afterwards.
+    fn leave(&mut self, config: &Config) -> Result<(), BoardError>;
 }
 
 /// A board that gets the samples of a simulated muscle, step by step.
@@ -119,7 +120,7 @@ impl Bench for Simulated<'_> {
         run::run(driven, self.board, None, &mut observer).map(drop)
     }
 
-    fn vent(&mut self, config: &Config) -> Result<(), BoardError> {
+    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
         self.board.start(config, SetPoint::Vent)
     }
 }

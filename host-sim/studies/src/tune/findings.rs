@@ -7,7 +7,7 @@ use super::gains::{Basis, LoopGains};
 use super::regression::Measure;
 use super::valve::Steps;
 use serde::Serialize;
-use thermyo_files::number::significant;
+use thermyo_files::number::{quantity, significant};
 use thermyo_plant::chamber::Tunable;
 use thermyo_scenario::schema::limits;
 use thermyo_scenario::{PlantModel, number};
@@ -217,6 +217,8 @@ pub struct Findings {
     pub check: Check,
     /// The error of the sine has fallen by at least a tenth.
     pub improved: bool,
+    /// The error of the sine has not grown by more than a tenth: the board keeps the tuned values.
+    pub adopted: bool,
 }
 
 impl Findings {
@@ -239,6 +241,7 @@ impl Findings {
             signal_to_noise: force.coulomb_n.value / force.coulomb_n.error,
             check: Check { before, after },
             improved: after.sine_rms_percent < (1.0 - EQUAL) * before.sine_rms_percent,
+            adopted: after.sine_rms_percent <= (1.0 + EQUAL) * before.sine_rms_percent,
         }
     }
 
@@ -248,14 +251,22 @@ impl Findings {
 
     /// Rating of the check's sine with the tuned values.
     pub fn word(&self) -> &'static str {
-        let Check { before, after } = self.check;
-        if self.improved {
-            "closer than before"
-        } else if after.sine_rms_percent <= (1.0 + EQUAL) * before.sine_rms_percent {
-            "as closely as before"
-        } else {
-            "less closely than before"
+        match self {
+            Self { improved: true, .. } => "closer than before",
+            Self { adopted: true, .. } => "as closely as before",
+            _ => "less closely than before",
         }
+    }
+
+    /// The result in a sentence.
+    pub fn headline(&self) -> String {
+        let Check { before, after } = self.check;
+        let [before, after] = [before, after].map(|figures| figures.sine_rms_percent);
+        let kept = if self.adopted { "" } else { ": the former values are kept" };
+        format!(
+            "with the tuned values a sine is followed {} ({before:.2} -> {after:.2} % of the stroke, RMS){kept}",
+            self.word()
+        )
     }
 
     /// Result of the check in words.
@@ -267,14 +278,26 @@ impl Findings {
                 f.sine_rms_percent, f.rest_error_percent, f.settled_s, f.overshoot_percent
             )
         };
-        let word = self.word();
         let (before, after) = (figures(&before), figures(&after));
-        format!("check: the sine is followed {word}\n  before: {before}\n  after:  {after}")
+        format!("{}\n  before: {before}\n  after:  {after}", self.headline())
+    }
+
+    /// Path, value before and value after of each parameter, for a narrow table.
+    pub fn rows(&self) -> Vec<[String; 3]> {
+        let row = |parameter: &Parameter| {
+            let text = |value| {
+                let (value, unit) = quantity(value, parameter.unit);
+                format!("{value} {unit}").trim_end().to_owned()
+            };
+            [parameter.path.to_owned(), text(parameter.before), text(parameter.after)]
+        };
+        self.parameters.iter().map(row).collect()
     }
 
     pub fn text(&self) -> String {
         let width = self.parameters.iter().map(|p| p.path.len()).max().unwrap_or(0);
-        let mut text = format!(
+        let mut text = self.verdict() + "\n";
+        text += &format!(
             "{:width$}  {:>10}  {:>10}  {:>10}  {:10}\n",
             "parameter", "before", "after", "std. error", "unit"
         );
@@ -289,7 +312,7 @@ impl Findings {
                 parameter.remark
             );
         }
-        text + &self.verdict() + "\n"
+        text
     }
 }
 

@@ -206,7 +206,8 @@ pub fn tune(
 }
 
 /// Runs the experiment for a scenario, up to `highest_pa`, fits the values and checks them. `file`
-/// names the scenario in messages. The board vents afterwards.
+/// names the scenario in messages. The board vents afterwards, with the tuned values, or with the
+/// former ones where the muscle follows less closely with the tuned ones.
 pub fn tune_on(
     loaded: &Loaded,
     file: &Path,
@@ -235,8 +236,13 @@ pub fn tune_on(
     let config = core_config(&loaded.believed);
     let plan = Plan::new(&config, highest_pa)?;
     let result = tried(loaded, plan, (chamber.rest_length(), tunable), bench);
-    // Whatever happened, the muscle is not left under pressure.
-    let vented = bench.vent(&config);
+    // Whatever happened, the muscle is not left under pressure, and values that were not found better
+    // are not left on the board.
+    let left = match &result {
+        Ok(tuned) if tuned.findings.adopted => core_config(&tuned.scenario.believed),
+        _ => config,
+    };
+    let vented = bench.leave(&left);
     let tuned = result?;
     vented.map_err(RunError::Board)?;
     Ok(tuned)

@@ -17,11 +17,10 @@ const STEP_AFTER_S: f64 = 0.3;
 pub fn page(tuned: &Tuned, title: &str) -> String {
     let findings = &tuned.findings;
     let lead = format!(
-        "{:.0} s of ramps and steps of the pressure, up to {:.0} kPa. With the tuned values the muscle \
-         follows a slow sine {}.",
+        "{:.0} s of ramps and steps of the pressure, up to {:.0} kPa: {}.",
         findings.duration_s,
         findings.highest_pa / 1e3,
-        findings.word()
+        findings.headline()
     );
     let check = &findings.check;
     Page::new(&format!("{title}, tuned"), &lead, &thermyo_setup::render(&tuned.scenario))

@@ -1,0 +1,233 @@
+//! `thermyo board PORT set`: sends a set point, shows the muscle, and vents in the end.
+
+use super::muscle::{line, vents};
+use super::{Failure, FormatArgs, core_quantity, interrupt, print, quantity};
+use clap::{Args, Subcommand};
+use crossterm::terminal;
+use model_core::safety::supervisor::VENTING;
+use model_core::{Config, Faults, SetPoint};
+use serde_json::json;
+use std::io::{self, IsTerminal, Write};
+use thermyo_boards::live::LiveBoard;
+use thermyo_plant::chamber;
+use thermyo_setup::from_config;
+use thermyo_simulation::board::BoardError;
+
+#[derive(Debug, Args)]
+pub(super) struct SetArgs {
+    #[command(subcommand)]
+    set_point: SetPointArgs,
+    /// Vent after this time, such as 5 (s) or 2min [default: at Ctrl-C]
+    #[arg(long, value_name = "TIME", global = true, allow_negative_numbers = true, value_parser = seconds)]
+    hold: Option<f64>,
+    /// Arm the board first
+    #[arg(long, global = true)]
+    arm: bool,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let value = quantity("s")(text)?;
+    let allowed = (0.0..=1.0e6).contains(&value);
+    allowed.then_some(value).ok_or_else(|| "must be a time from 0 to 1000000 s".to_owned())
+}
+
+#[derive(Debug, Clone, Copy, Subcommand)]
+enum SetPointArgs {
+    /// Absolute pressure
+    Pressure {
+        /// Pressure, such as 1.3bar, 130kPa or 130000 (Pa)
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity("Pa"))]
+        pressure_pa: f32,
+    },
+    /// Contraction
+    Contraction {
+        /// Fraction of the rest length, such as 5% or 0.05
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity(""))]
+        contraction: f32,
+    },
+    /// Mass flow, or a working cycle that alternates inflow and outflow
+    Flow {
+        /// Mass flow, such as 0.36g/s or 3.6e-4 (kg/s), negative out of the muscle
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity("kg/s"))]
+        flow_kg_s: f32,
+        /// Period of the cycle, such as 5 (s)
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity("s"))]
+        period_s: Option<f32>,
+    },
+    /// Fixed duties of the valves
+    Duty {
+        /// Inlet, 0 to 1 or 0% to 100%
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity(""))]
+        inlet: f32,
+        /// Outlet, 0 to 1 or 0% to 100%
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity(""))]
+        outlet: f32,
+    },
+    /// Inlet shut, outlet open
+    Vent,
+}
+
+impl From<SetPointArgs> for SetPoint {
+    fn from(args: SetPointArgs) -> Self {
+        match args {
+            SetPointArgs::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
+            SetPointArgs::Contraction { contraction } => Self::Contraction { contraction },
+            SetPointArgs::Flow { flow_kg_s, period_s: None } => Self::MassFlow { flow_kg_s },
+            SetPointArgs::Flow { flow_kg_s, period_s: Some(period_s) } => {
+                Self::MassFlowCycle { flow_kg_s, period_s }
+            }
+            SetPointArgs::Duty { inlet, outlet } => Self::Duty { inlet, outlet },
+            SetPointArgs::Vent => Self::Vent,
+        }
+    }
+}
+
+/// Interval of the printed lines, and of the refreshed line of a terminal \[s\].
+const LINE_S: [f64; 2] = [0.5, 0.1];
+/// Pressure and contraction are averaged over this time before the end \[s\].
+const HELD_S: f64 = 1.0;
+
+/// The muscle at a time since the set point.
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    time_s: f64,
+    pressure_pa: f64,
+    /// NaN where the rest length is unknown.
+    contraction: f64,
+    limited: bool,
+}
+
+pub(super) fn run(
+    board: &mut LiveBoard,
+    args: &SetArgs,
+    format: FormatArgs,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    let set_point = SetPoint::from(args.set_point);
+    let config = board.config()?;
+    interrupt::watch();
+    if args.arm {
+        board.arm(None)?;
+    }
+    let first = board.set(set_point)?;
+    if set_point == SetPoint::Vent {
+        return format.done(out, &vents(), "it vents\n");
+    }
+    if args.hold.is_none() {
+        format.done(&mut *err, &json!({}), "Ctrl-C ends it, and vents\n")?;
+    }
+    let (stopped, mut held) = hold(board, args, format, (first, &config), out)?;
+    board.stop()?;
+    let Some(&Held { time_s: end_s, .. }) = held.last() else { return Err(Failure::Interrupted) };
+    held.retain(|held| held.time_s >= end_s - HELD_S);
+    result(set_point, &held, format, out)?;
+    if !stopped {
+        return Ok(());
+    }
+    let of = args.hold.map_or_else(String::new, |hold_s| format!(" of {hold_s} s"));
+    Err(Failure::StoppedAt(format!("{end_s:.2} s{of}")))
+}
+
+/// Prints the means of the last second, and their differences from the set point.
+fn result(
+    set_point: SetPoint,
+    held: &[Held],
+    format: FormatArgs,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let count = held.len().max(1) as f64;
+    let mean_pa = held.iter().map(|held| held.pressure_pa).sum::<f64>() / count;
+    let contraction = held.iter().map(|held| held.contraction).sum::<f64>() / count;
+    let contraction = Some(contraction).filter(|contraction| contraction.is_finite());
+    let limited = held.iter().any(|held| held.limited);
+    let (mut error_pa, mut contraction_error) = (None, None);
+    let mut text = format!("{:.2} kPa", mean_pa / 1e3);
+    let of_last = "in the mean of the last second";
+    match (set_point, contraction) {
+        (SetPoint::Pressure { pressure_pa }, _) => {
+            let off_pa = mean_pa - f64::from(pressure_pa);
+            error_pa = Some(off_pa);
+            text += &format!(" {of_last}, {:+.2} kPa from the set point", off_pa / 1e3);
+        }
+        (SetPoint::Contraction { contraction: wanted }, Some(mean)) => {
+            let off = mean - f64::from(wanted);
+            contraction_error = Some(off);
+            text = format!(
+                "{:.2} % contracted {of_last}, {:+.2} % from the set point, at {text}",
+                100.0 * mean,
+                100.0 * off
+            );
+        }
+        _ => text += &format!(" {of_last}"),
+    }
+    if limited {
+        text += "; limited by the highest pressure that it is armed for";
+    }
+    let json = json!({
+        "mean_pressure_pa": mean_pa,
+        "error_pa": error_pa,
+        "mean_contraction": contraction,
+        "contraction_error": contraction_error,
+        "limited": limited,
+        "held_s": held.last().map(|held| held.time_s),
+        "mode": "vent",
+    });
+    format.answer(out, &json, &format!("{text}; it vents\n"))
+}
+
+/// Prints the muscle from the step `first` on, until the time is over or it is stopped. Returns
+/// whether it was stopped, and the muscle over time.
+fn hold(
+    board: &mut LiveBoard,
+    args: &SetArgs,
+    format: FormatArgs,
+    (first, config): (u32, &Config),
+    out: &mut dyn Write,
+) -> Result<(bool, Vec<Held>), Failure> {
+    let step_s = f64::from(config.step_s);
+    let scenario = from_config::to_scenario(config).ok();
+    let chamber = scenario.and_then(|scenario| chamber::of(&scenario.scenario.believed));
+    let rest_m = chamber.map_or(f64::NAN, |chamber| chamber.rest_length());
+    let columns = terminal::size().ok().filter(|_| io::stdout().is_terminal());
+    let columns = columns.map(|(columns, _)| usize::from(columns));
+    let (mut next_line_s, mut held) = (0.0, Vec::new());
+    let stopped = loop {
+        if interrupt::is_requested() {
+            break true;
+        }
+        let Some(telemetry) = board.poll()? else { continue };
+        let faults = telemetry.faults.of(VENTING);
+        if faults != Faults::NONE {
+            return Err(BoardError::Vented(faults).into());
+        }
+        // Telemetry from before the set point is skipped.
+        let Some(steps) = telemetry.step.checked_sub(first) else { continue };
+        let time_s = f64::from(steps) * step_s;
+        held.push(Held {
+            time_s,
+            pressure_pa: f64::from(telemetry.pressure_pa),
+            contraction: 1.0 - f64::from(telemetry.length_m) / rest_m,
+            limited: telemetry.limited,
+        });
+        if time_s >= next_line_s && !format.quiet && !format.json {
+            next_line_s += LINE_S[usize::from(columns.is_some())];
+            let text = format!("{time_s:7.2} s  {}", line(&telemetry));
+            match columns {
+                // The same line again: a longer one would not return to its start.
+                Some(columns) => {
+                    let cut: String = text.chars().take(columns.saturating_sub(1)).collect();
+                    print(&mut io::stdout(), &format!("\r{cut}\x1b[K"))?;
+                }
+                None => print(out, &format!("{text}\n"))?,
+            }
+        }
+        if args.hold.is_some_and(|hold_s| time_s >= hold_s) {
+            break false;
+        }
+    };
+    if columns.is_some() && !held.is_empty() && !format.quiet && !format.json {
+        print(&mut io::stdout(), "\n")?;
+    }
+    Ok((stopped, held))
+}
