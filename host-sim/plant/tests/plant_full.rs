@@ -1,6 +1,7 @@
 //! The full muscle: the working cycle, conservation, order, its parts.
 
-use crate::plant_support::{MassFlow, elastic, muscle};
+use crate::elastic;
+use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
 use std::f64::consts::PI;
 use thermyo_plant::chamber::braid::Geometry;

@@ -1,6 +1,7 @@
 //! The lumped muscle: the working cycle, conservation, order, an independent solver.
 
-use crate::plant_support::{MassFlow, elastic, muscle};
+use crate::elastic;
+use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
 use thermyo_plant::chamber::braid::Geometry;
 use thermyo_plant::flow::Iso6358;
