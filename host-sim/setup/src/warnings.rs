@@ -232,7 +232,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
 
 /// The loop wakes at this many dead zones of contraction from its goal:
 /// `model-core/src/control/contraction.rs`.
-const WAKES_AT_ZONES: f64 = 2.0;
+const WAKES_AT_ZONES: f64 = 1.5;
 
 /// Why a loop cannot come to rest: `docs/background/control.md`, "Where the loop cannot come to rest", derives both
 /// conditions.

@@ -120,7 +120,7 @@ impl PressureLoop {
 
 /// Share of a step of the set point that the pressure may be off while the gas relaxes \[-\]: within the 2 % that
 /// usually count as settled.
-const RELAXES: f32 = 0.018;
+const RELAXES: f32 = 0.015;
 /// Beyond so many times what is allowed, the set point has to be reached again.
 const LOST: f32 = 2.0;
 /// Share of the pressure within which the bias learns \[-\].
