@@ -4,12 +4,13 @@ use std::ffi::OsStr;
 use std::path::{Component, Path};
 
 /// Files of the folder `scenarios/`.
-const FILES: [(&str, &str); 9] = [
+const FILES: [(&str, &str); 10] = [
     ("air_discharge.toml", include_str!("../../../scenarios/air_discharge.toml")),
     ("bellows.csv", include_str!("../../../scenarios/bellows.csv")),
     ("bellows.toml", include_str!("../../../scenarios/bellows.toml")),
     ("contraction.toml", include_str!("../../../scenarios/contraction.toml")),
     ("gas_spring.toml", include_str!("../../../scenarios/gas_spring.toml")),
+    ("motion.toml", include_str!("../../../scenarios/motion.toml")),
     ("nominal.toml", include_str!("../../../scenarios/nominal.toml")),
     ("reproduce.toml", include_str!("../../../scenarios/reproduce.toml")),
     ("sensor.toml", include_str!("../../../scenarios/sensor.toml")),
@@ -64,7 +65,8 @@ mod tests {
             ("./scenarios/nominal.toml", true),
             (here.to_str().unwrap(), true),
             ("scenarios/nominall.toml", false),
-            ("nominal.toml", false),
+            ("motion.toml", include_str!("../../../scenarios/motion.toml")),
+    ("nominal.toml", false),
             ("other/nominal.toml", false),
             ("other/scenarios/nominal.toml", false),
             ("/scenarios/nominal.toml", false),

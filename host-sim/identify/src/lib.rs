@@ -21,6 +21,7 @@ mod data;
 mod failed;
 mod findings;
 mod fit;
+pub mod motion;
 mod page;
 mod parameter;
 mod record;

@@ -1,5 +1,6 @@
-//! Identification from any kind of table: a record over time, one with stops, or a static map.
+//! Identification from any kind of table: a record over time, one with stops or of motion, or a static map.
 
+use super::motion;
 use super::static_map::{self, Readings};
 use super::stops;
 use super::{Identified, IdentifyError, identify, page};
@@ -17,6 +18,7 @@ pub enum Found {
     Record(Identified),
     Map(static_map::Identified),
     Stops(stops::Identified),
+    Motion(motion::Identified),
 }
 
 /// Columns that a record may have beside those of a trace: a reference sensor, its deviation.
@@ -45,6 +47,9 @@ pub fn identify_table(
         }
         return Ok(Found::Map(found));
     }
+    if motion::is_asked_for(loaded) {
+        return Ok(Found::Motion(motion::identify(loaded, config, table, against)?));
+    }
     if against.is_some() {
         return Err(InputError::file(data, Problem::NoMap).into());
     }
@@ -65,11 +70,13 @@ impl Found {
             Record(&'a super::Findings),
             Map(&'a static_map::Findings),
             Stops(&'a stops::Findings),
+            Motion(&'a motion::Findings),
         }
         match self {
             Self::Record(found) => Either::Record(&found.findings),
             Self::Map(found) => Either::Map(&found.findings),
             Self::Stops(found) => Either::Stops(&found.findings),
+            Self::Motion(found) => Either::Motion(&found.findings),
         }
     }
 
@@ -79,6 +86,7 @@ impl Found {
             Self::Record(found) => &found.scenario,
             Self::Map(found) => &found.scenario,
             Self::Stops(found) => &found.scenario,
+            Self::Motion(found) => &found.scenario,
         }
     }
 
@@ -88,6 +96,7 @@ impl Found {
             Self::Record(found) => page(found, title),
             Self::Map(found) => static_map::page(found, title),
             Self::Stops(found) => found.page(title),
+            Self::Motion(found) => motion::page(found, title),
         }
     }
 
@@ -97,6 +106,7 @@ impl Found {
             Self::Record(found) => ("fit.svg", page::plot(found, title)),
             Self::Map(found) => ("map.svg", static_map::plot(found, title)),
             Self::Stops(found) => ("stops.svg", found.plot(title)),
+            Self::Motion(found) => ("motion.svg", motion::plot(found, title)),
         }
     }
 
@@ -106,6 +116,7 @@ impl Found {
             Self::Record(found) => found.findings.text(),
             Self::Map(found) => found.findings.text(),
             Self::Stops(found) => found.findings.text(),
+            Self::Motion(found) => found.findings.text(),
         }
     }
 
@@ -115,6 +126,7 @@ impl Found {
             Self::Record(found) => found.findings.failed(),
             Self::Map(found) => found.findings.failed(),
             Self::Stops(found) => found.findings.failed(),
+            Self::Motion(found) => found.findings.failed(),
         }
     }
 }

@@ -14,7 +14,7 @@ pub mod flow;
 mod full;
 pub mod gas;
 pub mod heat;
-mod hysteresis;
+pub mod hysteresis;
 mod lag;
 mod line;
 mod local_power;

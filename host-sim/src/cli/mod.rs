@@ -30,7 +30,7 @@ use self::folded::Folded;
 use self::log::LogArgs;
 use self::progress::Bar;
 use crate::commands::monitor::{self, Session, Shown};
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use crossterm::terminal;
 use std::ffi::OsString;
@@ -47,6 +47,7 @@ use thermyo_files::shipped;
 use thermyo_files::table;
 use thermyo_files::table::Table;
 use thermyo_files::units::Wanted;
+use thermyo_identify::motion;
 use thermyo_identify::static_map;
 use thermyo_identify::static_map::Readings;
 use thermyo_identify::{IdentifyError, identify_table};
@@ -222,20 +223,38 @@ struct RunArgs {
     measured: Option<PathBuf>,
 }
 
+/// What `--plan` prints.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Plan {
+    /// Readings of a static map
+    Static,
+    /// Pressures of a motion
+    Motion,
+}
+
 #[derive(Debug, Args)]
 struct IdentifyArgs {
-    /// Recorded data: time_s and columns of trace.csv; or a static map: rest_length_m, gauge_pressure_pa, length_m, force_n
+    /// Recorded data: time_s and columns of trace.csv; a motion: time_s, length_m, pressure_pa, with force_n where it was
+    /// measured; or a static map: rest_length_m, gauge_pressure_pa, length_m, force_n
     #[arg(required_unless_present = "plan")]
     data: Option<PathBuf>,
     /// Scenario file (TOML) whose [identify] names the parameters
     #[arg(long, value_name = "FILE.toml")]
     config: PathBuf,
-    /// Validation data: a second static map that is not used for the fit
+    /// Validation data: a second static map, or a second motion, that is not used for the fit
     #[arg(long, value_name = "OTHER.csv")]
     against: Option<PathBuf>,
-    /// Print the points to measure for a static map of the scenario's muscle, as CSV
-    #[arg(long, conflicts_with = "data")]
-    plan: bool,
+    /// Print what to measure of the scenario's muscle, as CSV: the readings of a static map, or the pressures of a motion
+    /// that shows slip and creep apart
+    #[arg(
+        long,
+        value_enum,
+        value_name = "KIND",
+        num_args = 0..=1,
+        default_missing_value = "static",
+        conflicts_with = "data"
+    )]
+    plan: Option<Plan>,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -444,7 +463,7 @@ fn identify_command(
 ) -> Result<(), Failure> {
     let loaded = load(&args.config, stderr)?;
     let Some(data) = &args.data else {
-        return print(stdout, &static_map::plan(&loaded, &args.config)?);
+        return plan_command(&loaded, args, stdout, stderr);
     };
     let table = table::read_either(data, Readings::are_in)?;
     say_damage(&table, stderr);
@@ -478,6 +497,24 @@ fn identify_command(
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
     found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
+}
+
+/// The table on stdout, and the reasons beside it.
+fn plan_command(
+    loaded: &Loaded,
+    args: &IdentifyArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    if let Some(Plan::Motion) = args.plan {
+        let (text, reasons) = motion::plan(loaded, &args.config)?;
+        print(stdout, &text)?;
+        for reason in reasons {
+            let _ = writeln!(stderr, "{reason}");
+        }
+        return Ok(());
+    }
+    print(stdout, &static_map::plan(loaded, &args.config)?)
 }
 
 /// Keeps the results of the finished searches of an identification, and prints where.
