@@ -140,7 +140,8 @@ impl Model {
         let held = hysteresis.after(&self.held, way_m, gauge_pa, softening);
         let slip_j = hysteresis.heat_j(&self.held, &held, way_m);
         self.held = held;
-        let friction_n = softening * config.friction.force_n;
+        let friction_n =
+            softening * config.friction.force_n * config.friction.at_pressure(gauge_pa);
         config.friction.heat_fraction * (slip_j + friction_n * absolute(way_m))
     }
 
@@ -156,7 +157,8 @@ impl Model {
             Load::Isotonic { force_n } => {
                 let pressure_pa = self.pressure_pa();
                 let gauge_pa = pressure_pa - self.config.ambient.pressure_pa;
-                let friction_n = self.config.friction.force_n(self.wall_k);
+                let friction = &self.config.friction;
+                let friction_n = friction.force_n(self.wall_k) * friction.at_pressure(gauge_pa);
                 // As they are at the end of a step that does not move.
                 let softening = self.config.friction.softening(self.wall_k);
                 let held = self.hysteresis.after(&self.held, 0.0, gauge_pa, softening);

@@ -66,7 +66,7 @@ mod tests {
             (here.to_str().unwrap(), true),
             ("scenarios/nominall.toml", false),
             ("motion.toml", include_str!("../../../scenarios/motion.toml")),
-    ("nominal.toml", false),
+            ("nominal.toml", false),
             ("other/nominal.toml", false),
             ("other/scenarios/nominal.toml", false),
             ("/scenarios/nominal.toml", false),

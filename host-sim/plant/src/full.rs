@@ -17,7 +17,7 @@ use super::line::{Bore, Line};
 use super::local_power::LocalPower;
 use super::ode::Rk4;
 use super::piping::{Disturbance, Piping};
-use super::pull::{Pull, Softening};
+use super::pull::{Pressed, Pull, Softening};
 use super::pwm::PwmValve;
 use super::radial::Place;
 use super::sensors::{Exposure, Sensors};
@@ -81,6 +81,7 @@ struct Constants<C> {
     isometric: bool,
     ends: Ends,
     softening: Softening,
+    pressed: Pressed,
     friction_to_wall: f64,
     piping: Piping,
     tube: Iso6358,
@@ -154,7 +155,8 @@ fn deflection<C: Chamber>(scenario: &Scenario, pull: &Pull<C>, start: &Start) ->
     if scenario.load.kind == LoadKind::Isometric || stiffness <= 0.0 {
         return 0.0;
     }
-    let coulomb = friction.force_n * Softening::new(friction).factor(start.wall_k);
+    let pressed = Pressed::new(friction.pressure_factor).factor(start.pressure - pull.ambient_pa);
+    let coulomb = friction.force_n * pressed * Softening::new(friction).factor(start.wall_k);
     // What a stop carries, friction need not.
     let [shortest, longest] = pull.stops;
     let excess = pull.force(start.pressure, start.length) - pull.load_n;
@@ -211,6 +213,7 @@ impl<C: Chamber> Constants<C> {
             isometric: scenario.load.kind == LoadKind::Isometric,
             ends: Ends::new(scenario, pull.load_n, chamber.pushes()),
             softening: Softening::new(&scenario.friction),
+            pressed: Pressed::new(scenario.friction.pressure_factor),
             friction_to_wall: scenario.friction.heat_fraction,
             piping: Piping::new(scenario, &gas),
             tube_m3,
@@ -455,7 +458,8 @@ impl<C: Chamber> Constants<C> {
             return Drag::default();
         }
         let speed = y[SPEED];
-        let mut drag = end.bristle.drag(speed, y[BRISTLE], softening);
+        let pressed = self.pressed.factor(pressure - self.pull.ambient_pa);
+        let mut drag = end.bristle.drag(speed, y[BRISTLE], softening, pressed);
         let stretches = &y[FAST..=SLOW];
         let held = self.slip_n(y, pressure, softening) + self.hysteresis.creep_n(stretches);
         let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force - held;
@@ -910,7 +914,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let wall_k = constants.wall_k(state);
         let softening = constants.softening.factor(wall_k);
         let end = constants.ends.moving(self.falling);
-        let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening);
+        let pressed = constants.pressed.factor(pressure - constants.pull.ambient_pa);
+        let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening, pressed);
         let slip_n = constants.slip_n(state, pressure, softening);
         self.truth = Truth {
             time_s: self.steps as f64 * constants.step_s,

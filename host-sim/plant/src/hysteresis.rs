@@ -4,11 +4,9 @@
 //! Creep is two springs, each with a dashpot in series that closes their stretch e in a time T:
 //! e' = v - e/T, force m e, loss m e^2/T. Both are positive against contraction.
 
+use super::pull::Pressed;
 use thermyo_compute::math;
 use thermyo_scenario::{PlantKind, Scenario};
-
-/// Gauge pressure at which the slip force is the configured one \[Pa\].
-const CONFIGURED_AT_PA: f64 = 4.0e5;
 
 /// Number of creeping arms.
 pub const ARMS: usize = 2;
@@ -25,7 +23,7 @@ pub struct Hysteresis {
 pub struct Slip {
     force_n: f64,
     stiffness_n_m: f64,
-    pressure_factor: f64,
+    pressed: Pressed,
 }
 
 /// A spring with a dashpot in series.
@@ -49,7 +47,7 @@ impl Hysteresis {
             slip: Slip {
                 force_n: is * muscle.slip_force_n,
                 stiffness_n_m: is * muscle.slip_stiffness_n_m,
-                pressure_factor: muscle.slip_pressure_factor,
+                pressed: Pressed::new(muscle.slip_pressure_factor),
             },
             creep: [
                 arm(muscle.creep_fast_n_m, muscle.creep_fast_s),
@@ -93,8 +91,7 @@ impl Hysteresis {
 impl Slip {
     /// Force at which it slips \[N\], at a gauge pressure \[Pa\] and a factor for the wall's temperature.
     pub fn limit(&self, gauge_pa: f64, softening: f64) -> f64 {
-        let share = (gauge_pa - CONFIGURED_AT_PA) / CONFIGURED_AT_PA;
-        softening * self.force_n * (1.0 + self.pressure_factor * share).max(0.0)
+        softening * self.force_n * self.pressed.factor(gauge_pa)
     }
 
     /// Its force at a length \[m\], with its slider at another \[N\].

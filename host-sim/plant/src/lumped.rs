@@ -14,7 +14,7 @@ use super::hysteresis::{ARMS, Elapsed, Hysteresis};
 use super::local_power::LocalPower;
 use super::ode::rk4;
 use super::piping::{Disturbance, Piping};
-use super::pull::{Pull, Softening};
+use super::pull::{Pressed, Pull, Softening};
 use super::sensors::{Exposure, Sensors};
 use super::start::Start;
 use super::{
@@ -63,6 +63,7 @@ struct Constants<C> {
     outer_per_speed: f64,
     wall_j_k: f64,
     friction_n: f64,
+    pressed: Pressed,
     softening: Softening,
     friction_to_wall: f64,
     initial_k: f64,
@@ -221,6 +222,7 @@ impl<C: Chamber> Constants<C> {
             outer_per_speed: scenario.heat.outer_per_speed,
             wall_j_k: scenario.wall.heat_capacity_j_k,
             friction_n: scenario.friction.force_n,
+            pressed: Pressed::new(scenario.friction.pressure_factor),
             softening: Softening::new(&scenario.friction),
             friction_to_wall: scenario.friction.heat_fraction,
             initial_k: start.wall_k,
@@ -387,11 +389,12 @@ impl<C: Chamber + Copy> Lumped<C> {
         let flowed_kg = [self.state[MASS_IN], self.state[MASS_OUT]];
         let Self { constants, play, film, .. } = self;
         let softening = constants.softening.around(self.state[WALL]);
-        let friction_at = |wall_k: f64| constants.friction_n * softening.factor(wall_k);
         let mut stage = 0;
         let mut middle = play.held;
         let start = play.held;
         let gauge_pa = start.pressure - constants.pull.ambient_pa;
+        let friction_n = constants.friction_n * constants.pressed.factor(gauge_pa);
+        let friction_at = |wall_k: f64| friction_n * softening.factor(wall_k);
         let slip = &constants.hysteresis.slip;
         play.memory.limit = slip.limit(gauge_pa, softening.factor(self.state[WALL]));
         let [half, whole] =
@@ -440,7 +443,8 @@ impl<C: Chamber + Copy> Lumped<C> {
         let place = &play.held;
         let closure = &constants.closure;
         let temperature = closure.temperature(place.pressure, place.volume, state[MASS]);
-        let limit = constants.friction_n * constants.softening.factor(state[WALL]);
+        let pressed = constants.pressed.factor(place.pressure - constants.pull.ambient_pa);
+        let limit = constants.friction_n * pressed * constants.softening.factor(state[WALL]);
         let rates = constants.rates(state, place, limit, film, actuation);
         let Held { slip_n, creep_n, .. } = place.held;
         let pull_n = constants.pull.force(place.pressure, place.length);

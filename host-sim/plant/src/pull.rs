@@ -106,6 +106,27 @@ pub fn load_n(scenario: &Scenario, chamber: &(impl Chamber + ?Sized)) -> f64 {
     }
 }
 
+/// Gauge pressure at which friction and slip are the configured ones \[Pa\].
+const CONFIGURED_AT_PA: f64 = 4.0e5;
+
+/// A force of which a share follows gauge pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pressed {
+    share: f64,
+}
+
+impl Pressed {
+    /// For that share \[-\].
+    pub fn new(share: f64) -> Self {
+        Self { share }
+    }
+
+    /// Factor on the force \[-\] at a gauge pressure \[Pa\].
+    pub fn factor(&self, gauge_pa: f64) -> f64 {
+        (1.0 - self.share + self.share * gauge_pa / CONFIGURED_AT_PA).max(0.0)
+    }
+}
+
 /// How friction falls as the wall warms: exp(-beta (T_w - T_ref)).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Softening {

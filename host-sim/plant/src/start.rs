@@ -3,7 +3,7 @@
 use super::Ledger;
 use super::chamber::Chamber;
 use super::gas::IdealGas;
-use super::pull::{Pull, Softening};
+use super::pull::{Pressed, Pull, Softening};
 use super::sensors::Exposure;
 use thermyo_scenario::{LoadKind, Scenario};
 
@@ -33,12 +33,13 @@ impl Start {
     /// Of a moving chamber: where it is held, or where friction lets its end rest.
     pub fn of_chamber<C: Chamber>(scenario: &Scenario, pull: &Pull<C>) -> Self {
         let Scenario { friction, load, plant, .. } = scenario;
-        let coulomb =
-            friction.force_n * Softening::new(friction).factor(plant.initial_temperature_k);
+        let pressure = plant.initial_pressure_pa;
+        let softening = Softening::new(friction).factor(plant.initial_temperature_k);
+        let pressed = Pressed::new(friction.pressure_factor).factor(pressure - pull.ambient_pa);
         let length = if load.kind == LoadKind::Isometric {
             load.length_m
         } else {
-            pull.start_length(plant.initial_pressure_pa, coulomb)
+            pull.start_length(pressure, friction.force_n * pressed * softening)
         };
         Self::new(scenario, length, pull.chamber.volume(length))
     }

@@ -12,6 +12,7 @@ pub mod fault_rules;
 pub mod geometry;
 pub mod key;
 mod number;
+pub mod preset;
 pub mod profile;
 pub mod schema;
 mod tables;

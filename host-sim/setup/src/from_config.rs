@@ -155,6 +155,7 @@ fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f3
         ("friction.force_n", config.friction.force_n),
         ("friction.reference_temperature_k", config.friction.reference_temperature_k),
         ("friction.softening_per_k", config.friction.softening_per_k),
+        ("friction.pressure_factor", config.friction.pressure_factor),
         ("friction.heat_fraction", config.friction.heat_fraction),
         ("friction.presliding_stiffness_n_m", config.friction.presliding_stiffness_n_m),
         ("friction.viscous_n_s_m", config.friction.viscous_n_s_m),

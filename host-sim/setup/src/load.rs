@@ -13,12 +13,16 @@ use thermyo_plant::heat::inlet_diameter_m;
 use thermyo_scenario::document::{Document, Entries, Entry};
 use thermyo_scenario::fault_rules;
 use thermyo_scenario::geometry::{Dimensions, Given};
+use thermyo_scenario::preset::Preset;
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::{Allowed, Limits, limits};
 use thermyo_scenario::violation::{Fault, Violation, WrongCell};
-use thermyo_scenario::{DriveKind, HeatModel, PlantKind, Scenario};
+use thermyo_scenario::{DriveKind, HeatModel, Muscle, PlantKind, Scenario, at_rest};
 use toml::{Table, Value};
 
+/// Share of a cylinder's friction that follows its pressure, if the file does not give it: an O-ring of
+/// 25.7 mm has 4.7 N at 1 bar and 7.9 N at 7 bar (`docs/background/validation.md`).
+const SEAL_FACTOR: f64 = 0.34;
 /// Fraction of the length sensor's range that the longest length takes if the file does not give
 /// the range.
 const LENGTH_USE: f64 = 0.8;
@@ -77,8 +81,13 @@ pub fn parse_alone(text: &str, origin: &Path) -> Result<Loaded, InputError> {
 pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     let Document { origin, plant: given, believed: overrides } = document;
     fault_rules::check_given(given).map_err(|found| blame(found, given, origin))?;
-    let mut plant = overlaid(&Scenario::default(), given, origin)?;
-    let dimensions = Given::of(given).resolved().map_err(|found| blame(found, given, origin))?;
+    let base = preset(&Scenario::default(), given, origin)?;
+    let mut plant = overlaid(&base, given, origin)?;
+    let mut dimensions = Given::of(given);
+    if presets_of(given).any(|preset| preset.table == "muscle") {
+        dimensions = dimensions.completed_from(Dimensions::of(&base.muscle), false);
+    }
+    let dimensions = dimensions.resolved().map_err(|found| blame(found, given, origin))?;
     plant.muscle = dimensions.applied_to(&plant.muscle);
     let volumes = limits("vessel.volume_m3");
     let volume_csv = plant.vessel.volume_csv.as_deref();
@@ -127,10 +136,11 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
         }
     }
 
-    let mut believed = overlaid(&plant, overrides, origin)?;
+    let base = preset(&plant, overrides, origin)?;
+    let mut believed = overlaid(&base, overrides, origin)?;
     let threaded = given.get("muscle.thread_length_m").is_some();
     let dimensions = Given::of(overrides)
-        .completed_from(Dimensions::of(&plant.muscle), threaded)
+        .completed_from(Dimensions::of(&base.muscle), threaded)
         .resolved()
         .map_err(|found| blame(found, overrides, origin))?;
     believed.muscle = dimensions.applied_to(&believed.muscle);
@@ -169,21 +179,52 @@ fn check_heat(scenario: &Scenario, given: &Entries) -> Result<(), Violation> {
     }
 }
 
-/// The scenario with the entries of a file.
-fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
+/// Presets that entries name.
+pub(super) fn presets_of(entries: &Entries) -> impl Iterator<Item = &'static Preset> {
+    entries.iter().filter(|entry| entry.key.name == "preset").filter_map(|entry| {
+        let word = entry.value.as_str()?;
+        Preset::of(&entry.table, word)
+    })
+}
+
+/// The scenario with the values of the presets that entries name.
+fn preset(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
+    let values = presets_of(entries).flat_map(|preset| preset.values);
+    let mut preset = with_values(base, values.map(|(path, value)| (*path, value.toml())), origin)?;
+    if presets_of(entries).any(|preset| preset.table == "muscle") {
+        let Muscle { rest_length_m, diameter_m, braid_angle_deg, .. } = preset.muscle;
+        preset.muscle = at_rest(&preset.muscle, rest_length_m, diameter_m, braid_angle_deg);
+    }
+    Ok(preset)
+}
+
+/// The scenario with values at paths.
+fn with_values<'a>(
+    base: &Scenario,
+    values: impl IntoIterator<Item = (&'a str, Value)>,
+    origin: &Path,
+) -> Result<Scenario, InputError> {
     // Schema and structs are one declaration: an entry that passed the schema fits the struct.
     // Faults that need a number have it.
     let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
     let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
-    for entry in entries.iter() {
+    for (path, value) in values {
+        let (tables, key) = path.rsplit_once('.').unwrap_or(("", path));
         let mut table = &mut tree;
-        for name in entry.table.split('.') {
+        for name in tables.split('.') {
             let next = table.entry(name).or_insert_with(|| Value::Table(Table::new()));
             table = next.as_table_mut().ok_or_else(|| internal(format!("{name} is no table")))?;
         }
-        table.insert(entry.key.name.to_owned(), entry.value.clone());
+        table.insert(key.to_owned(), value);
     }
     tree.try_into().map_err(|error: toml::de::Error| internal(error.message().to_owned()))
+}
+
+/// The scenario with the entries of a file.
+fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
+    let paths: Vec<(String, Value)> =
+        entries.iter().map(|entry| (entry.path(), entry.value.clone())).collect();
+    with_values(base, paths.iter().map(|(path, value)| (path.as_str(), value.clone())), origin)
 }
 
 /// Sizes that follow from others if the file does not give them.
@@ -201,6 +242,9 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
             largest_m3 / plant.vessel.section_m2()
         }
     };
+    if plant.plant.kind == PlantKind::Cylinder && given.get("friction.pressure_factor").is_none() {
+        plant.friction.pressure_factor = SEAL_FACTOR;
+    }
     if given.get("sensor.length.range_m").is_none() {
         let range = &mut plant.sensor.length.range_m;
         *range = range.max(longest_m / LENGTH_USE).min(limits("sensor.length.range_m").max);

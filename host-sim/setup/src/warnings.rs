@@ -1,5 +1,6 @@
 //! Warnings: scenarios that are valid and run, but are hardly meant so.
 
+use super::load::presets_of;
 use super::loaded::Loaded;
 use super::tree::{same, tree, value};
 use crate::core_config::{core_config, pressure_limit_pa};
@@ -12,7 +13,8 @@ use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
 use thermyo_plant::load_n;
-use thermyo_scenario::document::{Document, Entry};
+use thermyo_scenario::document::{Document, Entries, Entry};
+use thermyo_scenario::preset::Preset;
 use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
     Shape,
@@ -163,6 +165,36 @@ fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         .collect()
 }
 
+/// Presets that keys contradict, each with the keys, which win.
+fn contradicted(document: &Document) -> Vec<InputError> {
+    let of = |entries: &Entries| {
+        let one = |preset: &Preset| {
+            let differs = preset.values.iter().filter(|(path, value)| {
+                entries
+                    .get(path)
+                    .is_some_and(|entry| !same(Some(&entry.value), Some(&value.toml())))
+            });
+            let keys: Vec<String> = differs.map(|(path, _)| entries.full_path(path)).collect();
+            let key = format!("{}.preset", preset.table);
+            let line = entries.get(&key).and_then(|entry| entry.line);
+            let problem = Problem::NoSense {
+                key: entries.full_path(&key),
+                value: format!("{:?}", preset.word),
+                why: format!(
+                    "{} of the file {} above it",
+                    keys.join(", "),
+                    if keys.len() == 1 { "stands" } else { "stand" }
+                ),
+            };
+            (!keys.is_empty()).then(|| problem_at(document, line, problem))
+        };
+        presets_of(entries).filter_map(one).collect::<Vec<_>>()
+    };
+    let mut all = of(&document.plant);
+    all.extend(of(&document.believed));
+    all
+}
+
 /// All warnings of a valid scenario, by line.
 pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     let scenario = &loaded.plant;
@@ -187,6 +219,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         problem_at(document, entry.line, problem)
     }));
     all.extend(unused_keys(document, loaded));
+    all.extend(contradicted(document));
     all.extend(restless(&loaded.believed).map(|(key, value, why)| {
         let line = document.plant.get(key).and_then(|entry| entry.line);
         let problem = Problem::NoSense { key: key.to_owned(), value, why };

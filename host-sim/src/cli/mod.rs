@@ -11,6 +11,7 @@ mod flash;
 mod flashed;
 mod fmu;
 mod folded;
+mod init;
 mod interrupt;
 mod log;
 mod measure;
@@ -82,6 +83,8 @@ struct Cli {
 enum Task {
     /// Simulate the paper's isotonic working cycle: sensors compared, Fig. 2 and 5 (the default)
     Reproduce(ReproduceArgs),
+    /// Write the scenario of your own rig: asks for muscle, valves, sensor and load, or takes flags
+    Init(init::InitArgs),
     /// Run a scenario
     Run(RunArgs),
     /// Fit the plant's parameters to recorded data
@@ -317,6 +320,7 @@ pub fn run<A: Into<OsString> + Clone>(
     };
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
         Task::Reproduce(args) => reproduce_command(&args, out, err),
+        Task::Init(args) => init::run(&args, out, err),
         Task::Run(args) => run_command(&args, out, err),
         Task::Identify(args) => identify_command(&args, out, err),
         Task::Sweep(args) => sweep::run(args, out, err),

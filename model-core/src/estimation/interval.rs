@@ -179,7 +179,7 @@ impl Estimator {
         let gauge_pa = self.pressure_pa - ambient.pressure_pa;
         let held = hysteresis.after(&self.held, way_m, gauge_pa, softening);
         let heat_j = hysteresis.heat_j(&self.held, &held, way_m)
-            + softening * friction.force_n * absolute(way_m);
+            + softening * friction.force_n * friction.at_pressure(gauge_pa) * absolute(way_m);
         self.held = held;
         friction.heat_fraction * heat_j
     }

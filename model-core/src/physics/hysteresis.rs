@@ -16,11 +16,10 @@
 //! One Prandtl element and two Maxwell arms: a muscle that others measured needs no more of either
 //! (`docs/background/validation.md`). All defaults were measured on a Festo DMSP-10-250.
 
+use super::friction::at_pressure;
 use crate::math::{exp, limit};
 use crate::parameter::parameters;
 
-/// Gauge pressure at which the slip force is the configured one \[Pa\].
-pub const SLIP_PRESSURE_PA: f32 = 4.0e5;
 /// Below this share of an arm's time, the series of exp holds to 1e-7 and its difference from 1 does not.
 const SHORT: f32 = 0.02;
 
@@ -52,9 +51,7 @@ impl Hysteresis {
     /// Force at which it slips \[N\], at a gauge pressure and a factor for the wall's temperature
     /// ([`super::friction::Friction::softening`]).
     pub fn slip_n(&self, gauge_pressure_pa: f32, softening: f32) -> f32 {
-        let share = gauge_pressure_pa * (1.0 / SLIP_PRESSURE_PA) - 1.0;
-        let factor = 1.0 + self.slip_pressure_factor * share;
-        softening * self.slip_force_n * limit(factor, 0.0, f32::MAX)
+        softening * self.slip_force_n * at_pressure(self.slip_pressure_factor, gauge_pressure_pa)
     }
 }
 

@@ -14,6 +14,7 @@ use super::record::Record;
 use crate::search::{self, Found, LeastSquares};
 use crate::uncertainty::correlation_rows;
 use nalgebra::{DMatrix, DVector};
+use thermyo_scenario::preset::MusclePreset;
 use thermyo_scenario::{Scenario, at_rest, number, with_numbers};
 
 /// Usual residual of the law: of a length over the stroke, of a force over the largest \[-\].
@@ -188,8 +189,7 @@ impl<'a> Problem<'a> {
         let scatter = weighted / weight * lasting * weight / rows as f64;
         let measured = slopes.rows(0, rows);
         let prior = slopes.rows(rows, place.len());
-        let information = measured.tr_mul(&measured) / scatter.max(1.0e-12)
-            + prior.tr_mul(&prior);
+        let information = measured.tr_mul(&measured) / scatter.max(1.0e-12) + prior.tr_mul(&prior);
         let covariance = information.cholesky().map(|cholesky| cholesky.inverse());
         let value = |(i, parameter): (usize, &Parameter)| {
             let deviation = covariance.as_ref().map_or(f64::INFINITY, |c| c[(i, i)].sqrt());
@@ -214,6 +214,7 @@ pub fn adopt<'a>(
     values: impl IntoIterator<Item = (&'a str, f64)>,
 ) -> Scenario {
     let mut adopted = with_numbers(scenario, values);
+    adopted.muscle.preset = MusclePreset::None;
     let muscle = &adopted.muscle;
     adopted.muscle =
         at_rest(muscle, muscle.rest_length_m, muscle.diameter_m, muscle.braid_angle_deg);

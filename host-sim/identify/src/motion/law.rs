@@ -50,7 +50,8 @@ impl Law {
 
     fn begin(&self, start: &Start, length: f64) -> Memory {
         let [_, slow] = &self.hysteresis.creep;
-        let over = |force: f64, stiffness: f64| if stiffness > 0.0 { force / stiffness } else { 0.0 };
+        let over =
+            |force: f64, stiffness: f64| if stiffness > 0.0 { force / stiffness } else { 0.0 };
         Memory {
             slider: length + over(start.slip_n, self.slip_n_m),
             stretches: [0.0, over(start.slow_n, slow.stiffness_n_m)],
@@ -102,7 +103,11 @@ impl Law {
     /// Works a time out where it is another one.
     fn pass(&self, elapsed: &mut (f64, Elapsed), duration: f64) {
         if duration != elapsed.0 {
-            let of = if duration > 0.0 { Elapsed::new(&self.hysteresis, duration) } else { Elapsed::NONE };
+            let of = if duration > 0.0 {
+                Elapsed::new(&self.hysteresis, duration)
+            } else {
+                Elapsed::NONE
+            };
             *elapsed = (duration, of);
         }
     }
@@ -143,11 +148,14 @@ impl Law {
         let mut length = memory.length.clamp(low, high);
         for _ in 0..STEPS {
             let excess_n = excess(length);
-            if excess_n > 0.0 { high = length } else { low = length }
+            if excess_n > 0.0 {
+                high = length
+            } else {
+                low = length
+            }
             let slope_n_m = slope(length);
             let newton = length - excess_n / slope_n_m;
-            let next =
-                if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             let change = (next - length).abs();
             length = next;
             if change < CLOSE_M {

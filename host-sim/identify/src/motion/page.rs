@@ -49,9 +49,9 @@ fn chart(identified: &Identified) -> Chart {
     let times: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
     let (name, unit, scale) =
         if identified.record.has_force { ("Force", "N", 1.0) } else { ("Length", "mm", 1000.0) };
-    let measured = rows.iter().map(|row| {
-        scale * if identified.record.has_force { row.force_n } else { row.length_m }
-    });
+    let measured = rows
+        .iter()
+        .map(|row| scale * if identified.record.has_force { row.force_n } else { row.length_m });
     let measured: Vec<f64> = measured.collect();
     let left: Vec<f64> = identified.residuals.iter().map(|left| scale * left).collect();
     let law: Vec<f64> = measured.iter().zip(&left).map(|(is, left)| is + left).collect();
@@ -63,9 +63,12 @@ fn chart(identified: &Identified) -> Chart {
         .height(150.0)
         .line("", Colour::Blue, &times, &left)
         .reference(0.0, "0");
-    let pressure = Panel::new(Axis::new("Pressure", "kPa"))
-        .height(120.0)
-        .line("", Colour::Green, &times, &pressures);
+    let pressure = Panel::new(Axis::new("Pressure", "kPa")).height(120.0).line(
+        "",
+        Colour::Green,
+        &times,
+        &pressures,
+    );
     Chart::new(Axis::new("Time", "s")).panel(values).panel(rest).panel(pressure)
 }
 

@@ -190,8 +190,9 @@ fn check_pressures(table: &Table, pressures: &[f64], ambient_pa: f64) -> Result<
             ..50.0 => "bar",
             _ => "kPa",
         };
-        let allowed =
-            format!("absolute and in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?");
+        let allowed = format!(
+            "absolute and in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?"
+        );
         return Err(table.cell_error(highest, COLUMNS[2], &allowed));
     }
     let least_pa = NOT_ABSOLUTE * ambient_pa;

@@ -39,7 +39,8 @@ fn record(loaded: &Loaded, points: Vec<(f64, f64)>) -> String {
         if step % 20 == 0 {
             let [a, b]: [f64; 2] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
             let truth = &row.truth;
-            let (length_m, pressure_pa) = (truth.length_m + 2e-5 * a, truth.pressure_pa + 300.0 * b);
+            let (length_m, pressure_pa) =
+                (truth.length_m + 2e-5 * a, truth.pressure_pa + 300.0 * b);
             text += &format!("{:.3},{length_m:.6},{pressure_pa:.0}\n", truth.time_s);
         }
         step += 1;
@@ -71,7 +72,8 @@ fn a_muscle_is_found_from_its_own_plan() {
     // A second record of the same muscle: the middle of the first.
     let second = [&all[..1], &all[3000..8000]].concat().join("\n") + "\n";
     let found =
-        identify(&shipped_scenario(), CONFIG.as_ref(), &table(&text), Some(&table(&second))).unwrap();
+        identify(&shipped_scenario(), CONFIG.as_ref(), &table(&text), Some(&table(&second)))
+            .unwrap();
     let findings = &found.findings;
     println!("{}", findings.text());
     assert!(findings.holds && findings.open.is_empty(), "{findings:?}");
@@ -147,9 +149,10 @@ fn a_record_that_cannot_be_used_is_named_with_its_line() {
         ("motion.csv:2: column length_m = -0.25: must be a length from 0.125", &|_, (t, l, p)| {
             (t, -l, p)
         }),
-        ("motion.csv:101: column pressure_pa = 497.3: must be absolute and in Pa", &|_, (t, l, p)| {
-            (t, l, 0.001 * p)
-        }),
+        (
+            "motion.csv:101: column pressure_pa = 497.3: must be absolute and in Pa",
+            &|_, (t, l, p)| (t, l, 0.001 * p),
+        ),
         ("motion.csv:2: column pressure_pa = 0.0: must be absolute", &|_, (t, l, p)| {
             (t, l, p - 101_325.0)
         }),
@@ -173,7 +176,8 @@ fn a_record_that_cannot_be_used_is_named_with_its_line() {
     .replace(",force_n", "")
     .replace(",\n", "\n");
     let error = Record::of(&table(&text), &shipped_scenario().plant).unwrap_err().to_string();
-    let message = "motion.csv:101: column length_m = 0.2498: must be shorter where the pressure is higher";
+    let message =
+        "motion.csv:101: column length_m = 0.2498: must be shorter where the pressure is higher";
     assert!(error.starts_with(message), "{error}");
     let text = rows(|i| {
         let (t, l, p) = good(i);

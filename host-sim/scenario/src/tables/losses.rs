@@ -47,6 +47,8 @@ table! {
         core force_n;
         core reference_temperature_k;
         core softening_per_k;
+        // The loader takes a seal's for a cylinder.
+        core pressure_factor;
         core heat_fraction;
         stribeck_force_n: real 4.0, "N", 0.0 to 1.0e5, "surplus at standstill (full)";
         stribeck_speed_m_s: real 0.005, "m/s", 1.0e-6 to 10.0, "speed at which that surplus has fallen to 1/e (full)";

@@ -3,6 +3,7 @@
 use super::air::IDEAL_GAS_PA;
 use crate::declare::{choice, table};
 use crate::geometry::Dimensions;
+use crate::preset::MusclePreset;
 use model_core::physics;
 
 choice! {
@@ -52,6 +53,7 @@ table! {
     /// A file gives the first five in one of two ways, and the loader computes the others.
     "muscle", "the McKibben muscle: thread_length_m and turns, or diameter_m and braid_angle_deg, with rest_length_m; the others follow", believed, physical;
     Muscle as physics::hysteresis::Hysteresis {
+        preset: choice MusclePreset::None, "a muscle with public figures; a key in the file stands above its value";
         thread_length_m: real Dimensions::nominal().thread_length_m, "m", 0.01 to 10.0, "thread length b";
         turns: real Dimensions::nominal().turns, "", 0.1 to 1000.0, "thread turns n";
         rest_length_m: real Dimensions::nominal().rest_length_m, "m", 0.005 to 10.0, "length at rest, the longest";

@@ -1,6 +1,7 @@
 //! The four sensors and their ranges.
 
 use crate::declare::{choice, table};
+use crate::preset::PressurePreset;
 use model_core::sensing::gas::{GasElement, Max31865, Ntc, Pt1000};
 use model_core::sensing::pressure::{Mpr, PressurePart};
 use model_core::sensing::{adc, gas, length, pressure};
@@ -111,6 +112,7 @@ table! {
 table! {
     "sensor.pressure", "absolute pressure sensor, 10 to 90 % of the reference over its range", believed, physical;
     PressureSensor as pressure::PressureSensor {
+        preset: choice PressurePreset::None, "a sensor by its data sheet; a key in the file stands above its value";
         kind: choice PressureKind::Ratiometric, "what senses";
         time_constant_s: real 0.0005, "s", 0.0 to 1000.0, "lag";
         core noise_pa;
