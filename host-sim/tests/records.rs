@@ -226,7 +226,7 @@ fn published_data_that_are_damaged_are_refused() {
         (
             "notes.txt",
             String::new(),
-            "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv or",
+            "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv,",
         ),
     ] {
         let folder = tempfile::tempdir().unwrap();

@@ -10,6 +10,7 @@ pub mod plants;
 pub mod recording;
 pub mod smoother;
 pub mod truth;
+mod truth_motion;
 pub mod tune;
 
 use serde::Serialize;

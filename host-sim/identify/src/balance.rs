@@ -3,7 +3,7 @@
 
 use super::data::{Given, holding};
 use super::failed::Failed;
-use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
+use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL, hold_back};
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use nalgebra::{DMatrix, DVector};
@@ -54,6 +54,7 @@ impl Balance {
                 volume_m3: 0.0,
                 charging,
                 discharging,
+                hysteresis_j: 0.0,
             }
         });
         let known = known.collect();
@@ -83,6 +84,7 @@ impl Balance {
         for known in &mut known {
             known.volume_m3 = f64::from(chamber.volume_m3(known.length_m as f32));
         }
+        hold_back(&config, &mut known);
         let model = Model::new(&config).with_location_factor(self.location_factor);
         let readings = |warmer_k: [f64; STARTS]| -> Result<DVector<f64>, Failed> {
             let [gas_k, wall_k, sensor_k] = warmer_k.map(|warmer_k| self.start_k + warmer_k);

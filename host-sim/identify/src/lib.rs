@@ -23,6 +23,7 @@ mod findings;
 mod fit;
 pub mod motion;
 mod page;
+pub mod pair;
 mod parameter;
 mod record;
 mod search;

@@ -21,7 +21,7 @@ use model_core::sample::OVERSAMPLING;
 use model_core::sensing::adc::Adc;
 use model_core::{AdcCode, Config, Duty, Faults, Telemetry};
 use thermyo_identify::core_model::{
-    HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL,
+    HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL, hold_back,
 };
 
 /// Steps per interval, as in the core.
@@ -186,15 +186,18 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure.adc(), pressure);
     let length_m = smoothed(|t| t.length_m, |t| t.sample.length, length);
     let steps = flowing.iter().zip(pressure_pa.into_iter().zip(length_m));
-    steps
+    let mut known: Vec<Known> = steps
         .map(|(&(charging, discharging), (pressure_pa, length_m))| Known {
             pressure_pa,
             length_m,
             volume_m3: f64::from(chamber.volume_m3(length_m as f32)),
             charging,
             discharging,
+            hysteresis_j: 0.0,
         })
-        .collect()
+        .collect();
+    hold_back(config, &mut known);
+    known
 }
 
 /// Gas may have passed the inlet, and the outlet, since the step before.

@@ -4,6 +4,7 @@
 //! Which values are searched is the scenario's `identify.parameters`: slip and creep alone, with the
 //! static law frozen, or parts of that law too.
 
+mod baseline;
 mod fit;
 mod law;
 mod page;
@@ -12,6 +13,7 @@ mod record;
 #[cfg(test)]
 mod tests;
 
+pub use baseline::{LawLeft, laws};
 pub use fit::KEYS;
 pub use page::{page, plot};
 pub use plan::plan;
@@ -125,6 +127,29 @@ pub fn identify(
     Ok(of_record(loaded, all, record, against.as_ref()))
 }
 
+/// End of a search.
+struct Searched {
+    open: Vec<Parameter>,
+    values: Vec<Value>,
+    start: Start,
+}
+
+/// Searches, and leaves out what the record leaves open: it stays at the scenario's value, and the others
+/// are searched again.
+fn search(scenario: &Scenario, searched: &mut Vec<Parameter>, record: &Record) -> Searched {
+    let mut open = Vec::new();
+    loop {
+        let problem = Problem::new(scenario, searched, record);
+        let place = problem.search().place;
+        let values = problem.values(&place);
+        let start = problem.found_start(&place);
+        let Some(worst) = values.iter().position(|value| value.open) else {
+            return Searched { open, values, start };
+        };
+        open.push(searched.remove(worst));
+    }
+}
+
 fn of_record(
     loaded: &Loaded,
     mut searched: Vec<Parameter>,
@@ -132,18 +157,7 @@ fn of_record(
     against: Option<&Record>,
 ) -> Identified {
     let thin = record.thinned(MOST_ROWS);
-    let mut open: Vec<Parameter> = Vec::new();
-    // What is open stays at the scenario's value, and the others are searched again.
-    let (values, start) = loop {
-        let problem = Problem::new(&loaded.plant, &searched, &thin);
-        let place = problem.search().place;
-        let values = problem.values(&place);
-        let start = problem.found_start(&place);
-        let Some(worst) = values.iter().position(|value| value.open) else {
-            break (values, start);
-        };
-        open.push(searched.remove(worst));
-    };
+    let Searched { open, values, start } = search(&loaded.plant, &mut searched, &thin);
     let found: Vec<(&'static str, f64)> =
         searched.iter().zip(&values).map(|(p, value)| (p.key, value.value)).collect();
     let mut scenario = loaded.clone();
