@@ -27,6 +27,8 @@ const BARS: [u32; 4] = [1, 3, 5, 7];
 /// Largest error of the O-ring's friction between the pressures that were fitted \[N\]. The X-ring's is no
 /// straight line.
 const SEAL_N: f64 = 1.0;
+/// Until then a vessel is shut off, and its gas takes the temperature of the wall \[s\].
+const SHUT_S: f64 = 15.0;
 /// Share of a vessel's record that is fitted \[-\].
 const FITTED: f64 = 0.6;
 /// Largest error of a vessel's pressure in the rest, of the pressure at the start \[%\].
@@ -150,7 +152,10 @@ fn leaked(times: &[f64], first_pa: f64, [per_s, critical]: [f64; 2]) -> Vec<f64>
 /// The leak fitted to the first part of a record; errors over the pressure at the start.
 fn vessel_of(file: &Path) -> Result<CaseFigures, InputError> {
     let table = read_whole(file)?;
-    let (times, pressures) = (table.filled("time_s")?, table.filled("pressure_pa")?);
+    let (mut times, mut pressures) = (table.filled("time_s")?, table.filled("pressure_pa")?);
+    let begins = times.partition_point(|time| *time < SHUT_S);
+    times.drain(..begins);
+    pressures.drain(..begins);
     let cut = (FITTED * times.len() as f64) as usize;
     let left = |found: &[f64], measured: &[f64]| {
         let squares = found.iter().zip(measured).map(|(found, is)| (found - is).powi(2));
