@@ -2,7 +2,8 @@
 //! others.
 
 use super::control::{self, rest};
-use super::{CaseFigures, Figure, truth_motion};
+use super::truth_motion::{self, tables};
+use super::{CaseFigures, Figure};
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use std::path::{Path, PathBuf};
 use thermyo_compute::parallel;
@@ -82,20 +83,11 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     if discharge.exists() {
         add(air_discharge(&discharge, watch))?;
     }
-    add(truth_motion::evaluate(folder))?;
+    add(truth_motion::evaluate(folder).map_err(TruthError::from))?;
     if lines.is_empty() && !watch.stopped() {
         return Err(InputError::file(folder, Problem::NoTruth).into());
     }
     Ok(lines)
-}
-
-/// Tables of a folder, by name.
-pub(super) fn tables(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-    files.retain(|file| file.extension().is_some_and(|extension| extension == "csv"));
-    files.sort();
-    files
 }
 
 fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {

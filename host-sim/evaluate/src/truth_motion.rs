@@ -1,7 +1,6 @@
-//! Muscles, seals and vessels that others recorded in motion or at rest, and anybody's own records: each
+//! Muscles, seals and vessels that others recorded in motion or at rest, and a user's own records: each
 //! split before anything is fitted.
 
-use super::truth::TruthError;
 use super::{CaseFigures, Figure};
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -38,7 +37,7 @@ const VESSEL_PERCENT: f64 = 1.0;
 ///
 /// # Errors
 /// For a record that cannot be used.
-pub fn evaluate(folder: &Path) -> Result<Vec<CaseFigures>, TruthError> {
+pub fn evaluate(folder: &Path) -> Result<Vec<CaseFigures>, InputError> {
     let dynamic = folder.join("dynamic");
     let mut lines = Vec::new();
     let antagonists = dynamic.join("antagonist_5050.csv");
@@ -52,13 +51,22 @@ pub fn evaluate(folder: &Path) -> Result<Vec<CaseFigures>, TruthError> {
         }
     }
     let vessel = |file: &PathBuf| stem(file).starts_with("vessel_");
-    for file in super::truth::tables(&dynamic).into_iter().filter(vessel) {
+    for file in tables(&dynamic).into_iter().filter(vessel) {
         lines.push(vessel_of(&file)?);
     }
-    for file in super::truth::tables(&folder.join("motion")) {
+    for file in tables(&folder.join("motion")) {
         lines.extend(motion_of(&file)?);
     }
     Ok(lines)
+}
+
+/// Tables of a folder, by name.
+pub fn tables(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "csv"));
+    files.sort();
+    files
 }
 
 fn stem(file: &Path) -> String {

@@ -75,7 +75,7 @@ impl LeastSquares for Problem<'_> {
     fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
         let ways = self.ways(place, self.forces);
         let left = ways.iter().zip(self.ways).map(|(way, is)| 1.0e4 * (way - is));
-        // What is not searched stays where it is.
+        // Without slip its two variables stay where they are.
         let idle = place.iter().zip(START).map(|(place, start)| 1.0e-3 * (place - start));
         DVector::from_vec(left.chain(idle).collect())
     }

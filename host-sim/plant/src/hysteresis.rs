@@ -1,4 +1,4 @@
-//! What holds a muscle back beside its force at rest: a braid that slips, a rubber that creeps.
+//! Slip of the braid and creep of the rubber, which hold a muscle back beside its force at rest.
 //!
 //! Slip is a spring whose far end, the slider, is dragged along when its force reaches the limit.
 //! Creep is two springs, each with a dashpot in series that closes their stretch e in a time T:

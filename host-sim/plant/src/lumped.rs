@@ -85,7 +85,7 @@ struct Place {
     held: Held,
 }
 
-/// What slip and creep hold back with.
+/// Force of slip and creep.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Held {
     slip_n: f64,
@@ -116,6 +116,21 @@ struct Play {
 }
 
 impl Play {
+    /// At rest, with slip and creep relaxed.
+    fn begin(length: f64, volume: f64, pressure: f64, exponent: f64) -> Self {
+        let held = Place {
+            may_contract: false,
+            may_extend: false,
+            length,
+            volume,
+            power: math::pow(volume, -exponent),
+            pressure,
+            held: Held::default(),
+        };
+        let memory = Memory { slider: length, limit: 0.0, stretches: [0.0; ARMS] };
+        Self { held, memory, guess: length, power: LocalPower::new(-exponent, volume) }
+    }
+
     /// Length for w and the friction force \[N\], from the length held, that time after.
     fn place<C: Chamber>(
         &mut self,
@@ -348,16 +363,6 @@ impl<C: Chamber + Copy> Lumped<C> {
         let exponent = constants.closure.exponent();
         let Start { pressure, volume, length, .. } = start;
         let power = math::pow(volume, -exponent);
-        let held = Place {
-            may_contract: false,
-            may_extend: false,
-            length,
-            volume,
-            power,
-            pressure,
-            held: Held::default(),
-        };
-        let memory = Memory { slider: length, limit: 0.0, stretches: [0.0; ARMS] };
         let mut state = [0.0; STATES];
         state[MASS] = start.mass(gas);
         state[W] = pressure / power;
@@ -367,7 +372,7 @@ impl<C: Chamber + Copy> Lumped<C> {
             constants,
             steps: 0,
             state,
-            play: Play { held, memory, guess: length, power: LocalPower::new(-exponent, volume) },
+            play: Play::begin(length, volume, pressure, exponent),
             work_j: 0.0,
             stirred: Stirred::default(),
             film: Film::default(),

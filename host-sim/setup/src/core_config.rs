@@ -112,10 +112,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         wall: Wall { heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32 },
         friction: friction(s),
-        hysteresis: match s.plant.kind {
-            PlantKind::Muscle => s.muscle.core(),
-            _ => Hysteresis::NONE,
-        },
+        hysteresis: hysteresis(s),
         load: match (s.load.kind, &moving) {
             (LoadKind::Isometric, _) => Load::Isometric { length_m: s.load.length_m as f32 },
             (_, Some(chamber)) => Load::Isotonic { force_n: load_n(s, chamber.as_ref()) as f32 },
@@ -143,6 +140,10 @@ pub fn core_config(believed: &Scenario) -> Config {
         pressure_limit_pa: pressure_limit_pa(s) as f32,
         link: s.link.core(),
     }
+}
+
+fn hysteresis(s: &Scenario) -> Hysteresis {
+    if s.plant.kind == PlantKind::Muscle { s.muscle.core() } else { Hysteresis::NONE }
 }
 
 /// The chamber, and the heat capacity of its wall \[J/K\].

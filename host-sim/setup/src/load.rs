@@ -1,6 +1,7 @@
 //! From a scenario file to the data of a run.
 
 use super::loaded::Loaded;
+use super::presets::{dimensions_of, preset, with_values};
 use super::rules;
 use super::warnings::warnings;
 use std::path::{Path, PathBuf};
@@ -13,11 +14,10 @@ use thermyo_plant::heat::inlet_diameter_m;
 use thermyo_scenario::document::{Document, Entries, Entry};
 use thermyo_scenario::fault_rules;
 use thermyo_scenario::geometry::{Dimensions, Given};
-use thermyo_scenario::preset::Preset;
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::{Allowed, Limits, limits};
 use thermyo_scenario::violation::{Fault, Violation, WrongCell};
-use thermyo_scenario::{DriveKind, HeatModel, Muscle, PlantKind, Scenario, at_rest};
+use thermyo_scenario::{DriveKind, HeatModel, PlantKind, Scenario};
 use toml::{Table, Value};
 
 /// Share of a cylinder's friction that follows its pressure, if the file does not give it: an O-ring of
@@ -83,10 +83,7 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     fault_rules::check_given(given).map_err(|found| blame(found, given, origin))?;
     let base = preset(&Scenario::default(), given, origin)?;
     let mut plant = overlaid(&base, given, origin)?;
-    let mut dimensions = Given::of(given);
-    if presets_of(given).any(|preset| preset.table == "muscle") {
-        dimensions = dimensions.completed_from(Dimensions::of(&base.muscle), false);
-    }
+    let dimensions = dimensions_of(given, &base);
     let dimensions = dimensions.resolved().map_err(|found| blame(found, given, origin))?;
     plant.muscle = dimensions.applied_to(&plant.muscle);
     let volumes = limits("vessel.volume_m3");
@@ -177,47 +174,6 @@ fn check_heat(scenario: &Scenario, given: &Entries) -> Result<(), Violation> {
         }
         None => Ok(()),
     }
-}
-
-/// Presets that entries name.
-pub(super) fn presets_of(entries: &Entries) -> impl Iterator<Item = &'static Preset> {
-    entries.iter().filter(|entry| entry.key.name == "preset").filter_map(|entry| {
-        let word = entry.value.as_str()?;
-        Preset::of(&entry.table, word)
-    })
-}
-
-/// The scenario with the values of the presets that entries name.
-fn preset(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
-    let values = presets_of(entries).flat_map(|preset| preset.values);
-    let mut preset = with_values(base, values.map(|(path, value)| (*path, value.toml())), origin)?;
-    if presets_of(entries).any(|preset| preset.table == "muscle") {
-        let Muscle { rest_length_m, diameter_m, braid_angle_deg, .. } = preset.muscle;
-        preset.muscle = at_rest(&preset.muscle, rest_length_m, diameter_m, braid_angle_deg);
-    }
-    Ok(preset)
-}
-
-/// The scenario with values at paths.
-fn with_values<'a>(
-    base: &Scenario,
-    values: impl IntoIterator<Item = (&'a str, Value)>,
-    origin: &Path,
-) -> Result<Scenario, InputError> {
-    // Schema and structs are one declaration: an entry that passed the schema fits the struct.
-    // Faults that need a number have it.
-    let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
-    let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
-    for (path, value) in values {
-        let (tables, key) = path.rsplit_once('.').unwrap_or(("", path));
-        let mut table = &mut tree;
-        for name in tables.split('.') {
-            let next = table.entry(name).or_insert_with(|| Value::Table(Table::new()));
-            table = next.as_table_mut().ok_or_else(|| internal(format!("{name} is no table")))?;
-        }
-        table.insert(key.to_owned(), value);
-    }
-    tree.try_into().map_err(|error: toml::de::Error| internal(error.message().to_owned()))
 }
 
 /// The scenario with the entries of a file.

@@ -1,7 +1,7 @@
 //! Warnings: scenarios that are valid and run, but are hardly meant so.
 
-use super::load::presets_of;
 use super::loaded::Loaded;
+use super::presets::presets_of;
 use super::tree::{same, tree, value};
 use crate::core_config::{core_config, pressure_limit_pa};
 use model_core::Config;

@@ -169,7 +169,7 @@ pub(super) fn run(
     let supply_pa = answers.number(&SUPPLY, args.supply)?;
     let presets = [("muscle", muscle), ("valve", valve), ("sensor.pressure", sensor)];
     let text = scenario(&presets, &dimensions, load_kg, supply_pa);
-    // What the answers make together may contradict itself.
+    // Answers may contradict each other.
     thermyo_setup::parse(&text, &args.out)?;
     write_new(&args.out, &text)?;
     let unknown = unknown(&presets);

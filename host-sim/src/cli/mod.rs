@@ -226,7 +226,7 @@ struct RunArgs {
     measured: Option<PathBuf>,
 }
 
-/// What `--plan` prints.
+/// Kind of plan.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Plan {
     /// Readings of a static map

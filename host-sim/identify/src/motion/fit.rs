@@ -7,7 +7,7 @@
 //! The force is predicted where it was measured, the length otherwise, and w_i is the number of rows
 //! that a row stands for. The second sum only keeps the search from running away where the record
 //! shows nothing of a parameter: it counts as much as a few rows. What slip and the slow creep held at
-//! the start is searched along, as nobody measures it.
+//! the start is searched along, as no record has it.
 
 use super::law::{Law, Start};
 use super::record::Record;

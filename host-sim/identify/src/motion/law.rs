@@ -10,7 +10,7 @@ const STEPS: usize = 40;
 /// Correction at which a length is found \[m\].
 const CLOSE_M: f64 = 1.0e-9;
 
-/// What slip and creep hold at the start: force of the slip, and of the slow arm \[N\].
+/// State of slip and creep at the start: force of the slip, and of the slow arm \[N\].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Start {
     pub slip_n: f64,
@@ -26,7 +26,7 @@ pub struct Law {
     rest_m: f64,
 }
 
-/// What moves along.
+/// State along a record.
 struct Memory {
     slider: f64,
     stretches: [f64; ARMS],

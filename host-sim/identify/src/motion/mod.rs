@@ -43,7 +43,7 @@ const START_SHARE: f64 = 0.1;
 /// Longest start, in times of the slow creep \[-\].
 const START_TIMES: f64 = 2.0;
 
-/// What the law leaves of a record.
+/// Residuals of the law on a record.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Left {
     /// Lengths from pressures (and forces, where they were measured) \[m\].
@@ -65,9 +65,9 @@ pub struct Findings {
     /// Keys that the record leaves open: they stay at the scenario's values.
     pub open: Vec<&'static str>,
     pub parameters: BTreeMap<&'static str, Fitted>,
-    /// What the fit leaves.
+    /// Residuals of the fit.
     pub rmse: Left,
-    /// What it leaves of a record that it has not used.
+    /// Residuals of a record that the fit has not used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<Left>,
     pub remarks: Vec<String>,

@@ -141,6 +141,15 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
     found
 }
 
+/// Load and configured elastic force beside the stiffness that is fitted, slip and creep \[N\].
+fn held_n(chamber: &impl Chamber, load_n: f64, stiffness_n_m: f64, bin: &Bin) -> f64 {
+    let way_m = f64::from(chamber.rest_length_m()) - bin.length_m;
+    let elastic_n = f64::from(chamber.force_n(0.0, bin.length_m as f32));
+    let held_n = load_n - elastic_n - stiffness_n_m * way_m + bin.hysteresis_n;
+    // The core's force is rounded: without load and preload there is nothing to fit.
+    if held_n.abs() < 1.0e-3 { 0.0 } else { held_n }
+}
+
 /// Fits the balance of forces to the ramps.
 ///
 /// # Errors
@@ -153,21 +162,12 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         ChamberConfig::Cylinder(cylinder) => cylinder.spring_stiffness_n_m,
         ChamberConfig::Vessel(_) | ChamberConfig::Table(_) => 0.0,
     };
-    // Load and configured elastic force.
-    let held_n = |bin: &Bin| {
-        let elastic_n = f64::from(chamber.force_n(0.0, bin.length_m as f32));
-        let held_n = load_n - elastic_n - f64::from(stiffness_n_m) * (rest_m - bin.length_m)
-            + bin.hysteresis_n;
-        // The core's force is rounded: without load and preload there is nothing to fit.
-        if held_n.abs() < 1.0e-3 { 0.0 } else { held_n }
-    };
+    let held_n = |bin: &Bin| held_n(&chamber, load_n, f64::from(stiffness_n_m), bin);
     let ambient_pa = f64::from(config.ambient.pressure_pa);
-    // Slip and creep remember what was before the ramps.
-    let all = held_back(bins(records, f64::from(config.step_s)), config);
-    let from = all.partition_point(|bin| bin.time_s < plan.ramps_s.start);
-    let to = all.partition_point(|bin| bin.time_s < plan.ramps_s.end);
-    let bins = &all[from..to];
-    let sliding = sliding(bins, rest_m);
+    // Slip and creep remember all before the ramps.
+    let mut bins = held_back(bins(records, f64::from(config.step_s)), config);
+    bins.retain(|bin| plan.ramps_s.contains(&bin.time_s));
+    let sliding = sliding(&bins, rest_m);
     let area_m2 = |bin: &Bin| -f64::from(chamber.volume_slope_m2(bin.length_m as f32));
     let pull_n = |bin: &Bin| (bin.pressure_pa - ambient_pa) * area_m2(bin);
     let rows = |softening_per_k: f64| -> Vec<([f64; 4], f64)> {
