@@ -65,7 +65,6 @@ mod tests {
             ("./scenarios/nominal.toml", true),
             (here.to_str().unwrap(), true),
             ("scenarios/nominall.toml", false),
-            ("motion.toml", include_str!("../../../scenarios/motion.toml")),
             ("nominal.toml", false),
             ("other/nominal.toml", false),
             ("other/scenarios/nominal.toml", false),

@@ -18,7 +18,7 @@ use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::{Allowed, Limits, limits};
 use thermyo_scenario::violation::{Fault, Violation, WrongCell};
 use thermyo_scenario::{DriveKind, HeatModel, PlantKind, Scenario};
-use toml::{Table, Value};
+use toml::Value;
 
 /// Share of a cylinder's friction that follows its pressure, if the file does not give it: an O-ring of
 /// 25.7 mm has 4.7 N at 1 bar and 7.9 N at 7 bar (`docs/background/validation.md`).
