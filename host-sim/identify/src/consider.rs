@@ -10,7 +10,7 @@ use super::data::Input;
 use super::fit::Problem;
 use super::search::LeastSquares;
 use nalgebra::{DMatrix, DVector};
-use thermyo_scenario::{number, with_numbers};
+use thermyo_scenario::{PlantModel, number, with_numbers};
 
 const HOUSING: &str = "sensor.gas.housing_time_constant_s";
 /// Standard deviation of the logarithm of the housing's lag: a factor of two. Assumption.
@@ -30,7 +30,9 @@ pub fn widened(
     sensitivities: &DMatrix<f64>,
     mut covariance: DMatrix<f64>,
 ) -> DMatrix<f64> {
-    if !matches!(problem.data.input, Input::Given(_)) {
+    // In one zone the sensor has no housing, and sees the mean.
+    let known = problem.scenario.plant.model != PlantModel::Full;
+    if known || !matches!(problem.data.input, Input::Given(_)) {
         return covariance;
     }
     let own = problem.weighted(place);
