@@ -40,10 +40,13 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["replay", &missing], "missing.toml: no such file"),
         (vec!["replay", env!("CARGO_MANIFEST_DIR")], "trace.csv: no such file"),
         (vec!["tune", &missing], "missing.toml: no such file"),
-        (vec!["tune", &unknown, "--max-pressure", "nan"], "must be an absolute pressure"),
+        (
+            vec!["tune", &unknown, "--max-pressure", "nan"],
+            "must be a number in Pa, or one with its unit: Pa, kPa, MPa, bar, mbar, psi",
+        ),
         (
             vec!["tune", &unknown, "--max-pressure", "4"],
-            "must be an absolute pressure in Pa: 4 bar are 400000",
+            "must be an absolute pressure of at least 100000 Pa (1 bar): use 4bar",
         ),
         (
             vec!["tune", &nominal, "--max-pressure=1e9"],
@@ -51,11 +54,11 @@ fn bad_input_is_one_line_and_exit_code_2() {
         ),
         (
             vec!["board", "emulated", "arm", "--max-pressure", "4"],
-            "must be an absolute pressure in Pa: 4 bar are 400000",
+            "must be an absolute pressure of at least 100000 Pa (1 bar): use 4bar",
         ),
         (
             vec!["board", "emulated", "set", "pressure", "1,3e5"],
-            "must be a number, with a point: 1.3e5",
+            "must be a number in Pa, or one with its unit: Pa, kPa, MPa, bar, mbar, psi",
         ),
         (
             vec!["board", "emulated", "set", "pressure", "130000", "--hold", "-1"],
@@ -63,7 +66,7 @@ fn bad_input_is_one_line_and_exit_code_2() {
         ),
         (
             vec!["board", "emulated", "arm", "--max-pressure", "-1"],
-            "must be an absolute pressure in Pa",
+            "must be an absolute pressure of at least 100000 Pa (1 bar)",
         ),
         (vec!["serve", "--port", "80x"], "must be a whole number from 1 to 65535"),
         (vec!["serve", "--port", "0"], "must be a whole number from 1 to 65535"),
