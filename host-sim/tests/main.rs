@@ -6,6 +6,7 @@ mod board_support;
 mod browser_support;
 mod command;
 mod docs;
+mod init;
 mod leak;
 mod line;
 mod logs;

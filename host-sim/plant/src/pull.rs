@@ -112,18 +112,20 @@ const CONFIGURED_AT_PA: f64 = 4.0e5;
 /// A force of which a share follows gauge pressure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pressed {
-    share: f64,
+    /// Factor without pressure \[-\], and its slope \[1/Pa\].
+    without: f64,
+    per_pa: f64,
 }
 
 impl Pressed {
     /// For that share \[-\].
     pub fn new(share: f64) -> Self {
-        Self { share }
+        Self { without: 1.0 - share, per_pa: share / CONFIGURED_AT_PA }
     }
 
     /// Factor on the force \[-\] at a gauge pressure \[Pa\].
     pub fn factor(&self, gauge_pa: f64) -> f64 {
-        (1.0 - self.share + self.share * gauge_pa / CONFIGURED_AT_PA).max(0.0)
+        (self.without + self.per_pa * gauge_pa).max(0.0)
     }
 }
 

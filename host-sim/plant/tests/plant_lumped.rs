@@ -1,6 +1,6 @@
 //! The lumped muscle: the working cycle, conservation, order, an independent solver.
 
-use crate::elastic;
+use crate::plant_full::elastic;
 use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
 use thermyo_plant::chamber::braid::Geometry;
