@@ -24,7 +24,7 @@ mod pull;
 mod pwm;
 mod sensors;
 mod vessel;
-mod zones;
+pub mod zones;
 
 pub use build::{build, build_driven_by_flows};
 use chamber::Chamber;
