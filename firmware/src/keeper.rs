@@ -150,7 +150,7 @@ impl<F: NorFlash> Keeper<F> {
         }
         let history = self.history;
         if self.write(Key::History, &history).await == Err(Refusal::Flash) {
-            defmt::warn!("what happened is not written down: the flash does not take it");
+            defmt::warn!("the history is not stored: the flash cannot be written");
         }
         true
     }

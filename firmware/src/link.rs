@@ -158,7 +158,6 @@ async fn hand_on(outcome: Outcome, requester: Requester, shared: &'static Shared
 
 #[allow(clippy::large_enum_variant)] // One at a time.
 enum Outcome {
-    /// An answer at once.
     Answer(Answer),
     /// Control carries it out and answers.
     Order(Order),

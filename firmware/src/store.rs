@@ -98,10 +98,10 @@ impl<F: NorFlash> Store<F> {
             if store.number(0, key) != store.number(1, key)
                 && let Entry::Value(_, length) = store.read(newest, key, &mut buffer).await
             {
-                defmt::warn!("a copy of what is stored is old or damaged: written anew");
+                defmt::warn!("a copy of what is stored is old or damaged: written again");
                 let value = buffer.get(..length).unwrap_or_default();
                 if store.write(1 - newest, key, value).await.is_err() {
-                    defmt::warn!("the flash does not take it");
+                    defmt::warn!("the flash cannot be written");
                 }
             }
         }

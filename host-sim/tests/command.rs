@@ -69,7 +69,7 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["serve", "--port", "0"], "must be a whole number from 1 to 65535"),
         (
             vec!["evaluate", "tune", "--random", "3"],
-            "--random goes with `evaluate estimator` and `evaluate plants` only",
+            "--random goes with `evaluate estimator`, `evaluate plants`",
         ),
         (vec!["evaluate", "estimator", "--random", "0"], "must be a whole number from 1 to 10000"),
         (vec!["evaluate", "estimator", "--seed", "3"], "--random <N>"),
@@ -83,18 +83,24 @@ fn bad_input_is_one_line_and_exit_code_2() {
         ),
         (
             vec!["evaluate", "tune", "--recording", "."],
-            "--recording goes with `evaluate estimator` only",
+            "--recording goes with `evaluate estimator`",
         ),
         (vec!["evaluate", "estimator", "--reference-lag", "1"], "--recording <DIR>"),
         (
             vec!["evaluate", "estimator", "--reference-lag", "1", "--random", "2"],
             "cannot be used with",
         ),
-        (vec!["evaluate", "tune"], "--out goes with `evaluate control` and `evaluate faults` only"),
+        (
+            vec!["evaluate", "tune", "--out", "x"],
+            "--out goes with `evaluate control`, `evaluate faults`",
+        ),
+        (vec!["evaluate", "truth"], "<DATA>"),
+        (vec!["evaluate"], "Usage: thermyo evaluate <COMMAND>"),
+        (vec!["evaluate", "estimater"], "a similar subcommand exists: 'estimator'"),
     ] {
         let mut all = arguments.clone();
         let place = out.display().to_string();
-        if ["run", "tune", "evaluate"].contains(&arguments[0]) {
+        if ["run", "tune"].contains(&arguments[0]) {
             all.extend(["--out", &place]);
         }
         let output = thermyo(&all);
@@ -404,7 +410,7 @@ fn ctrl_c_keeps_the_finished_rows_and_exits_130() {
 fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
     let folder = tempfile::tempdir().unwrap();
     let text = "[run]\nduration_s = 300.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 100\n\
-                parameters = [\"heat.inner_w_m2_k\", \"friction.force_n\"]\n";
+                parameters = [\"heat.scale\", \"friction.force_n\"]\n";
     let file = scenario(folder.path(), text);
     let recorded = folder.path().join("recorded").display().to_string();
     assert!(thermyo(&["run", &file, "--quiet", "--out", &recorded]).status.success());

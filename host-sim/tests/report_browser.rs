@@ -92,7 +92,7 @@ fn pages_can_be_looked_into() {
 
     let tune = page(&folder, "tune", &["tune", "scenarios/contraction.toml"]);
     let identified = folder.path().join("identify.toml");
-    let text = "[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 2\nparameters = [\"heat.inner_w_m2_k\", \
+    let text = "[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 2\nparameters = [\"heat.scale\", \
                 \"friction.force_n\"]\n";
     fs::write(&identified, text).unwrap();
     let identified = identified.display().to_string();

@@ -625,8 +625,8 @@ fn captions_say_what_is_drawn() {
     ];
     let page = caption(&board, PlantKind::Muscle, Some(Controlled::Pressure));
     for expected in [
-        "The set point and what the sensor reads.",
-        "What the sensor in the gas reads and what the core estimates from pressure, length and the gas sensor; shaded",
+        "The set point and the sensor's reading.",
+        "The reading of the sensor in the gas and the core's estimate from pressure, length and the gas sensor; shaded",
         "The core's estimate of the gas in the muscle and the duties that the core commands.",
         "Mass and valves",
     ] {
@@ -641,13 +641,13 @@ fn captions_say_what_is_drawn() {
     let page = caption(&COLUMNS, PlantKind::Vessel, Some(Controlled::Pressure));
     for expected in [
         "The set point, the plant's value and their difference.",
-        "what the sensors read and what the core estimates from pressure and the gas sensor; shaded",
+        "the sensors' readings and the core's estimate from pressure and the gas sensor; shaded",
         "Mass flow in and out, the gas in the vessel and the duties that the core commands.",
         "Flow, mass and valves",
     ] {
         assert!(page.contains(expected), "{expected}");
     }
-    assert!(full_report().contains("estimates from pressure, length and the gas sensor; shaded"));
+    assert!(full_report().contains("estimate from pressure, length and the gas sensor; shaded"));
 }
 
 #[test]

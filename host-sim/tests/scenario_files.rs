@@ -293,6 +293,23 @@ fn keys_have_to_fit_each_other() {
             "tube.length_m = 4.0",
             "scenario.toml:1: tube.diameter_m is missing: tube.length_m needs it",
         ),
+        // Written when "constant" was the default.
+        (
+            "[heat]\ninner_w_m2_k = 50",
+            "scenario.toml:2: heat.model is missing: \"constant\" goes with heat.inner_w_m2_k; \
+             \"correlation\", the default, with heat.scale",
+        ),
+        (
+            "[believed.heat]\ninner_per_flow = 7e4",
+            "scenario.toml:2: believed.heat.model is missing: \"constant\" goes with heat.inner_per_flow; \
+             \"correlation\", the default, with heat.scale",
+        ),
+        (
+            "[identify]\nparameters = [\"heat.inner_w_m2_k\"]",
+            "scenario.toml:2: identify.parameters = [\"heat.inner_w_m2_k\"]: must be keys of this \
+             scenario's physical numbers that matter; heat.inner_w_m2_k does not: heat.model is not \
+             \"constant\"; \"correlation\", the default, has heat.scale",
+        ),
         (
             "believed.tube.diameter_m = 0.004",
             "scenario.toml:1: believed.tube.length_m is missing: tube.diameter_m needs it",
@@ -433,7 +450,7 @@ fn the_core_can_be_configured_with_another_geometry() {
 #[test]
 fn believed_keys_override_the_plant() {
     let loaded = valid(
-        "[heat]\ninner_w_m2_k = 50\n[supply]\ntemperature_k = 310\n\
+        "[heat]\nmodel = \"constant\"\ninner_w_m2_k = 50\n[supply]\ntemperature_k = 310\n\
          [believed.heat]\ninner_w_m2_k = 20\n[believed.sensor.gas]\ntime_constant_s = 2",
     );
     assert_eq!(loaded.plant.heat.inner_w_m2_k, 50.0);
@@ -575,6 +592,12 @@ fn implausible_values_are_reported() {
         (
             "[plant]\nkind = \"vessel\"\nmodel = \"full\"",
             "scenario.toml:3: plant.model = \"full\": a vessel has one zone in every model",
+        ),
+        (
+            "[tube]\nlength_m = 0.75\ndiameter_m = 0.004",
+            "scenario.toml:2: tube.length_m = 0.75: its gas swings at 115 Hz, and valve.pwm_hz = 100.0 drives \
+             it: gas goes to and fro through the port and takes heat along, which the estimate does not \
+             know; from 185 Hz on it does not",
         ),
         (
             "[vessel]\nvolume_m3 = 0.1",
@@ -806,7 +829,7 @@ proptest! {
         length in 0_usize..6,
         inserted in "[\\[\\]=.\"'{}#\n a-z0-9-]{0,5}|\\PC{0,3}",
     ) {
-        let mut text = thermyo_setup::render(&valid("[believed.heat]\ninner_w_m2_k = 20"));
+        let mut text = thermyo_setup::render(&valid("[believed.heat]\nscale = 0.7"));
         let boundary = |text: &str, mut at: usize| {
             while !text.is_char_boundary(at) {
                 at += 1;

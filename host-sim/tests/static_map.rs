@@ -334,7 +334,7 @@ fn a_wrong_unit_is_named() {
     }
     let (code, out, err) = command(&with(1.0, 1.0e-3));
     assert_eq!(code, 1, "{out}{err}");
-    assert!(out.contains(" went to a limit of what is searched"), "{out}");
+    assert!(out.contains(" went to a limit of the search"), "{out}");
     assert!(!out.contains("hardly determine muscle.diameter_m"), "{out}");
 }
 

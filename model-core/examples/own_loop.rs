@@ -1,5 +1,5 @@
-//! A loop of one's own on a PC: the core holds 2.5 bar in a simulated muscle. Whoever has another plant, or
-//! a real one, puts it in the place of `muscle`.
+//! A loop of one's own on a PC: the core holds 2.5 bar in a simulated muscle. Another plant, or a
+//! real one, takes the place of `muscle`.
 
 use model_core::forward_model::Model;
 use model_core::physics::gas::Reservoir;

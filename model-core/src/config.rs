@@ -6,6 +6,7 @@ use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::{Heat, Wall};
+use crate::physics::hysteresis::Hysteresis;
 use crate::physics::leak::Leak;
 use crate::physics::valve::Valve;
 use crate::sensing::{Sensing, Sensors};
@@ -44,6 +45,8 @@ pub struct Config {
     pub wall: Wall,
     /// Friction of the moving end.
     pub friction: Friction,
+    /// Slip and creep of a muscle; [`Hysteresis::NONE`] for other chambers.
+    pub hysteresis: Hysteresis,
     /// The load, or a fixed length.
     pub load: Load,
     /// Mass that moves with the chamber's end \[kg\].
@@ -164,13 +167,13 @@ parameters! {
         length_gain: 1.0, "", 0.0 to 10.0, "weight of an error of length against one of pressure";
         length_lead_s: 0.01, "s", 0.0 to 10.0, "how far ahead the length error is looked for, by its speed";
         friction_gain: 1.03, "", 0.0 to 2.0, "friction compensated, share of friction.force_n; above 1 for a Stribeck surplus";
-        load_gain_n_m_s: 4.0e4, "N/(m s)", 0.0 to 1.0e7, "load that the contraction loop learns per length error and time";
-        load_limit_n: 300.0, "N", 0.0 to 1.0e5, "largest load that it learns, either way";
-        learning_band: 0.005, "", 0.0 to 1.0, "largest length error that it learns from, share of the rest length";
+        load_gain_n_m_s: 4.0e4, "N/(m s)", 0.0 to 1.0e7, "force that the contraction loop adds per length error and time";
+        load_limit_n: 300.0, "N", 0.0 to 1.0e5, "largest load beside the configured one, either way";
+        learning_band: 0.002, "", 0.0 to 1.0, "largest length error that it integrates, share of the rest length";
         reference_rad_s: 90.0, "rad/s", 0.01 to 10000.0, "natural frequency of the contraction's reference";
         contraction_rate_per_s: 0.7, "1/s", 0.0001 to 100.0, "fastest contraction of the reference, share of the rest length";
         contraction_acceleration_per_s2: 30.0, "1/s2", 0.0001 to 10000.0, "largest acceleration of the reference, share of the rest length";
-        contraction_dead_zone: 0.0015, "", 0.0 to 0.1, "length error that is left alone at rest, share of the rest length";
+        contraction_dead_zone: 0.0006, "", 0.0 to 0.1, "length error that is left alone at rest, share of the rest length";
         minimum_pulse_s: 0.001, "s", 0.0 to 0.1, "shortest valve pulse worth giving; below valve.switch_time_s it opens partly";
     }
 }
@@ -197,6 +200,7 @@ impl Default for Config {
             zones: Zones::default(),
             wall: Wall::default(),
             friction: Friction::default(),
+            hysteresis: Hysteresis::default(),
             load: Load::Isotonic { force_n: 100.0 },
             moving_mass_kg: 0.0,
             valve: Valve::default(),
@@ -243,6 +247,7 @@ impl Config {
         self.zones.check()?;
         self.wall.check()?;
         self.friction.check()?;
+        self.hysteresis.check()?;
         match self.load {
             Load::Isotonic { force_n } => within("load.force_n", force_n, -1.0e6, 1.0e6)?,
             Load::Isometric { length_m } => within("load.length_m", length_m, 0.001, 10.0)?,

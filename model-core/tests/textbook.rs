@@ -19,9 +19,9 @@ const REST_M: f64 = 0.3;
 const DEAD_M3: f64 = 5.0e-6;
 const LOAD_N: f64 = 100.0;
 const BLADDER_N_M: f64 = 600.0;
-/// What brakes the muscle [N s/m].
+/// Viscous friction of the muscle [N s/m].
 const DASHPOT_N_S_M: f64 = 400.0;
-/// Coulomb friction [N], the speed at which it is all there [m/s], and what of its heat the braid gets [-].
+/// Coulomb friction [N], the speed at which it is all there [m/s], and the fraction of its heat that the braid gets [-].
 const FRICTION_N: f64 = 15.0;
 const SLIDING_M_S: f64 = 2.0e-3;
 const TO_BRAID: f64 = 0.9;
@@ -42,7 +42,7 @@ const RANGE_K: [f64; 2] = [230.0, 390.0];
 const FROM_S: f64 = 10.0;
 const UNTIL_S: f64 = 90.0;
 
-/// What the plant has, where that is not what the core is configured with.
+/// Properties of the plant that differ from the configured ones.
 #[derive(Debug, Clone, Copy)]
 struct Plant {
     /// Heat transfer, in those that the core is configured with [-].
@@ -181,7 +181,7 @@ fn bridge(temperature_k: f64) -> f64 {
     ohm / (ohm + 4700.0)
 }
 
-/// What a run gave.
+/// Errors of a run.
 #[derive(Debug, Clone, Copy, Default)]
 struct Worth {
     error_k: f64,

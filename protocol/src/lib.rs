@@ -113,7 +113,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 15;
+pub const PROTOCOL: u16 = 17;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -241,7 +241,7 @@ pub enum AnswerWith<C> {
     FirstFailure(Option<FirstFailure>),
     /// Status of the board.
     Status(Status),
-    /// What happened; nothing before the first event that is remembered.
+    /// An event; `None` before the first event that is remembered.
     Event(Option<Event>),
 }
 
@@ -270,7 +270,7 @@ pub enum Refusal {
     NotConfigured,
     /// This board has no place where it could keep a configuration.
     NoStore,
-    /// What it was asked for it does only while it vents: to write its flash, to leave for its boot loader.
+    /// The request is carried out only while the board vents: to write its flash, to start its boot loader.
     NotVented,
     /// The flash does not take what is written to it.
     Flash,
@@ -388,7 +388,7 @@ pub struct Status {
 }
 
 impl Status {
-    /// That of a board that has just started, and has started for the first time since power came.
+    /// Status after the first start since power came.
     pub const AT_START: Self = Self {
         step: 0,
         restarts: 0,
@@ -768,7 +768,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "03070d035a1e054e3ecd5c02010105c5cc30c500"),
-            (answer(Answer::Version(version)), "030107020f020101010544dc5db200"),
+            (answer(Answer::Version(version)), "030107021002010101050a6cdd4000"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -789,7 +789,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (341, 2_316_422_654)), (encode(&telemetry), (77, 1_017_350_385))]
+            [(encode(&config), (369, 2_920_038_287)), (encode(&telemetry), (77, 1_017_350_385))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);

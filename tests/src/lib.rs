@@ -32,7 +32,6 @@ pub fn thermyo(arguments: &[&str]) -> Outcome {
 pub struct Finished {
     /// Deleted when dropped.
     pub folder: TempDir,
-    /// `summary.json`.
     pub summary: serde_json::Value,
 }
 

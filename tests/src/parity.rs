@@ -7,7 +7,6 @@ use std::collections::BTreeSet;
 use thermyo_runs::replay::{Row, replay};
 use thermyo_simulation::board::{Board, BoardStep, CoreBoard};
 
-/// Steps.
 pub const STEPS: u32 = 10_000;
 
 /// Step after which the second set point holds.

@@ -8,7 +8,6 @@ use model_core::{Config, Sample, SetPoint};
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::adc::VirtualAdc;
 
-/// Steps of the startup check.
 pub const STARTUP_CHECK_STEPS: u16 = 50;
 
 /// A muscle, its sensors and its valves.

@@ -21,10 +21,11 @@ use thermyo_setup::core_config::core_config;
 use thermyo_simulation::run;
 
 /// A short cycle of the lumped muscle; the default values are the true ones.
-const CYCLE: &str = "[run]\nduration_s = 15.0\nseed = 1\n[plant]\nmodel = \"lumped\"\n";
+const CYCLE: &str = "[run]\nduration_s = 15.0\nseed = 1\n[plant]\nmodel = \"lumped\"\n\
+    [heat]\nmodel = \"constant\"\n";
 /// Believed at first, wrong by up to 50 %.
 const WRONG: &str = "[plant]\nmodel = \"lumped\"\n\
-    [heat]\ninner_w_m2_k = 120.0\n\
+    [heat]\nmodel = \"constant\"\ninner_w_m2_k = 120.0\n\
     [wall]\nheat_capacity_j_k = 45.0\n\
     [muscle]\ndead_volume_m3 = 8.0e-6\n\
     [friction]\nforce_n = 20.0\n\
@@ -54,7 +55,6 @@ fn identify(data: &Path, config: &Path) -> Identified {
     Identified { outcome, folder, summary }
 }
 
-/// Identifies from texts.
 fn identify_texts(data: &str, config: &str) -> Identified {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let [data_file, config_file] = ["data.csv", "config.toml"].map(|name| folder.path().join(name));
@@ -206,7 +206,7 @@ fn a_hold_identifies_the_leak_or_reports_that_it_cannot() {
 /// sensors' own noise and codes, no flow.
 fn monitored(model: &str, from_s: f64) -> String {
     let cycle = "[run]\nduration_s = 60.0\nlog_every = 10\n[plant]\nmodel = ";
-    let run = run_text(&format!("{cycle}{model:?}\n"), &[]);
+    let run = run_text(&format!("{cycle}{model:?}\n[heat]\nmodel = \"constant\"\n"), &[]);
     let columns = [
         "time_s",
         "measured_pressure_pa",
@@ -228,7 +228,7 @@ fn monitored(model: &str, from_s: f64) -> String {
 fn configured(model: &str) -> String {
     format!(
         "[plant]\nmodel = {model:?}\n\
-         [heat]\ninner_w_m2_k = 120.0\ninner_per_flow = 7e4\n\
+         [heat]\nmodel = \"constant\"\ninner_w_m2_k = 120.0\ninner_per_flow = 7e4\n\
          [wall]\nheat_capacity_j_k = 45.0\n\
          [sensor.gas]\ntime_constant_s = 2.2\n\
          [identify]\nstarts = 3\ncolumns = [\"sensor_gas_k\"]\nparameters = [\"heat.inner_w_m2_k\", \
@@ -265,7 +265,7 @@ fn the_core_works_with_the_effective_values_of_a_muscle_in_zones() {
         assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
         let value = |path| found.parameter(path).0;
         let believed = format!(
-            "[plant]\nmodel = \"full\"\n\
+            "[plant]\nmodel = \"full\"\n[heat]\nmodel = \"constant\"\n\
              [believed.heat]\ninner_w_m2_k = {}\ninner_per_flow = {}\n\
              [believed.wall]\nheat_capacity_j_k = {}\n\
              [believed.sensor.gas]\ntime_constant_s = {}\n",
@@ -325,7 +325,8 @@ fn a_monitors_record_of_a_board_that_restarted_is_taken() {
 
 /// A cooling vessel: pressure only, no valve.
 const COOLING: &str = "[plant]\nkind = \"vessel\"\ninitial_temperature_k = 350.0\n\
-    initial_pressure_pa = 500000.0\n[drive]\nkind = \"closed\"\n[heat]\ninner_per_flow = 0.0\n";
+    initial_pressure_pa = 500000.0\n[drive]\nkind = \"closed\"\n[heat]\nmodel = \"constant\"\n\
+    inner_per_flow = 0.0\n";
 
 fn cooling_trace() -> String {
     let trace = run_text(&format!("{COOLING}[run]\nduration_s = 60.0\nlog_every = 100\n"), &[]);

@@ -55,7 +55,7 @@ fn a_run_of_many_rows_writes_a_small_page() {
 
 #[test]
 fn the_resolved_scenario_runs_to_the_same_trace() {
-    let first = run_text("[run]\nduration_s = 1.0\n[believed.heat]\ninner_w_m2_k = 70.0\n", &[]);
+    let first = run_text("[run]\nduration_s = 1.0\n[believed.heat]\nscale = 0.7\n", &[]);
     let again = run_file(&first.path("scenario.toml"), &[]);
     assert_eq!(first.text("trace.csv"), again.text("trace.csv"));
 }

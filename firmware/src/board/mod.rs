@@ -69,7 +69,7 @@ pub trait Board: Sized {
     fn start_control(executor: &'static InterruptExecutor) -> SendSpawner;
     /// Feeds the watchdog, which restarts the board unless fed within [`WATCHDOG`].
     fn feed();
-    /// Takes the power from both coils, whoever owns the pins. To be called when no other code
+    /// Takes the power from both coils, whichever code owns the pins. To be called when no other code
     /// runs.
     fn vent();
     /// Whether a bus reset waits to be handled by the driver of [`Self::Usb`].
@@ -121,7 +121,6 @@ pub enum Reset {
 #[derive(Clone, Copy)]
 pub enum Channel {
     Pressure,
-    /// The Pt1000 in the gas.
     Gas,
     Length,
 }

@@ -7,7 +7,7 @@
 //! | GP0, GP1 | UART0 |
 //! | GP10, GP11, GP12, GP13, GP9 | SPI1 of a MAX31865: SCK, MOSI, MISO, CS; its DRDY, pulled up |
 //! | GP4, GP5 | I2C0 of an MPR: SDA, SCL |
-//! | GP14 | emergency stop, pulled down: open or low is stop |
+//! | GP14 | emergency stop, pulled down here and by the board (erratum RP2350-E9): low is stop |
 //! | GP15, GP25 | fault output, LED |
 //! | USB | the same link as on UART0 |
 

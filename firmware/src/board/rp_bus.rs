@@ -73,7 +73,6 @@ impl hal_spi::SpiDevice for SpiDevice {
 
 /// Depth of the I2C's FIFOs of commands and of received bytes.
 const I2C_BYTES: usize = 16;
-/// Speed of the bus \[Hz\].
 pub const I2C_HZ: u32 = 400_000;
 /// Time of a byte, and of the address with a margin \[us\].
 const I2C_BYTE_US: u64 = 24;

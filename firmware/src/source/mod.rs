@@ -14,7 +14,6 @@ use embassy_time::{Duration, Instant};
 use model_core::Sample;
 use model_core::sensing::Sensors;
 
-/// Step of the board.
 pub const STEP: Duration = Duration::from_micros(STEP_US as u64);
 pub const STEP_US: u32 = 1000;
 

@@ -35,12 +35,7 @@ pub enum ModelError {
     #[error(
         "a communication step of {asked_s} s: must be a whole number of steps of {step_s} s, at least one"
     )]
-    StepSize {
-        /// The length asked for \[s\].
-        asked_s: f64,
-        /// The scenario's step \[s\].
-        step_s: f64,
-    },
+    StepSize { asked_s: f64, step_s: f64 },
     /// A step from a wrong time.
     #[error(
         "a step from {asked_s} s, and the time is {time_s} s: a unit cannot go back, or leave out time"
@@ -48,13 +43,11 @@ pub enum ModelError {
     NotNow {
         /// The time that the step should begin at \[s\].
         asked_s: f64,
-        /// The time \[s\].
         time_s: f64,
     },
     /// A call at the wrong time.
     #[error("{call}: must come {must}")]
     OutOfTurn {
-        /// The call.
         call: &'static str,
         /// When it is allowed.
         must: &'static str,
@@ -163,7 +156,6 @@ impl Model {
         &self.loaded
     }
 
-    /// Resets the unit.
     pub fn reset(&mut self) -> Result<(), ModelError> {
         *self = Self::new(self.loaded.clone(), self.kind)?;
         Ok(())
@@ -199,7 +191,6 @@ impl Model {
         self.start_s + self.running.steps as f64 * self.loaded.plant.run.step_s
     }
 
-    /// Reads a number.
     pub fn number(&self, reference: u32) -> Result<f64, ModelError> {
         match (reference, self.kind) {
             (TIME, _) => return Ok(self.time_s()),
@@ -216,7 +207,6 @@ impl Model {
             .ok_or(ModelError::Reference { reference, what: "number" })
     }
 
-    /// Sets a number.
     pub fn set_number(&mut self, reference: u32, value: f64) -> Result<(), ModelError> {
         let allowed = |name, allowed: &str| {
             Err(ModelError::Value { name, value, allowed: allowed.to_owned() })

@@ -4,12 +4,10 @@ use super::Kind;
 use thermyo_record::trace::COLUMNS;
 use thermyo_record::units::{Unit, unit_of};
 
-/// One variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Variable {
     /// Its name; for an output, the column of `trace.csv`.
     pub name: &'static str,
-    /// Its meaning.
     pub description: &'static str,
     /// Where its value comes from.
     pub role: Role,
@@ -28,7 +26,6 @@ pub enum Role {
     Sampled,
 }
 
-/// Reference of time.
 pub const TIME: u32 = 0;
 /// Reference of the first input: the inlet's opening, or the set point.
 pub const FIRST_INPUT: u32 = 1;
@@ -43,7 +40,6 @@ const OPENINGS: [Variable; 2] = [
     input("duty_out", "Share of the PWM period for which the outlet is open, 0 to 1"),
 ];
 
-/// Name of the set point.
 pub const SET_POINT: &str = "set_point";
 
 /// Inputs of a core.
@@ -84,7 +80,7 @@ const OF_CORE: [Variable; 14] = [
     sampled("sensor_lag_s", "Estimated lag of the sensor in the gas"),
     sampled("step", "Number of the core's step"),
     sampled("faults", "Faults, one bit each"),
-    sampled("mode", "What the core does, by its number"),
+    sampled("mode", "Mode of the core, by its number"),
     sampled("limited", "1 where the set point asks for more than the core gives"),
 ];
 
@@ -100,7 +96,6 @@ const fn sampled(name: &'static str, description: &'static str) -> Variable {
     Variable { name, description, role: Role::Sampled }
 }
 
-/// Every variable of a unit.
 pub fn variables(kind: Kind) -> Vec<Variable> {
     match kind {
         Kind::Plant => [&[TIME_S], &OPENINGS[..], &OF_PLANT].concat(),
@@ -109,7 +104,6 @@ pub fn variables(kind: Kind) -> Vec<Variable> {
 }
 
 impl Variable {
-    /// Its column in a trace.
     pub fn column(&self) -> Option<usize> {
         COLUMNS.iter().position(|name| *name == self.name)
     }

@@ -18,7 +18,6 @@ use thermyo_simulation::run::RunError;
 pub(super) const STROKE: f64 = 0.3;
 /// Held contractions as fractions of the stroke, in this order; up and down, far and near.
 const HELD: [f64; 7] = [1.0 / 6.0, 0.5, 5.0 / 6.0, 0.5, 1.0 / 6.0, 2.0 / 3.0, 1.0 / 3.0];
-/// Duration of a hold \[s\].
 const HOLD_S: f64 = 2.5;
 /// Last part of a hold, which counts as rest \[s\].
 const REST_S: f64 = 0.5;
@@ -157,7 +156,6 @@ pub mod rest {
     }
 }
 
-/// Result of a sine.
 #[derive(Debug, Clone, Copy)]
 pub struct Sine {
     /// Amplitude out over amplitude in \[-\].

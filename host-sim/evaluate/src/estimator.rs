@@ -25,7 +25,6 @@ const RECOVERED_S: f64 = 15.0;
 /// A case: name, change, and bounds on the RMS error for `lumped` and `full` \[K\].
 #[derive(Debug, Clone, Copy)]
 pub struct Case {
-    /// Name in the table.
     pub name: &'static str,
     /// Change of the nominal scenario.
     pub change: fn(&mut Loaded),
@@ -97,8 +96,7 @@ pub fn cases() -> Vec<Case> {
 }
 
 fn scale_heat(loaded: &mut Loaded, factor: f64) {
-    loaded.believed.heat.inner_w_m2_k *= factor;
-    loaded.believed.heat.inner_per_flow *= factor;
+    loaded.believed.heat.scale *= factor;
 }
 
 fn scale_lag(loaded: &mut Loaded, factor: f64) {

@@ -18,7 +18,6 @@ use thermyo_files::shipped;
 use thermyo_report::page::{Page, Section, Table, Tile};
 use thermyo_setup::Loaded;
 
-/// The nominal scenario.
 pub fn nominal() -> Result<Loaded, InputError> {
     thermyo_setup::parse(shipped::text("nominal.toml"), "scenarios/nominal.toml".as_ref())
 }
@@ -32,7 +31,6 @@ pub struct CaseFigures {
 /// A figure with its allowed range.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figure {
-    /// Name with unit.
     pub name: &'static str,
     pub value: f64,
     /// Smallest value allowed.

@@ -20,7 +20,6 @@ const VOLUMES_M3: [f64; 2] = [1.0e-5, 5.0e-3];
 const VALVES_M3_S_PA: [f64; 2] = [1.0e-10, 1.0e-7];
 const SUPPLIES_PA: [f64; 2] = [2.0e5, 1.2e6];
 const LARGEST_LOAD_N: f64 = 1000.0;
-/// Ambient pressure \[Pa\].
 const AMBIENT_PA: f64 = 101_325.0;
 /// Times at which the set point steps, and the end of the run \[s\].
 const STEPS_S: [f64; 4] = [0.0, 2.0, 4.0, 6.0];
@@ -215,7 +214,6 @@ fn outcome(loaded: &Loaded, warnings: usize) -> Result<Outcome, RunError> {
     }
 }
 
-/// Figures with a target.
 fn figures(outcomes: &[Outcome]) -> Vec<Figure> {
     let count = |which: fn(&Outcome) -> bool| outcomes.iter().filter(|o| which(o)).count() as f64;
     let most = |of: fn(&Outcome) -> f64| outcomes.iter().map(of).fold(0.0, f64::max);

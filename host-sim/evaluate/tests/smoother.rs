@@ -21,8 +21,7 @@ impl Recorded {
     fn new(heat: f64) -> Self {
         let text = "[run]\nduration_s = 20.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
         let mut loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
-        loaded.believed.heat.inner_w_m2_k *= heat;
-        loaded.believed.heat.inner_per_flow *= heat;
+        loaded.believed.heat.scale *= heat;
         let (mut telemetry, mut truth_k) = (Vec::new(), Vec::new());
         let mut observer = |row: &Row| {
             telemetry.push(row.telemetry);

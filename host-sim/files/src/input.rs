@@ -74,14 +74,12 @@ pub enum Problem {
     /// The parser's message.
     #[error("not valid TOML: {0}")]
     Syntax(String),
-    /// An unknown key.
     #[error("unknown key {key}; {instead}")]
     UnknownKey {
         key: String,
         /// The correct name, or the allowed ones.
         instead: Instead,
     },
-    /// An unknown table.
     #[error("unknown table [{table}]; {instead}")]
     UnknownTable {
         table: String,
@@ -119,11 +117,7 @@ pub enum Problem {
     NotBelieved { key: String },
     /// A key names a file that cannot be opened.
     #[error("{key}: {file}")]
-    Reference {
-        key: String,
-        /// The problem of the file.
-        file: InputError,
-    },
+    Reference { key: String, file: InputError },
     /// A table that plant and core do not use.
     #[error("[{table}] is not used: {why}")]
     UnusedTable {
@@ -137,7 +131,6 @@ pub enum Problem {
         key: String,
         /// The value as written in the file.
         value: String,
-        /// The consequence.
         why: String,
     },
     /// A table without its header.
@@ -148,10 +141,7 @@ pub enum Problem {
     NoRows,
     /// A header without names.
     #[error("{found} in the first line: must be the names of the columns")]
-    NotNames {
-        /// The line found.
-        found: String,
-    },
+    NotNames { found: String },
     /// A column without a name.
     #[error("column {position} has no name")]
     UnnamedColumn {
@@ -161,14 +151,12 @@ pub enum Problem {
     /// Two columns of one name.
     #[error("column {column} appears twice")]
     DuplicateColumn { column: String },
-    /// An unknown column.
     #[error("unknown column {column}; {instead}")]
     UnknownColumn {
         column: String,
         /// The correct name, or the allowed ones.
         instead: Instead,
     },
-    /// A missing column.
     #[error("column {column} is missing; the file has {there}")]
     MissingColumn {
         column: String,
@@ -177,10 +165,7 @@ pub enum Problem {
     },
     /// A table with other separators, as spreadsheets of some countries write it.
     #[error("cells are separated by {found}: must be commas, and numbers need a decimal point")]
-    Separator {
-        /// The separator.
-        found: &'static str,
-    },
+    Separator { found: &'static str },
     /// A row with twice as many cells as there are columns.
     #[error(
         "{found} cells in this row: must be {expected}, one per column; are these decimal commas? \
@@ -210,7 +195,6 @@ pub enum Problem {
     TooFewPoints {
         /// Measured values in the columns that are compared.
         points: usize,
-        /// Parameters to fit.
         parameters: usize,
     },
     /// A record over time in place of a static map.

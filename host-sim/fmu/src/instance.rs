@@ -11,7 +11,6 @@ use thermyo_cosimulation::model::{Model, ModelError};
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// Done.
     Ok = 0,
     /// Not done, without any effect.
     Discard = 2,

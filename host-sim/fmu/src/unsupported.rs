@@ -44,13 +44,11 @@ unsupported! {
     fmi3GetOutputDerivatives fmi3ActivateModelPartition
 }
 
-/// Model exchange is not supported.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateModelExchange() -> *mut c_void {
     ptr::null_mut()
 }
 
-/// Scheduled execution is not supported.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3InstantiateScheduledExecution() -> *mut c_void {
     ptr::null_mut()

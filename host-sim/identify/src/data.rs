@@ -168,7 +168,7 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// What drives the plant of a scenario that is compared with `observed`.
+    /// The columns that drive the plant which is compared with `observed`.
     fn input(&self, scenario: &Scenario, observed: &[Observed]) -> Result<Input, InputError> {
         let has = |name: &str| find(self.measured, name).is_some();
         let is_vessel = scenario.plant.kind == PlantKind::Vessel;

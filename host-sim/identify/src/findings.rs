@@ -200,7 +200,7 @@ impl Findings {
         for (i, parameter) in parameters.iter().enumerate() {
             if parameter.at_limit(best.place[i]) {
                 remarks.push(format!(
-                    "{} went to a limit of what is allowed: the data ask for more than the \
+                    "{} went to a limit of the allowed range: the data ask for more than the \
                      model can give, or do not determine it.",
                     parameter.path
                 ));

@@ -152,7 +152,7 @@ fn named(loaded: &Loaded, config: &Path) -> Result<Vec<Parameter>, InputError> {
     if parameters.is_empty() {
         let problem = InputProblem::Missing {
             key: "identify.parameters".to_owned(),
-            why: "it names what is fitted, such as [\"heat.inner_w_m2_k\"]".to_owned(),
+            why: "it names what is fitted, such as [\"heat.scale\"]".to_owned(),
         };
         return Err(InputError::file(config, problem));
     }

@@ -110,7 +110,7 @@ fn charts(identified: &Identified) -> Section {
         .figure(fit.figure("Fit over data", "The model with the identified values."))
         .figure(rest.figure(
             "Residuals",
-            "Scatter is the sensor's; what goes on from point to point is the model's.",
+            "Scatter is the sensor's; a trend from point to point is the model's.",
         ))
 }
 

@@ -27,7 +27,6 @@ pub enum StreamError {
     /// Host or port is missing.
     #[error("must be udp:HOST:PORT, such as udp:127.0.0.1:9870")]
     Form,
-    /// The host is unknown.
     #[error("no host is called so: {0}")]
     Host(String),
 }

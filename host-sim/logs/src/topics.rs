@@ -7,13 +7,9 @@ use thermyo_record::units::unit_of;
 /// Related columns. The time is in every topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Topic {
-    /// Name in a log.
     pub name: &'static str,
-    /// Name of its schema.
     pub schema: &'static str,
-    /// Its subject.
     pub about: &'static str,
-    /// Columns and their meanings.
     pub columns: &'static [(&'static str, &'static str)],
 }
 
@@ -39,7 +35,7 @@ pub const TOPICS: [Topic; 5] = [
     Topic {
         name: "/sensors",
         schema: "thermyo.Sensors",
-        about: "What the sensors read",
+        about: "Readings of the sensors",
         columns: &[
             ("sensor_gas_k", "Reading of the sensor in the gas"),
             ("sensor_wall_k", "Reading of the sensor in the wall"),
@@ -53,7 +49,7 @@ pub const TOPICS: [Topic; 5] = [
     Topic {
         name: "/estimate",
         schema: "thermyo.Estimate",
-        about: "What the core computes of the gas, and the forward model without a sensor",
+        about: "The core's estimate, and its forward model without the sensor",
         columns: &[
             ("estimate_k", "Estimated temperature of the gas"),
             ("estimate_sd_k", "Standard deviation of the estimate"),
@@ -70,7 +66,7 @@ pub const TOPICS: [Topic; 5] = [
     Topic {
         name: "/control",
         schema: "thermyo.Control",
-        about: "What is asked of the core, and what it does with the valves",
+        about: "Set point, mode and valve duties",
         columns: &[
             ("duty_in", "Share of the PWM period for which the inlet is open, 0 to 1"),
             ("duty_out", "Share of the PWM period for which the outlet is open, 0 to 1"),
@@ -81,7 +77,7 @@ pub const TOPICS: [Topic; 5] = [
             ),
             ("set_point_value", "Set point, its first value"),
             ("set_point_second", "Set point, its second value: outlet's duty, cycle's period"),
-            ("mode", "What the core does, by its number"),
+            ("mode", "Mode of the core, by its number"),
             ("limited", "1 where the set point asks for more than the core gives"),
         ],
     },

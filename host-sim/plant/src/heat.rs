@@ -26,7 +26,8 @@
 
 use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
-use super::zones::Stirring;
+use super::radial::{Conduction, Place, Profile};
+use super::zones::{Shares, Stirring};
 use std::f64::consts::PI;
 use thermyo_compute::math;
 use thermyo_scenario::{DriveKind, Heat, HeatModel, Scenario, Valve};
@@ -63,7 +64,7 @@ pub struct InnerHeat {
     whole: Shares,
 }
 
-/// What the coefficient follows.
+/// Law of the coefficient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Law {
     /// No heat passes.
@@ -96,6 +97,8 @@ pub struct Film {
     pub still_w_m2_k: f64,
     /// Gained per inflow \[W/(m2 K) per kg/s\].
     pub per_inflow: f64,
+    /// Heat flux at no difference to the wall \[W/m2\]: what the gas's radial profile brings.
+    pub profile_w_m2: f64,
 }
 
 impl Film {
@@ -104,23 +107,35 @@ impl Film {
     pub fn coefficient(&self, inflow: f64) -> f64 {
         self.still_w_m2_k + self.per_inflow * inflow
     }
+
+    /// Heat flux \[W/m2\] from gas that is that much warmer than its wall \[K\].
+    #[inline]
+    pub fn flux(&self, inflow: f64, above_wall_k: f64) -> f64 {
+        self.coefficient(inflow) * above_wall_k + self.profile_w_m2
+    }
 }
 
-/// Shares of a zone in what the flows stir.
+/// A zone's gas while its film is kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shares {
-    /// Of the inflow, mean 1 over the zones: where the coefficient is a constant and a part that grows with inflow.
-    pub inflow: f64,
-    /// Of the jet's forced convection.
-    pub jet: f64,
-    /// Of the column's forced convection.
-    pub column: f64,
+pub struct Section {
+    pub film: Film,
+    pub profile: Profile,
+    /// Conduction until the next refresh, if the profile matters.
+    conduction: Option<Conduction>,
+    /// Share of conduction in the heat that passes: stirring makes the profile flat.
+    still_share: f64,
 }
 
-impl Shares {
-    /// A vessel, all of which a jet stirs: Woodfield's are means over vessels. Its outflow stirs nothing: with a share of
-    /// 1 the measured discharge of air (`docs/background/validation.md`) would be 8.9 instead of 3.1 K off.
-    const VESSEL: Self = Self { inflow: 1.0, jet: 1.0, column: 0.0 };
+impl Section {
+    /// Of that film, with an even profile.
+    pub fn flat(film: Film) -> Self {
+        Self { film, profile: Profile::default(), conduction: None, still_share: 0.0 }
+    }
+
+    /// How much warmer than the mean \[K\] the gas is at a place, where the mean is that much above the wall \[K\].
+    pub fn above_mean(&self, place: &Place, above_wall_k: f64) -> f64 {
+        self.still_share * place.above_mean(&self.profile, above_wall_k)
+    }
 }
 
 /// Flows through the port, as the gas still feels them \[kg/s\].
@@ -147,6 +162,13 @@ pub struct Linearised {
     pub per_outflow: f64,
 }
 
+impl Forced {
+    /// Nusselt number in a zone of those shares.
+    fn in_zone(&self, shares: &Shares) -> f64 {
+        shares.jet * self.jet + shares.column * self.column
+    }
+}
+
 impl InnerHeat {
     /// From `[heat]`; the diameters of vessel and of what the gas comes through \[m\] matter for the correlation only.
     fn new(
@@ -169,7 +191,7 @@ impl InnerHeat {
         Self { law, scale: heat.scale, stirring_decay_s: heat.stirring_decay_s, whole }
     }
 
-    /// That of a scenario's moving chamber, whose gas has that diameter and length \[m\].
+    /// Heat transfer of a scenario's moving chamber, whose gas has that diameter and length \[m\].
     pub fn of_chamber(scenario: &Scenario, diameter_m: f64, length_m: f64) -> Self {
         let gas = IdealGas::new(&scenario.gas);
         let port = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, &gas);
@@ -177,7 +199,7 @@ impl InnerHeat {
         Self::new(&scenario.heat, &gas, diameter_m, port.equivalent_diameter(&gas), whole)
     }
 
-    /// That of a scenario's vessel.
+    /// Heat transfer of a scenario's vessel.
     pub fn of_vessel(scenario: &Scenario) -> Self {
         let gas = IdealGas::new(&scenario.gas);
         let path_m = match scenario.drive.kind {
@@ -231,7 +253,7 @@ impl InnerHeat {
         self.film(pressure, gas_k, gas_k - WALL_BELOW_GAS_K, &forced, shares).coefficient(flow)
     }
 
-    /// What stirring is after that time \[s\] with these mean flows \[kg/s\]; of a constant coefficient there is none.
+    /// Stirring after that time \[s\] with these mean flows \[kg/s\]; of a constant coefficient there is none.
     pub fn stirred(&self, stirred: &Stirred, flows: (f64, f64), step_s: f64) -> Stirred {
         if !matches!(self.law, Law::Correlation(_)) {
             return Stirred::default();
@@ -281,17 +303,59 @@ impl InnerHeat {
             Law::Constant { still, per_flow } => Film {
                 still_w_m2_k: self.scale * still,
                 per_inflow: self.scale * per_flow * shares.inflow,
+                profile_w_m2: 0.0,
             },
             Law::Correlation(air) => {
-                let stirred = shares.jet * forced.jet + shares.column * forced.column;
                 let film_k = 0.5 * (gas_k + wall_k);
                 let conductivity = air_conductivity(film_k);
-                let nusselt = air.still(pressure, film_k, gas_k - wall_k, conductivity) + stirred;
+                let nusselt = air.still(pressure, film_k, gas_k - wall_k, conductivity)
+                    + forced.in_zone(shares);
                 Film {
                     still_w_m2_k: self.scale * nusselt * conductivity / air.diameter_m,
-                    per_inflow: 0.0,
+                    ..Film::default()
                 }
             }
+        }
+    }
+
+    /// The zone's gas for the next [`REFRESH_S`] after `before`, at that pressure \[Pa\], gas and wall temperature \[K\].
+    pub fn section(
+        &self,
+        before: &Section,
+        (pressure, gas_k, wall_k): (f64, f64, f64),
+        forced: &Forced,
+        shares: &Shares,
+    ) -> Section {
+        let Law::Correlation(air) = self.law else {
+            return Section::flat(self.film(pressure, gas_k, wall_k, forced, shares));
+        };
+        let above_wall_k = gas_k - wall_k;
+        let mut profile = before.profile;
+        if let Some(conduction) = &before.conduction {
+            conduction.advance(&mut profile, above_wall_k);
+        }
+        let film_k = 0.5 * (gas_k + wall_k);
+        let conductivity = air_conductivity(film_k);
+        let still = air.still(pressure, film_k, above_wall_k, conductivity);
+        let stirred = forced.in_zone(shares);
+        // rho cp of the gas, and its conductivity with buoyancy.
+        let capacity_j_m3_k = pressure / (air.gas.r * gas_k) * air.gas.cp;
+        let effective = self.scale * conductivity * still / CONDUCTION;
+        let square = air.diameter_m * air.diameter_m;
+        let conduction = Conduction::new(4.0 * effective * REFRESH_S / (capacity_j_m3_k * square));
+        let (share, rest_k) = conduction.lost(&profile);
+        // Volume over surface is D/4.
+        let per_kelvin = 0.25 * capacity_j_m3_k * air.diameter_m / REFRESH_S;
+        Section {
+            film: Film {
+                still_w_m2_k: per_kelvin * share
+                    + self.scale * stirred * conductivity / air.diameter_m,
+                per_inflow: 0.0,
+                profile_w_m2: per_kelvin * rest_k,
+            },
+            profile,
+            conduction: Some(conduction),
+            still_share: still / (still + stirred),
         }
     }
 }
@@ -300,15 +364,11 @@ impl Air {
     /// Nusselt number of still gas at that pressure \[Pa\], film temperature and difference to the wall \[K\].
     fn still(&self, pressure: f64, film_k: f64, difference_k: f64, conductivity: f64) -> f64 {
         let viscosity = air_viscosity(film_k);
-        let density_per_viscosity = pressure / (self.gas.r * film_k) / viscosity;
-        let prandtl = self.gas.cp * viscosity / conductivity;
         let cubed = self.diameter_m * self.diameter_m * self.diameter_m;
-        let rayleigh = GRAVITY / film_k
-            * difference_k.abs()
-            * cubed
-            * prandtl
-            * density_per_viscosity
-            * density_per_viscosity;
+        let density = pressure / (self.gas.r * film_k);
+        // Grashof times Prandtl number.
+        let rayleigh = GRAVITY * difference_k.abs() * cubed * self.gas.cp * density * density
+            / (film_k * viscosity * conductivity);
         let convection4 = if rayleigh > TURBULENT_RAYLEIGH {
             let [factor, power] = TURBULENT;
             let nusselt = factor * math::pow(rayleigh, power);

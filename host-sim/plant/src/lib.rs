@@ -14,6 +14,7 @@ pub mod flow;
 mod full;
 pub mod gas;
 pub mod heat;
+mod hysteresis;
 mod lag;
 mod line;
 mod local_power;
@@ -22,7 +23,9 @@ mod ode;
 mod piping;
 mod pull;
 mod pwm;
+mod radial;
 mod sensors;
+mod start;
 mod vessel;
 pub mod zones;
 
@@ -82,7 +85,7 @@ pub struct Truth {
     pub sensor_pressure_pa: f64,
     /// Length at the potentiometer's wiper after its lag \[m\].
     pub sensor_length_m: f64,
-    /// Friction force, positive when it opposes contraction \[N\].
+    /// Force of friction and slip, positive when it opposes contraction \[N\].
     pub friction_n: f64,
 }
 
@@ -109,8 +112,10 @@ pub struct Ledger {
     pub heat_to_wall_j: f64,
     /// Work of the gas on the muscle's wall (integral of P dV) \[J\].
     pub work_j: f64,
-    /// Friction heat \[J\].
+    /// Heat of friction, slip and creep \[J\].
     pub friction_heat_j: f64,
+    /// Energy that slip and creep hold now \[J\].
+    pub hysteresis_energy_j: f64,
     /// Part of the friction heat that went into the wall \[J\].
     pub friction_to_wall_j: f64,
     /// Heat from wall to ambient \[J\].
@@ -134,6 +139,7 @@ impl Ledger {
             heat_to_wall_j: self.heat_to_wall_j - earlier.heat_to_wall_j,
             work_j: self.work_j - earlier.work_j,
             friction_heat_j: self.friction_heat_j - earlier.friction_heat_j,
+            hysteresis_energy_j: self.hysteresis_energy_j,
             friction_to_wall_j: self.friction_to_wall_j - earlier.friction_to_wall_j,
             heat_to_ambient_j: self.heat_to_ambient_j - earlier.heat_to_ambient_j,
             wall_energy_j: self.wall_energy_j - earlier.wall_energy_j,
@@ -278,6 +284,9 @@ struct Substeps {
 }
 
 impl Substeps {
+    /// Until they are known.
+    const ONE: Self = Self { whole: 1, holed: 1 };
+
     /// `of` gives the number for the leak and a hole, in open valves, and the key to name if they
     /// are too large. `hottest_k`: highest upstream temperature \[K\].
     fn new(

@@ -6,7 +6,6 @@
 //! from its neighbours. Mixing exchanges equal volumes, which at equal pressure carry the same
 //! enthalpy, so that it moves mass only.
 
-use super::heat::Shares;
 use thermyo_compute::math;
 
 /// Volume that the jet recirculates, per volume that it brings: 0.47 D/d - 0.5 for a jet of diameter d
@@ -17,6 +16,23 @@ pub const JET_REACH_DIAMETERS: f64 = 3.0;
 /// Axial diffusivity of the gas between strokes \[m2/s\]: five times the molecular one, for the
 /// buoyant currents.
 pub const BACKGROUND_DIFFUSIVITY: f64 = 1.0e-4;
+
+/// Shares of a zone in what the flows stir.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shares {
+    /// Of the inflow, mean 1 over the zones: where the coefficient is a constant and a part that grows with inflow.
+    pub inflow: f64,
+    /// Of the jet's forced convection.
+    pub jet: f64,
+    /// Of the column's forced convection.
+    pub column: f64,
+}
+
+impl Shares {
+    /// A vessel, all of which a jet stirs: Woodfield's are means over vessels. Its outflow stirs nothing: with a share of
+    /// 1 the measured discharge of air (`docs/background/validation.md`) would be 8.9 instead of 3.1 K off.
+    pub const VESSEL: Self = Self { inflow: 1.0, jet: 1.0, column: 0.0 };
+}
 
 /// Where jet and mixing act along the muscle.
 #[derive(Debug, Clone)]

@@ -43,7 +43,7 @@ fn relaxation(s: &Scenario, pressure_pa: f64, pulse_s: f64, fills: bool) -> (f64
     (undone, at as f64 * step_s)
 }
 
-/// What others measured on muscles of 20 mm (in docs/background/model.md): after pulses of 15 to 50 ms, 23 to 33 % of the
+/// Others measured on muscles of 20 mm (docs/background/model.md): after pulses of 15 to 50 ms, 23 to 33 % of the
 /// step in and 20 to 38 % of the one out is undone, with time constants of 0.2 s at 120 mm and 0.3 to 0.5 s at 225 and
 /// 274 mm. Means over pulses of that length at 2 to 4.5 bar. With 90 W/(m2 K) that stay, 0.12 to 0.3 s came out at every
 /// length, and a tenth of it was lost before the valve had shut.
@@ -61,9 +61,9 @@ fn pulses_relax_as_measured() {
     for model in [PlantModel::Full, PlantModel::Lumped] {
         let mut times = Vec::new();
         for (length_m, (soonest, latest)) in
-            [(0.120, (0.15, 0.5)), (0.225, (0.25, 0.55)), (0.274, (0.25, 0.6))]
+            [(0.120, (0.15, 0.45)), (0.225, (0.25, 0.5)), (0.274, (0.25, 0.5))]
         {
-            for (fills, (least, most)) in [(true, (0.23, 0.33)), (false, (0.19, 0.38))] {
+            for (fills, (least, most)) in [(true, (0.21, 0.33)), (false, (0.18, 0.38))] {
                 let (undone, time_s) = mean(model, length_m, fills);
                 let case = format!("{model:?}, {length_m} m, {}", if fills { "in" } else { "out" });
                 println!("{case}: {:.1} % undone, {time_s:.2} s", 100.0 * undone);

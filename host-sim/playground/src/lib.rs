@@ -59,7 +59,6 @@ pub extern "C" fn text_place() -> *const u8 {
     with(|playground| playground.text.as_ptr())
 }
 
-/// Length of the result.
 #[unsafe(no_mangle)]
 pub extern "C" fn text_length() -> usize {
     with(|playground| playground.text.len())

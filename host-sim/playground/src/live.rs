@@ -22,7 +22,6 @@ pub struct Live {
     board: CoreBoard,
     /// Warnings about its text, a line each.
     warnings: String,
-    /// Latest mode and faults of the core.
     latest: Option<(Mode, Faults)>,
 }
 

@@ -27,7 +27,6 @@ pub fn every_column() -> Vec<&'static str> {
     [&COLUMNS[..], &MORE_COLUMNS].concat()
 }
 
-/// A set point as a kind and its values.
 pub fn kind_and_values(set_point: SetPoint) -> (u8, f32, f32) {
     match set_point {
         SetPoint::Vent => (0, 0.0, 0.0),
@@ -160,7 +159,6 @@ impl<W: Write> Recorder<W> {
         Ok(row)
     }
 
-    /// Number of rows.
     pub fn rows(&self) -> u64 {
         self.rows
     }

@@ -9,12 +9,10 @@ const SWINGS: usize = 10;
 /// Smallest ratio of the last swing to the first: below it the oscillation decays \[-\].
 const LASTS: f64 = 0.7;
 
-/// A limit cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LimitCycle {
     /// End of the set point in which it occurred \[s\].
     pub time_s: f64,
-    /// Frequency \[Hz\].
     pub frequency_hz: f64,
     /// Amplitude: half of the distance between turning points, in the unit of the set point.
     pub amplitude: f64,

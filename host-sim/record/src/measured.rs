@@ -21,17 +21,14 @@ const POSSIBLE: [(&str, Limits); 10] = [
     ("duty_out", Limits { min: 0.0, max: 1.0, unit: "" }),
 ];
 
-/// Measured columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
     /// Columns with at least one value, in order of the file.
     pub columns: Vec<Column>,
 }
 
-/// One measured quantity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
-    /// Its name in the trace.
     pub name: String,
     /// (time \[s\], value); times do not fall.
     pub points: Vec<(f64, f64)>,

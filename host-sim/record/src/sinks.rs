@@ -6,7 +6,6 @@ use std::io;
 /// A sink for rows. A row has its cells in the order of
 /// [`every_column`](super::board_trace::every_column), the time first. Unknown cells are NaN.
 pub trait Sink: Send {
-    /// Takes one row.
     fn row(&mut self, cells: &[f64]) -> io::Result<()>;
 
     /// Hands over rows that have waited long enough; for callers that wait for the next row.
@@ -18,7 +17,6 @@ pub trait Sink: Send {
         Ok(())
     }
 
-    /// Ends the record.
     fn finish(self: Box<Self>) -> io::Result<()> {
         Ok(())
     }
@@ -28,7 +26,6 @@ pub trait Sink: Send {
 pub struct Sinks(Vec<Box<dyn Sink>>);
 
 impl Sinks {
-    /// Adds a sink.
     pub fn add(&mut self, sink: impl Sink + 'static) {
         self.0.push(Box::new(sink));
     }
@@ -47,7 +44,6 @@ impl Sinks {
         self.0.iter_mut().try_for_each(|sink| sink.hand_over())
     }
 
-    /// Ends the records.
     pub fn finish(self) -> io::Result<()> {
         self.0.into_iter().try_for_each(|sink| sink.finish())
     }

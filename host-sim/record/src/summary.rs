@@ -12,7 +12,6 @@ use thermyo_files::number::{Unit, fixed, significant};
 use thermyo_plant::{Ledger, Truth};
 use thermyo_protocol::Timing;
 
-/// The controlled quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Controlled {
@@ -30,7 +29,6 @@ impl Controlled {
         }
     }
 
-    /// Its unit as shown.
     pub fn unit(self) -> Unit {
         match self {
             Self::Pressure => Unit::of_column("pressure_pa"),
@@ -38,7 +36,6 @@ impl Controlled {
         }
     }
 
-    /// A value or difference as text.
     pub fn text(self, value: f64) -> String {
         let Unit { symbol, factor } = self.unit();
         format!("{} {symbol}", significant(value * factor, 3))
@@ -56,24 +53,19 @@ pub struct Summary {
     pub real_time_factor: f64,
     /// The board that ran the core.
     pub board: String,
-    /// Pressure in the plant \[Pa\].
     pub pressure_pa: Range,
     /// Contraction, as a fraction of the rest length \[-\]; of a muscle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contraction: Option<Range>,
     /// The plant's gas temperature \[K\].
     pub gas_temperature_k: Range,
-    /// Readings of the sensor in the gas \[K\].
     pub sensor_gas_k: Readings,
-    /// Readings of the sensor in the wall \[K\].
     pub sensor_wall_k: Readings,
     /// Root-mean-square errors against the plant's gas temperature \[K\].
     pub rmse_k: Errors,
     /// Fraction of the rows in which the true value lies within two stated deviations \[-\].
     pub estimate_within_2sd: f64,
-    /// Relative error of the mass balance \[-\].
     pub mass_balance_error: f64,
-    /// Relative error of the energy balance \[-\].
     pub energy_balance_error: f64,
     /// The ledger of mass and energy.
     pub ledger: Ledger,
@@ -119,9 +111,7 @@ pub struct Readings {
 /// Root-mean-square errors \[K\].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Errors {
-    /// The bare sensor in the gas.
     pub sensor_gas: f64,
-    /// The bare sensor in the wall.
     pub sensor_wall: f64,
     /// The forward model, which sees the mass flows only.
     pub model: f64,
@@ -139,7 +129,6 @@ pub struct CoreFigures {
     pub limited: u64,
     /// Every fault bit that was ever set.
     pub faults: u32,
-    /// Names of these faults.
     pub fault_names: Vec<&'static str>,
     /// Time of the first venting fault \[s\].
     pub vented_s: Option<f64>,
@@ -185,7 +174,6 @@ impl CoreFigures {
 /// Control errors, in the set point's unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Control {
-    /// The controlled quantity.
     pub quantity: Controlled,
     /// Root-mean-square error.
     pub rms_error: f64,
@@ -196,7 +184,6 @@ pub struct Control {
 }
 
 impl Control {
-    /// One line of text.
     pub fn text(&self) -> String {
         let steady = self.steady_error.map(|error| self.quantity.text(error));
         let at_end = steady.map_or_else(String::new, |text| format!("at the end {text}, "));
@@ -229,7 +216,6 @@ pub struct TimingFigures {
     pub step_worst_us: f64,
     /// Worst delay of a start, from the mean one \[us\].
     pub jitter_worst_us: f64,
-    /// Missed steps.
     pub missed_steps: u32,
 }
 
@@ -254,17 +240,14 @@ pub struct Ending {
     pub board: &'static str,
     /// Period of the working cycle, if it has one \[s\].
     pub period_s: Option<f64>,
-    /// The controlled quantity.
     pub controlled: Option<Controlled>,
     /// The largest limit cycle.
     pub limit_cycle: Option<LimitCycle>,
-    /// Rest length of a muscle \[m\].
     pub rest_length_m: Option<f64>,
     /// The plant's ledger.
     pub ledger: Ledger,
     /// Surface temperatures \[K\].
     pub axial_wall_k: Vec<f64>,
-    /// Gas temperatures \[K\].
     pub axial_gas_k: Vec<f64>,
     /// Timing of the board's steps.
     pub timing: Option<Timing>,
@@ -520,7 +503,6 @@ impl Accumulator {
         sums.largest_value = sums.largest_value.max(value);
     }
 
-    /// Completes the summary.
     pub fn finish(self, ending: Ending) -> Summary {
         let count = self.steps as f64;
         let rms = |squares: f64| (squares / count).sqrt();

@@ -5,7 +5,6 @@ pub fn unit_of(name: &str) -> Option<&'static Unit> {
     UNITS.iter().find(|unit| name.ends_with(unit.suffix))
 }
 
-/// A unit and its exponents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unit {
     suffix: &'static str,

@@ -8,10 +8,8 @@ pub enum Colour {
     /// True values, the reference of a comparison.
     Truth,
     Estimate,
-    /// Sensor in the gas.
     Sensor,
     Wall,
-    /// Sensor in the wall.
     WallSensor,
     Measured,
     SetPoint,
@@ -22,12 +20,9 @@ pub enum Colour {
     Blue,
     /// A red-orange.
     Vermillion,
-    /// Bluish green.
     Green,
-    /// Reddish purple.
     Purple,
     Orange,
-    /// Sky blue.
     Sky,
     /// For the background of a comparison.
     Grey,

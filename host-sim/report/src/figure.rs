@@ -8,7 +8,6 @@ use maud::{Markup, html};
 pub struct Drawing {
     /// Stands above the drawing; may be empty.
     pub legend: Markup,
-    /// One `svg` element.
     pub svg: Markup,
     /// Data for the interactive chart that replaces the drawing, if any.
     pub chart: Option<Chart>,
@@ -35,7 +34,6 @@ impl Figure {
         Self { title: title.to_owned(), caption: caption.to_owned(), drawing }
     }
 
-    /// The `svg` element.
     pub fn svg(&self) -> &str {
         &self.drawing.svg.0
     }

@@ -186,7 +186,6 @@ fn drawn(
     }
 }
 
-/// Characters of the longest text.
 fn longest(texts: &[String]) -> f64 {
     texts.iter().map(|text| text.chars().count()).max().unwrap_or(0) as f64
 }

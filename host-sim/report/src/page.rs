@@ -115,7 +115,6 @@ impl Section {
         Self { heading: heading.to_owned(), blocks: Vec::new() }
     }
 
-    /// Adds a paragraph.
     pub fn paragraph(mut self, text: &str) -> Self {
         self.blocks.push(Block::Paragraph(text.to_owned()));
         self
@@ -132,7 +131,6 @@ impl Section {
         self
     }
 
-    /// Adds a table.
     pub fn table(mut self, table: Table) -> Self {
         self.blocks.push(Block::Table(table));
         self
@@ -195,7 +193,6 @@ impl Page {
         self
     }
 
-    /// Adds a section.
     pub fn section(mut self, section: Section) -> Self {
         self.sections.push(section);
         self

@@ -71,7 +71,6 @@ impl Recorder {
         Some(&self.columns[index])
     }
 
-    /// Rows kept.
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, Vec::len)
     }

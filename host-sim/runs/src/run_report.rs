@@ -167,7 +167,7 @@ impl RunReport<'_> {
             let panel = Panel::new(axis).height(120.0).reference(0.0, "");
             chart = chart.panel(panel.line("", Colour::Blue, time, &unit.convert(error)));
         }
-        let follows = if self.has_plant() { "the plant's value" } else { "what the sensor reads" };
+        let follows = if self.has_plant() { "the plant's value" } else { "the sensor's reading" };
         let mut parts = vec!["The set point", follows];
         parts.extend(self.column("tracking_error").map(|_| "their difference"));
         let caption = format!("{}.", listed(&parts));
@@ -227,12 +227,12 @@ impl RunReport<'_> {
         if self.column("estimate_error_k").is_some() {
             chart = chart.panel(self.error_panel());
         }
-        let estimate = format!("what the core estimates from {}", listed(&self.estimated_from()));
+        let estimate = format!("the core's estimate from {}", listed(&self.estimated_from()));
         let parts = if self.has_plant() {
             let plant = "The temperatures of gas (mass-weighted mean) and wall in the plant";
-            vec![plant, "what the sensors read", &estimate]
+            vec![plant, "the sensors' readings", &estimate]
         } else {
-            vec!["What the sensor in the gas reads", &estimate]
+            vec!["The reading of the sensor in the gas", &estimate]
         };
         let caption = format!("{}; shaded: estimate ± 2 standard deviations.", listed(&parts));
         let mut section =

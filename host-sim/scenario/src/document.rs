@@ -13,7 +13,6 @@ const BELIEVED: &str = "believed";
 pub struct Document {
     /// Name in messages.
     pub origin: PathBuf,
-    /// Entries for the plant.
     pub plant: Entries,
     /// Entries for the core where it differs.
     pub believed: Entries,
@@ -29,13 +28,11 @@ pub struct Entries {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// Path of its table.
     pub table: String,
     /// The schema's entry.
     pub key: &'static Key,
     /// Value, of the type in the schema.
     pub value: Value,
-    /// The value as written.
     pub written: String,
     /// Its line; none if [`Document::set`] set it.
     pub line: Option<u64>,

@@ -25,9 +25,7 @@ pub struct Dimensions {
     pub thread_length_m: f64,
     /// Thread turns n \[-\].
     pub turns: f64,
-    /// Length \[m\].
     pub rest_length_m: f64,
-    /// Diameter \[m\].
     pub diameter_m: f64,
     /// Angle of the threads to the axis \[deg\].
     pub braid_angle_deg: f64,

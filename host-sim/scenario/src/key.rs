@@ -6,7 +6,6 @@ use std::fmt;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Table {
     pub name: &'static str,
-    /// Its subject.
     pub meaning: &'static str,
     /// Whether `[believed]` may overlay it.
     pub believed: bool,
@@ -35,15 +34,12 @@ impl Table {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Key {
     pub name: &'static str,
-    /// Allowed values.
     pub allowed: Allowed,
-    /// Meaning.
     pub meaning: &'static str,
     /// The core's own key, in f32.
     pub core: bool,
 }
 
-/// Allowed values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Allowed {
     /// A finite number; whole ones are taken too.

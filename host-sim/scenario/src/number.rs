@@ -13,16 +13,19 @@ pub fn number(scenario: &Scenario, path: &str) -> Option<f64> {
     path.split('.').try_fold(&tree, |place, name| place.get(name))?.as_float()
 }
 
-/// The scenario with these numbers at these paths. Paths of other keys change nothing.
+/// The scenario with these numbers at these paths.
+///
+/// # Panics
+/// For a path that is no number of every scenario.
 pub fn with_numbers<'a>(
     scenario: &Scenario,
     numbers: impl IntoIterator<Item = (&'a str, f64)>,
 ) -> Scenario {
     let mut tree = Value::Table(tree(scenario));
     for (path, number) in numbers {
-        let place = path.split('.').try_fold(&mut tree, |place, name| place.get_mut(name));
-        if let Some(place @ Value::Float(_)) = place {
-            *place = Value::Float(number);
+        match path.split('.').try_fold(&mut tree, |place, name| place.get_mut(name)) {
+            Some(place @ Value::Float(_)) => *place = Value::Float(number),
+            _ => panic!("{path} is no number of a scenario"),
         }
     }
     tree.try_into().expect("numbers were replaced by numbers")
@@ -43,9 +46,17 @@ mod tests {
         assert_eq!(number(&scenario, "sensor.gas.time_constant_s"), Some(3.0));
         assert_eq!(number(&scenario, "sensor.gas.none"), None);
         assert_eq!(number(&scenario, "plant.kind"), None);
-        let changed = with_numbers(&scenario, [("sensor.gas.time_constant_s", 4.5), ("run", 1.0)]);
+        let changed = with_numbers(&scenario, [("sensor.gas.time_constant_s", 4.5)]);
         let mut expected = scenario;
         expected.sensor.gas.time_constant_s = 4.5;
         assert_eq!(changed, expected);
+    }
+    /// A mistyped path would otherwise leave the value unchanged without a message.
+    #[test]
+    fn a_path_of_no_number_is_refused() {
+        for path in ["run", "plant.kind", "sensor.gas.time_constant", ""] {
+            let replaced = || with_numbers(&Scenario::default(), [(path, 1.0)]);
+            assert!(std::panic::catch_unwind(replaced).is_err(), "{path}");
+        }
     }
 }

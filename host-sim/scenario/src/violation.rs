@@ -9,7 +9,6 @@ pub struct WrongCell {
     pub row: usize,
     /// Its column, from 0, in the order of the key's columns.
     pub column: usize,
-    /// Allowed values.
     pub allowed: String,
 }
 
@@ -29,7 +28,6 @@ pub enum Fault {
         /// Allowed values, and the reason.
         allowed: String,
     },
-    /// It is required.
     Missing {
         /// The key that needs it.
         for_path: String,

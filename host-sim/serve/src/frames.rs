@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 /// Steps from one row to the next: 100 rows per second.
 const EVERY: u32 = 10;
-/// Interval of the parcels.
 const PARCEL: Duration = Duration::from_millis(33);
 
 /// A parcel: measurements over time, and the core's state at the end.

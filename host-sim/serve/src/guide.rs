@@ -61,7 +61,6 @@ impl Calibration {
         Ok(calibrated.map_or(Step::Goes, |(config, off)| Step::Calibrated(Box::new(config), off)))
     }
 
-    /// The outcome of the task.
     pub fn outcome(&self, text: &str) -> Guided {
         Guided::over(&title(self.sensor), format!("{}{text}", self.notes), None)
     }

@@ -12,7 +12,6 @@ use tokio_tungstenite::tungstenite::Utf8Bytes;
 
 /// Frames that are kept for a page: a second. It loses older ones.
 const MOST_FRAMES: usize = 32;
-/// Events that are kept.
 const MOST_EVENTS: usize = 100;
 
 #[derive(Debug)]
@@ -54,7 +53,6 @@ impl Shared {
         self.orders.vent(why);
     }
 
-    /// Ends the server.
     pub fn end(&self) {
         self.ended.store(true, Ordering::Release);
     }

@@ -18,7 +18,6 @@ pub enum Link {
     Silent,
     /// The port is lost; opening it is tried again and again.
     Lost,
-    /// The server has ended.
     Ended,
 }
 
@@ -79,7 +78,6 @@ pub struct Configuration {
     pub working_limit_pa: f32,
     /// Range of contraction set points \[-\].
     pub contractions: [f32; 2],
-    /// Rest length \[m\].
     pub rest_length_m: Option<f64>,
     pub braid: Option<Braid>,
 }
@@ -87,7 +85,6 @@ pub struct Configuration {
 /// Geometry from which the page computes the diameter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Braid {
-    /// Length of a thread \[m\].
     pub thread_length_m: f32,
     /// Turns of a thread \[-\].
     pub turns: f32,
@@ -120,7 +117,6 @@ impl Configuration {
     }
 }
 
-/// A running recording.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Recorded {
     /// Steps so far.
@@ -147,7 +143,6 @@ pub struct Guide {
     pub asks: Option<&'static str>,
     /// Finished fraction \[-\].
     pub progress: Option<f64>,
-    /// Name of the result.
     pub result: Option<String>,
     /// The task has ended.
     pub over: bool,
@@ -165,7 +160,6 @@ pub struct Event {
 #[serde(rename_all = "snake_case")]
 pub enum Weight {
     Plain,
-    /// A request was refused.
     Refused,
     Fault,
 }

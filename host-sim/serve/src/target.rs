@@ -10,7 +10,6 @@ use thermyo_simulation::board::BoardError;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
-    /// A serial port.
     Port(String),
     /// The emulated board, with its present muscle or the nominal one.
     Emulated,
@@ -59,7 +58,6 @@ impl Target {
         }
     }
 
-    /// Name of the port.
     pub fn port(&self) -> &str {
         match self {
             Self::Port(port) => port,
@@ -67,7 +65,6 @@ impl Target {
         }
     }
 
-    /// Name on the page.
     pub fn name(&self) -> String {
         match self {
             Self::Port(port) => port.clone(),

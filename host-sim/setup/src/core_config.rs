@@ -4,6 +4,7 @@ use model_core::config::{Config, Load, Zones};
 use model_core::physics::chamber::{ChamberConfig, Vessel};
 use model_core::physics::friction::Friction;
 use model_core::physics::heat::{Heat, Wall};
+use model_core::physics::hysteresis::Hysteresis;
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasSensor;
@@ -13,7 +14,7 @@ use thermyo_plant::heat::InnerHeat;
 use thermyo_plant::load_n;
 use thermyo_plant::zones::{BACKGROUND_DIFFUSIVITY, JET_REACH_DIAMETERS, RECIRCULATION};
 use thermyo_scenario::schema::limits;
-use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
+use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 
 /// Heat transfer coefficient that stands for "isothermal" \[W/(m2 K)\]: about a hundred times that
 /// of still air.
@@ -86,14 +87,10 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         zones: zones(s, moving.as_deref(), &inner),
         wall: Wall { heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32 },
-        friction: if full {
-            s.friction.core()
-        } else {
-            Friction {
-                presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
-                viscous_n_s_m: 0.0,
-                ..s.friction.core()
-            }
+        friction: friction(s),
+        hysteresis: match s.plant.kind {
+            PlantKind::Muscle => s.muscle.core(),
+            _ => Hysteresis::NONE,
         },
         load: match (s.load.kind, &moving) {
             (LoadKind::Isometric, _) => Load::Isometric { length_m: s.load.length_m as f32 },
@@ -138,6 +135,17 @@ fn chamber_and_wall(
     }
 }
 
+fn friction(s: &Scenario) -> Friction {
+    if s.plant.model == PlantModel::Full {
+        return s.friction.core();
+    }
+    Friction {
+        presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
+        viscous_n_s_m: 0.0,
+        ..s.friction.core()
+    }
+}
+
 fn valve(s: &Scenario) -> Valve {
     if !s.moves_in_full() {
         // All other plants have ideal valves.
@@ -150,8 +158,7 @@ fn valve(s: &Scenario) -> Valve {
 
 fn gas_sensor(s: &Scenario, effective: &Effective) -> GasSensor {
     GasSensor {
-        time_constant_s: (s.sensor.gas.time_constant_s as f32)
-            .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
+        time_constant_s: (s.sensor.gas.time_constant_s as f32).clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
         housing_time_constant_s: effective.housing_s as f32,
         ..s.sensor.gas.core()
     }

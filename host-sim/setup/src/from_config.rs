@@ -31,14 +31,7 @@ pub struct ConfigScenario {
 /// For a configuration that no scenario can give.
 pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
     let origin = Path::new("the board's configuration");
-    let Some(plant) = scenario(config) else {
-        let problem = Problem::NotAllowed {
-            key: "plant.kind".to_owned(),
-            value: "another".to_owned(),
-            allowed: "\"muscle\" or \"vessel\", to be written as a scenario".to_owned(),
-        };
-        return Err(InputError::file(origin, problem));
-    };
+    let plant = scenario(config).map_err(|problem| InputError::file(origin, problem))?;
     let loaded =
         Loaded { believed: plant.clone(), plant, volume_profile: None, drive_profile: None };
     let scenario = parse(&render(&loaded), origin)?;
@@ -46,8 +39,7 @@ pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
     Ok(ConfigScenario { scenario, exact })
 }
 
-/// `None` for a chamber whose dimensions are in files.
-fn scenario(config: &Config) -> Option<Scenario> {
+fn scenario(config: &Config) -> Result<Scenario, Problem> {
     let mut s = Scenario::default();
     // From `full` the core takes gas along the muscle, or at least the housing of the element.
     let housing_s = config.sensors.gas.housing_time_constant_s;
@@ -66,7 +58,7 @@ fn scenario(config: &Config) -> Option<Scenario> {
     };
     let effective = Effective::of(&s);
     let step_s = short(config.step_s);
-    let pt1000 = set_parts(&mut s, config);
+    let pt1000 = set_sensors(&mut s, config)?;
     let core = numbers_of_the_core(config, pt1000);
     let numbers = core.into_iter().map(|(path, value)| (path, short(value))).chain([
         ("run.step_s", step_s),
@@ -77,11 +69,20 @@ fn scenario(config: &Config) -> Option<Scenario> {
     let mut s = with_numbers(&s, numbers);
     s.estimator = config.estimator;
     s.controller = config.controller;
-    Some(s)
+    Ok(s)
 }
 
-/// Sets kind and dimensions; `None` where they are in the user's files.
-fn set_chamber(s: &mut Scenario, config: &Config, tube_m3: f64) -> Option<()> {
+/// Refuses a kind that no scenario written here can have.
+fn other_kind(key: &str, allowed: &str) -> Problem {
+    Problem::NotAllowed {
+        key: key.to_owned(),
+        value: "another".to_owned(),
+        allowed: format!("{allowed}, to be written as a scenario"),
+    }
+}
+
+/// Sets kind and dimensions; refuses a chamber whose dimensions are in files.
+fn set_chamber(s: &mut Scenario, config: &Config, tube_m3: f64) -> Result<(), Problem> {
     match config.chamber {
         ChamberConfig::Muscle(muscle) => {
             s.plant.kind = PlantKind::Muscle;
@@ -105,13 +106,13 @@ fn set_chamber(s: &mut Scenario, config: &Config, tube_m3: f64) -> Option<()> {
             s.vessel.surface_m2 = short(surface_m2);
             s.vessel.wall_heat_capacity_j_k = short(config.wall.heat_capacity_j_k);
         }
-        _ => return None,
+        _ => return Err(other_kind("plant.kind", "\"muscle\" or \"vessel\"")),
     }
-    Some(())
+    Ok(())
 }
 
 /// Sets the types of the sensors. Returns the element, if it is of platinum.
-fn set_parts(s: &mut Scenario, config: &Config) -> Pt1000 {
+fn set_sensors(s: &mut Scenario, config: &Config) -> Result<Pt1000, Problem> {
     let mut pt1000 = Pt1000::default();
     match config.sensors.gas_element {
         GasElement::Pt1000(is) => pt1000 = is,
@@ -119,13 +120,16 @@ fn set_parts(s: &mut Scenario, config: &Config) -> Pt1000 {
         GasElement::Max31865(is) => {
             (s.sensor.gas.kind, s.sensor.max31865) = (GasElementKind::Max31865, is);
         }
-        // No scenario gives another type: the result is then not exact.
-        _ => (),
+        _ => return Err(other_kind("sensor.gas.kind", "\"pt1000\", \"ntc\" or \"max31865\"")),
     }
-    if let PressurePart::Mpr(is) = config.sensors.pressure_part {
-        (s.sensor.pressure.kind, s.sensor.mpr) = (PressureKind::Mpr, is);
+    match config.sensors.pressure_part {
+        PressurePart::Ratiometric => (),
+        PressurePart::Mpr(is) => {
+            (s.sensor.pressure.kind, s.sensor.mpr) = (PressureKind::Mpr, is);
+        }
+        _ => return Err(other_kind("sensor.pressure.kind", "\"ratiometric\" or \"mpr\"")),
     }
-    pt1000
+    Ok(pt1000)
 }
 
 /// Keys that the core has unchanged.
@@ -147,6 +151,13 @@ fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f3
         ("friction.heat_fraction", config.friction.heat_fraction),
         ("friction.presliding_stiffness_n_m", config.friction.presliding_stiffness_n_m),
         ("friction.viscous_n_s_m", config.friction.viscous_n_s_m),
+        ("muscle.slip_force_n", config.hysteresis.slip_force_n),
+        ("muscle.slip_stiffness_n_m", config.hysteresis.slip_stiffness_n_m),
+        ("muscle.slip_pressure_factor", config.hysteresis.slip_pressure_factor),
+        ("muscle.creep_fast_n_m", config.hysteresis.creep_fast_n_m),
+        ("muscle.creep_fast_s", config.hysteresis.creep_fast_s),
+        ("muscle.creep_slow_n_m", config.hysteresis.creep_slow_n_m),
+        ("muscle.creep_slow_s", config.hysteresis.creep_slow_s),
         ("load.mass_kg", config.moving_mass_kg),
         ("valve.conductance_m3_s_pa", config.valve.conductance_m3_s_pa),
         ("valve.critical_ratio", config.valve.critical_ratio),
@@ -185,7 +196,7 @@ mod tests {
 
     /// A configuration from a scenario comes back unchanged.
     #[test]
-    fn what_a_scenario_has_told_is_said_again() {
+    fn a_scenario_comes_back_from_its_configuration() {
         for text in [
             "",
             "[plant]\nmodel = \"lumped\"\n",
@@ -205,6 +216,16 @@ mod tests {
             let back = core_config(&said.scenario.believed);
             assert_eq!(back, config, "{text}");
             assert!(said.exact);
+        }
+    }
+
+    #[test]
+    fn every_element_comes_back() {
+        for element in GasElement::all() {
+            let mut config = core_config(&Scenario::default());
+            config.sensors.gas_element = element;
+            let back = to_scenario(&config).unwrap();
+            assert_eq!(core_config(&back.scenario.believed), config);
         }
     }
 }

@@ -73,7 +73,7 @@ pub(super) fn model_is_unused(scenario: &Scenario) -> bool {
 const NEARLY_VACUUM_PA: f64 = 1000.0;
 
 /// Keys that only a muscle with zones uses.
-const IN_FULL: [&str; 14] = [
+const IN_FULL: [&str; 15] = [
     "supply.droop_pa_s_kg",
     "muscle.zones",
     "cylinder.zones",
@@ -87,6 +87,7 @@ const IN_FULL: [&str; 14] = [
     "sensor.gas.housing_time_constant_s",
     "sensor.gas.position",
     "sensor.gas.span",
+    "sensor.gas.radius",
     "sensor.wall.position",
 ];
 
@@ -120,6 +121,9 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
             (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
         }
         "heat.scale" if none => Some("heat.model sets it"),
+        "sensor.gas.radius" if heat.model != HeatModel::Correlation => {
+            Some("heat.model is not \"correlation\": the gas has no profile")
+        }
         "tube.diameter_m" if scenario.tube.line().is_none() => Some("tube.length_m is 0"),
         path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
             Some("plant.model is not \"full\", or it is a vessel")
@@ -199,6 +203,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
             short_of_pressure(scenario),
         ),
         ("sensor.length.range_m", scenario.sensor.length.range_m, short_of_length(scenario)),
+        ("tube.length_m", scenario.tube.length_m.unwrap_or(0.0), resonance(scenario)),
     ]
     .map(|(path, value, why)| (path.to_owned(), value, why));
     let end_s = scenario.run.duration_s;
@@ -395,6 +400,27 @@ fn short_of_length(scenario: &Scenario) -> Option<String> {
         _ => ("the rest length", rest_m),
     };
     (scenario.sensor.length.range_m < length_m).then(|| format!("below {what}, {length_m:?} m"))
+}
+
+/// PWM frequencies, in quarter-wave frequencies of the line, that drive it: measured on `full`
+/// (`docs/background/model.md`, "Limits").
+const DRIVES_A_LINE: [f64; 2] = [0.25, 1.6];
+
+/// Why a line swings with the valve's pulses.
+///
+/// Shut at the valve and open at the muscle, its gas swings at c/(4 L). Pulses below that frequency have a harmonic near it.
+fn resonance(scenario: &Scenario) -> Option<String> {
+    let [length_m, _] = scenario.tube.line().filter(|_| scenario.moves_in_full())?;
+    let gas = IdealGas::new(&scenario.gas);
+    let quarter_hz = (gas.k * gas.r * scenario.ambient.temperature_k).sqrt() / (4.0 * length_m);
+    let pwm_hz = scenario.valve.pwm_hz;
+    let [from, to] = DRIVES_A_LINE.map(|share| share * quarter_hz);
+    (from..to).contains(&pwm_hz).then(|| {
+        format!(
+            "its gas swings at {quarter_hz:.0} Hz, and valve.pwm_hz = {pwm_hz:?} drives it: gas goes to and fro \
+             through the port and takes heat along, which the estimate does not know; from {to:.0} Hz on it does not"
+        )
+    })
 }
 
 /// Why no gas enters although the drive should let gas in.

@@ -94,7 +94,6 @@ pub enum BoardError {
          /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
     )]
     NoPort { port: String, reason: String },
-    /// The user has no permission for the port.
     #[error(
         "{port}: no permission to open it: on Linux `sudo usermod -aG dialout $USER`, then log in \
          again (Arch: the group uucp)"
@@ -106,7 +105,6 @@ pub enum BoardError {
     /// The link to the board broke.
     #[error("the line to the board broke ({0}): check its cable and start again")]
     Line(#[from] io::Error),
-    /// The board does not answer.
     #[error(
         "the board does not answer ({asked}): check power and wiring (GP0, GP1, 921600 baud), \
          and that this project's firmware is flashed"
@@ -121,7 +119,6 @@ pub enum BoardError {
          firmware of the same version"
     )]
     Protocol { board: u16 },
-    /// The board samples its own inputs.
     #[error(
         "the board ({chip:?}) samples its own inputs: for simulated ones flash the firmware \
          built with `--features hil`"

@@ -419,7 +419,6 @@ impl SetPoints {
         })
     }
 
-    /// The controlled quantity.
     pub fn quantity(&self) -> Option<Controlled> {
         match self.drive.kind {
             DriveKind::Pressure => Some(Controlled::Pressure),

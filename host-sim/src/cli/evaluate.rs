@@ -1,49 +1,107 @@
 use super::progress::Bar;
-use super::{Failure, interrupt, load, print, publish, read_record, whole};
-use clap::{Args, ValueEnum};
+use super::{Failure, FormatArgs, interrupt, load, print, publish, read_record, whole};
+use clap::{Args, Subcommand};
 use std::io::Write;
-use std::path::PathBuf;
-use thermyo_evaluate::{CaseFigures, control_page, faults, recording};
+use std::path::{Path, PathBuf};
+use thermyo_evaluate::{CaseFigures, control, control_page, estimator, faults};
+use thermyo_evaluate::{plants, recording, truth, tune};
 use thermyo_files::output::OutputDir;
 use thermyo_setup::Loaded;
 
 #[derive(Debug, Args)]
 pub(super) struct EvaluateArgs {
-    /// Subject of the evaluation
-    #[arg(value_enum)]
+    #[command(subcommand)]
     subject: Subject,
-    /// Folder of measured data; for `truth`
-    data: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Subject {
+    /// Accuracy of the estimated gas temperature
+    Estimator(EstimatorArgs),
+    /// Control at rest, in motion, and against a PID baseline
+    Control(ControlArgs),
+    /// Results of `thermyo tune` on a wrongly configured muscle, and the control that follows
+    Tune {
+        #[command(flatten)]
+        nominal: NominalArgs,
+        #[command(flatten)]
+        format: FormatArgs,
+    },
+    /// Fault injection: detection time, reaction, false alarms
+    Faults(FaultsArgs),
+    /// Random plants of every size: none diverges, and none oscillates without a warning
+    Plants(PlantsArgs),
+    /// Published measurements, from the data in a folder
+    Truth {
+        /// Folder of measured data
+        data: PathBuf,
+        #[command(flatten)]
+        format: FormatArgs,
+    },
+}
+
+#[derive(Debug, Args)]
+struct NominalArgs {
     /// Nominal scenario [default: scenarios/nominal.toml as built in]
     #[arg(long, value_name = "FILE.toml")]
     scenario: Option<PathBuf>,
-    /// Folder for report.html, and the plots of docs/background/control-trials.md; for `control`
-    /// and `faults`
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// Print the table as JSON on standard output
-    #[arg(long)]
-    json: bool,
-    /// No progress bar
-    #[arg(long)]
-    quiet: bool,
-    /// Simulated hours of healthy muscles; for `faults` [default: 1]
-    #[arg(long, value_name = "HOURS", value_parser = hours)]
-    hours: Option<f64>,
-    /// `estimator`: evaluate N random muscles (full model) instead of the table; `plants`: number
-    /// of random plants [default: 200]
-    #[arg(long, value_name = "N", value_parser = |text: &str| whole(text, 1..=10_000_u64))]
+}
+
+#[derive(Debug, Args)]
+struct EstimatorArgs {
+    #[command(flatten)]
+    nominal: NominalArgs,
+    /// Evaluate N random muscles (full model) instead of the table
+    #[arg(long, value_name = "N", conflicts_with = "scenario", value_parser = |text: &str| whole(text, 1..=10_000_u64))]
     random: Option<u64>,
-    /// Seed of the random muscles or plants; with --random [default: 1]
-    #[arg(long, value_name = "S", requires = "random", value_parser = |text: &str| whole(text, 0..=u64::MAX))]
-    seed: Option<u64>,
-    /// Evaluate a board's recording in this folder, with a reference sensor's column; for
-    /// `estimator`
+    /// Seed of the random muscles; with --random
+    #[arg(long, value_name = "S", default_value_t = 1, requires = "random", value_parser = |text: &str| whole(text, 0..=u64::MAX))]
+    seed: u64,
+    /// Evaluate a board's recording in this folder, with a reference sensor's column
     #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]
     recording: Option<PathBuf>,
-    /// Lag of that reference sensor in seconds [default: 0]
-    #[arg(long, value_name = "SECONDS", requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
-    reference_lag: Option<f64>,
+    /// Lag of that reference sensor in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
+    reference_lag: f64,
+    #[command(flatten)]
+    format: FormatArgs,
+}
+
+#[derive(Debug, Args)]
+struct ControlArgs {
+    #[command(flatten)]
+    nominal: NominalArgs,
+    /// Folder for report.html, and the plots of docs/background/control-trials.md
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    format: FormatArgs,
+}
+
+#[derive(Debug, Args)]
+struct FaultsArgs {
+    #[command(flatten)]
+    nominal: NominalArgs,
+    /// Simulated hours of healthy muscles
+    #[arg(long, value_name = "HOURS", default_value_t = faults::HOURS, value_parser = hours)]
+    hours: f64,
+    /// Folder for report.html
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    format: FormatArgs,
+}
+
+#[derive(Debug, Args)]
+struct PlantsArgs {
+    /// Number of random plants
+    #[arg(long, value_name = "N", default_value_t = plants::COUNT, value_parser = |text: &str| whole(text, 1..=10_000_u64))]
+    random: u64,
+    /// Seed of the random plants
+    #[arg(long, value_name = "S", default_value_t = 1, value_parser = |text: &str| whole(text, 0..=u64::MAX))]
+    seed: u64,
+    #[command(flatten)]
+    format: FormatArgs,
 }
 
 fn lag_s(text: &str) -> Result<f64, String> {
@@ -56,54 +114,37 @@ fn hours(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "must be hours from 0 to 10000".to_owned())
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Subject {
-    /// Accuracy of the estimated gas temperature
-    Estimator,
-    /// Control at rest, in motion, and against a PID baseline
-    Control,
-    /// Results of `thermyo tune` on a wrongly configured muscle, and the control that follows
-    Tune,
-    /// Fault injection: detection time, reaction, false alarms
-    Faults,
-    /// Random plants of every size: none diverges, and none oscillates without a warning
-    Plants,
-    /// Published measurements, from the data in a folder
-    Truth,
-}
+impl Subject {
+    fn format(&self) -> FormatArgs {
+        match self {
+            Self::Tune { format, .. } | Self::Truth { format, .. } => *format,
+            Self::Estimator(args) => args.format,
+            Self::Control(args) => args.format,
+            Self::Faults(args) => args.format,
+            Self::Plants(args) => args.format,
+        }
+    }
 
-/// Checks which arguments go together.
-fn check(args: &EvaluateArgs) -> Result<(), Failure> {
-    let EvaluateArgs { subject, data, scenario, out, hours, random, recording, .. } = args;
-    let wrong = [
-        (
-            recording.is_some() && !matches!(subject, Subject::Estimator),
-            "--recording goes with `evaluate estimator` only",
-        ),
-        (
-            random.is_some() && !matches!(subject, Subject::Estimator | Subject::Plants),
-            "--random goes with `evaluate estimator` and `evaluate plants` only",
-        ),
-        (
-            random.is_some() && scenario.is_some(),
-            "--random draws its own scenarios: leave out --scenario",
-        ),
-        (
-            out.is_some() && !matches!(subject, Subject::Control | Subject::Faults),
-            "--out goes with `evaluate control` and `evaluate faults` only",
-        ),
-        (
-            hours.is_some() && !matches!(subject, Subject::Faults),
-            "--hours goes with `evaluate faults` only",
-        ),
-        (
-            data.is_some() && !matches!(subject, Subject::Truth),
-            "a folder of data goes with `evaluate truth` only",
-        ),
-    ];
-    match wrong.iter().find(|(found, _)| *found) {
-        None => Ok(()),
-        Some((_, why)) => Err(Failure::Usage((*why).to_owned())),
+    /// Folder for a report.
+    fn out(&self) -> Option<&Path> {
+        match self {
+            Self::Control(ControlArgs { out, .. }) | Self::Faults(FaultsArgs { out, .. }) => {
+                out.as_deref()
+            }
+            _ => None,
+        }
+    }
+
+    /// The scenario that the cases start from.
+    fn nominal(&self, err: &mut dyn Write) -> Result<Loaded, Failure> {
+        let path = match self {
+            Self::Estimator(EstimatorArgs { nominal, .. })
+            | Self::Control(ControlArgs { nominal, .. })
+            | Self::Tune { nominal, .. }
+            | Self::Faults(FaultsArgs { nominal, .. }) => nominal.scenario.as_deref(),
+            Self::Plants(_) | Self::Truth { .. } => None,
+        };
+        path.map_or_else(|| Ok(thermyo_evaluate::nominal()?), |path| load(path, err))
     }
 }
 
@@ -112,16 +153,13 @@ pub(super) fn run(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    check(args)?;
     interrupt::watch();
-    let drawn = args.out.as_deref().map(OutputDir::create).transpose()?;
-    let nominal = match &args.scenario {
-        Some(path) => load(path, err)?,
-        None => thermyo_evaluate::nominal()?,
-    };
-    let lines = evaluated(args, &nominal, err)?;
+    let subject = &args.subject;
+    let drawn = subject.out().map(OutputDir::create).transpose()?;
+    let nominal = subject.nominal(err)?;
+    let lines = evaluated(subject, &nominal, err)?;
     let stopped = interrupt::is_requested();
-    if args.json {
+    if subject.format().json {
         let json = serde_json::to_string_pretty(&lines).expect("a table is plain data") + "\n";
         print(out, &json)?;
     } else {
@@ -132,7 +170,7 @@ pub(super) fn run(
         return Err(Failure::Interrupted);
     }
     if let Some(files) = drawn {
-        report(args.subject, &nominal, &lines, files, err)?;
+        report(subject, &nominal, &lines, files, err)?;
     }
     match thermyo_evaluate::missed(&lines) {
         (0, _) => Ok(()),
@@ -141,54 +179,41 @@ pub(super) fn run(
 }
 
 fn evaluated(
-    args: &EvaluateArgs,
+    subject: &Subject,
     nominal: &Loaded,
     err: &mut dyn Write,
 ) -> Result<Vec<CaseFigures>, Failure> {
-    let bar = Bar::new(0, args.quiet);
-    Ok(match args.subject {
-        Subject::Estimator => match (&args.recording, args.random) {
-            (Some(folder), _) => {
-                let recorded = read_record(&folder.join(recording::FILE), err)?;
-                vec![recording::evaluate(&recorded, args.reference_lag.unwrap_or(0.0))?]
-            }
-            (None, Some(count)) => {
-                let seed = args.seed.unwrap_or(1);
-                thermyo_evaluate::estimator::random(seed, count, &bar).map_err(Failure::Run)?
-            }
-            (None, None) => {
-                thermyo_evaluate::estimator::evaluate(nominal, &bar).map_err(Failure::Run)?
-            }
-        },
-        Subject::Control => {
-            thermyo_evaluate::control::evaluate(nominal, &bar).map_err(Failure::Run)?
+    let bar = Bar::new(0, subject.format().quiet);
+    match subject {
+        Subject::Estimator(EstimatorArgs { recording: Some(folder), reference_lag, .. }) => {
+            let recorded = read_record(&folder.join(recording::FILE), err)?;
+            Ok(vec![recording::evaluate(&recorded, *reference_lag)?])
         }
-        Subject::Truth => {
-            let missing = || Failure::Usage("`evaluate truth` needs a folder of data".to_owned());
-            thermyo_evaluate::truth::evaluate(args.data.as_deref().ok_or_else(missing)?, &bar)?
+        Subject::Estimator(EstimatorArgs { random: Some(count), seed, .. }) => {
+            estimator::random(*seed, *count, &bar).map_err(Failure::Run)
         }
-        Subject::Plants => {
-            let count = args.random.unwrap_or(thermyo_evaluate::plants::COUNT);
-            thermyo_evaluate::plants::evaluate(args.seed.unwrap_or(1), count, &bar)
-                .map_err(Failure::Run)?
+        Subject::Estimator(_) => estimator::evaluate(nominal, &bar).map_err(Failure::Run),
+        Subject::Control(_) => control::evaluate(nominal, &bar).map_err(Failure::Run),
+        Subject::Truth { data, .. } => Ok(truth::evaluate(data, &bar)?),
+        Subject::Plants(PlantsArgs { random, seed, .. }) => {
+            plants::evaluate(*seed, *random, &bar).map_err(Failure::Run)
         }
-        Subject::Tune => thermyo_evaluate::tune::evaluate(nominal, &bar)?,
-        Subject::Faults => {
-            let evaluation = faults::Evaluation::new(nominal, args.hours.unwrap_or(faults::HOURS));
-            evaluation.evaluate(&bar).map_err(Failure::Run)?
+        Subject::Tune { .. } => Ok(tune::evaluate(nominal, &bar)?),
+        Subject::Faults(FaultsArgs { hours, .. }) => {
+            faults::Evaluation::new(nominal, *hours).evaluate(&bar).map_err(Failure::Run)
         }
-    })
+    }
 }
 
 /// Writes the page, and for `control` its plots.
 fn report(
-    subject: Subject,
+    subject: &Subject,
     nominal: &Loaded,
     lines: &[CaseFigures],
     mut files: OutputDir,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let page = if let Subject::Faults = subject {
+    let page = if let Subject::Faults(_) = subject {
         faults::page::page(nominal, lines)
     } else {
         let plots = control_page::plots(nominal)?;

@@ -276,6 +276,7 @@ pub fn run<A: Into<OsString> + Clone>(
         Ok(cli) => cli,
         Err(mut usage) => {
             suggest(&mut usage, &arguments);
+            suggest_sibling(&mut usage, &arguments);
             let text = usage.render();
             // `--help` and `--version` arrive here too. A failed write has no reader left to report
             // to.
@@ -330,6 +331,24 @@ fn suggest(usage: &mut clap::Error, arguments: &[OsString]) {
         && usage.get(ContextKind::SuggestedSubcommand).is_none()
     {
         usage.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![near]));
+    }
+}
+
+/// Adds where an unknown option belongs: `--random` of `evaluate tune` to `evaluate estimator`.
+fn suggest_sibling(usage: &mut clap::Error, arguments: &[OsString]) {
+    use clap::error::{ContextKind, ContextValue};
+    let Some(ContextValue::String(option)) = usage.get(ContextKind::InvalidArg) else { return };
+    let (Some(task), Some(long)) = (arguments.get(1), option.strip_prefix("--")) else { return };
+    let whole = Cli::command();
+    let Some(task) = whole.get_subcommands().find(|one| *task == *one.get_name()) else { return };
+    let having = task
+        .get_subcommands()
+        .filter(|one| one.get_arguments().any(|argument| argument.get_long() == Some(long)));
+    let names: Vec<String> =
+        having.map(|one| format!("`{} {}`", task.get_name(), one.get_name())).collect();
+    if usage.kind() == clap::error::ErrorKind::UnknownArgument && !names.is_empty() {
+        let tip = format!("--{long} goes with {}", names.join(", "));
+        usage.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
 }
 

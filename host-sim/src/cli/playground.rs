@@ -23,7 +23,7 @@ pub(super) fn run(args: &PlaygroundArgs, stdout: &mut dyn Write) -> Result<(), F
         stdout,
         &serde_json::json!({ "page": page.display().to_string(), "bytes": bytes }),
         &format!(
-            "page: {}, {:.2} MB with what it needs\nA browser wants it from a web server, such as \
+            "page: {}, {:.2} MB with what it needs\nServe the folder with a web server, such as \
              `python3 -m http.server --directory {folder}`\n",
             page.display(),
             bytes as f64 / 1e6,

@@ -126,8 +126,8 @@ fn page(outcome: &Replay, rows: u64, recorder: &Recorder) -> String {
                 .line("inlet", Colour::Inlet, time, column("duty_in"))
                 .line("outlet", Colour::Outlet, time, column("duty_out")),
         );
-    let caption = "What the core made of the recorded samples, and how far from that it is with the same ones \
-                   now: a straight line at zero where no bit differs.";
+    let caption = "Recorded outputs of the core, and the difference on replay: a straight line at zero where no \
+                   bit differs.";
     let lead = format!("{}.", sentence(outcome, rows));
     let steps = Tile::new("Steps replayed", outcome.steps as f64, COUNT)
         .target(&format!("all {rows}"), outcome.steps == rows);

@@ -41,7 +41,6 @@ pub enum Implausible {
     /// The correction is too large.
     #[error("the sensor is {found:.4} {unit} off: at most {most:.4} {unit} are put right")]
     Shift { found: f64, most: f64, unit: &'static str },
-    /// The reading is not at rest.
     #[error(
         "the reading scatters by {found:.4} {unit}: at most {most:.4} {unit} are taken; is it at rest?"
     )]

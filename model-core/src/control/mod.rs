@@ -27,6 +27,7 @@
 mod chamber_port;
 mod contraction;
 mod cycle;
+mod load_observer;
 mod pressure;
 mod set_point;
 pub mod valve_drive;
@@ -99,7 +100,7 @@ impl Controller {
         let drive = FlowDrive::new(config);
         Self {
             target: Target::VENT,
-            gains: Gains::new(&config.controller, drive.period_s()),
+            gains: Gains::new(config, drive.period_s()),
             drive,
             per_k: 1.0 / config.gas.heat_capacity_ratio,
             active: ActiveLoop::Open,
@@ -429,7 +430,7 @@ mod tests {
     }
 
     /// Another goal of the same kind goes on from what the loop has learnt; after another kind it starts
-    /// anew.
+    /// from scratch.
     #[test]
     fn what_a_loop_has_learnt_lasts_as_long_as_its_kind() {
         let config = Config::default();
@@ -600,9 +601,9 @@ mod tests {
         assert_eq!(periods(&mut controller, &config, 1, held), Command::CLOSED);
         assert_eq!(controller.mode(), Mode::ContractionHeld);
         let nudged = |by_m: f32| feedback(balance_pa(&config), LENGTH_M + by_m);
-        periods(&mut controller, &config, 3, nudged(8.0e-4));
-        assert_eq!(controller.mode(), Mode::ContractionHeld, "within twice the dead zone");
-        periods(&mut controller, &config, 1, nudged(1.0e-3));
+        periods(&mut controller, &config, 3, nudged(2.6e-4));
+        assert_eq!(controller.mode(), Mode::ContractionHeld, "within one and a half dead zones");
+        periods(&mut controller, &config, 1, nudged(2.8e-4));
         assert_eq!(controller.mode(), Mode::Contraction, "beyond it");
         periods(&mut controller, &config, 8, held);
         assert_eq!(controller.mode(), Mode::ContractionHeld);

@@ -9,6 +9,7 @@ use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::Heat;
+use crate::physics::hysteresis::Law;
 use crate::physics::leak::Leak;
 use crate::step_counts::StepCounts;
 
@@ -36,6 +37,7 @@ pub struct Coefficients {
     pub supply_k: f32,
     pub heat: Heat,
     pub friction: Friction,
+    pub hysteresis: Law,
     pub leak: Leak,
     /// A field of its own: a comparison of numbers in every step is dear without an FPU.
     pub leaks: bool,
@@ -121,6 +123,7 @@ impl Coefficients {
             supply_k: config.supply.temperature_k,
             heat: config.heat,
             friction: config.friction,
+            hysteresis: Law::new(&config.hysteresis, move_s),
             leak: config.leak,
             leaks: config.leak.leaks(),
             buoyant: zones.buoyancy_w_m2_k > 0.0,

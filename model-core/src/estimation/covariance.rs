@@ -34,21 +34,8 @@ pub struct Errors<T> {
 
 impl<T: Copy> From<[T; ERRORS]> for Errors<T> {
     fn from(row: [T; ERRORS]) -> Self {
-        let [
-            a,
-            b,
-            c,
-            d,
-            wall,
-            housing,
-            element,
-            foil,
-            scale,
-            stirring,
-            lag,
-            housing_lag,
-            place,
-        ] = row;
+        let [a, b, c, d, wall, housing, element, foil, scale, stirring, lag, housing_lag, place] =
+            row;
         let zones = [a, b, c, d];
         Self { zones, wall, housing, element, foil, scale, stirring, lag, housing_lag, place }
     }
@@ -218,20 +205,13 @@ impl Covariance {
     }
 
     /// One row of F P F^T from that of F P, from the diagonal on. Parameters keep `keep` of their errors.
-    pub fn column(
-        &mut self,
-        f: &Transition,
-        which: usize,
-        product: &Product,
-        keep: &Errors<f32>,
-    ) {
+    pub fn column(&mut self, f: &Transition, which: usize, product: &Product, keep: &Errors<f32>) {
         let Some((row, m)) = self.0.get_mut(which).zip(product.get(which)) else { return };
         let m = Errors::from(*m);
         let housing = f.housing.dot(&m);
         let half = f.element.half;
-        let element = (1.0 - 2.0 * half) * m.element
-            + half * (m.housing + housing)
-            + f.element.lag * m.lag;
+        let element =
+            (1.0 - 2.0 * half) * m.element + half * (m.housing + housing) + f.element.lag * m.lag;
         let zones = if which < ZONES { f.zones.map(|zone| zone.dot(&m)) } else { m.zones };
         let wall = if which <= ZONES { f.wall.dot(&m) } else { m.wall };
         *row = Errors {

@@ -110,7 +110,8 @@ impl Element {
 
     /// What has been learnt is as configured again.
     pub fn forget(&mut self, c: &Coefficients) {
-        (self.lag_s, self.housing_lag_s, self.place, self.foil_k) = (c.lag_s, c.housing_s, 0.0, 0.0);
+        (self.lag_s, self.housing_lag_s, self.place, self.foil_k) =
+            (c.lag_s, c.housing_s, 0.0, 0.0);
         (self.smooth_k, self.smoother_k) = (0.0, 0.0);
         self.set_weights(c);
     }
@@ -123,7 +124,8 @@ impl Element {
     fn set_weights(&mut self, c: &Coefficients) {
         const APART: f32 = 0.125;
         let place = c.place + self.place;
-        let [before, at, after] = [-1.0, 0.0, 1.0].map(|way| interpolated(place + way * c.half_span));
+        let [before, at, after] =
+            [-1.0, 0.0, 1.0].map(|way| interpolated(place + way * c.half_span));
         let ends = super::zones::plus(&before, &after);
         // Simpson's rule over the foil.
         self.weights = super::zones::plus(&scaled(&ends, 1.0 / 6.0), &scaled(&at, 4.0 / 6.0));

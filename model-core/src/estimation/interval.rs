@@ -3,8 +3,8 @@
 use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transition};
 use super::element::Response;
 use super::zones::{Faces, Flow, Moved, PerZone, Place, ZONES, plus, scaled, total};
-use super::{Balance, Estimator, Measurement};
-use crate::math::{CompensatedSum, exp, limit, sqrt};
+use super::{Balance, Coefficients, Estimator, Measurement};
+use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
 use crate::physics::chamber::Chamber;
 
 /// Rows that an interval moves.
@@ -294,8 +294,10 @@ impl Estimator {
             volume_m3: self.volume_m3,
             surface_m2: chamber.surface_m2(length_m),
             speed_m_s: (length_m - self.length_m) / (steps * c.step_s),
+            friction_j: self.rub(self.length_m - length_m),
             mass_kg: self.mass_kg.value(),
         };
+        let c = &self.coefficients;
         self.length_m = length_m;
         if self.interval.moved.count == 0 {
             self.interval.moved.mass_kg = self.zones.mass_kg;
@@ -307,6 +309,18 @@ impl Estimator {
         self.place = place;
         self.set_exchange();
         self.set_leak(self.pressure_pa);
+    }
+
+    /// Moves slip and creep by a contraction; returns the heat that the wall gets of them and of friction \[J\].
+    fn rub(&mut self, way_m: f32) -> f32 {
+        let Coefficients { hysteresis, friction, ambient, .. } = &self.coefficients;
+        let softening = friction.softening(self.zones.mean_wall_k());
+        let gauge_pa = self.pressure_pa - ambient.pressure_pa;
+        let held = hysteresis.after(&self.held, way_m, gauge_pa, softening);
+        let heat_j = hysteresis.heat_j(&self.held, &held, way_m)
+            + softening * friction.force_n * absolute(way_m);
+        self.held = held;
+        friction.heat_fraction * heat_j
     }
 
     fn end_interval(&mut self, measurement: &Measurement) {
@@ -334,8 +348,7 @@ impl Estimator {
     /// Compares the element with its reading.
     fn read_element(&mut self, measurement: &Measurement, response: &Response, steps: u16) {
         let share = 1.0 - response.element_left;
-        let reading =
-            self.element.judge(&self.coefficients, measurement.gas, share, self.gas_sd_k);
+        let reading = self.element.judge(&self.coefficients, measurement.gas, share, self.gas_sd_k);
         // The mean of the readings belongs to the mean of the element. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag. A digital part's readings carry their own age.
@@ -371,6 +384,7 @@ impl Estimator {
             most_gained: share(most_j),
             pressure_pa: self.pressure_pa,
             mass_kg: self.mass_kg.value(),
+            held_n: self.held.force_n(),
         });
     }
 
@@ -392,19 +406,20 @@ impl Estimator {
         let through_k = if moved.inflow_kg > moved.outflow_kg { c.supply_k } else { port_k };
         let out_kg = limit(moved.outflow_kg - moved.inflow_kg, 0.0, 0.5 * port_kg);
         let port = all.times((1.0 - closed) * c.per_cp / through_k).on(0, -out_kg);
-        let per_j = ZONES as f32 * f32::from(moved.count)
-            / (c.gas.heat_capacity_ratio * moved.energy_j);
+        let per_j =
+            ZONES as f32 * f32::from(moved.count) / (c.gas.heat_capacity_ratio * moved.energy_j);
         let [_, second, third, last] = heat;
         let third = last.plus(&third);
         let second = third.plus(&second);
-        let face = |face: usize, beyond: &GasRow, (up, down): (f32, f32), behind: f32, ahead: f32| {
-            let damped = 1.0 / (1.0 + up + down);
-            let upwind_kg = if up > down { behind } else { ahead };
-            let shut = closed * (ZONES - face) as f32 * (1.0 / ZONES as f32);
-            let enthalpy = beyond.plus(&all.times(-shut));
-            let flux = enthalpy.times(per_j * upwind_kg * damped);
-            flux.on(face - 1, up * damped * behind).on(face, -down * damped * ahead)
-        };
+        let face =
+            |face: usize, beyond: &GasRow, (up, down): (f32, f32), behind: f32, ahead: f32| {
+                let damped = 1.0 / (1.0 + up + down);
+                let upwind_kg = if up > down { behind } else { ahead };
+                let shut = closed * (ZONES - face) as f32 * (1.0 / ZONES as f32);
+                let enthalpy = beyond.plus(&all.times(-shut));
+                let flux = enthalpy.times(per_j * upwind_kg * damped);
+                flux.on(face - 1, up * damped * behind).on(face, -down * damped * ahead)
+            };
         let [m0, m1, m2, m3] = moved.mass_kg;
         let Faces { up: [p1, p2, p3], down: [q1, q2, q3] } = moved.faces;
         let first = face(1, &second, (p1, q1), m0, m1);
@@ -535,7 +550,8 @@ impl Estimator {
             self.scale = by(self.scale, gains.scale);
             self.stirring = by(self.stirring, gains.stirring);
             let [lag, housing_lag, place] = [gains.lag, gains.housing_lag, gains.place];
-            let [lag, housing_lag, place] = [lag, housing_lag, place].map(|gain| gain * innovation_k);
+            let [lag, housing_lag, place] =
+                [lag, housing_lag, place].map(|gain| gain * innovation_k);
             self.element.correct(&self.coefficients, lag, housing_lag, place);
         }
         self.set_exchange();

@@ -71,6 +71,7 @@ use crate::config::Config;
 use crate::math::{CompensatedSum, is_above, is_within, limit};
 use crate::physics::chamber::Chamber;
 use crate::physics::gas::Reservoir;
+use crate::physics::hysteresis::Held;
 use crate::sample::Estimate;
 use crate::sensing::{GasReading, Reading};
 
@@ -138,6 +139,8 @@ pub struct Balance {
     pub pressure_pa: f32,
     /// Gas mass \[kg\].
     pub mass_kg: f32,
+    /// Force that slip and creep hold back with \[N\].
+    pub held_n: f32,
 }
 
 /// The estimator: coefficients of a configuration, and its state.
@@ -185,6 +188,8 @@ pub struct Estimator {
     swing_k2: f32,
     // Since the last interval.
     length_m: f32,
+    /// Slip and creep.
+    held: Held,
     balance: Option<Balance>,
     pending: Pending,
 }
@@ -248,6 +253,7 @@ impl Estimator {
             entering: false,
             missing_steps: 0,
             length_m: 0.0,
+            held: Held::default(),
             leak_kg_pa: 0.0,
             window: Window::default(),
             interval: Interval::default(),
@@ -398,6 +404,7 @@ impl Estimator {
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.length_m = length_m;
+        self.held = Held::default();
         self.started = true;
         self.zones = Zones::at(self.gas_k, self.mass_kg.value());
         self.port_ratio = 1.0;
@@ -409,6 +416,7 @@ impl Estimator {
             volume_m3,
             surface_m2: chamber.surface_m2(length_m),
             speed_m_s: 0.0,
+            friction_j: 0.0,
             mass_kg: self.mass_kg.value(),
         };
         self.window.void = self.window.steps > 0;

@@ -90,6 +90,8 @@ pub struct Place {
     pub volume_m3: f32,
     pub surface_m2: f32,
     pub speed_m_s: f32,
+    /// Heat of friction to the wall \[J\].
+    pub friction_j: f32,
     pub mass_kg: f32,
 }
 
@@ -103,6 +105,7 @@ impl Place {
         volume_m3: 0.0,
         surface_m2: 0.0,
         speed_m_s: 0.0,
+        friction_j: 0.0,
         mass_kg: 1.0,
     };
 }
@@ -243,8 +246,8 @@ impl Zones {
             5.0 * c.length_m,
         );
         let steps_s = f32::from(flow.steps) * c.step_s;
-        let diffused = c.diffusivity_m2_s * (ZONES * ZONES) as f32 * steps_s
-            / (gas_length_m * gas_length_m);
+        let diffused =
+            c.diffusivity_m2_s * (ZONES * ZONES) as f32 * steps_s / (gas_length_m * gas_length_m);
         let mut faces = Faces::default();
         let crossing = [second, third, last].into_iter().zip(c.recirculation);
         for ((up, down), (enthalpy_j, recirculation)) in
@@ -265,7 +268,8 @@ impl Zones {
         const AT_ONCE: f32 = 1.0;
         let Faces { up: [p1, p2, p3], down: [q1, q2, q3] } = *faces;
         let [m0, m1, m2, m3] = self.mass_kg;
-        let most = [p1 + q1, p2 + q2, p3 + q3].into_iter().fold(0.0, |most, x| limit(x, most, f32::MAX));
+        let most =
+            [p1 + q1, p2 + q2, p3 + q3].into_iter().fold(0.0, |most, x| limit(x, most, f32::MAX));
         let after = if most > AT_ONCE { 1.0 } else { 0.5 };
         let before = 1.0 - after;
         let f1 = before * (p1 * m0 - q1 * m1);
@@ -292,7 +296,7 @@ impl Zones {
 
     fn warm_walls(&mut self, c: &Coefficients, place: &Place, heat_j: &PerZone, duration_s: f32) {
         let lost_j_k = c.heat.outer_w_k(place.surface_m2, place.speed_m_s) * duration_s;
-        let friction_j = c.friction.wall_heat_w(self.mean_wall_k(), place.speed_m_s) * duration_s;
+        let friction_j = place.friction_j;
         let ambient_k = [c.ambient.temperature_k; ZONES];
         let per_inner = ZONES as f32 / c.wall_j_k;
         // A wall does not overshoot its surroundings.

@@ -24,7 +24,7 @@ impl Friction {
         self.force_n * self.softening(wall_temperature_k)
     }
 
-    /// What a wall temperature makes of every part of friction \[-\]: exp(-beta (T_w - T_ref)), 1000 at
+    /// Factor of a wall temperature on every part of friction \[-\]: exp(-beta (T_w - T_ref)), 1000 at
     /// most.
     pub fn softening(&self, wall_temperature_k: f32) -> f32 {
         let warmer_k = wall_temperature_k - self.reference_temperature_k;

@@ -17,7 +17,7 @@
 //! - gas that the outlet must have let out, and that is still there, has stayed. Other gas has come in its
 //!   place, or it never went.
 //!
-//! What passes `TRIP` has another cause than heat. Pulses however short add up, so that a loop that makes
+//! A sum beyond `TRIP` has another cause than heat. Pulses however short add up, so that a loop that makes
 //! up for a leak shows it; and while both valves are shut, whatever comes or goes is too much.
 //!
 //! A leak that is configured (`leak.conductance_m3_s_pa`) explains as much, and no more: between none and the believed one, it
@@ -272,7 +272,7 @@ impl PlausibilityMonitor {
             Faults::NONE
         } else {
             self.count(balance, inlet_parts, outlet_parts);
-            self.force(chamber, balance.pressure_pa, length_m);
+            self.force(chamber, balance, length_m);
             self.findings()
         };
         core::mem::replace(&mut self.found, found)
@@ -303,7 +303,7 @@ impl PlausibilityMonitor {
     }
 
     /// Counts windows in which pressure and length stand for a force that cannot be.
-    fn force(&mut self, chamber: &impl Chamber, pressure_pa: f32, length_m: f32) {
+    fn force(&mut self, chamber: &impl Chamber, balance: &Balance, length_m: f32) {
         let Some((load_n, friction_n)) = self.limits.load_n.filter(|_| chamber.moves()) else {
             return;
         };
@@ -316,8 +316,9 @@ impl PlausibilityMonitor {
             self.impossible_windows = self.impossible_windows.saturating_sub(1);
             return;
         }
-        let gauge_pa = pressure_pa - self.limits.ambient_pa;
-        let force_n = limit(chamber.force_n(gauge_pa, length_m), chamber.least_force_n(), f32::MAX);
+        let gauge_pa = balance.pressure_pa - self.limits.ambient_pa;
+        let pull_n = chamber.force_n(gauge_pa, length_m) - balance.held_n;
+        let force_n = limit(pull_n, chamber.least_force_n(), f32::MAX);
         let tolerance_n = friction_n + LAW * absolute(chamber.force_n(gauge_pa, rest_m));
         // Against the load's own direction: some push.
         let (force_n, load_n) = if load_n < 0.0 { (-force_n, -load_n) } else { (force_n, load_n) };
@@ -380,7 +381,13 @@ mod tests {
     }
 
     fn gas(gained: f32, pressure_pa: f32) -> Balance {
-        Balance { least_gained: gained, most_gained: gained, pressure_pa, mass_kg: MASS_KG }
+        Balance {
+            least_gained: gained,
+            most_gained: gained,
+            pressure_pa,
+            mass_kg: MASS_KG,
+            held_n: 0.0,
+        }
     }
 
     /// A monitor and the chamber that it looks at.
@@ -441,9 +448,9 @@ mod tests {
     }
 
     #[test]
-    fn gas_that_comes_while_shut_is_found_and_counted_anew() {
+    fn gas_that_comes_while_shut_is_found_and_counted_again() {
         let mut bench = Bench::nominal();
-        // What the last pulse moves after its end falls into the first window that is shut.
+        // Gas that the last pulse moves after its end falls into the first window that is shut.
         for _ in 0..100 {
             for command in [inlet(0.9), Command::CLOSED] {
                 let found = bench.window(command, gas(0.2, PRESSURE_PA), Some(STILL_M));
@@ -517,8 +524,7 @@ mod tests {
         close(found, windows_to_trip(due, FORGOTTEN_DRIVEN_PER_S), Faults::LEAK);
     }
 
-    /// What drives gas at the pressure `to_pa` from the pressure `from_pa` through it, by ISO 6358 at
-    /// least \[Pa\].
+    /// Least driving pressure of gas from `from_pa` to `to_pa`, by ISO 6358 \[Pa\].
     fn over_pa(from_pa: f32, to_pa: f32) -> f32 {
         let subsonic = ((to_pa / from_pa - 0.3) / 0.7).max(0.0);
         from_pa * (1.0 - subsonic * subsonic)
@@ -546,7 +552,7 @@ mod tests {
     fn an_inlet_that_passes_nothing_is_a_leak_up_to_what_a_burst_takes() {
         let per_s = open(1.0, over_pa(7.0e5, PRESSURE_PA));
         let still = gas(0.0, PRESSURE_PA);
-        // What is lost meanwhile counts with it, what comes against it.
+        // Gas lost meanwhile counts with it, gas gained against it.
         for (asked, lost, fault) in [
             (0.9, 0.0, Faults::LEAK),
             (1.1, 0.0, Faults::NO_INFLOW),
@@ -595,7 +601,7 @@ mod tests {
         let found = Bench::nominal().finds(inlet(1.0), gas(-share, PRESSURE_PA));
         let due = open(WINDOW_S, over_pa(7.0e5, PRESSURE_PA)) / WRONG;
         close(found, windows_to_trip(due + share, FORGOTTEN_DRIVEN_PER_S), Faults::BURST);
-        // What the outlet lets out is no loss: it has just been open.
+        // Gas that the outlet lets out is no loss: it has just been open.
         let mut bench = Bench::nominal();
         bench.windows(20, outlet(1.0), gas(-0.2, PRESSURE_PA));
         let (_, found) = bench.finds(inlet(1.0), gas(0.0, PRESSURE_PA)).unwrap();
@@ -744,7 +750,7 @@ mod tests {
             assert_eq!(windows(52, Some(LENGTH_M), 6.0e5), 0);
             assert_eq!(windows(between, length_m, pressure_pa), 0);
             assert_eq!(windows(between, Some(LENGTH_M), 6.0e5), 0);
-            // What is found comes a window late.
+            // A finding comes a window late.
             windows(2, Some(LENGTH_M), 6.0e5)
         };
         assert_eq!(found_after(20, Some(LENGTH_M), 2.0e5), 1, "possible for as long");

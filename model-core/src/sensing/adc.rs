@@ -38,7 +38,7 @@ pub struct Linearisation {
     slope: f32,
     /// Half of the input that one wide code swallows, in units of a summed code.
     half_swallowed: f32,
-    /// That many times as much: looked up in every step, which takes less than to multiply.
+    /// Multiples of it: looked up in every step, which takes less than to multiply.
     swallowed: [f32; MOST_HALVES],
 }
 

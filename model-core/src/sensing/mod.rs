@@ -381,7 +381,6 @@ mod tests {
         assert!((values(&sensing, code(0.95))[2] - 330.0).abs() < 0.02);
     }
 
-    /// What a difference is worth is what eight of a sum make.
     #[test]
     fn the_resolution_is_what_one_code_makes() {
         let sensors = straight();

@@ -27,7 +27,6 @@ struct Kind {
 /// Distance from a usual configuration.
 #[derive(Clone, Copy, PartialEq)]
 enum Spread {
-    /// The usual one.
     Usual,
     /// Only these are anywhere in their range.
     Some([usize; 3]),
@@ -315,7 +314,7 @@ mod tests {
         }
         for (kind, seen) in kinds.iter().zip(seen) {
             for (slot, name) in kind.names.iter().enumerate() {
-                // Those whose range another number sets.
+                // Numbers whose range another number sets.
                 if [
                     "muscle.rest_length_m",
                     "muscle.slack_m",

@@ -60,7 +60,6 @@ impl Signal {
         };
     }
 
-    /// The next code.
     pub fn next(&mut self, command: Command, random: &mut Xoshiro128PlusPlus) -> AdcCode {
         const USUAL: (f32, f32) = (3000.0, 29_000.0);
         self.odd = !self.odd;

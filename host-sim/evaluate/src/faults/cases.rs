@@ -59,7 +59,6 @@ impl Counted {
         }
     }
 
-    /// In words.
     pub fn name(self) -> &'static str {
         match self {
             Self::Always => "since it came",
@@ -74,7 +73,6 @@ impl Counted {
 
 #[derive(Debug, Clone, Copy)]
 pub struct Fault {
-    /// Name in the table.
     pub name: &'static str,
     /// Injected fault, in words.
     pub size: &'static str,
@@ -107,7 +105,6 @@ impl Fault {
 }
 
 impl Reaction {
-    /// In words.
     pub fn name(self) -> &'static str {
         match self {
             Self::Vents => "vents, latched",

@@ -18,7 +18,6 @@ use thermyo_simulation::run::RunError;
 
 /// Time within which a venting muscle is below 1.2 bar \[s\].
 pub const VENTED_S: f64 = 1.0;
-/// Runs per fault.
 pub const RUNS: u64 = 100;
 /// Number of healthy muscles on `full`.
 const MUSCLES: u64 = 38;
@@ -90,7 +89,6 @@ fn whole<R>(results: Vec<Result<R, RunError>>, count: usize) -> Result<Option<Ve
     Ok(Some(results).filter(|results| results.len() == count))
 }
 
-/// All runs of the evaluation.
 #[derive(Debug)]
 pub struct Evaluation {
     faults: Vec<Fault>,

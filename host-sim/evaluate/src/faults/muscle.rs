@@ -70,13 +70,10 @@ impl Draw {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Task {
-    /// One pressure, held.
     PressureHold,
     /// Random pressures, a new one every 0.5 to 2.5 s.
     PressureSteps,
-    /// One contraction, held.
     ContractionHold,
-    /// Random contractions.
     ContractionSteps,
     /// The paper's working cycle.
     Cycle,
@@ -97,7 +94,6 @@ impl Task {
     /// Tasks that come to rest.
     pub const HOLDING: [Self; 2] = [Self::PressureHold, Self::ContractionHold];
 
-    /// In words.
     pub fn name(self) -> &'static str {
         match self {
             Self::PressureHold => "pressure held",
@@ -166,7 +162,6 @@ pub fn random_within(
         s.tube.volume_m3 *= volume;
         s.tube.conductance_m3_s_pa *= volume * valves;
         s.supply.droop_pa_s_kg /= volume * valves;
-        s.heat.inner_per_flow /= volume * valves;
     }
     if task == Task::Filling {
         loaded.plant.supply.pressure_pa = 6.0e5;

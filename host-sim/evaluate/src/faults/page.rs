@@ -6,8 +6,7 @@ use thermyo_report::page::{Page, Section, Table};
 use thermyo_setup::Loaded;
 
 pub fn page(nominal: &Loaded, lines: &[CaseFigures]) -> String {
-    let lead =
-        "What breaks, how soon it is found, what follows, and that what is healthy is left alone.";
+    let lead = "Injected faults: detection time and reaction, and false alarms of healthy muscles.";
     let columns = ["Fault", "Injected", "While", "Found as", "Within", "Then"];
     let definitions = Table {
         caption: "Faults, 100 runs each with random muscles".to_owned(),

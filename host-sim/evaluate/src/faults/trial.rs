@@ -131,7 +131,6 @@ pub struct Trial {
     pub fault: Fault,
     /// The muscle, with the fault in its window.
     pub loaded: Loaded,
-    /// Start of the fault \[s\].
     pub from_s: f64,
 }
 

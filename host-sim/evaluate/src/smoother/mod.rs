@@ -224,7 +224,6 @@ fn flowing(config: &Config, run: &[Telemetry]) -> Vec<(bool, bool)> {
 struct Converter {
     /// Width of a code of 12 bit.
     code: f64,
-    /// Noise of one conversion.
     noise: f64,
 }
 

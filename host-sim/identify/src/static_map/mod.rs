@@ -302,7 +302,7 @@ fn remarks(
         if findings.at_limit.contains(key) {
             // The geometry has a remark of its own above.
             if !GEOMETRY.contains(key) {
-                remarks.push(format!("{key} went to a limit of what is searched."));
+                remarks.push(format!("{key} went to a limit of the search."));
             }
         } else if covariance[(i, i)].sqrt() > LITTLE_TOLD * Problem::spread(i) {
             remarks.push(format!(
@@ -358,7 +358,7 @@ impl Findings {
             GEOMETRY.into_iter().filter(|key| self.at_limit.contains(key)).collect();
         if !limited.is_empty() {
             let keys = limited.join(" and ");
-            return Some(format!("{keys} went to a limit of what is searched: {wrong}."));
+            return Some(format!("{keys} went to a limit of the search: {wrong}."));
         }
         let percent = 100.0 * self.rmse.share;
         (self.rmse.share > MOST_LEFT).then(|| {

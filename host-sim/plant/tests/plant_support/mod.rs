@@ -56,3 +56,10 @@ impl MassFlow {
         }
     }
 }
+
+/// Takes slip and creep away, for what is about something else.
+pub fn elastic(mut scenario: Scenario) -> Scenario {
+    let muscle = &mut scenario.muscle;
+    (muscle.slip_force_n, muscle.creep_fast_n_m, muscle.creep_slow_n_m) = (0.0, 0.0, 0.0);
+    scenario
+}

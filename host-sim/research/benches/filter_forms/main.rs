@@ -43,8 +43,7 @@ fn main() {
     steady_table([&lumped, &full], steady);
     if std::env::args().any(|argument| argument == "--plots") {
         let mut believed_low = lumped.clone();
-        believed_low.believed.heat.inner_w_m2_k *= 0.7;
-        believed_low.believed.heat.inner_per_flow *= 0.7;
+        believed_low.believed.heat.scale *= 0.7;
         let low = Recording::new(&believed_low);
         let errors = [errors_k(&low, &mut Named(low.first)), errors_k(&low, &mut steady.clone())];
         plots::write(&full, &recordings[1], &errors).expect("docs/ can be written to");

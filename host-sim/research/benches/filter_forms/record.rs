@@ -152,7 +152,6 @@ pub struct Recording {
     pub first: Covariance,
     /// The covariance before the last of them.
     pub last: Covariance,
-    /// Telemetry of every step.
     pub telemetry: Vec<Telemetry>,
     /// True gas temperature at every step \[K\].
     pub truth_k: Vec<f64>,

@@ -114,7 +114,6 @@ impl Muscle {
 #[derive(Debug, Clone)]
 pub struct Phase<'a> {
     pub muscle: &'a Muscle,
-    /// Openings \[-\].
     pub inlet: f64,
     pub outlet: f64,
     /// Length at the start \[m\].

@@ -3,6 +3,7 @@
 use super::air::IDEAL_GAS_PA;
 use crate::declare::{choice, table};
 use crate::geometry::Dimensions;
+use model_core::physics;
 
 choice! {
     /// Kind of chamber.
@@ -30,7 +31,7 @@ choice! {
 }
 
 table! {
-    "plant", "what is simulated", physical;
+    "plant", "the simulated actuator", physical;
     Plant {
         kind: choice PlantKind::Muscle, "what holds the gas";
         model: choice PlantModel::Full, "zones, wall layers and real valves; one zone; the paper's eq. (12)";
@@ -50,7 +51,7 @@ impl Plant {
 table! {
     /// A file gives the first five in one of two ways, and the loader computes the others.
     "muscle", "the McKibben muscle: thread_length_m and turns, or diameter_m and braid_angle_deg, with rest_length_m; the others follow", believed, physical;
-    Muscle {
+    Muscle as physics::hysteresis::Hysteresis {
         thread_length_m: real Dimensions::nominal().thread_length_m, "m", 0.01 to 10.0, "thread length b";
         turns: real Dimensions::nominal().turns, "", 0.1 to 1000.0, "thread turns n";
         rest_length_m: real Dimensions::nominal().rest_length_m, "m", 0.005 to 10.0, "length at rest, the longest";
@@ -61,6 +62,13 @@ table! {
         bladder_saturation_n: real 0.0, "N", 0.0 to 1.0e6, "force K1 that the bladder holds back with once it is full";
         bladder_strain: real 0.02, "", 0.001 to 1.0, "contraction e1 over which it fills, share of the rest length";
         slack_m: real 0.0, "m", -0.1 to 0.1, "part d0 of the length that is no braid";
+        core slip_force_n;
+        core slip_stiffness_n_m;
+        core slip_pressure_factor;
+        core creep_fast_n_m;
+        core creep_fast_s;
+        core creep_slow_n_m;
+        core creep_slow_s;
         // The core's value includes the volume of the tube.
         dead_volume_m3: real 5.0e-6, "m3", 0.0 to 0.05, "volume of the end fittings";
     }
@@ -107,7 +115,7 @@ choice! {
 }
 
 table! {
-    "load", "what is moved", believed, physical;
+    "load", "the moved load", believed, physical;
     Load {
         kind: choice LoadKind::Isotonic, "a constant force, a fixed length, a mass that pressure lifts";
         force_n: real 100.0, "N", -1.0e6 to 1.0e6, "the force; positive where it pulls the ends apart (isotonic)";

@@ -46,7 +46,7 @@ choice! {
 }
 
 table! {
-    "drive", "what drives the run";
+    "drive", "set point over the run";
     Drive {
         kind: choice DriveKind::MassFlow, "controlled quantity, or fixed openings";
         period_s: real 5.0, "s", 1.0e-3 to 86_400.0, "period of the cycle (mass-flow)";
@@ -67,7 +67,7 @@ table! {
 table! {
     "identify", "what thermyo identify fits to measurements";
     Identify {
-        parameters: list "keys whose values are fitted, such as heat.inner_w_m2_k";
+        parameters: list "keys whose values are fitted, such as heat.scale";
         columns: list "measured columns to compare with; empty: all that the data has";
         starts: whole u64, 6, 1 to 100, "starts of the search, the scenario's own values first";
         spread: real 2.0, "", 1.0 to 100.0, "factor that the other starts lie within";

@@ -86,6 +86,8 @@ table! {
         core noise_k;
         position: real 0.5, "", 0.0 to 1.0, "its middle, from port 0 to closed end 1 (full)";
         span: real 0.25, "", 0.0 to 1.0, "part of the length that it averages over (full)";
+        // The paper's foil hangs "in the centre inside of pneumatic muscle".
+        radius: real 0.0, "", 0.0 to 1.0, "from the axis 0 to the wall 1: where the gas is still it has a profile (full, heat.model = \"correlation\")";
         range_min_k: real 270.0, "K", 73.0 to 800.0, "lowest temperature resolved (pt1000)";
         range_max_k: real 330.0, "K", 74.0 to 1100.0, "highest temperature resolved (pt1000)";
         // The lag of a sensor that the gas film around it slows: 0.5 for free convection and for laminar

@@ -13,7 +13,6 @@ pub fn share(sensor: &GasSensor, temperature_k: f64) -> f64 {
     0.05 + 0.9 * ((bridge_ratio(temperature_k) - lowest) / span)
 }
 
-/// Ratio of the bridge at a temperature \[K\].
 fn bridge_ratio(temperature_k: f64) -> f64 {
     let ohm = pt1000_ohm(temperature_k);
     ohm / (ohm + SERIES_OHM)

@@ -32,7 +32,6 @@ pub struct Driven {
     /// Measured contraction, as a fraction of the rest length \[-\]; of a muscle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contraction: Option<Range>,
-    /// Readings of the sensor in the gas \[K\].
     pub sensor_gas_k: Readings,
     /// Estimated gas temperature \[K\].
     pub estimate_k: Range,

@@ -17,9 +17,7 @@ pub struct Outcome<'a> {
 /// `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Points of the whole sweep.
     pub points: usize,
-    /// Shard of the sweep.
     pub shard: String,
     pub run: usize,
     /// Number of failed points among them.

@@ -232,7 +232,7 @@ fn how(outcome: &Outcome) -> Section {
         vec![axis(study, i), count, range.shown(first), range.shown(last), scale.to_owned()]
     });
     let columns = ["Key", "Values", "From", "To", "Scale"];
-    let mut section = Section::new("What was run").table(Table {
+    let mut section = Section::new("Runs").table(Table {
         caption: String::new(),
         columns: columns.map(str::to_owned).to_vec(),
         rows: rows.collect(),

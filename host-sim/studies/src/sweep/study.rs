@@ -93,7 +93,6 @@ impl Study {
         self.plan.latin
     }
 
-    /// Points of the whole sweep.
     pub fn points(&self) -> usize {
         self.plan.points()
     }

@@ -43,7 +43,6 @@ pub struct Checked {
     pub points: Vec<(f64, f64, f64)>,
 }
 
-/// Duration of a check \[s\].
 pub fn duration_s() -> f64 {
     BEFORE_S + PERIODS / SINE_HZ + 2.0 * HOLD_S
 }

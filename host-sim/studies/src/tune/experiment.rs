@@ -147,7 +147,6 @@ pub struct Ramp {
     pub rises: bool,
 }
 
-/// Plan of the experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Lowest and highest set point \[Pa\].

@@ -233,7 +233,7 @@ impl Geometry {
         length_m - self.muscle.slack_m
     }
 
-    /// What the bladder holds back with at a length of the braid \[N\], and the slope of that over its
+    /// Force of the bladder against shortening at a length of the braid \[N\], and the slope of that over its
     /// contraction \[N/m\].
     fn bladder(&self, braid_m: f32) -> (f32, f32) {
         let Muscle { bladder_stiffness_n_m, bladder_saturation_n, .. } = self.muscle;

@@ -1,11 +1,11 @@
-//! What holds the gas: a muscle, a vessel, a cylinder, a measured table. Everything else in the core asks the trait [`Chamber`], and
+//! The volume that holds the gas: a muscle, a vessel, a cylinder, a measured table. Everything else in the core asks the trait [`Chamber`], and
 //! does not know which one it has.
 //!
 //! One sign convention for those that shorten under pressure and those that lengthen:
 //!
 //! - the length L \[m\] lies between the two ends that the load is fixed to;
 //! - a force is positive where it pulls the ends together; a load is what it balances, positive where
-//!   it pulls them apart. Without friction F = -P_g dV/dL + what is elastic (Chou and Hannaford 1994);
+//!   it pulls them apart. Without friction F = -P_g dV/dL + the elastic force (Chou and Hannaford 1994);
 //! - dV/dL is negative where pressure shortens it, and positive where pressure lengthens it;
 //! - contraction is (L_0 - L)/L_0, L_0 being the length at rest: negative beyond it.
 //!

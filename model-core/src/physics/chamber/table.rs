@@ -249,7 +249,7 @@ impl Chamber for Curve {
         self.at(length_m, |segment, t| segment.volume.slope_at(t) * segment.per_m)
     }
 
-    /// That of a smooth tube of this volume and length, with its ends; folds are for `heat`.
+    /// Surface of a smooth tube of this volume and length, with its ends; folds are for `heat`.
     fn surface_m2(&self, length_m: f32) -> f32 {
         let volume_m3 = self.volume_m3(length_m);
         2.0 * (sqrt(PI * volume_m3 * length_m) + volume_m3 / length_m)
