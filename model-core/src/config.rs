@@ -39,6 +39,8 @@ pub struct Config {
     pub leak: Leak,
     /// Heat transfer.
     pub heat: Heat,
+    /// The gas along the muscle.
+    pub zones: Zones,
     /// The wall, as a heat capacity.
     pub wall: Wall,
     /// Friction of the moving end.
@@ -117,31 +119,40 @@ pub enum Load {
 }
 
 parameters! {
+    /// Gas along the muscle, as the estimator's zones of it have it. By default it mixes at once.
+    "zones": Zones {
+        buoyancy_w_m2_k: 0.0, "W/(m2 K)", 0.0 to 1.0e5, "gas to wall by buoyancy, still gas at 2 bar, 20 K from its wall; 0: conduction alone";
+        per_outflow: 0.0, "W/(m2 K) per kg/s", 0.0 to 1.0e9, "gas to wall, gained per outflow";
+        stirring_decay_s: 0.0, "s", 0.0 to 100.0, "how long stirring by a flow outlasts it";
+        recirculation: 0.0, "", 0.0 to 100.0, "volume that the jet exchanges with the gas beyond, per volume that comes in, at the port";
+        jet_reach_m: 100.0, "m", 1.0e-4 to 100.0, "length over which the jet decays";
+        diffusivity_m2_s: 100.0, "m2/s", 0.0 to 100.0, "mixing along the muscle between strokes";
+        foil_position: 0.5, "", 0.0 to 1.0, "middle of the foil, from port 0 to closed end 1";
+        foil_span: 0.0, "", 0.0 to 1.0, "part of the length that it averages over";
+        outer_wall_j_k: 1.0, "J/K", 0.01 to 1.0e9, "heat capacity of the layer behind the wall that touches the gas";
+        layers_w_k: 0.0, "W/K", 0.0 to 1.0e6, "conductance from the one to the other; 0: there is no other";
+    }
+}
+
+parameters! {
     /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
     /// `docs/reference/estimator-keys.md` states how each is found.
     "estimator": EstimatorConfig {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
         gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
-        wall_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the wall temperature's error";
-        heat_scale_sd: 0.25, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
-        lag_sd: 0.5, "", 0.0 to 100.0, "logarithm of the sensor's lag";
-        memory_s: 100.0, "s", 1.0 to 1.0e6, "in which scale and lag, left alone, return";
-        place_error_k: 0.87, "K", 0.0 to 100.0, "gas around the foil against the mean, for a second";
-        port_cooling: 0.0, "", 0.0 to 1.0, "share of what the inflow is colder by that lasts near the port; 0: the gas mixes at once";
+        zone_drift: 0.1, "", 0.0 to 10.0, "drift of one zone's error, share of the gas's swing about the wall";
+        wall_drift_k: 0.05, "K", 0.0 to 100.0, "drift of the wall temperature's error";
+        heat_scale_sd: 0.4, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
+        stirring_sd: 0.4, "", 0.0 to 100.0, "logarithm of the scale of what flows stir";
+        lag_sd: 0.4, "", 0.0 to 100.0, "logarithm of the sensor's lag";
+        housing_sd: 1.0, "", 0.0 to 100.0, "logarithm of the housing's lag";
+        place_sd: 0.05, "", 0.0 to 1.0, "place of the foil, share of the length";
+        memory_s: 100.0, "s", 1.0 to 1.0e6, "in which scales, lags and place, left alone, return";
+        foil_sd_k: 0.5, "K", 0.0 to 100.0, "gas around the foil against its zone";
+        foil_swing: 0.1, "", 0.0 to 10.0, "the same, share of the gas's swing about the wall";
+        foil_memory_s: 0.4, "s", 0.001 to 1.0e6, "how long that lasts";
+        reading_sd_k: 0.1, "K", 0.0 to 100.0, "mean reading of an interval, beside its noise";
         valid_sd_k: 1.0, "K", 0.0 to 100.0, "stated deviation up to which the estimate is valid";
-    }
-}
-
-impl EstimatorConfig {
-    /// Fraction of a one-second error of the gas around the element that passes a lag \[s\] \[-\].
-    pub fn left_by_lag(lag_s: f32) -> f32 {
-        const ERROR_S: f32 = 1.0;
-        ERROR_S / (lag_s + ERROR_S)
-    }
-
-    /// Error that [`Self::place_error_k`] causes in the reading through that lag \[K\].
-    pub fn reading_bias_k(&self, lag_s: f32) -> f32 {
-        self.place_error_k * Self::left_by_lag(lag_s)
     }
 }
 
@@ -186,6 +197,7 @@ impl Default for Config {
             }),
             leak: Leak::default(),
             heat: Heat::default(),
+            zones: Zones::default(),
             wall: Wall::default(),
             friction: Friction::default(),
             hysteresis: Hysteresis::default(),
@@ -232,6 +244,7 @@ impl Config {
         self.chamber.check()?;
         self.leak.check()?;
         self.heat.check()?;
+        self.zones.check()?;
         self.wall.check()?;
         self.friction.check()?;
         self.hysteresis.check()?;

@@ -693,7 +693,7 @@ mod tests {
                     },
                     gas: match step {
                         0 => sensing.last_gas(),
-                        _ if step % 20 == 19 => sensing.take_gas(),
+                        _ if step % 40 == 39 => sensing.take_gas(),
                         _ => None,
                     },
                     busy: step % 10 == 0,

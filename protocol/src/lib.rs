@@ -113,7 +113,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 16;
+pub const PROTOCOL: u16 = 17;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].

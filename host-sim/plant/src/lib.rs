@@ -27,7 +27,7 @@ mod radial;
 mod sensors;
 mod start;
 mod vessel;
-mod zones;
+pub mod zones;
 
 pub use build::{build, build_driven_by_flows};
 use chamber::Chamber;

@@ -10,12 +10,12 @@ use thermyo_compute::math;
 
 /// Volume that the jet recirculates, per volume that it brings: 0.47 D/d - 0.5 for a jet of diameter d
 /// in a tube of diameter D (Thring and Newby, 4th Symp. Combustion, 1953), with 20 over 4.4 mm.
-const RECIRCULATION: f64 = 1.6;
+pub const RECIRCULATION: f64 = 1.6;
 /// How far the jet stirs: a confined jet meets the wall within some 3 diameters of the tube.
-const JET_REACH_DIAMETERS: f64 = 3.0;
+pub const JET_REACH_DIAMETERS: f64 = 3.0;
 /// Axial diffusivity of the gas between strokes \[m2/s\]: five times the molecular one, for the
 /// buoyant currents.
-const BACKGROUND_DIFFUSIVITY: f64 = 1.0e-4;
+pub const BACKGROUND_DIFFUSIVITY: f64 = 1.0e-4;
 
 /// Shares of a zone in what the flows stir.
 #[derive(Debug, Clone, Copy, PartialEq)]

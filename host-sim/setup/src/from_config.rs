@@ -1,7 +1,7 @@
 //! The inverse of [`core_config`]: a scenario for a configuration of the core, such as a board's.
 //! The plant is `full`; keys that the core does not have are left out or at their defaults.
 
-use super::core_config::{OneZone, core_config};
+use super::core_config::{Effective, core_config};
 use super::{Loaded, parse, render};
 use model_core::Config;
 use model_core::config::Load;
@@ -46,9 +46,9 @@ pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
 
 fn scenario(config: &Config) -> Result<Scenario, Problem> {
     let mut s = Scenario::default();
-    // From `full` the core takes gas near the port, or at least the housing of the element.
+    // From `full` the core takes gas along the muscle, or at least the housing of the element.
     let housing_s = config.sensors.gas.housing_time_constant_s;
-    let full = config.estimator.port_cooling > 0.0 || housing_s > 0.0;
+    let full = config.zones.layers_w_k > 0.0 || housing_s > 0.0;
     s.plant.model = if full { PlantModel::Full } else { PlantModel::Lumped };
     // An element that averages over the whole muscle sees the mean, as the core's one zone does.
     (s.sensor.gas.span, s.sensor.gas.position) = (1.0, 0.5);
@@ -61,20 +61,18 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
         Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
         Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
     };
-    let one_zone = OneZone::of(&s);
+    let effective = Effective::of(&s);
     let step_s = short(config.step_s);
     let pt1000 = set_sensors(&mut s, config)?;
     let core = numbers_of_the_core(config, pt1000);
     let numbers = core.into_iter().map(|(path, value)| (path, short(value))).chain([
         ("run.step_s", step_s),
         ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
-        ("heat.inner_per_flow", short(config.heat.inner_per_flow) / one_zone.stirring),
-        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / one_zone.wall),
+        ("heat.inner_per_flow", short(config.heat.inner_per_flow)),
+        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / effective.wall),
     ]);
     let mut s = with_numbers(&s, numbers);
     s.estimator = config.estimator;
-    let own = short(config.estimator.port_cooling) - one_zone.port_cooling;
-    s.estimator.port_cooling = own.max(0.0) as f32;
     s.controller = config.controller;
     Ok(s)
 }
@@ -214,7 +212,7 @@ mod tests {
             "[muscle]\nrest_length_m = 0.217\ndiameter_m = 0.0137\nbraid_angle_deg = 21.3\n\
              [valve]\npwm_hz = 62.5\n[leak]\nconductance_m3_s_pa = 3.7e-12\ncritical_ratio = 0.21\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
             "[muscle]\nbladder_saturation_n = 41.3\nbladder_strain = 0.031\nslack_m = 0.0043\n\
-             [estimator]\nport_cooling = 0.15\n",
+             [estimator]\nfoil_sd_k = 0.15\n",
             "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3435.0\n",
             "[sensor.gas]\nkind = \"max31865\"\n[sensor.max31865]\nreference_ohm = 402.0\n\
              [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",

@@ -152,12 +152,16 @@ fn initial_covariance(config: &Config) -> Matrix {
     Matrix::from_diagonal(&deviation.component_mul(&deviation))
 }
 
-/// Variance of the mean reading of the gas sensor over so many steps, as in the core: noise, and a
-/// bias that counts as equal in all readings of a second \[K2\].
+/// Error of what the foil sees that lasts for a second, as the smoother, which has one zone, allows for it \[K\].
+const FOIL_SD_K: f64 = 0.87;
+
+/// Variance of the mean reading of the gas sensor over so many steps: noise, and a bias that counts as equal in all
+/// readings of a second \[K2\].
 fn reading_variance(config: &Config, steps: usize) -> f64 {
     let noise_k2 = f64::from(config.sensors.gas.noise_k).powi(2);
-    let lag_s = config.sensors.gas.time_constant_s;
-    let bias_k2 = f64::from(config.estimator.reading_bias_k(lag_s)).powi(2);
+    // The lag leaves that share of it.
+    let left = 1.0 / (1.0 + f64::from(config.sensors.gas.time_constant_s));
+    let bias_k2 = (FOIL_SD_K * left).powi(2);
     noise_k2 / (f64::from(OVERSAMPLING) * steps as f64)
         + bias_k2 / (steps as f64 * f64::from(config.step_s))
 }
