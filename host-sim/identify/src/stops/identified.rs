@@ -1,5 +1,6 @@
 //! `thermyo identify` of a record with stops: heat transfer, and lags and place of the sensor.
 
+use super::relaxation::With;
 use super::{Analysis, FEWEST, Known, Rows, analyse, find, page};
 use crate::findings::Fitted;
 use serde::Serialize;
@@ -10,7 +11,7 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_plant::chamber;
 use thermyo_plant::heat::{InnerHeat, Stirred};
-use thermyo_scenario::{HeatModel, Scenario, with_numbers};
+use thermyo_scenario::{HeatModel, Scenario, number, with_numbers};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 
@@ -200,13 +201,25 @@ fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &An
         .filter(|(path, fitted)| path.as_str() != PLACE && determined(fitted))
         .map(|(path, fitted)| (path.as_str(), fitted.value));
     adopted.believed = with_numbers(&adopted.believed, values);
-    let sd = |own: Option<f64>, configured: f32| {
-        own.filter(|sd| *sd <= UNDETERMINED).map_or(configured, |sd| sd.max(LEAST_SD) as f32)
-    };
-    let tuning = &mut adopted.believed.estimator;
-    let still = analysis.heat.as_ref().map(|heat| heat.still_w_m2_k.relative());
-    tuning.heat_scale_sd = sd(still, tuning.heat_scale_sd);
-    tuning.lag_sd = sd(analysis.sensor.as_ref().map(|sensor| sensor.lag_sd), tuning.lag_sd);
+    let heat = analysis.heat.as_ref();
+    let sensor = analysis.sensor.as_ref();
+    let relative = |found: &With| found.relative();
+    let uncertainties = [
+        ("estimator.heat_scale_sd", heat.map(|heat| heat.still_w_m2_k.relative())),
+        (
+            "estimator.stirring_sd",
+            heat.and_then(|heat| heat.stirred_per_flow.as_ref()).map(relative),
+        ),
+        ("estimator.lag_sd", sensor.map(|sensor| sensor.lag_sd)),
+        ("estimator.housing_sd", sensor.map(|sensor| sensor.housing_sd)),
+    ];
+    // A core without one of these states has no key for it.
+    let known = uncertainties.into_iter().filter_map(|(path, sd)| {
+        let sd = sd.filter(|sd| *sd <= UNDETERMINED)?.max(LEAST_SD);
+        number(&adopted.believed, path).map(|_| (path, sd))
+    });
+    let known: Vec<(&str, f64)> = known.collect();
+    adopted.believed = with_numbers(&adopted.believed, known);
     adopted
 }
 
