@@ -50,6 +50,15 @@ impl PressureLoop {
         self.holding
     }
 
+    /// A step of the set point allows a share of itself while the gas relaxes.
+    fn take_step(&mut self, set_point_pa: f32) {
+        if set_point_pa != self.set_point_pa {
+            self.band_pa = RELAXES * absolute(set_point_pa - self.set_point_pa);
+            self.set_point_pa = set_point_pa;
+            self.reached = false;
+        }
+    }
+
     /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
     /// `volume_change_m3` is what the volume changed by over the last one.
     pub fn period(
@@ -65,19 +74,12 @@ impl PressureLoop {
         let most_pa = tuning.pressure_rate_pa_s * period_s;
         let set_point_pa =
             limit(set_point_pa, config.ambient.pressure_pa, config.pressure_limit_pa);
-        if set_point_pa != self.set_point_pa {
-            self.band_pa = RELAXES * absolute(set_point_pa - self.set_point_pa);
-            self.set_point_pa = set_point_pa;
-            self.reached = false;
-        }
+        self.take_step(set_point_pa);
         let change_pa = limit(set_point_pa - self.reference_pa, -most_pa, most_pa);
         let moving = absolute(change_pa) > 0.0;
         self.reference_pa += change_pa;
         let off_pa = absolute(self.reference_pa - feedback.pressure_pa);
-        // What the pressure will fall by to the wall's temperature.
-        let Estimate { gas_k, wall_k, .. } = feedback.estimate;
-        let falls_pa = feedback.pressure_pa * (gas_k - wall_k) / gas_k;
-        let beyond_pa = limit(falls_pa, -self.band_pa, self.band_pa);
+        let beyond_pa = limit(falls_pa(feedback), -self.band_pa, self.band_pa);
         // On its way it runs past its goal a little: most of the room is left for that.
         let aims_pa = if self.reached { beyond_pa } else { 0.25 * beyond_pa };
         let error_pa = self.reference_pa + aims_pa - feedback.pressure_pa;
@@ -116,6 +118,12 @@ impl PressureLoop {
             - port.in_flight_kg;
         Some(wanted_kg)
     }
+}
+
+/// Fall of the pressure \[Pa\] until the gas is as warm as the wall.
+fn falls_pa(feedback: &Feedback) -> f32 {
+    let Estimate { gas_k, wall_k, .. } = feedback.estimate;
+    feedback.pressure_pa * (gas_k - wall_k) / gas_k
 }
 
 /// Share of a step of the set point that the pressure may be off while the gas relaxes \[-\]: within the 2 % that
