@@ -6,8 +6,6 @@ use super::{CaseFigures, Figure};
 use model_core::{Command, Duty};
 use std::f64::consts::TAU;
 use thermyo_compute::math;
-use thermyo_compute::parallel;
-use thermyo_compute::parallel::Watch;
 use thermyo_record::trace::Row;
 use thermyo_scenario::{DriveKind, Load, LoadKind, PlantModel, Scenario};
 use thermyo_setup::Loaded;
@@ -600,13 +598,7 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
         .collect()
 }
 
-/// Runs every case on `full`, on all cores. When stopped, returns the lines of the finished cases.
-pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
-    let full = &full(nominal);
-    let observed = super::control_observed::jobs(full);
-    let jobs: Vec<Job> = [holding(full), other_loads(full), moving(full), compared(full), observed]
-        .into_iter()
-        .flatten()
-        .collect();
-    parallel::map_watched(&jobs, watch, |job| job()).into_iter().collect()
+/// The cases of this module.
+pub(super) fn jobs(full: &Loaded) -> Vec<Job<'_>> {
+    [holding(full), other_loads(full), moving(full), compared(full)].into_iter().flatten().collect()
 }

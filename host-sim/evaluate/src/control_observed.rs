@@ -3,6 +3,7 @@
 
 use super::control::{Job, Point, STROKE, Sine, configured, creepless, rest, sine, stepped_trace};
 use super::{CaseFigures, Figure};
+use thermyo_compute::parallel::{self, Watch};
 use thermyo_scenario::{DriveKind, HeatModel, LoadKind, Scenario};
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, CoreBoard};
@@ -198,6 +199,13 @@ fn relaxing(full: &Loaded) -> Vec<Job<'_>> {
     jobs.collect()
 }
 
-pub fn jobs(full: &Loaded) -> Vec<Job<'_>> {
-    [sines(full), loads(full), resting(full), relaxing(full)].into_iter().flatten().collect()
+fn jobs(full: &Loaded) -> Vec<Job<'_>> {
+    let observed = [sines(full), loads(full), resting(full), relaxing(full)];
+    super::control::jobs(full).into_iter().chain(observed.into_iter().flatten()).collect()
+}
+
+/// Runs every case of control on `full`, on all cores. When stopped, returns the lines of the finished cases.
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
+    let full = &super::control::full(nominal);
+    parallel::map_watched(&jobs(full), watch, |job| job()).into_iter().collect()
 }

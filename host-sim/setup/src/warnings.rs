@@ -361,7 +361,7 @@ impl Spring {
 
 fn coarse_contraction(config: &Config, spring: &Spring) -> Option<Unrest> {
     let Spring { step_m, zone_m, .. } = *spring;
-    (step_m > WAKES_AT_ZONES * zone_m).then(|| {
+    (step_m > 2.0 * WAKES_AT_ZONES * zone_m).then(|| {
         let why = format!(
             "the shortest pulse, controller.minimum_pulse_s, moves the end by {:.2} mm, beyond both ends of \
              controller.contraction_dead_zone, {:.2} mm: the loop may never come to rest",

@@ -3,7 +3,7 @@ use super::{Failure, FormatArgs, interrupt, load, print, publish, read_record, w
 use clap::{Args, Subcommand};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use thermyo_evaluate::{CaseFigures, control, control_page, estimator, faults};
+use thermyo_evaluate::{CaseFigures, control_observed, control_page, estimator, faults};
 use thermyo_evaluate::{plants, recording, truth, tune};
 use thermyo_files::output::OutputDir;
 use thermyo_setup::Loaded;
@@ -193,7 +193,7 @@ fn evaluated(
             estimator::random(*seed, *count, &bar).map_err(Failure::Run)
         }
         Subject::Estimator(_) => estimator::evaluate(nominal, &bar).map_err(Failure::Run),
-        Subject::Control(_) => control::evaluate(nominal, &bar).map_err(Failure::Run),
+        Subject::Control(_) => control_observed::evaluate(nominal, &bar).map_err(Failure::Run),
         Subject::Truth { data, .. } => Ok(truth::evaluate(data, &bar)?),
         Subject::Plants(PlantsArgs { random, seed, .. }) => {
             plants::evaluate(*seed, *random, &bar).map_err(Failure::Run)
