@@ -121,7 +121,7 @@ pub const USB_MANUFACTURER: &str = "Thermyo";
 /// Speed of the serial line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
-pub const MAX_FRAME: usize = 512;
+pub const MAX_FRAME: usize = 640;
 
 /// Longest message and CRC before COBS adds its byte per 254, begun or whole, and the zero.
 const MAX_PAYLOAD: usize = MAX_FRAME - 4;
@@ -732,7 +732,7 @@ mod tests {
         assert!(
             encode(&Message::Reply(Reply { sequence: 0, answer: Answer::Timing(timing) })).is_ok()
         );
-        assert_eq!(encode(&[u64::MAX; 52].as_slice()), Err(TooLong));
+        assert_eq!(encode(&[u64::MAX; 64].as_slice()), Err(TooLong));
     }
 
     /// The bytes of [`PROTOCOL`]: who changes them changes its number, and these.
@@ -858,7 +858,7 @@ mod tests {
                     assert!(payload + 4 > 508, "{length} bytes refused");
                     continue;
                 };
-                assert!(payload + 4 <= 508 && frame.len() <= MAX_FRAME, "{length} bytes taken");
+                assert!(payload + 4 <= MAX_PAYLOAD && frame.len() <= MAX_FRAME, "{length} bytes taken");
                 assert_eq!(decode_all::<Bytes>(&mut Decoder::new(), &frame), [bytes]);
             }
         }
