@@ -855,10 +855,13 @@ mod tests {
                 // The length itself goes before it, in seven bits a byte.
                 let payload = length + if length < 128 { 1 } else { 2 };
                 let Ok(frame) = encode(&bytes) else {
-                    assert!(payload + 4 > 508, "{length} bytes refused");
+                    assert!(payload + 4 > MAX_PAYLOAD, "{length} bytes refused");
                     continue;
                 };
-                assert!(payload + 4 <= MAX_PAYLOAD && frame.len() <= MAX_FRAME, "{length} bytes taken");
+                assert!(
+                    payload + 4 <= MAX_PAYLOAD && frame.len() <= MAX_FRAME,
+                    "{length} bytes taken"
+                );
                 assert_eq!(decode_all::<Bytes>(&mut Decoder::new(), &frame), [bytes]);
             }
         }
