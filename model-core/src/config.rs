@@ -129,6 +129,7 @@ parameters! {
         diffusivity_m2_s: 100.0, "m2/s", 0.0 to 100.0, "mixing along the muscle between strokes";
         foil_position: 0.5, "", 0.0 to 1.0, "middle of the foil, from port 0 to closed end 1";
         foil_span: 0.0, "", 0.0 to 1.0, "part of the length that it averages over";
+        foil_gain: 1.0, "", 0.1 to 10.0, "what the foil sees of still gas's difference from its wall, over the mean: the profile";
         outer_wall_j_k: 1.0, "J/K", 0.01 to 1.0e9, "heat capacity of the layer behind the wall that touches the gas";
         layers_w_k: 0.0, "W/K", 0.0 to 1.0e6, "conductance from the one to the other; 0: there is no other";
     }
@@ -141,17 +142,17 @@ parameters! {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
         gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
         zone_drift: 0.1, "", 0.0 to 10.0, "drift of one zone's error, share of the gas's swing about the wall";
-        wall_drift_k: 0.05, "K", 0.0 to 100.0, "drift of the wall temperature's error";
-        heat_scale_sd: 0.4, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
-        stirring_sd: 0.4, "", 0.0 to 100.0, "logarithm of the scale of what flows stir";
-        lag_sd: 0.4, "", 0.0 to 100.0, "logarithm of the sensor's lag";
+        wall_drift_k: 0.3, "K", 0.0 to 100.0, "drift of the wall temperature's error";
+        heat_scale_sd: 0.8, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
+        stirring_sd: 0.8, "", 0.0 to 100.0, "logarithm of the scale of what flows stir";
+        lag_sd: 0.8, "", 0.0 to 100.0, "logarithm of the sensor's lag";
         housing_sd: 1.0, "", 0.0 to 100.0, "logarithm of the housing's lag";
         place_sd: 0.05, "", 0.0 to 1.0, "place of the foil, share of the length";
         memory_s: 100.0, "s", 1.0 to 1.0e6, "in which scales, lags and place, left alone, return";
         foil_sd_k: 0.5, "K", 0.0 to 100.0, "gas around the foil against its zone";
-        foil_swing: 0.1, "", 0.0 to 10.0, "the same, share of the gas's swing about the wall";
+        foil_swing: 0.2, "", 0.0 to 10.0, "the same, share of the gas's swing about the wall";
         foil_memory_s: 0.4, "s", 0.001 to 1.0e6, "how long that lasts";
-        reading_sd_k: 0.1, "K", 0.0 to 100.0, "mean reading of an interval, beside its noise";
+        reading_sd_k: 0.15, "K", 0.0 to 100.0, "mean reading of an interval, beside its noise";
         valid_sd_k: 1.0, "K", 0.0 to 100.0, "stated deviation up to which the estimate is valid";
     }
 }

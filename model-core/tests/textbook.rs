@@ -289,7 +289,7 @@ fn two_walls_where_one_is_told() {
 #[test]
 fn heat_transfer_off_by_two() {
     assert_worth(Plant { heat: 0.5, ..CONFIGURED }, 2.8, 0.2, 0.85);
-    assert_worth(Plant { heat: 2.0, ..CONFIGURED }, 5.0, 0.6, 0.85);
+    assert_worth(Plant { heat: 2.0, ..CONFIGURED }, 2.4, 0.6, 0.85);
 }
 
 #[test]
@@ -302,5 +302,5 @@ fn lag_off_by_three() {
 #[test]
 fn lag_off_by_six() {
     assert_worth(Plant { lag_s: 0.5, ..CONFIGURED }, 2.0, 0.3, 0.85);
-    assert_worth(Plant { lag_s: 18.0, ..CONFIGURED }, 3.0, 0.45, 0.85);
+    assert_worth(Plant { lag_s: 18.0, ..CONFIGURED }, 3.6, 0.45, 0.85);
 }

@@ -217,6 +217,18 @@ fn laws_of_air(s: &Scenario) -> Inner {
     }
 }
 
+/// Difference of the gas around the foil from its wall, over the mean one, in still gas: the parabola of a fluid that
+/// is heated or cooled evenly in a tube, T - T_w ~ 1 - r^2, whose mean is one half.
+fn foil_gain(s: &Scenario) -> f64 {
+    const LEAST: f64 = 0.1;
+    let radius = s.sensor.gas.radius;
+    if s.heat.model == HeatModel::Correlation {
+        (2.0 * (1.0 - radius * radius)).max(LEAST)
+    } else {
+        1.0
+    }
+}
+
 /// Gas along the muscle: what the plant `full` has, in four zones. Other plants have one.
 fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
     let laws = Zones {
@@ -235,6 +247,7 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
         diffusivity_m2_s: BACKGROUND_DIFFUSIVITY as f32,
         foil_position: foil.position as f32,
         foil_span: foil.span as f32,
+        foil_gain: foil_gain(s) as f32,
         outer_wall_j_k: (s.wall.outer_fraction * s.wall.heat_capacity_j_k).max(LEAST_WALL_J_K)
             as f32,
         layers_w_k: s.wall.conductance_w_k as f32,

@@ -75,6 +75,7 @@ pub struct Coefficients {
     /// Middle of the foil, and half of what it spans, in shares of the length \[-\].
     pub place: f32,
     pub half_span: f32,
+    pub foil_gain: f32,
     /// Share of an interval in the mean square of the swing.
     pub swing_window: f32,
     /// Share of an innovation in each of two averages in series: half a second.
@@ -150,6 +151,7 @@ impl Coefficients {
             housing_s: limit(sensors.gas.housing_time_constant_s, LEAST_HOUSING_S, f32::MAX),
             place: zones.foil_position,
             half_span: 0.5 * zones.foil_span,
+            foil_gain: zones.foil_gain,
             swing_window: interval_s * (1.0 / SWING_S),
             smoothing: limit(2.0 / f32::from(counts.half_second_intervals), 0.0, 1.0),
             forget,

@@ -138,11 +138,18 @@ impl Element {
         total(&times(&self.slope, zones_k))
     }
 
-    /// Moves housing and element by some steps with zones of those mean temperatures \[K\].
-    pub fn follow(&mut self, zones_k: &PerZone, steps: f32, step_s: f32, response: &mut Response) {
+    /// Moves housing and element by some steps with zones of those mean temperatures \[K\], whose difference from the wall
+    /// \[K\] the foil sees with a gain.
+    pub fn follow(
+        &mut self,
+        zones_k: &PerZone,
+        (wall_k, gain): (f32, f32),
+        (steps, step_s): (f32, f32),
+        response: &mut Response,
+    ) {
         let duration_s = steps * step_s;
-        let seen_k = times(&self.weights, zones_k);
-        let foil_k = total(&seen_k) + self.foil_k;
+        let seen_k = scaled(&times(&self.weights, zones_k), gain);
+        let foil_k = total(&seen_k) + (1.0 - gain) * wall_k + self.foil_k;
         // Means on both sides: implicit Euler then delays by just the lag.
         let housing_share = duration_s / (self.housing_lag_s + duration_s);
         let housing_k = housing_share * (foil_k - self.housing_k);

@@ -305,7 +305,10 @@ impl Estimator {
         let moved = self.zones.advance(c, &flow, &self.exchange, &place);
         let sums = &mut self.interval.moved;
         sums.add(&flow, &moved, &self.exchange.zone_j_k);
-        self.element.follow(&moved.gas_k, steps, c.step_s, &mut sums.response);
+        // Stirring flattens the profile of still gas.
+        let gain = 1.0 + (c.foil_gain - 1.0) * self.exchange.still_share();
+        let wall_k = self.zones.mean_wall_k();
+        self.element.follow(&moved.gas_k, (wall_k, gain), (steps, c.step_s), &mut sums.response);
         self.place = place;
         self.set_exchange();
         self.set_leak(self.pressure_pa);

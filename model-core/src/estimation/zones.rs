@@ -65,6 +65,14 @@ pub struct Exchange {
     pub stirred_j_k: PerZone,
 }
 
+impl Exchange {
+    /// Share of it that still gas gives off \[-\].
+    pub fn still_share(&self) -> f32 {
+        let (all, stirred) = (total(&self.zone_j_k), total(&self.stirred_j_k));
+        if all > 0.0 { limit(1.0 - stirred / all, 0.0, 1.0) } else { 1.0 }
+    }
+}
+
 /// Sums over some steps that move the zones.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Flow {
