@@ -143,8 +143,8 @@ parameters! {
         gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
         zone_drift: 0.1, "", 0.0 to 10.0, "drift of one zone's error, share of the gas's swing about the wall";
         wall_drift_k: 0.3, "K", 0.0 to 100.0, "drift of the wall temperature's error";
-        heat_scale_sd: 0.8, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
-        stirring_sd: 0.8, "", 0.0 to 100.0, "logarithm of the scale of what flows stir";
+        heat_scale_sd: 0.4, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
+        stirring_sd: 0.4, "", 0.0 to 100.0, "logarithm of the scale of what flows stir";
         lag_sd: 0.8, "", 0.0 to 100.0, "logarithm of the sensor's lag";
         housing_sd: 1.0, "", 0.0 to 100.0, "logarithm of the housing's lag";
         place_sd: 0.05, "", 0.0 to 1.0, "place of the foil, share of the length";
