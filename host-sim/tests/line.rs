@@ -221,7 +221,7 @@ fn fill_times_agree_with_a_fine_discretisation() {
         println!("{length_m} m: {} ms, off by {}", times.join(", "), percent(&off_fine));
         let sound_m_s = (gas.k * gas.r * AIR_K).sqrt();
         assert!((1.0..3.0).contains(&(found[0] * sound_m_s / length_m)), "{}", found[0]);
-        assert!((1e-4..0.01).contains(&off_fine[0].abs()), "{length_m} m: front {off_fine:?}");
+        assert!((1e-5..0.01).contains(&off_fine[0].abs()), "{length_m} m: front {off_fine:?}");
         for off in &off_fine[1..] {
             assert!((1e-6..5e-4).contains(&off.abs()), "{length_m} m: {off_fine:?}");
         }

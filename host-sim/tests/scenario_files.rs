@@ -138,9 +138,11 @@ fn unknown_names_get_a_suggestion() {
         ("\"run.seed\" = 3", "scenario.toml:1: unknown key \"run.seed\"; did you mean run.seed?"),
         (
             "[run]\nseed = 1\n[believed.muscle]\n\"a\\nb\" = 3",
-            "scenario.toml:4: unknown key believed.muscle.a\\nb; known here: thread_length_m, turns, \
-             rest_length_m, diameter_m, braid_angle_deg, zones, bladder_stiffness_n_m, \
-             bladder_saturation_n, bladder_strain, slack_m, dead_volume_m3",
+            "scenario.toml:4: unknown key believed.muscle.a\\nb; known here: preset, thread_length_m, \
+             turns, rest_length_m, diameter_m, braid_angle_deg, zones, bladder_stiffness_n_m, \
+             bladder_saturation_n, bladder_strain, slack_m, slip_force_n, slip_stiffness_n_m, \
+             slip_pressure_factor, creep_fast_n_m, creep_fast_s, creep_slow_n_m, creep_slow_s, \
+             dead_volume_m3",
         ),
     ]);
     let message = parse("[qqqq]").unwrap_err();
@@ -647,8 +649,8 @@ fn implausible_values_are_reported() {
             "scenario.toml:2: [vessel] is not used: plant.kind is another one",
         ),
         (
-            "[plant]\nmodel = \"lumped\"\n[tube]\nvolume_m3 = 1e-5\n",
-            "scenario.toml:4: [tube] is not used: plant.model is not \"full\"",
+            "[plant]\nmodel = \"lumped\"\n[heat]\nmodel = \"constant\"\n[tube]\nvolume_m3 = 1e-5\n",
+            "scenario.toml:6: [tube] is not used: plant.model is not \"full\"",
         ),
         (
             "[tube]\nlength_m = 0\ndiameter_m = 0.004",

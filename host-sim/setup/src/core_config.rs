@@ -14,7 +14,7 @@ use thermyo_plant::heat::InnerHeat;
 use thermyo_plant::load_n;
 use thermyo_plant::zones::{BACKGROUND_DIFFUSIVITY, JET_REACH_DIAMETERS, RECIRCULATION};
 use thermyo_scenario::schema::limits;
-use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
+use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario, ZonesSource};
 
 /// Heat transfer coefficient that stands for "isothermal" \[W/(m2 K)\]: about a hundred times that
 /// of still air.
@@ -177,6 +177,19 @@ struct Inner {
 }
 
 fn inner_heat(s: &Scenario) -> Inner {
+    let most = limits("heat.inner_w_m2_k").max;
+    let most_per_flow = limits("heat.inner_per_flow").max;
+    let inner = unlimited_heat(s);
+    Inner {
+        still_w_m2_k: inner.still_w_m2_k.min(most),
+        per_inflow: inner.per_inflow.min(most_per_flow),
+        per_outflow: inner.per_outflow.min(most_per_flow),
+        buoyancy_w_m2_k: inner.buoyancy_w_m2_k.min(most),
+        ..inner
+    }
+}
+
+fn unlimited_heat(s: &Scenario) -> Inner {
     match s.heat.model {
         HeatModel::Adiabatic => Inner::default(),
         HeatModel::Isothermal => Inner { still_w_m2_k: ISOTHERMAL_W_M2_K, ..Inner::default() },
@@ -231,6 +244,9 @@ fn foil_gain(s: &Scenario) -> f64 {
 
 /// Gas along the muscle: what the plant `full` has, in four zones. Other plants have one.
 fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
+    if s.zones.source == ZonesSource::Keys {
+        return s.zones.core();
+    }
     let laws = Zones {
         buoyancy_w_m2_k: inner.buoyancy_w_m2_k as f32,
         per_outflow: inner.per_outflow as f32,

@@ -13,8 +13,8 @@ use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_scenario::{
-    GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario, short,
-    with_numbers,
+    GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
+    ZonesSource, short, with_numbers,
 };
 
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +56,7 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
     let tube_m3 = if full { s.tube.volume_m3 } else { 0.0 };
     s.heat.model = HeatModel::Constant;
     s.heat.scale = 1.0;
+    s.zones.source = ZonesSource::Keys;
     set_chamber(&mut s, config, tube_m3)?;
     (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
         Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
@@ -150,6 +151,17 @@ fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f3
         ("heat.inner_w_m2_k", config.heat.inner_w_m2_k),
         ("heat.outer_w_m2_k", config.heat.outer_w_m2_k),
         ("heat.outer_per_speed", config.heat.outer_per_speed),
+        ("zones.buoyancy_w_m2_k", config.zones.buoyancy_w_m2_k),
+        ("zones.per_outflow", config.zones.per_outflow),
+        ("zones.stirring_decay_s", config.zones.stirring_decay_s),
+        ("zones.recirculation", config.zones.recirculation),
+        ("zones.jet_reach_m", config.zones.jet_reach_m),
+        ("zones.diffusivity_m2_s", config.zones.diffusivity_m2_s),
+        ("zones.foil_position", config.zones.foil_position),
+        ("zones.foil_span", config.zones.foil_span),
+        ("zones.foil_gain", config.zones.foil_gain),
+        ("zones.outer_wall_j_k", config.zones.outer_wall_j_k),
+        ("zones.layers_w_k", config.zones.layers_w_k),
         ("friction.force_n", config.friction.force_n),
         ("friction.reference_temperature_k", config.friction.reference_temperature_k),
         ("friction.softening_per_k", config.friction.softening_per_k),

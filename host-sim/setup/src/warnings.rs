@@ -17,7 +17,7 @@ use thermyo_scenario::document::{Document, Entries, Entry};
 use thermyo_scenario::preset::Preset;
 use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
-    Shape,
+    Shape, ZonesSource,
 };
 
 /// Tables that neither plant nor core uses, each with the value that causes it.
@@ -125,6 +125,10 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
         }
         "heat.inner_w_m2_k" | "heat.inner_per_flow" => {
             (heat.model != HeatModel::Constant).then_some("heat.model is not \"constant\"")
+        }
+        path if path.starts_with("zones.") && path != "zones.source" => {
+            let of_plant = scenario.zones.source == ZonesSource::Plant;
+            of_plant.then_some("zones.source is not \"keys\"")
         }
         "heat.inlet_diameter_m" | "heat.stirring_decay_s" => {
             (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")

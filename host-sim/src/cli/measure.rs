@@ -3,11 +3,12 @@
 use super::progress::Bar;
 use super::{Failure, interrupt, load, print, publish, title_of, tune, whole};
 use clap::{Args, Subcommand};
-use model_core::Config;
+use model_core::{Config, SetPointError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::output::OutputDir;
+use thermyo_protocol::Refusal;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
@@ -117,6 +118,9 @@ pub(super) fn run(
     allowed(&config)?;
     let loaded = from_config::to_scenario(&config)?.scenario;
     let armed_pa = if args.arm { None } else { board.status()?.armed_pa };
+    if !args.arm && armed_pa.is_none() {
+        return Err(BoardError::Refused(Refusal::SetPoint(SetPointError::NotArmed)).into());
+    }
     let plan = Plan::new(&loaded, &config, &asked, armed_pa).map_err(refused)?;
     interrupt::watch();
     let mut bench = LiveRows::arm(&mut board, config, &plan, args.arm)?;

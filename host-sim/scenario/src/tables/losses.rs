@@ -1,7 +1,7 @@
 //! Losses of energy: heat through the wall, and friction.
 
 use crate::declare::{choice, table};
-use model_core::physics;
+use model_core::{config, physics};
 
 choice! {
     /// Heat transfer between gas and wall.
@@ -29,6 +29,34 @@ table! {
         core inner_per_flow;
         core outer_w_m2_k;
         core outer_per_speed;
+    }
+}
+
+choice! {
+    /// Origin of what the core has of the gas along the muscle.
+    ZonesSource {
+        /// Laws and dimensions of the plant.
+        Plant = "plant",
+        /// The keys of the table.
+        Keys = "keys",
+    }
+}
+
+table! {
+    "zones", "gas along the muscle, as the core's estimator has it; the plant has its own laws", believed;
+    Zones as config::Zones {
+        source: choice ZonesSource::Plant, "from the other tables; from the keys of this one, as in the scenario of a board's configuration";
+        core buoyancy_w_m2_k;
+        core per_outflow;
+        core stirring_decay_s;
+        core recirculation;
+        core jet_reach_m;
+        core diffusivity_m2_s;
+        core foil_position;
+        core foil_span;
+        core foil_gain;
+        core outer_wall_j_k;
+        core layers_w_k;
     }
 }
 
