@@ -174,6 +174,8 @@ struct Inner {
     /// At 2 bar and 20 K.
     buoyancy_w_m2_k: f64,
     decay_s: f64,
+    /// Flow at which both gains are taken \[kg/s\].
+    forced_flow_kg_s: f64,
 }
 
 fn inner_heat(s: &Scenario) -> Inner {
@@ -227,18 +229,7 @@ fn laws_of_air(s: &Scenario) -> Inner {
         per_outflow: working.per_outflow,
         buoyancy_w_m2_k: buoyancy4.max(0.0).sqrt().sqrt(),
         decay_s: s.heat.stirring_decay_s,
-    }
-}
-
-/// Difference of the gas around the foil from its wall, over the mean one, in still gas: the parabola of a fluid that
-/// is heated or cooled evenly in a tube, T - T_w ~ 1 - r^2, whose mean is one half.
-fn foil_gain(s: &Scenario) -> f64 {
-    const LEAST: f64 = 0.1;
-    let radius = s.sensor.gas.radius;
-    if s.heat.model == HeatModel::Correlation {
-        (2.0 * (1.0 - radius * radius)).max(LEAST)
-    } else {
-        1.0
+        forced_flow_kg_s: flow_kg_s,
     }
 }
 
@@ -251,6 +242,7 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
         buoyancy_w_m2_k: inner.buoyancy_w_m2_k as f32,
         per_outflow: inner.per_outflow as f32,
         stirring_decay_s: inner.decay_s as f32,
+        forced_flow_kg_s: inner.forced_flow_kg_s as f32,
         ..Zones::default()
     };
     let Some(chamber) = moving.filter(|_| s.moves_in_full()) else { return laws };
@@ -263,7 +255,9 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
         diffusivity_m2_s: BACKGROUND_DIFFUSIVITY as f32,
         foil_position: foil.position as f32,
         foil_span: foil.span as f32,
-        foil_gain: foil_gain(s) as f32,
+        // A constant coefficient knows of no profile.
+        bore_m: if s.heat.model == HeatModel::Correlation { diameter_m as f32 } else { 0.0 },
+        foil_radius: foil.radius as f32,
         outer_wall_j_k: (s.wall.outer_fraction * s.wall.heat_capacity_j_k).max(LEAST_WALL_J_K)
             as f32,
         layers_w_k: s.wall.conductance_w_k as f32,

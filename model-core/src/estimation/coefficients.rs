@@ -2,9 +2,10 @@
 
 use super::covariance::{Covariance, Errors};
 use super::energy::Averaging;
+use super::profile::Coefficient;
 use super::zones::{PerZone, ZONES, scaled, total};
 use crate::config::{Config, EstimatorConfig};
-use crate::math::{exp, limit, sqrt};
+use crate::math::{exp, limit, ln, sqrt};
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
@@ -75,7 +76,13 @@ pub struct Coefficients {
     /// Middle of the foil, and half of what it spans, in shares of the length \[-\].
     pub place: f32,
     pub half_span: f32,
-    pub foil_gain: f32,
+    pub profile: Coefficient,
+    pub foil_settled: f32,
+    /// Flow that stirs as the configured gains say \[kg/s\], and its cube root; 0: any does.
+    pub forced_kg_s: f32,
+    pub forced_root: f32,
+    /// A step's share, and a zone's, of one movement of the zones \[-\].
+    pub per_move: f32,
     /// Share of an interval in the mean square of the swing.
     pub swing_window: f32,
     /// Share of an innovation in each of two averages in series: half a second.
@@ -113,6 +120,7 @@ impl Coefficients {
         const BUOYANCY_PA: f32 = 2.0e5;
         const BUOYANCY_K: f32 = 20.0;
         let buoyancy2 = zones.buoyancy_w_m2_k * zones.buoyancy_w_m2_k / BUOYANCY_PA;
+        let profile = Coefficient::new(zones.bore_m, zones.foil_radius, &config.gas);
         let forget = interval_s / tuning.memory_s;
         let kept = 1.0 - limit(forget, 0.0, 1.0);
         Self {
@@ -151,7 +159,11 @@ impl Coefficients {
             housing_s: limit(sensors.gas.housing_time_constant_s, LEAST_HOUSING_S, f32::MAX),
             place: zones.foil_position,
             half_span: 0.5 * zones.foil_span,
-            foil_gain: zones.foil_gain,
+            profile,
+            foil_settled: profile.foil_settled(),
+            forced_kg_s: zones.forced_flow_kg_s,
+            per_move: 1.0 / (ZONES as f32 * f32::from(counts.move_steps)),
+            forced_root: exp(ln(zones.forced_flow_kg_s) * (1.0 / 3.0)),
             swing_window: interval_s * (1.0 / SWING_S),
             smoothing: limit(2.0 / f32::from(counts.half_second_intervals), 0.0, 1.0),
             forget,

@@ -138,18 +138,18 @@ impl Element {
         total(&times(&self.slope, zones_k))
     }
 
-    /// Moves housing and element by some steps with zones of those mean temperatures \[K\], whose difference from the wall
-    /// \[K\] the foil sees with a gain.
+    /// Moves housing and element by some steps with zones of those mean temperatures \[K\], of which the foil sees
+    /// one that is that much warmer \[K\], and errors that stay with that gain.
     pub fn follow(
         &mut self,
         zones_k: &PerZone,
-        (wall_k, gain): (f32, f32),
+        (above_k, gain): (f32, f32),
         (steps, step_s): (f32, f32),
         response: &mut Response,
     ) {
         let duration_s = steps * step_s;
-        let seen_k = scaled(&times(&self.weights, zones_k), gain);
-        let foil_k = total(&seen_k) + (1.0 - gain) * wall_k + self.foil_k;
+        let seen_k = times(&self.weights, zones_k);
+        let foil_k = total(&seen_k) + above_k + self.foil_k;
         // Means on both sides: implicit Euler then delays by just the lag.
         let housing_share = duration_s / (self.housing_lag_s + duration_s);
         let housing_k = housing_share * (foil_k - self.housing_k);
@@ -162,7 +162,7 @@ impl Element {
         response.housing_k += housing_k;
         response.element_k += element_k;
         response.mean_k += steps * (self.sensor_k - 0.5 * element_k);
-        response.zones_k = super::zones::plus(&response.zones_k, &scaled(&seen_k, steps));
+        response.zones_k = super::zones::plus(&response.zones_k, &scaled(&seen_k, gain * steps));
     }
 
     /// The interval's reading, unless it is a frozen one.

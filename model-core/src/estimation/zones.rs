@@ -13,7 +13,8 @@
 //! vessels in series do; a quarter from ahead makes eight of them. Gas in a tube mixes less than either.
 
 use super::coefficients::Coefficients;
-use crate::math::{absolute, limit, sqrt};
+use super::profile::{Conduction, Profile, SETTLED_CONDUCTION};
+use crate::math::{absolute, inverse_cube_root, limit, sqrt};
 
 /// Number of zones.
 pub const ZONES: usize = 4;
@@ -63,13 +64,25 @@ pub struct Exchange {
     /// Of each zone, and the part of it that flows stir \[J/K\].
     pub zone_j_k: PerZone,
     pub stirred_j_k: PerZone,
+    /// What the profile adds in each zone \[J\].
+    pub profile_j: f32,
+    /// Of still gas in each zone: once its profile has formed, and for an error that stays \[J/K\].
+    pub formed_j_k: f32,
+    pub settled_j_k: f32,
+    pub conduction: Conduction,
 }
 
 impl Exchange {
     /// Share of it that still gas gives off \[-\].
     pub fn still_share(&self) -> f32 {
-        let (all, stirred) = (total(&self.zone_j_k), total(&self.stirred_j_k));
-        if all > 0.0 { limit(1.0 - stirred / all, 0.0, 1.0) } else { 1.0 }
+        let formed = ZONES as f32 * self.formed_j_k;
+        let all = formed + total(&self.stirred_j_k);
+        if all > 0.0 { limit(formed / all, 0.0, 1.0) } else { 1.0 }
+    }
+
+    /// Conductance of each zone for an error that stays \[J/K\].
+    pub fn settled_j_k(&self) -> PerZone {
+        plus(&self.stirred_j_k, &[self.settled_j_k; ZONES])
     }
 }
 
@@ -150,6 +163,8 @@ pub struct Zones {
     /// Flows through the port as the gas still feels them \[kg/s\].
     stirring_in: f32,
     stirring_out: f32,
+    /// Of the mean.
+    pub profile: Profile,
 }
 
 impl Zones {
@@ -162,6 +177,7 @@ impl Zones {
             outer_k: [temperature_k; ZONES],
             stirring_in: 0.0,
             stirring_out: 0.0,
+            profile: Profile::default(),
         }
     }
 
@@ -188,15 +204,32 @@ impl Zones {
     ) -> Exchange {
         let share = scale * place.surface_m2 * c.step_s * (1.0 / ZONES as f32);
         let still = c.still_w_m2_k(place.pressure_pa, gas_k - self.mean_wall_k());
-        let jet = scaled(&c.jet, self.stirring_in);
-        let stirred = plus(&jet, &scaled(&c.column, self.stirring_out));
+        let jet = scaled(&c.jet, c.forced(self.stirring_in));
+        let stirred = plus(&jet, &scaled(&c.column, c.forced(self.stirring_out)));
         let stirred_j_k = scaled(&stirred, share * stirring);
-        let zone_j_k = plus(&[share * still; ZONES], &stirred_j_k);
+        let formed_j_k = share * still;
+        let (mut still_j_k, mut settled_j_k, mut profile_j) = (formed_j_k, formed_j_k, 0.0);
+        let mut conduction = Conduction::default();
+        if c.profile.exists {
+            let steps = f32::from(c.counts.move_steps);
+            let density_kg_m3 = place.mass_kg / place.volume_m3;
+            let formed = ZONES as f32 * steps * formed_j_k;
+            let surface_m2 = place.surface_m2;
+            conduction = self.profile.conduction(&c.profile, formed, density_kg_m3, surface_m2);
+            still_j_k = conduction.per_k * c.per_move;
+            profile_j = conduction.beside_j * c.per_move;
+            settled_j_k *= SETTLED_CONDUCTION;
+        }
+        let zone_j_k = plus(&[still_j_k; ZONES], &stirred_j_k);
         Exchange {
             per_k: total(&times(&zone_j_k, &self.ratio)),
-            offset_j: total(&times(&zone_j_k, &self.wall_k)),
+            offset_j: total(&times(&zone_j_k, &self.wall_k)) - ZONES as f32 * profile_j,
             zone_j_k,
             stirred_j_k,
+            profile_j,
+            formed_j_k,
+            settled_j_k,
+            conduction,
         }
     }
 
@@ -213,7 +246,11 @@ impl Zones {
         let mean_k = flow.gas_k / steps;
         let gas_k = scaled(&self.ratio, mean_k);
         let excess_k = scaled(&minus(&gas_k, &self.wall_k), steps);
-        let heat_j = times(&exchange.zone_j_k, &excess_k);
+        let profile_j = [exchange.profile_j * steps; ZONES];
+        let heat_j = plus(&times(&exchange.zone_j_k, &excess_k), &profile_j);
+        if c.profile.exists {
+            self.profile.advance(&exchange.conduction, mean_k - self.mean_wall_k());
+        }
         let stirred_j = times(&exchange.stirred_j_k, &excess_k);
         let energy_j = 0.5 * (flow.energy_j + place.energy_j);
         let faces = self.faces(c, flow, place, &heat_j, energy_j);
@@ -331,6 +368,15 @@ impl Zones {
 }
 
 impl Coefficients {
+    /// Flow that stirs as much, in proportion, as that one does \[kg/s\]: f (s/f)^(2/3).
+    fn forced(&self, flow_kg_s: f32) -> f32 {
+        if self.forced_kg_s > 0.0 {
+            flow_kg_s * self.forced_root * inverse_cube_root(flow_kg_s)
+        } else {
+            flow_kg_s
+        }
+    }
+
     /// Coefficient of still gas at that pressure \[Pa\] and difference from the wall \[K\]: conduction, or buoyancy
     /// where it is stronger, h^4 = h_c^4 + h_b^4 (Churchill and Usagi, AIChE J. 18, 1972), h_b^4 in proportion to the
     /// Rayleigh number.
