@@ -1,6 +1,7 @@
 //! The gas sensor's element in its housing, and whether its readings can be believed.
 
-use super::zones::{PerZone, ZONES, minus, scaled, times, total};
+use super::profile::Profile;
+use super::zones::{Exchange, PerZone, ZONES, minus, scaled, times, total};
 use super::{Coefficients, HOTTEST_K};
 use crate::math::{absolute, exp, limit};
 use crate::sensing::GasReading;
@@ -22,6 +23,11 @@ pub struct Element {
     pub sensor_k: f32,
     /// What the foil sees beside its zone's temperature \[K\].
     pub foil_k: f32,
+    /// Profile of the gas around it, how much warmer it is there than in the mean of the section \[K\], and the gain on an
+    /// error of that mean.
+    pub profile: Profile,
+    above_k: f32,
+    gain: f32,
     /// Estimated lags of element and housing \[s\].
     pub lag_s: f32,
     pub housing_lag_s: f32,
@@ -84,6 +90,9 @@ impl Element {
             housing_k: temperature_k,
             sensor_k: temperature_k,
             foil_k: 0.0,
+            profile: Profile::default(),
+            above_k: 0.0,
+            gain: 1.0,
             lag_s: c.lag_s,
             housing_lag_s: c.housing_s,
             place: 0.0,
@@ -106,6 +115,7 @@ impl Element {
         self.housing_k = temperature_k;
         self.sensor_k = temperature_k;
         self.foil_k = 0.0;
+        self.profile = Profile::default();
     }
 
     /// What has been learnt is as configured again.
@@ -138,18 +148,26 @@ impl Element {
         total(&times(&self.slope, zones_k))
     }
 
-    /// Moves housing and element by some steps with zones of those mean temperatures \[K\], of which the foil sees
-    /// one that is that much warmer \[K\], and errors that stay with that gain.
+    /// Moves the profile around the foil, in zones that are that much warmer than their wall \[K\].
+    pub fn conduct(&mut self, c: &Coefficients, exchange: &Exchange, excess_k: &PerZone) {
+        self.profile.advance(&exchange.conduction, total(&times(&self.weights, excess_k)));
+        // Stirring flattens it.
+        let stirred_j_k = total(&times(&self.weights, &exchange.stirred_j_k));
+        let share = exchange.still_share(stirred_j_k);
+        self.above_k = share * self.profile.foil_k(&c.profile);
+        self.gain = 1.0 + share * c.foil_settled;
+    }
+
+    /// Moves housing and element by some steps with zones of those mean temperatures \[K\], .
     pub fn follow(
         &mut self,
         zones_k: &PerZone,
-        (above_k, gain): (f32, f32),
         (steps, step_s): (f32, f32),
         response: &mut Response,
     ) {
         let duration_s = steps * step_s;
         let seen_k = times(&self.weights, zones_k);
-        let foil_k = total(&seen_k) + above_k + self.foil_k;
+        let foil_k = total(&seen_k) + self.above_k + self.foil_k;
         // Means on both sides: implicit Euler then delays by just the lag.
         let housing_share = duration_s / (self.housing_lag_s + duration_s);
         let housing_k = housing_share * (foil_k - self.housing_k);
@@ -162,7 +180,8 @@ impl Element {
         response.housing_k += housing_k;
         response.element_k += element_k;
         response.mean_k += steps * (self.sensor_k - 0.5 * element_k);
-        response.zones_k = super::zones::plus(&response.zones_k, &scaled(&seen_k, gain * steps));
+        response.zones_k =
+            super::zones::plus(&response.zones_k, &scaled(&seen_k, self.gain * steps));
     }
 
     /// The interval's reading, unless it is a frozen one.

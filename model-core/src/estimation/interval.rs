@@ -305,14 +305,11 @@ impl Estimator {
         let moved = self.zones.advance(c, &flow, &self.exchange, &place);
         let sums = &mut self.interval.moved;
         sums.add(&flow, &moved, &self.exchange.settled_j_k());
-        let mut off_mean = (0.0, 1.0);
         if c.profile.exists {
-            // Stirring flattens the profile of still gas.
-            let share = self.exchange.still_share();
-            let above_k = share * self.zones.profile.foil_k(&c.profile);
-            off_mean = (above_k, 1.0 + share * c.foil_settled);
+            let excess_k = super::zones::minus(&moved.gas_k, &self.zones.wall_k);
+            self.element.conduct(c, &self.exchange, &excess_k);
         }
-        self.element.follow(&moved.gas_k, off_mean, (steps, c.step_s), &mut sums.response);
+        self.element.follow(&moved.gas_k, (steps, c.step_s), &mut sums.response);
         self.place = place;
         self.set_exchange();
         self.set_leak(self.pressure_pa);
@@ -540,7 +537,9 @@ impl Estimator {
         self.zones.set_mass(before_kg * factor);
         let wrong_k = self.gas_k;
         self.update_temperature();
-        self.zones.profile.correct(self.gas_k - wrong_k - gains.wall * innovation_k);
+        let excess_k = self.gas_k - wrong_k - gains.wall * innovation_k;
+        self.zones.profile.correct(excess_k);
+        self.element.profile.correct(excess_k);
         let wall_k = [gains.wall * innovation_k; ZONES];
         self.zones.wall_k = plus(&self.zones.wall_k, &wall_k);
         self.zones.outer_k = plus(&self.zones.outer_k, &wall_k);

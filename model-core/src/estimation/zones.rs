@@ -73,11 +73,10 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// Share of it that still gas gives off \[-\].
-    pub fn still_share(&self) -> f32 {
-        let formed = ZONES as f32 * self.formed_j_k;
-        let all = formed + total(&self.stirred_j_k);
-        if all > 0.0 { limit(formed / all, 0.0, 1.0) } else { 1.0 }
+    /// Share of what still gas gives off, where flows stir that much \[-\].
+    pub fn still_share(&self, stirred_j_k: f32) -> f32 {
+        let all = self.formed_j_k + stirred_j_k;
+        if all > 0.0 { self.formed_j_k / all } else { 1.0 }
     }
 
     /// Conductance of each zone for an error that stays \[J/K\].
