@@ -538,7 +538,7 @@ impl Estimator {
         let wrong_k = self.gas_k;
         self.update_temperature();
         let excess_k = self.gas_k - wrong_k - gains.wall * innovation_k;
-        self.zones.profile.correct(excess_k);
+        self.zones.profile_k = super::profile::corrected(&self.zones.profile_k, excess_k);
         self.element.profile.correct(excess_k);
         let wall_k = [gains.wall * innovation_k; ZONES];
         self.zones.wall_k = plus(&self.zones.wall_k, &wall_k);

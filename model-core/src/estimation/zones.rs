@@ -13,7 +13,7 @@
 //! vessels in series do; a quarter from ahead makes eight of them. Gas in a tube mixes less than either.
 
 use super::coefficients::Coefficients;
-use super::profile::{Conduction, Profile, SETTLED_CONDUCTION};
+use super::profile::{Conduction, SETTLED_CONDUCTION};
 use crate::math::{absolute, inverse_cube_root, limit, sqrt};
 
 /// Number of zones.
@@ -65,7 +65,7 @@ pub struct Exchange {
     pub zone_j_k: PerZone,
     pub stirred_j_k: PerZone,
     /// What the profile adds in each zone \[J\].
-    pub profile_j: f32,
+    pub profile_j: PerZone,
     /// Of still gas in each zone: once its profile has formed, and for an error that stays \[J/K\].
     pub formed_j_k: f32,
     pub settled_j_k: f32,
@@ -162,8 +162,8 @@ pub struct Zones {
     /// Flows through the port as the gas still feels them \[kg/s\].
     stirring_in: f32,
     stirring_out: f32,
-    /// Of the mean.
-    pub profile: Profile,
+    /// First mode of still gas's profile, less the mean \[K\].
+    pub profile_k: PerZone,
 }
 
 impl Zones {
@@ -176,7 +176,7 @@ impl Zones {
             outer_k: [temperature_k; ZONES],
             stirring_in: 0.0,
             stirring_out: 0.0,
-            profile: Profile::default(),
+            profile_k: [0.0; ZONES],
         }
     }
 
@@ -207,22 +207,23 @@ impl Zones {
         let stirred = plus(&jet, &scaled(&c.column, c.forced(self.stirring_out)));
         let stirred_j_k = scaled(&stirred, share * stirring);
         let formed_j_k = share * still;
-        let (mut still_j_k, mut settled_j_k, mut profile_j) = (formed_j_k, formed_j_k, 0.0);
+        let (mut still_j_k, mut settled_j_k) = (formed_j_k, formed_j_k);
+        let mut profile_j = [0.0; ZONES];
         let mut conduction = Conduction::default();
         if c.profile.exists {
             let steps = f32::from(c.counts.move_steps);
             let density_kg_m3 = place.mass_kg / place.volume_m3;
             let formed = ZONES as f32 * steps * formed_j_k;
             let surface_m2 = place.surface_m2;
-            conduction = self.profile.conduction(&c.profile, formed, density_kg_m3, surface_m2);
+            conduction = Conduction::new(&c.profile, formed, density_kg_m3, surface_m2);
             still_j_k = conduction.per_k * c.per_move;
-            profile_j = conduction.beside_j * c.per_move;
+            profile_j = scaled(&self.profile_k, conduction.per_profile_k * c.per_move);
             settled_j_k *= SETTLED_CONDUCTION;
         }
         let zone_j_k = plus(&[still_j_k; ZONES], &stirred_j_k);
         Exchange {
             per_k: total(&times(&zone_j_k, &self.ratio)),
-            offset_j: total(&times(&zone_j_k, &self.wall_k)) - ZONES as f32 * profile_j,
+            offset_j: total(&times(&zone_j_k, &self.wall_k)) - total(&profile_j),
             zone_j_k,
             stirred_j_k,
             profile_j,
@@ -245,10 +246,11 @@ impl Zones {
         let mean_k = flow.gas_k / steps;
         let gas_k = scaled(&self.ratio, mean_k);
         let excess_k = scaled(&minus(&gas_k, &self.wall_k), steps);
-        let profile_j = [exchange.profile_j * steps; ZONES];
+        let profile_j = scaled(&exchange.profile_j, steps);
         let heat_j = plus(&times(&exchange.zone_j_k, &excess_k), &profile_j);
         if c.profile.exists {
-            self.profile.advance(&exchange.conduction, mean_k - self.mean_wall_k());
+            let excess_k = minus(&gas_k, &self.wall_k);
+            self.profile_k = exchange.conduction.advance(&self.profile_k, &excess_k);
         }
         let stirred_j = times(&exchange.stirred_j_k, &excess_k);
         let energy_j = 0.5 * (flow.energy_j + place.energy_j);
