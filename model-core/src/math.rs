@@ -33,16 +33,15 @@ pub fn sqrt(x: f32) -> f32 {
     x * inverse_sqrt(x)
 }
 
-/// Reciprocal cube root, relative error below 1e-5; 0 for arguments that are not positive.
+/// Reciprocal cube root, relative error below 4e-3, which is enough for laws of heat transfer; 0 for arguments that are not positive.
 pub fn inverse_cube_root(x: f32) -> f32 {
     if !(x >= f32::MIN_POSITIVE) {
         return 0.0;
     }
-    // The exponent by -1/3; the constant makes that some 5 % off at most.
+    // The exponent by -1/3; the constant makes that some 3.5 % off at most.
     let mut y = f32::from_bits(0x54a2_fa8c_u32.wrapping_sub(x.to_bits() / 3));
     let third = (1.0 / 3.0) * x;
-    // Newton: e' = 2 e^2; 5 % becomes 5e-3, 5e-5.
-    y *= 4.0 / 3.0 - third * y * y * y;
+    // Newton: e' = 2 e^2.
     y *= 4.0 / 3.0 - third * y * y * y;
     y
 }
@@ -158,6 +157,18 @@ impl CompensatedSum {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn inverse_cube_root_meets_its_bound() {
+        let mut worst = 0.0_f64;
+        for i in 0..4000 {
+            let x = exp(-60.0 + 0.03 * i as f32);
+            let exact = f64::from(x).powf(-1.0 / 3.0);
+            worst = worst.max((f64::from(inverse_cube_root(x)) / exact - 1.0).abs());
+        }
+        assert!((5e-4..4e-3).contains(&worst), "{worst}");
+        assert_eq!([0.0, -1.0, f32::NAN].map(inverse_cube_root), [0.0; 3]);
+    }
 
     proptest! {
         #[test]
