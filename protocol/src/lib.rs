@@ -799,7 +799,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (437, 2_437_383_367)), (encode(&telemetry), (77, 1_017_350_385))]
+            [(encode(&config), (449, 3_574_187_448)), (encode(&telemetry), (77, 1_017_350_385))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
