@@ -54,7 +54,9 @@ table! {
         core diffusivity_m2_s;
         core foil_position;
         core foil_span;
-        core foil_gain;
+        core forced_flow_kg_s;
+        core bore_m;
+        core foil_radius;
         core outer_wall_j_k;
         core layers_w_k;
     }
