@@ -274,10 +274,10 @@ mod tests {
         let said = |pressure_pa| pressure(pressure_pa, 101_325.0, 689_500.0);
         assert_eq!(
             said(1.3),
-            "pressure_pa = 1.3: must be from 101325 Pa (ambient, as the board is configured) to 689500 Pa; 1.3 bar \
-             is 130000 Pa"
+            "a pressure of 0.0013 kPa: must be from 101.33 kPa (ambient, as the board is configured) to 689.5 kPa; \
+             use 1.3bar, which is 130000 Pa"
         );
-        assert!(said(150.0).ends_with("; 150 kPa is 150000 Pa"));
+        assert!(said(150.0).ends_with("; use 150kPa, which is 150000 Pa"));
         assert!(said(-3000.0).ends_with("to 689500 Pa") && said(9e5).ends_with("to 689500 Pa"));
     }
 }

@@ -96,7 +96,7 @@ await watcher.close();
 // Other units, of readings and fields alike.
 await page.select("#unit-Pa", "bar");
 await page.select("#unit-K", "degC");
-await until(page, () => document.getElementById("r-pressure").textContent.endsWith("bar"));
+await until(page, () => document.getElementById("r-pressure").textContent.endsWith("bar") && !document.getElementById("r-gas").textContent.endsWith("K"));
 const in_bar = { pressure: parseFloat(await text(page, "r-pressure")), field: await page.$eval("#first", (field) => field.value), gas: parseFloat(await text(page, "r-gas")), armed: await text(page, "armed") };
 await page.select("#unit-Pa", "kPa");
 await page.select("#unit-K", "K");

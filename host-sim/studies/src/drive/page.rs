@@ -155,7 +155,7 @@ mod tests {
         let place = |label: &str| tiles.find(label).unwrap();
         assert!(place("Tracking error, RMS") < place("Largest pressure"));
         let (sections, _) = page.split_once("<footer").unwrap();
-        assert!(sections.contains("The set point and what the sensor reads."));
+        assert!(sections.contains("The set point and the sensor's reading."));
         assert!(!sections.contains("in the plant") && !sections.contains("Mass flow"));
     }
 }
