@@ -108,7 +108,7 @@ enum Driver {
     Importer(Box<Reader>),
     Core {
         board: Box<CoreBoard>,
-        drive: SetPoints,
+        drive: Box<SetPoints>,
         step: BoardStep,
     },
 }
@@ -287,7 +287,8 @@ impl Running {
         let driver = match kind {
             Kind::Plant => Driver::Importer(Box::new(Reader::new(&config))),
             Kind::WithCore => {
-                let (mut board, drive) = (Box::<CoreBoard>::default(), SetPoints::new(loaded));
+                let mut board = Box::<CoreBoard>::default();
+                let drive = Box::new(SetPoints::new(loaded));
                 let set_point =
                     if inputs.follow_scenario { drive.at(0.0) } else { drive.of(inputs.set_point) };
                 board.start(&config, set_point).map_err(|error| refused(error, inputs))?;

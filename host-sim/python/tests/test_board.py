@@ -39,7 +39,7 @@ def test_a_board_is_armed_set_streamed_and_vents_at_the_end():
         with pytest.raises(thermyo.BoardError, match=r"^the board is not armed: board.arm\(\)$"):
             board.set(pressure_pa=1.5e5)
         board.arm()
-        with pytest.raises(thermyo.BoardError, match="pressure_pa = "):
+        with pytest.raises(thermyo.BoardError, match="^a pressure of 8999999 kPa: must be from 101.33 kPa "):
             board.set(pressure_pa=9e9)
         with pytest.raises(thermyo.BoardError, match="1.3 bar is 130000 Pa"):
             board.set(pressure_pa=1.3)
@@ -63,7 +63,7 @@ def test_what_is_read_is_of_now_however_long_nobody_read(board):
     last = list(board.stream(duration_s=1.0))[-1]
     time.sleep(2.0)
     now = board.read()
-    assert now["step"] > last["step"] + 1500
+    assert now["step"] > last["step"] + 1000  # half of real time on a busy machine
     assert now["mode"] == "vent" and now["faults"] == ["link lost"]
     board.clear()
     assert board.read()["faults"] == []
@@ -71,7 +71,7 @@ def test_what_is_read_is_of_now_however_long_nobody_read(board):
     time.sleep(1.0)
     now = board.read()
     time.sleep(1.0)
-    assert next(board.stream())["step"] > now["step"] + 700
+    assert next(board.stream())["step"] > now["step"] + 500
 
 
 @emulated
