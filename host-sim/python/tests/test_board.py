@@ -41,7 +41,7 @@ def test_a_board_is_armed_set_streamed_and_vents_at_the_end():
         board.arm()
         with pytest.raises(thermyo.BoardError, match="^a pressure of 8999999 kPa: must be from 101.33 kPa "):
             board.set(pressure_pa=9e9)
-        with pytest.raises(thermyo.BoardError, match="1.3 bar is 130000 Pa"):
+        with pytest.raises(thermyo.BoardError, match="use 1.3bar, which is 130000 Pa$"):
             board.set(pressure_pa=1.3)
         board.set(pressure_pa=1.5e5)
         stream = list(board.stream(duration_s=3.0))
