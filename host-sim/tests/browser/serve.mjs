@@ -83,7 +83,7 @@ for (const kpa of ["260", "180", "330"]) {
 const plot = await page.$("#plot-pressure .plot");
 const legend = () => page.$eval("#plot-pressure ul", (list) => list.textContent);
 const not_hovered = await legend();
-// Where the machine paused there is a gap in the plot, without values: try beside it.
+// The plot may shift as the page grows, and a place may have no values: look where it is now.
 let hovered = not_hovered;
 for (let share = .9; share > .3 && (hovered === not_hovered || !hovered.includes("kPa")); share -= .05) {
   const box = await plot.boundingBox();
