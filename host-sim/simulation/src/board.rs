@@ -278,6 +278,6 @@ mod tests {
              use 1.3bar, which is 130000 Pa"
         );
         assert!(said(150.0).ends_with("; use 150kPa, which is 150000 Pa"));
-        assert!(said(-3000.0).ends_with("to 689500 Pa") && said(9e5).ends_with("to 689500 Pa"));
+        assert!(said(-3000.0).ends_with("to 689.5 kPa") && said(9e5).ends_with("to 689.5 kPa"));
     }
 }
