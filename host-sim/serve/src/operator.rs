@@ -22,6 +22,7 @@ use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_logs::Logs;
 use thermyo_protocol::{ConfigSource, Refusal, Status, Timing};
+use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
@@ -607,9 +608,18 @@ impl Operator {
             return Ok(());
         }
         let findings = stops::measured(&record, &plan, &loaded, &self.target.name());
+        self.publish_stops(&findings, &record, &loaded)
+    }
+
+    fn publish_stops(
+        &mut self,
+        findings: &stops::Findings,
+        record: &Record,
+        loaded: &Loaded,
+    ) -> Result<(), NotDone> {
         let (folder, name) = next_folder(&self.out, "stops");
         let mut files = OutputDir::create(&folder)?;
-        stops::write(&mut files, &findings, &record, &loaded, &name)?;
+        stops::write(&mut files, findings, record, loaded, &name)?;
         files.publish()?;
         self.shared.log(Weight::Plain, format!("stops measured: {}", folder.display()));
         let text = "gas temperature at stops, heat transfer".to_owned();

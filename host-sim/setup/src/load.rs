@@ -112,13 +112,33 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
         }
         _ => None,
     };
+    name_files_absolutely(&mut plant, given, origin)?;
+
+    let base = preset(&plant, overrides, origin)?;
+    let mut believed = overlaid(&base, overrides, origin)?;
+    let threaded = given.get("muscle.thread_length_m").is_some();
+    let dimensions = Given::of(overrides)
+        .completed_from(Dimensions::of(&base.muscle), threaded)
+        .resolved()
+        .map_err(|found| blame(found, overrides, origin))?;
+    believed.muscle = dimensions.applied_to(&believed.muscle);
+    check_heat(&believed, overrides).map_err(|found| blame(found, overrides, origin))?;
+    rules::check_believed(&believed).map_err(|found| blame(found, overrides, origin))?;
+    Ok(Loaded { plant, believed, volume_profile, drive_profile, shut_s: Vec::new() })
+}
+
+/// Makes paths of files absolute, so that the scenario that `check` prints works in any folder.
+fn name_files_absolutely(
+    plant: &mut Scenario,
+    given: &Entries,
+    origin: &Path,
+) -> Result<(), InputError> {
     for (path, found) in [
         (&mut plant.vessel.volume_csv, given.get("vessel.volume_csv")),
         (&mut plant.table.csv, given.get("table.csv")),
         (&mut plant.drive.profile_csv, given.get("drive.profile_csv")),
     ] {
         if let (Some(path), Some(entry)) = (path, found) {
-            // Absolute, so that the scenario that `check` prints works in any folder.
             let file = beside(origin, path);
             let file = std::path::absolute(&file).unwrap_or(file);
             if file.to_str().is_none() {
@@ -132,18 +152,7 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
             *path = file;
         }
     }
-
-    let base = preset(&plant, overrides, origin)?;
-    let mut believed = overlaid(&base, overrides, origin)?;
-    let threaded = given.get("muscle.thread_length_m").is_some();
-    let dimensions = Given::of(overrides)
-        .completed_from(Dimensions::of(&base.muscle), threaded)
-        .resolved()
-        .map_err(|found| blame(found, overrides, origin))?;
-    believed.muscle = dimensions.applied_to(&believed.muscle);
-    check_heat(&believed, overrides).map_err(|found| blame(found, overrides, origin))?;
-    rules::check_believed(&believed).map_err(|found| blame(found, overrides, origin))?;
-    Ok(Loaded { plant, believed, volume_profile, drive_profile, shut_s: Vec::new() })
+    Ok(())
 }
 
 /// A key that may be left out, and is fitted, starts from what it stands for when it is left out.

@@ -4,7 +4,7 @@ use super::covariance::{Covariance, Errors};
 use super::energy::Averaging;
 use super::profile::Coefficient;
 use super::zones::{PerZone, ZONES, scaled, total};
-use crate::config::{Config, EstimatorConfig};
+use crate::config::{Config, EstimatorConfig, Zones};
 use crate::math::{exp, limit, ln, sqrt};
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::friction::Friction;
@@ -41,9 +41,7 @@ pub struct Coefficients {
     pub hysteresis: Law,
     pub leak: Leak,
     /// A field of its own: a comparison of numbers in every step is dear without an FPU.
-    pub leaks: bool,
     /// Still gas: whether buoyancy matters, the fourth powers of conduction, and of buoyancy over P^2 and difference.
-    pub buoyant: bool,
     pub conduction4: f32,
     pub buoyancy4: f32,
     /// Coefficient of stirred gas in each zone, per flow in and out \[W/(m2 K) per kg/s\].
@@ -58,7 +56,6 @@ pub struct Coefficients {
     pub length_m: f32,
     /// Wall that follows a stroke, the layer behind it, and the conductance between them.
     pub wall_j_k: f32,
-    pub layered: bool,
     pub outer_j_k: f32,
     pub layers_w_k: f32,
     pub step_s: f32,
@@ -111,18 +108,10 @@ impl Coefficients {
         let interval_s = f32::from(counts.update_steps) * config.step_s;
         let move_s = f32::from(counts.move_steps) * config.step_s;
         let sensors = &config.sensors;
-        let pressure_sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
+        let (noise_pa, pressure_sd_pa) = noises(config);
         let length_m = AnyChamber::new(&config.chamber).rest_length_m();
-        // A jet decays along the muscle.
-        let reached = |place: f32| exp(-place * length_m / zones.jet_reach_m);
-        let jet = [0.125, 0.375, 0.625, 0.875].map(reached);
-        let conduction = config.heat.inner_w_m2_k;
-        const BUOYANCY_PA: f32 = 2.0e5;
-        const BUOYANCY_K: f32 = 20.0;
-        let buoyancy2 = zones.buoyancy_w_m2_k * zones.buoyancy_w_m2_k / BUOYANCY_PA;
+        let (jet, recirculation) = jets(zones, length_m);
         let profile = Coefficient::new(zones.bore_m, zones.foil_radius, &config.gas);
-        let forget = interval_s / tuning.memory_s;
-        let kept = 1.0 - limit(forget, 0.0, 1.0);
         Self {
             counts,
             averaging: Averaging::new(&counts, config.pwm_period_steps),
@@ -134,18 +123,15 @@ impl Coefficients {
             friction: config.friction,
             hysteresis: Law::new(&config.hysteresis, move_s),
             leak: config.leak,
-            leaks: config.leak.leaks(),
-            buoyant: zones.buoyancy_w_m2_k > 0.0,
-            conduction4: conduction * conduction * conduction * conduction,
-            buoyancy4: buoyancy2 * buoyancy2 / BUOYANCY_K,
+            conduction4: fourth(config.heat.inner_w_m2_k),
+            buoyancy4: buoyancy4(zones),
             jet: scaled(&jet, config.heat.inner_per_flow * ZONES as f32 / total(&jet)),
             column: scaled(&[1.75, 1.25, 0.75, 0.25], zones.per_outflow),
             stirring_share: move_s / (zones.stirring_decay_s + move_s),
-            recirculation: [0.25, 0.5, 0.75].map(|place| zones.recirculation * reached(place)),
+            recirculation,
             diffusivity_m2_s: zones.diffusivity_m2_s,
             length_m,
             wall_j_k: config.wall.heat_capacity_j_k,
-            layered: zones.layers_w_k > 0.0,
             outer_j_k: zones.outer_wall_j_k,
             layers_w_k: zones.layers_w_k,
             step_s: config.step_s,
@@ -166,25 +152,12 @@ impl Coefficients {
             forced_root: exp(ln(zones.forced_flow_kg_s) * (1.0 / 3.0)),
             swing_window: interval_s * (1.0 / SWING_S),
             smoothing: limit(2.0 / f32::from(counts.half_second_intervals), 0.0, 1.0),
-            forget,
-            keep: Errors {
-                zones: [1.0; ZONES],
-                wall: 1.0,
-                housing: 1.0,
-                element: 1.0,
-                foil: 1.0 - limit(interval_s / tuning.foil_memory_s, 0.0, 1.0),
-                scale: kept,
-                stirring: kept,
-                lag: kept,
-                housing_lag: kept,
-                place: kept,
-            },
+            forget: interval_s / tuning.memory_s,
+            keep: kept(tuning, interval_s),
             frozen_k: FROZEN * sensors.gas_element.resolution_k(),
-            // Well below any pressure, so that an energy within the noise is none below 0.
-            noise_pa: limit(NOISE_DEVIATIONS * pressure_sd_pa, 0.0, 0.5 * LOWEST_PA),
+            noise_pa,
             length_noise_m: sensors.length.resolution_m(),
-            // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
-            pressure_sd_pa: (k - 1.0) / k * pressure_sd_pa,
+            pressure_sd_pa,
         }
     }
 
@@ -220,4 +193,54 @@ impl Coefficients {
         covariance.add_common((1.0 - DIFFERENT) * gas);
         covariance
     }
+}
+
+/// A jet's share in each zone, and the exchange across each border; a jet decays along the muscle.
+fn jets(zones: &Zones, length_m: f32) -> ([f32; ZONES], [f32; ZONES - 1]) {
+    let reached = |place: f32| exp(-place * length_m / zones.jet_reach_m);
+    let recirculation = [0.25, 0.5, 0.75].map(|place| zones.recirculation * reached(place));
+    ([0.125, 0.375, 0.625, 0.875].map(reached), recirculation)
+}
+
+/// Fourth power of buoyancy's coefficient, over pressure squared and temperature difference.
+fn buoyancy4(zones: &Zones) -> f32 {
+    /// Pressure and difference at which `buoyancy_w_m2_k` holds.
+    const BUOYANCY_PA: f32 = 2.0e5;
+    const BUOYANCY_K: f32 = 20.0;
+    let buoyancy2 = zones.buoyancy_w_m2_k * zones.buoyancy_w_m2_k / BUOYANCY_PA;
+    buoyancy2 * buoyancy2 / BUOYANCY_K
+}
+
+/// Share of each error that an interval keeps: what has been learnt fades, and the foil's place.
+fn kept(tuning: &EstimatorConfig, interval_s: f32) -> Errors<f32> {
+    let kept = |memory_s: f32| 1.0 - limit(interval_s / memory_s, 0.0, 1.0);
+    let learnt = kept(tuning.memory_s);
+    Errors {
+        zones: [1.0; ZONES],
+        wall: 1.0,
+        housing: 1.0,
+        element: 1.0,
+        foil: kept(tuning.foil_memory_s),
+        scale: learnt,
+        stirring: learnt,
+        lag: learnt,
+        housing_lag: learnt,
+        place: learnt,
+    }
+}
+
+/// Largest error of a pressure that is still its noise, and what it leaves of the temperature, times
+/// pressure over temperature, as a deviation \[Pa\].
+fn noises(config: &Config) -> (f32, f32) {
+    let sensors = &config.sensors;
+    let k = config.gas.heat_capacity_ratio;
+    let sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
+    // Well below any pressure, so that an energy within the noise is none below 0.
+    let noise_pa = limit(NOISE_DEVIATIONS * sd_pa, 0.0, 0.5 * LOWEST_PA);
+    // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
+    (noise_pa, (k - 1.0) / k * sd_pa)
+}
+
+fn fourth(value: f32) -> f32 {
+    value * value * value * value
 }

@@ -334,7 +334,7 @@ impl Estimator {
             return;
         }
         let c = self.coefficients;
-        if c.leaks {
+        if c.leak.leaks() {
             // No number where next to no gas is left.
             self.pending.leaked = limit(interval.leaked_j * self.per_enthalpy(), 0.0, 1.0);
         }
@@ -440,7 +440,7 @@ impl Estimator {
             zone(&farthest, &GasRow::default(), 3, m3, n3),
         ];
         let mut wall = all.times(1.0 / c.wall_j_k);
-        let lost = if c.layered { c.layers_w_k * c.interval_s / c.wall_j_k } else { 0.0 };
+        let lost = if c.layers_w_k > 0.0 { c.layers_w_k * c.interval_s / c.wall_j_k } else { 0.0 };
         wall.wall += limit(1.0 - lost, 0.0, 1.0);
         let (housing, element) = self.element_rows(&moved.response, &gas_k, steps);
         Transition { zones, wall, housing, element }
@@ -474,7 +474,7 @@ impl Estimator {
         let per_gas = 1.0 / self.gas_k;
         let alone = (square(tuning.zone_drift) * self.swing_k2) * per_gas * per_gas;
         let mut common = square(tuning.gas_drift_k * per_gas) * duration_s;
-        if c.leaks {
+        if c.leak.leaks() {
             common += LEAK_UNCERTAINTY_S * square(self.pending.leaked) / duration_s;
         }
         self.covariance.add_common(common);

@@ -346,7 +346,7 @@ impl Zones {
         let ambient_k = [c.ambient.temperature_k; ZONES];
         let per_inner = ZONES as f32 / c.wall_j_k;
         // A wall does not overshoot its surroundings.
-        if c.layered {
+        if c.layers_w_k > 0.0 {
             let per_outer = ZONES as f32 / c.outer_j_k;
             let through = minus(&self.wall_k, &self.outer_k);
             let through_j = scaled(&through, c.layers_w_k * duration_s * (1.0 / ZONES as f32));
@@ -382,7 +382,7 @@ impl Coefficients {
     /// where it is stronger, h^4 = h_c^4 + h_b^4 (Churchill and Usagi, AIChE J. 18, 1972), h_b^4 in proportion to the
     /// Rayleigh number.
     fn still_w_m2_k(&self, pressure_pa: f32, difference_k: f32) -> f32 {
-        if !self.buoyant {
+        if self.buoyancy4 <= 0.0 {
             return self.heat.inner_w_m2_k;
         }
         let buoyancy = self.buoyancy4 * pressure_pa * pressure_pa * absolute(difference_k);
