@@ -4,6 +4,8 @@ use crate::math::limit;
 
 /// Parts of the covariance's work.
 const PARTS: u16 = 20;
+/// Steps of an interval of the covariance that are left to other work.
+const BUSY_STEPS: u16 = 8;
 
 /// Counts that follow from the step's length. A figure in the core's documentation that is given in steps
 /// is the one at a step of a millisecond.
@@ -63,7 +65,8 @@ impl StepCounts {
             interval_steps,
             update_steps,
             move_steps: steps(10, 1),
-            parts_per_step: 1 + PARTS / (update_steps - 8),
+            // By comparison: the optimiser does not see that a divisor would never be zero.
+            parts_per_step: if update_steps > PARTS + BUSY_STEPS { 1 } else { 2 },
             patience_steps: steps(10, 3),
             startup_steps: steps(50, 50),
             late_steps: steps(25, 2),
