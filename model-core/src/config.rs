@@ -129,7 +129,7 @@ parameters! {
         diffusivity_m2_s: 100.0, "m2/s", 0.0 to 100.0, "mixing along the muscle between strokes";
         foil_position: 0.5, "", 0.0 to 1.0, "middle of the foil, from port 0 to closed end 1";
         foil_span: 0.0, "", 0.0 to 1.0, "part of the length that it averages over";
-        forced_flow_kg_s: 0.0, "kg/s", 0.0 to 1.0, "flow at which those gains are counted: beside it they grow with flow^(2/3); 0: in proportion";
+        forced_flow_kg_s: 0.0, "kg/s", 0.0 to 100.0, "flow at which those gains are counted: beside it they grow with flow^(2/3); 0: in proportion";
         bore_m: 0.0, "m", 0.0 to 10.0, "diameter of still gas with a radial profile; 0: even gas";
         foil_radius: 0.0, "", 0.0 to 1.0, "distance of the foil from the axis, share of the radius";
         outer_wall_j_k: 1.0, "J/K", 0.01 to 1.0e9, "heat capacity of the layer behind the wall that touches the gas";
