@@ -1,6 +1,6 @@
 //! Covariance of the estimator's errors, and how it moves, a row at a time.
 
-use super::zones::{PerZone, ZONES};
+use super::zones::{PerZone, ZONES, times, total};
 use crate::math::limit;
 
 /// Number of errors: four zones, wall, housing, element, gas at the foil, and five parameters.
@@ -101,20 +101,29 @@ fn add(out: &mut Row, row: &Row, by: f32) {
     }
 }
 
+/// The zones' rows, each by its factor.
+fn of_zones([a, b, c, d]: [&Row; ZONES], by: &PerZone) -> Row {
+    let [by_a, by_b, by_c, by_d] = *by;
+    let mut out = a.map(|x| by_a * x);
+    add(&mut out, b, by_b);
+    add(&mut out, c, by_c);
+    add(&mut out, d, by_d);
+    out
+}
+
 impl GasRow {
-    fn of(&self, p: &Errors<Row>) -> Row {
-        let mut out = [0.0; ERRORS];
-        for (row, by) in p.zones.iter().zip(&self.zones) {
-            add(&mut out, row, *by);
-        }
-        add(&mut out, &p.wall, self.wall);
-        add(&mut out, &p.scale, self.scale);
-        add(&mut out, &p.stirring, self.stirring);
+    #[inline(never)] // For the image's size.
+    fn of(&self, p: &[Row; ERRORS]) -> Row {
+        let [a, b, c, d, wall, _, _, _, scale, stirring, _, _, _] = p;
+        let mut out = of_zones([a, b, c, d], &self.zones);
+        add(&mut out, wall, self.wall);
+        add(&mut out, scale, self.scale);
+        add(&mut out, stirring, self.stirring);
         out
     }
 
     fn dot(&self, m: &Errors<f32>) -> f32 {
-        super::zones::total(&super::zones::times(&self.zones, &m.zones))
+        total(&times(&self.zones, &m.zones))
             + self.wall * m.wall
             + self.scale * m.scale
             + self.stirring * m.stirring
@@ -122,20 +131,18 @@ impl GasRow {
 }
 
 impl HousingRow {
-    fn of(&self, p: &Errors<Row>) -> Row {
-        let mut out = [0.0; ERRORS];
-        for (row, by) in p.zones.iter().zip(&self.zones) {
-            add(&mut out, row, *by);
-        }
-        add(&mut out, &p.housing, self.housing);
-        add(&mut out, &p.foil, self.foil);
-        add(&mut out, &p.housing_lag, self.housing_lag);
-        add(&mut out, &p.place, self.place);
+    fn of(&self, p: &[Row; ERRORS]) -> Row {
+        let [a, b, c, d, _, housing, _, foil, _, _, _, housing_lag, place] = p;
+        let mut out = of_zones([a, b, c, d], &self.zones);
+        add(&mut out, housing, self.housing);
+        add(&mut out, foil, self.foil);
+        add(&mut out, housing_lag, self.housing_lag);
+        add(&mut out, place, self.place);
         out
     }
 
     fn dot(&self, m: &Errors<f32>) -> f32 {
-        super::zones::total(&super::zones::times(&self.zones, &m.zones))
+        total(&times(&self.zones, &m.zones))
             + self.housing * m.housing
             + self.foil * m.foil
             + self.housing_lag * m.housing_lag
@@ -184,22 +191,23 @@ impl Covariance {
 
     /// One row of F P.
     pub fn row(&self, f: &Transition, which: usize, product: &mut Product) {
-        let p = Errors::from(self.0);
+        let p = &self.0;
         let [a, b, c, d, wall, housing, element] = product;
         let [za, zb, zc, zd] = &f.zones;
         match which {
-            0 => *a = za.of(&p),
-            1 => *b = zb.of(&p),
-            2 => *c = zc.of(&p),
-            3 => *d = zd.of(&p),
-            4 => *wall = f.wall.of(&p),
-            5 => *housing = f.housing.of(&p),
+            0 => *a = za.of(p),
+            1 => *b = zb.of(p),
+            2 => *c = zc.of(p),
+            3 => *d = zd.of(p),
+            4 => *wall = f.wall.of(p),
+            5 => *housing = f.housing.of(p),
             _ => {
-                *element = [0.0; ERRORS];
-                add(element, &p.element, 1.0 - 2.0 * f.element.half);
-                add(element, &p.housing, f.element.half);
-                add(element, housing, f.element.half);
-                add(element, &p.lag, f.element.lag);
+                let [_, _, _, _, _, before, own, _, _, _, lag, _, _] = p;
+                let half = f.element.half;
+                *element = own.map(|x| (1.0 - 2.0 * half) * x);
+                add(element, before, half);
+                add(element, housing, half);
+                add(element, lag, f.element.lag);
             }
         }
     }
@@ -212,7 +220,10 @@ impl Covariance {
         let half = f.element.half;
         let element =
             (1.0 - 2.0 * half) * m.element + half * (m.housing + housing) + f.element.lag * m.lag;
-        let zones = if which < ZONES { f.zones.map(|zone| zone.dot(&m)) } else { m.zones };
+        let mut zones = m.zones;
+        for (entry, zone) in zones.iter_mut().zip(&f.zones).skip(which) {
+            *entry = zone.dot(&m);
+        }
         let wall = if which <= ZONES { f.wall.dot(&m) } else { m.wall };
         *row = Errors {
             zones,
@@ -229,36 +240,44 @@ impl Covariance {
         .into();
     }
 
-    /// The parameters' own rows: they keep `keep` of their errors.
+    /// The parameters' own rows, from the diagonal on: they keep `keep` of their errors.
     pub fn fade(&mut self, keep: &Errors<f32>) {
         let keep: Row = (*keep).into();
-        for (row, kept) in self.0.iter_mut().zip(keep).skip(MOVED) {
-            for (entry, other) in row.iter_mut().zip(keep).skip(MOVED) {
+        for (i, row) in self.0.iter_mut().enumerate().skip(MOVED) {
+            let (Some(row), Some(keep)) = (row.get_mut(i..), keep.get(i..)) else { return };
+            let [kept, ..] = keep else { return };
+            for (entry, other) in row.iter_mut().zip(keep) {
                 *entry *= kept * other;
             }
         }
     }
 
+    /// The element's row.
+    fn element(&self) -> &Row {
+        let [_, _, _, _, _, _, element, ..] = &self.0;
+        element
+    }
+
     /// Gains of a reading of the element with that variance \[K2\], and the share of the element's variance that is
     /// left.
     pub fn gains(&self, reading_k2: f32) -> (Errors<f32>, f32) {
-        let element = Errors::from(self.0).element;
-        let variance_k2 = Errors::from(element).element;
-        let per_s = 1.0 / (variance_k2 + reading_k2);
+        let element = self.element();
+        let per_s = 1.0 / (self.element_k2() + reading_k2);
         let gains: Row = element.map(|covariance| covariance * per_s);
         (gains.into(), reading_k2 * per_s)
     }
 
     /// P' = (I - K H) P, from the diagonal on.
     pub fn reduce(&mut self, gains: &Errors<f32>, left: f32) {
-        let element = Errors::from(self.0).element;
+        let element = *self.element();
         let gains: Row = (*gains).into();
         for (i, (row, gain)) in self.0.iter_mut().zip(gains).enumerate() {
+            let (Some(row), Some(element)) = (row.get_mut(i..), element.get(i..)) else { return };
             if i + 1 == MOVED {
                 // By a product and never by a difference.
                 row.iter_mut().for_each(|entry| *entry *= left);
             } else {
-                for (entry, covariance) in row.iter_mut().zip(element).skip(i) {
+                for (entry, covariance) in row.iter_mut().zip(element) {
                     *entry -= gain * covariance;
                 }
             }
@@ -269,8 +288,8 @@ impl Covariance {
     pub fn mirror(&mut self) {
         for i in 0..ERRORS {
             let Some((head, tail)) = self.0.split_at_mut_checked(i + 1) else { return };
-            let Some(row) = head.last() else { return };
-            for (other, value) in tail.iter_mut().zip(row.iter().skip(i + 1)) {
+            let Some(row) = head.last().and_then(|row| row.get(i + 1..)) else { return };
+            for (other, value) in tail.iter_mut().zip(row) {
                 if let Some(entry) = other.get_mut(i) {
                     *entry = *value;
                 }
@@ -294,21 +313,20 @@ impl Covariance {
 
     /// Variance of the relative error of the mean gas temperature, for zones of these shares of the mass.
     pub fn gas(&self, shares: &PerZone) -> f32 {
-        let rows = Errors::from(self.0).zones;
-        let [a, b, c, d] = rows.map(|row| {
-            let zones = Errors::from(row).zones;
-            super::zones::total(&super::zones::times(&zones, shares))
-        });
-        super::zones::total(&super::zones::times(&[a, b, c, d], shares))
+        let [a, b, c, d, ..] = &self.0;
+        let row = |[a, b, c, d, ..]: &Row| total(&times(&[*a, *b, *c, *d], shares));
+        total(&times(&[row(a), row(b), row(c), row(d)], shares))
     }
 
     /// Variance of the inner wall \[K2\].
     pub fn wall_k2(&self) -> f32 {
-        Errors::from(Errors::from(self.0).wall).wall
+        let [_, _, _, _, [_, _, _, _, wall_k2, ..], ..] = self.0;
+        wall_k2
     }
 
     /// Variance of the element \[K2\].
     pub fn element_k2(&self) -> f32 {
-        Errors::from(Errors::from(self.0).element).element
+        let [_, _, _, _, _, _, element_k2, ..] = *self.element();
+        element_k2
     }
 }

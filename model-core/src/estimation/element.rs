@@ -3,7 +3,7 @@
 use super::profile::Profile;
 use super::zones::{Exchange, PerZone, ZONES, minus, scaled, times, total};
 use super::{Coefficients, HOTTEST_K};
-use crate::math::{absolute, exp, limit};
+use crate::math::{absolute, limit, small_exp};
 use crate::sensing::GasReading;
 
 /// Below this difference, beside twice the stated deviation, the gas need not move its element \[K\].
@@ -241,8 +241,7 @@ impl Element {
     /// Corrects the lags by factors, given as logarithms, and the place.
     pub fn correct(&mut self, c: &Coefficients, lag: f32, housing_lag: f32, place: f32) {
         let by = |lag_s: f32, logarithm: f32, configured_s: f32| {
-            let factor = exp(limit(logarithm, -0.2, 0.2));
-            limit(lag_s * factor, configured_s / LAGS, configured_s * LAGS)
+            limit(lag_s * small_exp(logarithm), configured_s / LAGS, configured_s * LAGS)
         };
         self.lag_s = by(self.lag_s, lag, c.lag_s);
         self.housing_lag_s = by(self.housing_lag_s, housing_lag, c.housing_s);

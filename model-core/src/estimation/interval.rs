@@ -2,15 +2,21 @@
 
 use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transition};
 use super::element::Response;
-use super::zones::{Faces, Flow, Moved, PerZone, Place, ZONES, plus, scaled, total};
+use super::zones::{
+    Faces, Flow, Moved, PerZone, Place, ZONES, Zones, minus, plus, scaled, times, total,
+};
 use super::{Balance, Coefficients, Estimator, Measurement};
-use crate::math::{CompensatedSum, absolute, exp, limit, sqrt};
+use crate::math::{CompensatedSum, absolute, limit, small_exp, sqrt};
 use crate::physics::chamber::Chamber;
 
 /// Rows that an interval moves.
 const ROWS: u8 = 7;
 /// Step of an interval in which the work of the one before begins: the first is the controller's.
 const FIRST_PART: u16 = 2;
+/// Steps after a movement of the zones for which the heat transfer that follows from it may wait.
+const LATE_STEPS: u16 = 2;
+/// Work that has no more steps to spare than this does not wait any longer.
+const SPARE_STEPS: u16 = 4;
 /// Variance that a leak adds per second, in squares of its rate: configured a tenth wrong, for five seconds \[s\].
 const LEAK_UNCERTAINTY_S: f32 = 0.1;
 /// Innovations beyond so many of their deviations correct nothing.
@@ -113,6 +119,23 @@ pub(super) enum Work {
     Deviation,
 }
 
+impl Work {
+    /// Parts that are left.
+    fn parts(self) -> u16 {
+        const ROWS: u16 = super::interval::ROWS as u16;
+        match self {
+            Self::Done => 0,
+            Self::Deviation => 1,
+            Self::Reduction => 2,
+            Self::Correction => 3,
+            Self::Drift => 4,
+            Self::Column(row) => 4 + ROWS - u16::from(row),
+            Self::Row(row) => 4 + 2 * ROWS - u16::from(row),
+            Self::Transition => 5 + 2 * ROWS,
+        }
+    }
+}
+
 /// Inputs of the work that is left, and what its parts hand on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pending {
@@ -155,6 +178,15 @@ impl GasRow {
             wall: self.wall + other.wall,
             scale: self.scale + other.scale,
             stirring: self.stirring + other.stirring,
+        }
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        Self {
+            zones: minus(&self.zones, &other.zones),
+            wall: self.wall - other.wall,
+            scale: self.scale - other.scale,
+            stirring: self.stirring - other.stirring,
         }
     }
 
@@ -220,15 +252,23 @@ impl Estimator {
     /// to do, as long as there are others left.
     pub(super) fn advance_covariance(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
         let left = self.coefficients.counts.update_steps.saturating_sub(self.interval.steps);
-        if left == 0 || self.interval.flow.steps == self.coefficients.counts.move_steps {
+        let moves = left == 0 || self.interval.flow.steps == self.coefficients.counts.move_steps;
+        // The movement's own step is long enough without it.
+        let exchanges = self.exchange_due
+            && (moves || !measurement.busy || self.interval.flow.steps > LATE_STEPS);
+        if exchanges {
+            self.set_exchange();
+        }
+        if moves {
             self.move_zones(chamber, measurement);
         }
         if left == 0 {
             self.end_interval(measurement);
-        } else if self.interval.steps >= FIRST_PART && self.interval.flow.steps > 0 {
-            let hurried = left <= self.coefficients.counts.update_steps / 2;
-            if !measurement.busy || hurried {
-                for _ in 0..self.coefficients.counts.parts_per_step {
+        } else if self.interval.steps >= FIRST_PART {
+            let parts = self.coefficients.counts.parts_per_step;
+            let hurried = left <= self.pending.work.parts() / parts + SPARE_STEPS;
+            if hurried || !(measurement.busy || moves || exchanges) {
+                for _ in 0..parts {
                     self.work();
                 }
             }
@@ -306,12 +346,12 @@ impl Estimator {
         let sums = &mut self.interval.moved;
         sums.add(&flow, &moved, &self.exchange.settled_j_k());
         if c.profile.exists {
-            let excess_k = super::zones::minus(&moved.gas_k, &self.zones.wall_k);
+            let excess_k = minus(&moved.gas_k, &self.zones.wall_k);
             self.element.conduct(c, &self.exchange, &excess_k);
         }
         self.element.follow(&moved.gas_k, (steps, c.step_s), &mut sums.response);
         self.place = place;
-        self.set_exchange();
+        self.exchange_due = true;
         self.set_leak(self.pressure_pa);
     }
 
@@ -346,7 +386,7 @@ impl Estimator {
         self.scale += c.forget * (1.0 - self.scale);
         self.stirring += c.forget * (1.0 - self.stirring);
         self.read_element(measurement, &interval.moved.response, interval.steps);
-        self.element.fade(&c);
+        self.element.fade(&self.coefficients);
     }
 
     /// Compares the element with its reading.
@@ -431,13 +471,13 @@ impl Estimator {
         let farthest = face(3, &last, (p3, q3), m2, m3);
         let [n0, n1, n2, n3] = mass_kg.map(|kg| 1.0 / kg);
         let zone = |into: &GasRow, out: &GasRow, i: usize, before: f32, per_kg: f32| {
-            into.plus(&out.times(-1.0)).on(i, before).times(per_kg)
+            into.minus(out).on(i, before).times(per_kg)
         };
         let zones = [
             zone(&port, &first, 0, m0, n0),
             zone(&first, &middle, 1, m1, n1),
             zone(&middle, &farthest, 2, m2, n2),
-            zone(&farthest, &GasRow::default(), 3, m3, n3),
+            farthest.on(3, m3).times(n3),
         ];
         let mut wall = all.times(1.0 / c.wall_j_k);
         let lost = if c.layers_w_k > 0.0 { c.layers_w_k * c.interval_s / c.wall_j_k } else { 0.0 };
@@ -531,7 +571,7 @@ impl Estimator {
         let factors = gains.zones.map(|gain| 1.0 + limit(gain * innovation_k, -0.05, 0.05));
         // Since the zones moved last, gas may have come or gone: they give a factor on what there is now.
         let before_kg = total(&self.zones.mass_kg);
-        self.zones.mass_kg = super::zones::times(&self.zones.mass_kg, &factors);
+        self.zones.mass_kg = times(&self.zones.mass_kg, &factors);
         let factor = total(&self.zones.mass_kg) / before_kg;
         self.mass_kg = CompensatedSum::new(self.mass_kg.value() * factor);
         self.zones.set_mass(before_kg * factor);
@@ -541,8 +581,9 @@ impl Estimator {
         self.zones.profile_k = super::profile::corrected(&self.zones.profile_k, excess_k);
         self.element.profile.correct(excess_k);
         let wall_k = [gains.wall * innovation_k; ZONES];
-        self.zones.wall_k = plus(&self.zones.wall_k, &wall_k);
-        self.zones.outer_k = plus(&self.zones.outer_k, &wall_k);
+        let Zones { wall_k: inner_k, outer_k, .. } = &self.zones;
+        let (inner_k, outer_k) = (plus(inner_k, &wall_k), plus(outer_k, &wall_k));
+        self.zones.set_walls(&inner_k, &outer_k);
         let element = &mut self.element;
         element.housing_k += gains.housing * innovation_k;
         element.sensor_k += gains.element * innovation_k;
@@ -553,7 +594,7 @@ impl Estimator {
         if !element.stands_still() {
             let by = |factor: f32, gain: f32| {
                 let [least, most] = FACTORS;
-                limit(factor * exp(limit(gain * innovation_k, -0.2, 0.2)), least, most)
+                limit(factor * small_exp(gain * innovation_k), least, most)
             };
             self.scale = by(self.scale, gains.scale);
             self.stirring = by(self.stirring, gains.stirring);
@@ -562,7 +603,7 @@ impl Estimator {
                 [lag, housing_lag, place].map(|gain| gain * innovation_k);
             self.element.correct(&self.coefficients, lag, housing_lag, place);
         }
-        self.set_exchange();
+        self.exchange_due = true;
     }
 
     fn update_deviation(&mut self) {

@@ -176,6 +176,8 @@ pub struct Estimator {
     coefficients: Coefficients,
     zones: Zones,
     exchange: Exchange,
+    /// The zones have moved since.
+    exchange_due: bool,
     place: Place,
     element: Element,
     /// Scale of the heat transfer, and of what flows stir \[-\].
@@ -237,6 +239,7 @@ impl Estimator {
             heat_offset_j: 0.0,
             zones: Zones::at(ambient_k, 1.0),
             exchange: Exchange::default(),
+            exchange_due: false,
             place: Place::NONE,
             element: Element::new(ambient_k, &coefficients),
             scale: 1.0,
@@ -522,6 +525,7 @@ impl Estimator {
 
     /// Sets the heat to the wall in one step, from where the zones are now.
     fn set_exchange(&mut self) {
+        self.exchange_due = false;
         let factors = (self.scale, self.stirring);
         self.exchange = self.zones.exchange(&self.coefficients, factors, &self.place, self.gas_k);
         self.heat_per_k = self.exchange.per_k;
@@ -577,6 +581,25 @@ mod tests {
             [still.flow_state(false), still.flow_state(true)],
             [FlowState::Shut, FlowState::Open]
         );
+    }
+
+    /// Whatever the step, and however busy the controller, every interval's work is done before the next one's: the
+    /// deviation falls from where it starts.
+    #[test]
+    fn a_busy_controller_delays_the_work_but_drops_none() {
+        for step_s in [1.0e-3_f32, 5.0e-3, 1.0e-2] {
+            let config = Config { step_s, ..Config::default() };
+            let [idle_k, busy_k] = [false, true].map(|busy| {
+                let mut estimator = Estimator::new(&config);
+                for _ in 0..(30.0 / step_s) as u32 {
+                    let measurement = measurement(2.0e5, 0.28, 298.0, 0);
+                    estimator.step(&muscle(), &Measurement { busy, ..measurement });
+                }
+                estimator.estimate().gas_sd_k
+            });
+            assert!((0.05..3.0).contains(&idle_k), "{step_s} s: {idle_k} K");
+            assert!((busy_k / idle_k - 1.0).abs() < 0.01, "{step_s} s: {busy_k}, {idle_k} K");
+        }
     }
 
     /// A fast fill moves the element further in one interval than a frozen reading is allowed, and the

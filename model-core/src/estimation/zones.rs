@@ -51,7 +51,8 @@ pub fn plus(a: &PerZone, b: &PerZone) -> PerZone {
 
 /// Difference, zone by zone.
 pub fn minus(a: &PerZone, b: &PerZone) -> PerZone {
-    plus(a, &scaled(b, -1.0))
+    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
+    [a0 - b0, a1 - b1, a2 - b2, a3 - b3]
 }
 
 /// Heat transfer to the wall while it is kept: `per_k` of the gas's mean temperature, less `offset_j`, in one step.
@@ -159,6 +160,8 @@ pub struct Zones {
     /// Inner layer of the wall, and the outer one \[K\].
     pub wall_k: PerZone,
     pub outer_k: PerZone,
+    /// Mean of the inner layer \[K\]; kept, because every step needs it.
+    mean_wall_k: f32,
     /// Flows through the port as the gas still feels them \[kg/s\].
     stirring_in: f32,
     stirring_out: f32,
@@ -174,6 +177,7 @@ impl Zones {
             ratio: [1.0; ZONES],
             wall_k: [temperature_k; ZONES],
             outer_k: [temperature_k; ZONES],
+            mean_wall_k: temperature_k,
             stirring_in: 0.0,
             stirring_out: 0.0,
             profile_k: [0.0; ZONES],
@@ -182,7 +186,13 @@ impl Zones {
 
     /// Mean of the inner wall \[K\].
     pub fn mean_wall_k(&self) -> f32 {
-        total(&self.wall_k) * (1.0 / ZONES as f32)
+        self.mean_wall_k
+    }
+
+    /// Sets both layers of the wall \[K\].
+    pub fn set_walls(&mut self, wall_k: &PerZone, outer_k: &PerZone) {
+        (self.wall_k, self.outer_k) = (*wall_k, *outer_k);
+        self.mean_wall_k = total(wall_k) * (1.0 / ZONES as f32);
     }
 
     /// Scales the masses to that sum \[kg\], with no zone far from the others.
@@ -245,13 +255,13 @@ impl Zones {
         let duration_s = steps * c.step_s;
         let mean_k = flow.gas_k / steps;
         let gas_k = scaled(&self.ratio, mean_k);
-        let excess_k = scaled(&minus(&gas_k, &self.wall_k), steps);
-        let profile_j = scaled(&exchange.profile_j, steps);
-        let heat_j = plus(&times(&exchange.zone_j_k, &excess_k), &profile_j);
+        let excess_k = minus(&gas_k, &self.wall_k);
         if c.profile.exists {
-            let excess_k = minus(&gas_k, &self.wall_k);
             self.profile_k = exchange.conduction.advance(&self.profile_k, &excess_k);
         }
+        let excess_k = scaled(&excess_k, steps);
+        let profile_j = scaled(&exchange.profile_j, steps);
+        let heat_j = plus(&times(&exchange.zone_j_k, &excess_k), &profile_j);
         let stirred_j = times(&exchange.stirred_j_k, &excess_k);
         let energy_j = 0.5 * (flow.energy_j + place.energy_j);
         let faces = self.faces(c, flow, place, &heat_j, energy_j);
@@ -344,7 +354,9 @@ impl Zones {
         let lost_j_k = c.heat.outer_w_k(place.surface_m2, place.speed_m_s) * duration_s;
         let friction_j = place.friction_j;
         let ambient_k = [c.ambient.temperature_k; ZONES];
+        let friction_j = [friction_j * (1.0 / ZONES as f32); ZONES];
         let per_inner = ZONES as f32 / c.wall_j_k;
+        let (wall_k, outer_k);
         // A wall does not overshoot its surroundings.
         if c.layers_w_k > 0.0 {
             let per_outer = ZONES as f32 / c.outer_j_k;
@@ -352,19 +364,19 @@ impl Zones {
             let through_j = scaled(&through, c.layers_w_k * duration_s * (1.0 / ZONES as f32));
             let lost_share = limit(lost_j_k / c.outer_j_k, 0.0, 1.0);
             let lost_k = scaled(&minus(&self.outer_k, &ambient_k), lost_share);
-            let gained_j = plus(&through_j, &[friction_j * (1.0 / ZONES as f32); ZONES]);
-            self.outer_k = plus(&self.outer_k, &minus(&scaled(&gained_j, per_outer), &lost_k));
+            let gained_j = plus(&through_j, &friction_j);
+            outer_k = plus(&self.outer_k, &minus(&scaled(&gained_j, per_outer), &lost_k));
             let inner_j = minus(heat_j, &through_j);
-            self.wall_k = plus(&self.wall_k, &scaled(&inner_j, per_inner));
+            wall_k = plus(&self.wall_k, &scaled(&inner_j, per_inner));
         } else {
             let lost_share = limit(lost_j_k / c.wall_j_k, 0.0, 1.0);
             let lost_k = scaled(&minus(&self.wall_k, &ambient_k), lost_share);
-            let gained_j = plus(heat_j, &[friction_j * (1.0 / ZONES as f32); ZONES]);
-            self.wall_k = plus(&self.wall_k, &minus(&scaled(&gained_j, per_inner), &lost_k));
+            let gained_j = plus(heat_j, &friction_j);
+            wall_k = plus(&self.wall_k, &minus(&scaled(&gained_j, per_inner), &lost_k));
+            outer_k = self.outer_k;
         }
         let sound = |k: f32| limit(k, super::COLDEST_K, super::HOTTEST_K);
-        self.wall_k = self.wall_k.map(sound);
-        self.outer_k = self.outer_k.map(sound);
+        self.set_walls(&wall_k.map(sound), &outer_k.map(sound));
     }
 }
 
