@@ -1,7 +1,7 @@
 //! How closely a set point is followed: figures of `control` in every summary, gathered step by step.
 
 use crate::trace::Row;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use thermyo_compute::math;
 use thermyo_files::number::significant;
@@ -17,7 +17,7 @@ const OFTEN: f64 = 0.1;
 const END: f64 = 1e-3;
 
 /// The controlled quantity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Controlled {
     /// Absolute pressure \[Pa\].
@@ -51,7 +51,7 @@ impl Controlled {
 
 /// Control errors, in the set point's unit. Those of a shape count after its first period, in which
 /// the muscle gets to where it begins.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Control {
     /// The controlled quantity.
     pub quantity: Controlled,

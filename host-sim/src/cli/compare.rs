@@ -3,9 +3,8 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use thermyo_files::number::significant;
 use thermyo_files::output::OutputDir;
-use thermyo_record::tracking::Controlled;
+use thermyo_record::tracking::Control;
 use thermyo_runs::compare;
 use thermyo_runs::compare::{Compared, Run};
 
@@ -67,23 +66,10 @@ fn control_of(run: &Path) -> Value {
     summary["control"].clone()
 }
 
-/// How a run followed its set point, in a line; empty without a set point.
+/// How a run followed its set point, below its name; empty without a set point.
 fn tracking(name: &str, control: &Value) -> String {
-    let quantity = match control["quantity"].as_str() {
-        Some("pressure") => Controlled::Pressure,
-        Some("contraction") => Controlled::Contraction,
-        _ => return String::new(),
-    };
-    let figure = |key: &str| control[key].as_f64();
-    let mut parts = Vec::new();
-    parts.extend(figure("rms_error").map(|error| format!("RMS error {}", quantity.text(error))));
-    parts.extend(figure("overshoot").map(|share| format!("overshoot {:.1} %", 100.0 * share)));
-    parts.extend(figure("gain").map(|gain| format!("gain {}", significant(gain, 3))));
-    parts.extend(figure("phase_deg").map(|phase_deg| format!("phase {phase_deg:.0} deg")));
-    parts.extend(figure("settled_s").map(|time_s| format!("settled in {time_s:.2} s")));
-    parts.extend(figure("pulses_per_s").map(|rate| format!("{rate:.1} pulses/s")));
-    parts.extend(control["diagnosis"].as_str().map(str::to_owned));
-    format!("{name}: {}\n", parts.join(", "))
+    let control = serde_json::from_value::<Control>(control.clone());
+    control.map(|control| format!("{name}\n{}", control.text())).unwrap_or_default()
 }
 
 /// Name of a run: its path without the file name that every trace has.
