@@ -311,9 +311,10 @@ fn the_estimate_is_content_with_a_slow_sensor() {
     let table = sweep(scenario, &vary, folder.path());
     let rows: Vec<Vec<f64>> = table.lines().skip(1).map(cells).collect();
     let (bare, estimate) = (4, 7);
-    assert!(rows[0][bare] < 1.0 && rows[1][bare] > 1.0, "{table}");
-    assert!((0.2..0.4).contains(&rows[0][estimate]), "{table}");
-    assert!((0.25..0.4).contains(&rows[2][estimate]), "{table}");
+    // A foil on the axis swings more than the mean of the gas, however fast it is.
+    assert!((2.0..3.5).contains(&rows[0][bare]) && rows[1][bare] > 4.0, "{table}");
+    assert!((0.7..1.4).contains(&rows[0][estimate]), "{table}");
+    assert!((0.35..0.8).contains(&rows[2][estimate]), "{table}");
 }
 
 #[test]
