@@ -39,6 +39,7 @@ use find::Hold;
 use model_core::Config;
 use model_core::config::Load;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
+use model_core::physics::hysteresis::{Held, Law};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use thermometer::Read;
@@ -215,8 +216,10 @@ pub fn analyse(rows: &Rows, known: &Known) -> Analysis {
     let cool = Cool::of(known);
     let closed: Vec<Closed> =
         holds.into_iter().map(|hold| close(hold, rows, &chamber, &cool)).collect();
-    let refused: Vec<Option<String>> =
-        closed.iter().map(|closed| moved(closed, config, &chamber)).collect();
+    let held_n = held_n(&rows.rows, config);
+    let moved =
+        |closed: &Closed| moved(closed, &held_n[closed.hold.rows.clone()], config, &chamber);
+    let refused: Vec<Option<String>> = closed.iter().map(moved).collect();
     let steady: Vec<&Closed> = of_usable(&closed, &refused);
     let prior = thermometer::configured(config);
     let mut sensor = thermometer::fit(&steady, &prior);
@@ -281,8 +284,25 @@ fn close<'a>(hold: Hold, rows: &'a Rows, chamber: &AnyChamber, cool: &Cool) -> C
     }
 }
 
-/// Why a stop cannot be used for its record alone: a gap, or a load that moved.
-fn moved(closed: &Closed, config: &Config, chamber: &AnyChamber) -> Option<String> {
+/// Force of slip and creep at each row, as configured, since a rest before the record \[N\].
+fn held_n(rows: &[Row], config: &Config) -> Vec<f64> {
+    let mut held = Held::default();
+    let mut before: Option<&Row> = None;
+    let next = |row| {
+        if let Some(before) = before.replace(row) {
+            let law = Law::new(&config.hysteresis, (row.time_s - before.time_s) as f32);
+            let way_m = (before.length_m - row.length_m) as f32;
+            let gauge_pa = row.pressure_pa as f32 - config.ambient.pressure_pa;
+            held = law.after(&held, way_m, gauge_pa, 1.0);
+        }
+        f64::from(held.force_n())
+    };
+    rows.iter().map(next).collect()
+}
+
+/// Why a stop cannot be used for its record alone: a gap, or a load that moved. `held_n` is the force
+/// of slip and creep at its rows \[N\].
+fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber) -> Option<String> {
     let gap = closed.rows.windows(2).find(|pair| pair[1].time_s - pair[0].time_s > LONGEST_GAP_S);
     if let Some([before, after]) = gap {
         return Some(format!(
@@ -290,18 +310,18 @@ fn moved(closed: &Closed, config: &Config, chamber: &AnyChamber) -> Option<Strin
             before.time_s, after.time_s
         ));
     }
-    let still: Vec<&Row> =
-        closed.rows.iter().filter(|row| row.time_s > closed.hold.shut_s + SHAKING_S).collect();
+    let rows = closed.rows.iter().zip(held_n);
+    let still: Vec<(&Row, &f64)> =
+        rows.filter(|(row, _)| row.time_s > closed.hold.shut_s + SHAKING_S).collect();
     // Means of ten rows, so that noise does not count.
-    let mean = |of: &dyn Fn(&Row) -> f64| -> Vec<(f64, f64)> {
+    let mean = |of: &dyn Fn(&Row, f64) -> f64| -> Vec<(f64, f64)> {
         let parts = still.chunks_exact(10);
-        parts
-            .map(|part| (part[0].time_s, part.iter().map(|row| of(row)).sum::<f64>() / 10.0))
-            .collect()
+        let sum = |part: &[(&Row, &f64)]| part.iter().map(|(row, n)| of(row, **n)).sum::<f64>();
+        parts.map(|part| (part[0].0.time_s, sum(part) / 10.0)).collect()
     };
     match config.load {
         Load::Isometric { .. } => {
-            let lengths_m = mean(&|row| row.length_m);
+            let lengths_m = mean(&|row, _| row.length_m);
             let most_m = HELD * f64::from(chamber.rest_length_m());
             let (at_s, moved_m) = farthest(&lengths_m);
             (moved_m > most_m).then(|| {
@@ -313,9 +333,9 @@ fn moved(closed: &Closed, config: &Config, chamber: &AnyChamber) -> Option<Strin
         }
         Load::Isotonic { force_n } => {
             let ambient_pa = f64::from(config.ambient.pressure_pa);
-            let forces_n = mean(&|row| {
+            let forces_n = mean(&|row, held_n| {
                 let gauge_pa = (row.pressure_pa - ambient_pa) as f32;
-                f64::from(chamber.force_n(gauge_pa, row.length_m as f32))
+                f64::from(chamber.force_n(gauge_pa, row.length_m as f32)) - held_n
             });
             let friction_n = f64::from(config.friction.force_n);
             let most_n = 2.0 * friction_n + LOAD_SHARE * f64::from(force_n.abs()) + LOAD_N;
