@@ -384,7 +384,7 @@ pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigure
         if pool.runs > 0.0 {
             let most_k = RANDOM_MEAN_K[usize::from(!told)];
             lines.push(CaseFigures {
-                case: format!("{count} muscles of seed {seed}, {word}"),
+                case: format!("{} muscles of seed {seed}, {word}", pool.runs),
                 figures: vec![
                     Figure::at_most("mean_k", pool.sum_k / pool.runs, most_k),
                     Figure::shown("worst_k", pool.worst_k),

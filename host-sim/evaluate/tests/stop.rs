@@ -50,9 +50,10 @@ impl Watch for AtQuestion {
 #[test]
 fn a_stopped_evaluation_returns_the_lines_of_the_finished_cases() {
     let lines = estimator::random(1, 30, &After::new(3)).unwrap();
-    let (total, muscles) = lines.split_last().unwrap();
+    let [muscles @ .., known, all] = &lines[..] else { panic!("{lines:?}") };
     assert!((3..30).contains(&muscles.len()), "{lines:?}");
-    assert_eq!(total.case, format!("{} muscles of seed 1", muscles.len()));
+    assert_eq!(known.case, format!("{} muscles of seed 1, known", muscles.len()));
+    assert_eq!(all.case, "all of seed 1");
     assert_eq!(thermyo_evaluate::missed(muscles).1, 2 * muscles.len());
 }
 
