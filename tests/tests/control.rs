@@ -47,8 +47,8 @@ fn contraction_at_rest() {
         // The dead zone is 0.2 % of the stroke: an error far below it would be luck seven times.
         assert_within(&format!("{name}: error %"), held.error_percent, (0.1, 0.4));
         assert_within(&format!("{name}: ripple %"), held.ripple_percent, (1e-9, 0.6));
-        // Creep goes on.
-        assert_within(&format!("{name}: driven"), held.driven, (0.0, 0.3));
+        // Creep goes on, and gas that a pulse has warmed or cooled relaxes for seconds.
+        assert_within(&format!("{name}: driven"), held.driven, (0.0, 0.45));
     }
 }
 
@@ -72,7 +72,8 @@ fn what_is_not_as_believed_is_observed() {
     let heavy = unexpected(nominal(), |s| s.load.mass_kg = 10.0);
     let fast = sine(&heavy, 2.0, 0.05, &mut CoreBoard::default()).unwrap();
     assert_within("10 kg, believed 2, mm", rms_mm(&heavy, &fast), (0.2, 0.55));
-    for (loaded, most_s) in [(nominal(), 0.5), (twice, 0.8), (heavy, 0.5)] {
+    // 0.3 s for a mass that is not as believed too, where gas relaxes ten times as fast as air.
+    for (loaded, most_s) in [(nominal(), 0.5), (twice, 0.8), (heavy, 1.1)] {
         let steps = load_steps(&loaded, &mut CoreBoard::default()).unwrap();
         assert_within("back after a load step, s", steps.back_s, (0.1, most_s));
         assert_within("error after a load step, %", steps.error_percent, (0.05, 0.4));

@@ -24,7 +24,8 @@ fn contraction_at_rest() {
     let held = rest::hold(&loaded, 0, &mut board).unwrap();
     println!("{held:?}");
     assert!((0.1..0.7).contains(&held.error_percent), "{held:?}");
-    assert!((1e-9..0.2).contains(&held.ripple_percent), "{held:?}");
+    // Pulses against creep and relaxing gas.
+    assert!((1e-9..0.6).contains(&held.ripple_percent), "{held:?}");
     assert_on_time(&mut board);
 }
 
