@@ -297,6 +297,58 @@ fn a_set_point_is_reported_with_its_unit() {
 }
 
 #[test]
+fn figures_are_in_practical_units_and_in_si_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[run]\nduration_s = 0.5\n[plant]\nmodel = \"lumped\"\n\
+                [drive]\nkind = \"pressure\"\npressure_pa = \"1.6 bar\"\n";
+    let file = scenario(folder.path(), text);
+    let out = folder.path().join("out").display().to_string();
+    let printed = |arguments: &[&str]| {
+        let output = thermyo(&[arguments, &["--out", &out]].concat());
+        assert!(output.status.success(), "{}", stderr_of(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let numbers = |text: &str, begin: &str, end: &str| -> Vec<f64> {
+        let (_, rest) = text.split_once(begin).unwrap_or_else(|| panic!("{begin}: {text}"));
+        let (range, _) = rest.split_once(end).unwrap_or_else(|| panic!("{end}: {text}"));
+        range.split(" to ").map(|number| number.parse().unwrap()).collect()
+    };
+    let [practical, si] = [&["run", &file][..], &["run", &file, "--si"]].map(printed);
+    let (shown_kpa, shown_pa) =
+        (numbers(&practical, "pressure ", " kPa, "), numbers(&si, "pressure ", " Pa, "));
+    let (celsius, kelvin) = (numbers(&practical, "gas ", " degC\n"), numbers(&si, "gas ", " K\n"));
+    for (shown, in_si) in shown_kpa.iter().zip(shown_pa) {
+        assert!((shown * 1e3 - in_si).abs() <= 51.0, "{practical}{si}");
+    }
+    for (shown, in_si) in celsius.iter().zip(kelvin) {
+        assert!((shown + 273.15 - in_si).abs() < 0.11, "{practical}{si}");
+    }
+    assert!(practical.contains("set point: RMS error ") && practical.contains(" kPa, "));
+    assert!(si.contains(" Pa, overshoot ") || si.contains(" Pa, at the end "), "{si}");
+    let both = ["compare", &out, &format!("{out}/earlier-1"), "--si"];
+    assert!(printed(&both).contains("pressure_pa            RMS 0 Pa, mean 0 Pa"));
+}
+
+#[test]
+fn quiet_leaves_notes_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |quiet: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_thermyo"))
+            .args(["run", "scenarios/contraction.toml", "--out", "out"])
+            .args(quiet)
+            .current_dir(&folder)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", stderr_of(&output));
+        stderr_of(&output)
+    };
+    // The scenario is the program's own, and the second run moves the result of the first.
+    assert!(run(&[]).contains("is not here"));
+    assert!(run(&[]).contains("is now in"));
+    assert_eq!(run(&["--quiet"]), "");
+}
+
+#[test]
 fn a_report_begins_with_what_matters() {
     let folder = tempfile::tempdir().unwrap();
     let page = |text: &str, measured: Option<&str>| {

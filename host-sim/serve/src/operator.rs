@@ -20,6 +20,7 @@ use std::time::{Duration, Instant};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
+use thermyo_files::units::UnitSystem;
 use thermyo_logs::Logs;
 use thermyo_protocol::{ConfigSource, Refusal, Status, Timing};
 use thermyo_setup::Loaded;
@@ -626,7 +627,7 @@ impl Operator {
         self.shared.add_result(Outcome { name: name.clone(), folder, text });
         self.guided = Some(Guided::Over(Guide {
             title: "Stops".to_owned(),
-            text: findings.text(),
+            text: findings.text(UnitSystem::Practical),
             result: Some(name),
             over: true,
             ..Guide::default()

@@ -1,9 +1,10 @@
-use super::{Failure, OutputArgs, print, publish, read_record, trace_in};
+use super::{Failure, OutputArgs, UnitArgs, print, publish, read_record, trace_in};
 use clap::Args;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_files::output::OutputDir;
+use thermyo_files::units::UnitSystem;
 use thermyo_record::tracking::Control;
 use thermyo_runs::compare;
 use thermyo_runs::compare::{Compared, Run};
@@ -15,6 +16,8 @@ pub(super) struct CompareArgs {
     runs: Vec<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
+    #[command(flatten)]
+    units: UnitArgs,
 }
 
 pub(super) fn run(
@@ -38,6 +41,7 @@ pub(super) fn run(
             "thermyo: warning: {run} and {with} have no column at the same time in common"
         );
     }
+    let units = args.units.system();
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/compare"));
     let mut out = OutputDir::create(&folder)?;
     let control: Vec<Value> = args.runs.iter().map(|path| control_of(path)).collect();
@@ -48,13 +52,13 @@ pub(super) fn run(
     let json = format!("{json:#}\n");
     out.text("summary.json", &json)?;
     out.text("report.html", &compare::page(&runs, &compared))?;
-    publish(out, stderr)?;
-    if args.output.json {
+    publish(out, args.output.format, stderr)?;
+    if args.output.format.json {
         return print(stdout, &json);
     }
-    print(stdout, &compare::text(&compared))?;
+    print(stdout, &compare::text(&compared, units))?;
     for (run, control) in runs.iter().zip(&control) {
-        print(stdout, &tracking(&run.name, control))?;
+        print(stdout, &tracking(&run.name, control, units))?;
     }
     print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
 }
@@ -67,9 +71,9 @@ fn control_of(run: &Path) -> Value {
 }
 
 /// How a run followed its set point, below its name; empty without a set point.
-fn tracking(name: &str, control: &Value) -> String {
+fn tracking(name: &str, control: &Value, units: UnitSystem) -> String {
     let control = serde_json::from_value::<Control>(control.clone());
-    control.map(|control| format!("{name}\n{}", control.text())).unwrap_or_default()
+    control.map(|control| format!("{name}\n{}", control.text(units))).unwrap_or_default()
 }
 
 /// Name of a run: its path without the file name that every trace has.

@@ -144,7 +144,7 @@ impl Subject {
             | Self::Faults(FaultsArgs { nominal, .. }) => nominal.scenario.as_deref(),
             Self::Plants(_) | Self::Truth { .. } => None,
         };
-        path.map_or_else(|| Ok(thermyo_evaluate::nominal()?), |path| load(path, err))
+        path.map_or_else(|| Ok(thermyo_evaluate::nominal()?), |path| load(path, self.format(), err))
     }
 }
 
@@ -223,7 +223,7 @@ fn report(
         control_page::page(nominal, lines, &plots)
     };
     files.text("report.html", &page)?;
-    publish(files, err)
+    publish(files, subject.format(), err)
 }
 
 /// Message about the finished cases of a stopped table.

@@ -1,7 +1,9 @@
 //! `thermyo measure`: what a muscle itself shows of its gas.
 
 use super::progress::Bar;
-use super::{Failure, interrupt, load, print, publish, title_of, tune, whole};
+use super::{
+    Failure, FormatArgs, UnitArgs, interrupt, load, print, publish, quantity, title_of, tune, whole,
+};
 use clap::{Args, Subcommand};
 use model_core::{Config, SetPointError};
 use std::io::Write;
@@ -41,14 +43,15 @@ struct StopArgs {
     /// Number of stops [default: 8]
     #[arg(long, value_name = "N", default_value = "8", hide_default_value = true, value_parser = stops)]
     stops: usize,
-    /// Time for which the valves stay shut, in s [default: four time constants of gas and sensor]
-    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = wait)]
+    /// Time for which the valves stay shut, such as 30 (s) or 2min [default: four time constants of
+    /// gas and sensor]
+    #[arg(long, value_name = "TIME", allow_negative_numbers = true, value_parser = wait)]
     wait: Option<f64>,
-    /// Period of the cycle, in s [default: 5]
-    #[arg(long, value_name = "S", default_value = "5", hide_default_value = true, allow_negative_numbers = true, value_parser = period)]
+    /// Period of the cycle, such as 5 (s) [default: 5]
+    #[arg(long, value_name = "TIME", default_value = "5", hide_default_value = true, allow_negative_numbers = true, value_parser = period)]
     period: f64,
-    /// Highest absolute pressure, in Pa [default: 400000, or what is armed]
-    #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = tune::pressure)]
+    /// Highest absolute pressure, such as 3.5bar or 350000 (Pa) [default: 4bar, or what is armed]
+    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = tune::pressure)]
     max_pressure: Option<f64>,
     /// Seed of the random phases [default: 1]
     #[arg(long, value_name = "N", default_value = "1", hide_default_value = true)]
@@ -59,12 +62,10 @@ struct StopArgs {
     /// Folder for the results, including report.html [default: out/measure]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print the summary as JSON on standard output
-    #[arg(long)]
-    json: bool,
-    /// No progress bar
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    format: FormatArgs,
+    #[command(flatten)]
+    units: UnitArgs,
 }
 
 fn stops(text: &str) -> Result<usize, String> {
@@ -72,8 +73,9 @@ fn stops(text: &str) -> Result<usize, String> {
 }
 
 fn seconds(text: &str, [least, most]: [f64; 2]) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|value: &f64| (least..=most).contains(value));
-    value.ok_or_else(|| format!("must be a time from {least} to {most} s"))
+    let value = quantity("s")(text)?;
+    let allowed = (least..=most).contains(&value);
+    allowed.then_some(value).ok_or_else(|| format!("must be a time from {least} to {most} s"))
 }
 
 fn wait(text: &str) -> Result<f64, String> {
@@ -104,7 +106,7 @@ pub(super) fn run(
     let refused = |error| Failure::Usage(format!("{}: {error}", args.target));
     let path = Path::new(&args.target);
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
-        let loaded = load(path, err)?;
+        let loaded = load(path, args.format, err)?;
         let config = core_config(&loaded.believed);
         allowed(&config)?;
         let plan = Plan::new(&loaded, &config, &asked, None).map_err(refused)?;
@@ -140,7 +142,7 @@ fn measure(
     let mut files = OutputDir::create(&folder)?;
     interrupt::watch();
     let step_s = plan.driven.plant.run.step_s;
-    let bar = Bar::new((plan.driven.plant.run.duration_s * 1e3) as u64, args.quiet);
+    let bar = Bar::new((plan.driven.plant.run.duration_s * 1e3) as u64, args.format.quiet);
     let mut record = Record::default();
     let outcome = bench.measure(plan, &mut record, &mut |telemetry| {
         bar.set_position((f64::from(telemetry.step) * step_s * 1e3) as u64);
@@ -166,11 +168,11 @@ fn measure(
     }
     let findings = measured(&record, plan, loaded, board);
     write(&mut files, &findings, &record, loaded, title)?;
-    publish(files, err)?;
-    if args.json {
+    publish(files, args.format, err)?;
+    if args.format.json {
         print(out, &findings.json())?;
     } else {
-        print(out, &findings.text())?;
+        print(out, &findings.text(args.units.system()))?;
         print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
     if interrupted {

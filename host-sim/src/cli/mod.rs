@@ -41,13 +41,14 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
+use thermyo_boards::checkout;
 use thermyo_files::input::{InputError, nearest};
-use thermyo_files::number::of_column;
+use thermyo_files::number::difference_text;
 use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
 use thermyo_files::table;
 use thermyo_files::table::Table;
-use thermyo_files::units::Wanted;
+use thermyo_files::units::{UnitSystem, Wanted};
 use thermyo_identify::motion;
 use thermyo_identify::static_map;
 use thermyo_identify::static_map::Readings;
@@ -113,6 +114,11 @@ enum Task {
         out: Option<PathBuf>,
         #[command(flatten)]
         format: FormatArgs,
+        #[command(flatten)]
+        units: UnitArgs,
+        /// Record every N-th step; `thermyo replay` needs every step: 1
+        #[arg(long, value_name = "N", default_value_t = monitor::EVERY, value_parser = |text: &str| whole(text, 1..=1000_u16))]
+        every: u16,
         #[command(flatten)]
         log: LogArgs,
     },
@@ -181,6 +187,13 @@ impl FormatArgs {
         }
     }
 
+    /// Prints a note, which is neither result, warning nor error.
+    fn note(self, err: &mut dyn Write, note: &str) {
+        if !self.quiet {
+            let _ = writeln!(err, "{note}");
+        }
+    }
+
     /// Prints a requested result: as text or as JSON.
     fn answer(
         self,
@@ -197,18 +210,30 @@ struct OutputArgs {
     /// Folder for the results, including report.html [default: out/<command>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print the summary as JSON on standard output
+    #[command(flatten)]
+    format: FormatArgs,
+}
+
+/// Units of the printed figures; JSON is SI.
+#[derive(Debug, Clone, Copy, Args)]
+struct UnitArgs {
+    /// Print figures in SI: Pa, m, K and ratios instead of kPa, mm, degC and %
     #[arg(long)]
-    json: bool,
-    /// No progress bar
-    #[arg(long)]
-    quiet: bool,
+    si: bool,
+}
+
+impl UnitArgs {
+    fn system(self) -> UnitSystem {
+        if self.si { UnitSystem::Si } else { UnitSystem::Practical }
+    }
 }
 
 #[derive(Debug, Args)]
 struct ReproduceArgs {
     #[command(flatten)]
     output: OutputArgs,
+    #[command(flatten)]
+    units: UnitArgs,
 }
 
 #[derive(Debug, Args)]
@@ -217,6 +242,8 @@ struct RunArgs {
     scenario: PathBuf,
     #[command(flatten)]
     output: OutputArgs,
+    #[command(flatten)]
+    units: UnitArgs,
     #[command(flatten)]
     board: BoardArgs,
     #[command(flatten)]
@@ -285,6 +312,9 @@ fn whole<T: FromStr + PartialOrd + Display>(
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
     let arguments: Vec<OsString> = std::env::args_os().collect();
+    if arguments.iter().any(|argument| argument == "--quiet") {
+        checkout::say_nothing();
+    }
     let size = terminal::size().ok().filter(|_| io::stdout().is_terminal());
     let columns = size.and_then(|(columns, _)| folded::columns(columns));
     let code = match columns {
@@ -329,9 +359,10 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Replay(args) => replay::run(&args, out, err),
         Task::Fmu(args) => fmu::run(&args, out, err),
         Task::Compare(args) => compare::run(&args, out, err),
-        Task::Monitor { port, out: folder, format, log } => {
+        Task::Monitor { port, out: folder, format, units, every, log } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
-            monitor_command(&port, &folder, format, &log.wanted(), out, err)
+            let shown = (format, units.system());
+            monitor_command((&port, every), &folder, shown, &log.wanted(), out, err)
         }
         Task::Serve(args) => serve::run(&args, out),
         Task::Playground(args) => playground::run(&args, out),
@@ -394,7 +425,7 @@ fn check_command(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = load(path, err)?;
+    let loaded = load(path, format, err)?;
     // Steps that would be too short are found only when the plant is built.
     thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
         .map_err(|error| Failure::Run(RunError::Build(error)))?;
@@ -403,12 +434,12 @@ fn check_command(
 }
 
 /// Loads a scenario; prints its warnings, and a note if the built-in file is used.
-fn load(path: &Path, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
+fn load(path: &Path, format: FormatArgs, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
     let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
     if shipped::instead_of(path).is_some() {
         let path = path.display();
-        let _ =
-            writeln!(stderr, "thermyo: {path} is not here: the one inside this program is used");
+        let note = format!("thermyo: {path} is not here: the one inside this program is used");
+        format.note(stderr, &note);
     }
     for warning in warnings {
         let _ = writeln!(stderr, "thermyo: warning: {warning}");
@@ -421,7 +452,7 @@ fn run_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = load(&args.scenario, stderr)?;
+    let loaded = load(&args.scenario, args.output.format, stderr)?;
     let duration_s = loaded.plant.run.duration_s;
     let measured = match &args.measured {
         Some(path) => Some(read_to_compare(path, duration_s, stderr)?),
@@ -457,7 +488,7 @@ fn run_command(
     };
     let title = title_of(&args.scenario);
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
-    finish(out, stdout, stderr, &summary, &page, &args.output)
+    finish(out, stdout, stderr, &summary, &page, (&args.output, args.units))
 }
 
 fn identify_command(
@@ -465,7 +496,7 @@ fn identify_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = load(&args.config, stderr)?;
+    let loaded = load(&args.config, args.output.format, stderr)?;
     let Some(data) = &args.data else {
         return plan_command(&loaded, args, stdout, stderr);
     };
@@ -476,7 +507,7 @@ fn identify_command(
     // Created before the search, which takes minutes: an unwritable folder fails at once.
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
     let mut out = OutputDir::create(&folder)?;
-    let bar = Bar::new(0, args.output.quiet);
+    let bar = Bar::new(0, args.output.format.quiet);
     let found = identify_table(&loaded, &args.config, &table, data, against.as_ref(), &bar);
     drop(bar);
     let found = match found {
@@ -493,8 +524,8 @@ fn identify_command(
     out.text("report.html", &found.page(&title))?;
     let (name, plot) = found.plot(&title);
     out.text(name, &plot)?;
-    publish(out, stderr)?;
-    if args.output.json {
+    publish(out, args.output.format, stderr)?;
+    if args.output.format.json {
         print(stdout, &json)?;
     } else {
         print(stdout, &found.text())?;
@@ -514,7 +545,7 @@ fn plan_command(
         let (text, reasons) = motion::plan(loaded, &args.config)?;
         print(stdout, &text)?;
         for reason in reasons {
-            let _ = writeln!(stderr, "{reason}");
+            args.output.format.note(stderr, &reason);
         }
         return Ok(());
     }
@@ -544,9 +575,9 @@ fn title_of(file: &Path) -> String {
 }
 
 fn monitor_command(
-    port: &str,
+    (port, every): (&str, u16),
     folder: &Path,
-    format: FormatArgs,
+    (format, units): (FormatArgs, UnitSystem),
     logs: &Logs,
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
@@ -557,19 +588,20 @@ fn monitor_command(
     let recorder = Recorder::new(out.file("trace.csv")?)
         .map_err(|error| out.unwritable("trace.csv", &error))?
         .beside(logs.open(&mut out)?);
-    let mut session = Session::open(port, recorder).map_err(Failure::Board)?;
+    let mut session = Session::open(port, every, recorder).map_err(Failure::Board)?;
     let shown = match (format.quiet || format.json, io::stdout().is_terminal()) {
         (true, _) => Shown::Not,
         (false, true) => Shown::Terminal,
         (false, false) => Shown::Lines,
     };
     // `stdout` folds lines: the figures need the raw stream.
+    let shown = (shown, units);
     let outcome = monitor::run(&mut session, &mut out, shown, &interrupt::is_requested);
     let rows = session.rows();
     // Closes the file before it moves.
     drop(session);
     if rows > 0 {
-        publish(out, stderr)?;
+        publish(out, format, stderr)?;
         let trace = folder.join("trace.csv").display().to_string();
         let json = serde_json::json!({ "rows": rows, "trace": trace });
         format.done(stdout, &json, &format!("{rows} rows recorded: {trace}\n"))?;
@@ -602,8 +634,8 @@ fn reproduce_command(
         findings => findings.map_err(Failure::Run)?,
     };
     let page = reproduce::page(&loaded, &findings, &summary);
-    finish(out, stdout, stderr, &summary, &page, &args.output)?;
-    if !args.output.json {
+    finish(out, stdout, stderr, &summary, &page, (&args.output, args.units))?;
+    if !args.output.format.json {
         print(stdout, &findings.text())?;
     }
     findings.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
@@ -624,7 +656,7 @@ fn record(
     let beside = logs.open(out)?;
     let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
     let mut writer = TraceWriter::new(file).map_err(unwritable)?.beside(beside);
-    let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, args.quiet);
+    let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, args.format.quiet);
     let mut observer = |row: &Row| {
         writer.write(&row.cells())?;
         each(row);
@@ -659,22 +691,24 @@ fn finish(
     stderr: &mut dyn Write,
     summary: &Summary,
     page: &str,
-    args: &OutputArgs,
+    (args, units): (&OutputArgs, UnitArgs),
 ) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(summary).expect("a summary is plain data") + "\n";
     let folder = out.path().to_path_buf();
     out.text("summary.json", &json)?;
     out.text("report.html", page)?;
-    publish(out, stderr)?;
-    if args.json { print(stdout, &json) } else { print(stdout, &brief(summary, &folder)) }
+    publish(out, args.format, stderr)?;
+    let brief = || brief(summary, units.system(), &folder);
+    print(stdout, &if args.format.json { json } else { brief() })
 }
 
 /// Publishes the results, and prints where an earlier result was moved to.
-fn publish(out: OutputDir, stderr: &mut dyn Write) -> Result<(), Failure> {
+fn publish(out: OutputDir, format: FormatArgs, stderr: &mut dyn Write) -> Result<(), Failure> {
     let folder = out.path().to_path_buf();
     if let Some(earlier) = out.publish()? {
         let (folder, earlier) = (folder.display(), earlier.display());
-        let _ = writeln!(stderr, "thermyo: the earlier result in {folder} is now in {earlier}");
+        let note = format!("thermyo: the earlier result in {folder} is now in {earlier}");
+        format.note(stderr, &note);
     }
     Ok(())
 }
@@ -717,19 +751,17 @@ fn read_to_compare(
     Ok(measured)
 }
 
-fn brief(summary: &Summary, folder: &Path) -> String {
+fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
     let mut text = format!(
         "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
-         pressure {:.1} to {:.1} kPa, gas {:.1} to {:.1} K\n\
+         pressure {}, gas {}\n\
          gas temperature, RMS error: bare sensor {:.3} K, model {:.3} K, estimate {:.3} K\n\
          balance errors: mass {:.1e}, energy {:.1e}\n",
         summary.duration_s,
         summary.real_time_factor,
         summary.board,
-        summary.pressure_pa.min / 1e3,
-        summary.pressure_pa.max / 1e3,
-        summary.gas_temperature_k.min,
-        summary.gas_temperature_k.max,
+        units.range([summary.pressure_pa.min, summary.pressure_pa.max], "Pa", 1),
+        units.range([summary.gas_temperature_k.min, summary.gas_temperature_k.max], "K", 1),
         summary.rmse_k.sensor_gas,
         summary.rmse_k.model,
         summary.rmse_k.estimate,
@@ -738,12 +770,13 @@ fn brief(summary: &Summary, folder: &Path) -> String {
     );
     if let Some(measured) = &summary.measured {
         for (name, difference) in measured {
-            let [rmse, max] = [difference.rmse, difference.max].map(|v| of_column(v, name));
+            let [rmse, max] =
+                [difference.rmse, difference.max].map(|v| difference_text(v, name, units));
             text += &format!("measured {name}: RMS difference {rmse}, largest {max}\n");
         }
     }
     if let Some(control) = &summary.control {
-        text += &control.text();
+        text += &control.text(units);
     }
     text += &summary.core.fault_line();
     for warning in [summary.overconfidence(), summary.unrest()].into_iter().flatten() {

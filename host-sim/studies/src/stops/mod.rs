@@ -17,6 +17,7 @@ use serde::Serialize;
 use thermyo_files::input::InputError;
 use thermyo_files::number::fixed;
 use thermyo_files::output::OutputDir;
+use thermyo_files::units::UnitSystem;
 use thermyo_identify::stops::{Analysis, FEWEST, Stop, analyse_with, page, refusals};
 use thermyo_setup::Loaded;
 
@@ -129,19 +130,22 @@ impl Findings {
     }
 
     /// Figures as lines for a terminal.
-    pub fn text(&self) -> String {
+    pub fn text(&self, units: UnitSystem) -> String {
+        let temperature = |k: f64| units.text(k, "K", 2);
         let mut text = String::new();
         for (i, stop) in self.analysis.stops.iter().enumerate() {
             let Some(estimate_k) = stop.estimate_k.filter(|_| stop.usable()) else { continue };
-            let plant = stop.truth_k.map_or_else(String::new, |k| format!("  plant {k:.2} K"));
+            let plant =
+                stop.truth_k.map_or_else(String::new, |k| format!("  plant {}", temperature(k)));
             text += &format!(
-                "stop {:2} at {:7.2} s: gas {:.2} ± {:.2} K  estimate {estimate_k:.2} ± {:.2} K  sensor {:.2} K{plant}\n",
+                "stop {:2} at {:7.2} s: gas {} ± {:.2} K  estimate {} ± {:.2} K  sensor {}{plant}\n",
                 i + 1,
                 stop.time_s,
-                stop.gas_k,
+                temperature(stop.gas_k),
                 stop.gas_sd_k,
+                temperature(estimate_k),
                 stop.estimate_sd_k.unwrap_or(f64::NAN),
-                stop.sensor_k,
+                temperature(stop.sensor_k),
             );
         }
         let rms = |name: &str, value: Option<f64>| {
