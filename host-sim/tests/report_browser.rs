@@ -63,6 +63,7 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
         let [all, without, again] = [0, 1, 2].map(|i| chart["traces"][i].as_u64());
         assert!(without.is_none() || without < all && again == all, "{name}: {chart}");
     }
+    assert_eq!(seen["serious"], Value::Array(Vec::new()), "{name}");
     let narrow = &seen["narrow"];
     assert_eq!(narrow["page_px"], 390, "{name}: {narrow}");
     assert_eq!(narrow["cut"], Value::Array(Vec::new()), "{name}");

@@ -707,6 +707,7 @@ fn the_page_in_a_browser() {
     assert!(seen["report"].as_str().unwrap().contains("record-1"), "{seen}");
     assert_eq!(seen["narrow_px"], 390, "{seen}");
     assert_eq!(seen["temperature_above"], true, "{seen}");
+    assert_eq!(seen["serious"], json!([]), "{seen}");
     assert_eq!(seen["ends"][0], seen["ends"][1], "the muscle's colours: {seen}");
     assert_eq!(seen["killed"], json!({ "armed": "was armed", "set": false }), "{seen}");
 }
