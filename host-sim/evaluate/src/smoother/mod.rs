@@ -11,7 +11,8 @@
 //! (`trend.rs`), pulse by pulse; an error of the housing; derivatives by differences instead of
 //! formulae. It has neither the plant's true values nor anything else that the core lacks. Where
 //! the plant does not follow the model, it is wrong too, possibly more than the core, because it
-//! assumes the model over the whole run.
+//! assumes the model over the whole run. Its model has one zone and a constant coefficient of still
+//! gas: in air by the laws it errs by kelvins, and is a yardstick with `heat.model = "constant"` alone.
 
 mod trend;
 
