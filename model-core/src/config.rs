@@ -155,7 +155,7 @@ parameters! {
         foil_swing: 0.2, "", 0.0 to 10.0, "the same, share of the gas's swing about the wall";
         foil_memory_s: 0.4, "s", 0.001 to 1.0e6, "how long that lasts";
         reading_sd_k: 0.15, "K", 0.0 to 100.0, "mean reading of an interval, beside its noise";
-        valid_sd_k: 1.0, "K", 0.0 to 100.0, "stated deviation up to which the estimate is valid";
+        valid_sd_k: 2.5, "K", 0.0 to 100.0, "stated deviation up to which the estimate is valid";
     }
 }
 
