@@ -53,14 +53,15 @@ fn contraction_at_rest() {
 }
 
 #[test]
-fn what_does_not_creep_is_left_alone_at_rest() {
+fn what_does_not_creep_is_driven_less_at_rest() {
     let still = both(nominal(), |s| {
         s.muscle.creep_fast_n_m = 0.0;
         s.muscle.creep_slow_n_m = 0.0;
     });
     let held = rest::hold(&still, 0, &mut CoreBoard::default()).unwrap();
     assert_within("error %", held.error_percent, (0.1, 0.3));
-    assert_eq!(held.driven, 0.0);
+    // Air that a pulse has warmed or cooled relaxes for seconds: 0.18, and 0.40 with creep.
+    assert_within("driven", held.driven, (0.05, 0.3));
 }
 
 #[test]
@@ -73,7 +74,7 @@ fn what_is_not_as_believed_is_observed() {
     let fast = sine(&heavy, 2.0, 0.05, &mut CoreBoard::default()).unwrap();
     assert_within("10 kg, believed 2, mm", rms_mm(&heavy, &fast), (0.2, 0.55));
     // 0.3 s for a mass that is not as believed too, where gas relaxes ten times as fast as air.
-    for (loaded, most_s) in [(nominal(), 0.5), (twice, 0.8), (heavy, 1.1)] {
+    for (loaded, most_s) in [(nominal(), 0.5), (twice, 1.2), (heavy, 1.2)] {
         let steps = load_steps(&loaded, &mut CoreBoard::default()).unwrap();
         assert_within("back after a load step, s", steps.back_s, (0.1, most_s));
         assert_within("error after a load step, %", steps.error_percent, (0.05, 0.4));

@@ -251,7 +251,7 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
     Zones {
         // What the plant exchanges between neighbours acts over the distance of its zones.
         recirculation: (RECIRCULATION * CORE_ZONES / chamber.zones().max(1) as f64) as f32,
-        jet_reach_m: (JET_REACH_DIAMETERS * diameter_m) as f32,
+        jet_reach_m: (JET_REACH_DIAMETERS * diameter_m).max(limits("zones.jet_reach_m").min) as f32,
         diffusivity_m2_s: BACKGROUND_DIFFUSIVITY as f32,
         foil_position: foil.position as f32,
         foil_span: foil.span as f32,

@@ -197,9 +197,10 @@ impl Coefficients {
 
 /// A jet's share in each zone, and the exchange across each border; a jet decays along the muscle.
 fn jets(zones: &Zones, length_m: f32) -> ([f32; ZONES], [f32; ZONES - 1]) {
-    let reached = |place: f32| exp(-place * length_m / zones.jet_reach_m);
-    let recirculation = [0.25, 0.5, 0.75].map(|place| zones.recirculation * reached(place));
-    ([0.125, 0.375, 0.625, 0.875].map(reached), recirculation)
+    let reached = |way: f32| exp(-way * length_m / zones.jet_reach_m);
+    let recirculation = [0.25, 0.5, 0.75].map(|way| zones.recirculation * reached(way));
+    // Counted from the middle of the first zone, so that the sum is 1 at least however short the reach.
+    ([0.0, 0.25, 0.5, 0.75].map(reached), recirculation)
 }
 
 /// Fourth power of buoyancy's coefficient, over pressure squared and temperature difference.
