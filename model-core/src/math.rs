@@ -1,4 +1,4 @@
-//! The functions that `core` does not have: square root, exponential, logarithm, clamp to a range.
+//! The functions that `core` does not have: square root, exponential, logarithm, sine, clamp to a range.
 //!
 //! `micromath` gives the seed (a bit trick, some 5 % off), Newton's method does the rest, so that the
 //! result is the same to the bit on a soft-float Cortex-M0+, on an FPU and on the host: every
@@ -89,6 +89,29 @@ pub fn ln(x: f32) -> f32 {
     let series = 1.0 + z * (1.0 / 3.0 + z * (0.2 + z * (1.0 / 7.0 + z * (1.0 / 9.0))));
     let n = n as f32;
     n * LN_2_HIGH + (n * LN_2_LOW + 2.0 * s * series)
+}
+
+/// Pi in two parts (Cody and Waite); the first has eight bits, so that a small multiple of it is exact.
+const PI_HIGH: f32 = 3.140_625;
+const PI_LOW: f32 = 9.676_536e-4;
+
+/// Sine of an angle \[rad\], error below 3e-7 up to 100 rad, to which arguments are limited.
+pub fn sin(angle_rad: f32) -> f32 {
+    let x = limit(angle_rad, -100.0, 100.0);
+    let scaled = x * core::f32::consts::FRAC_1_PI;
+    let half_turns = if scaled >= 0.0 { scaled + 0.5 } else { scaled - 0.5 } as i32;
+    let n = half_turns as f32;
+    let r = (x - n * PI_HIGH) - n * PI_LOW;
+    let z = r * r;
+    // Taylor to r^11 for |r| <= pi/2: remainder 6e-8.
+    let series = 1.0
+        - z * (1.0 / 6.0)
+            * (1.0
+                - z * (1.0 / 20.0)
+                    * (1.0
+                        - z * (1.0 / 42.0) * (1.0 - z * (1.0 / 72.0) * (1.0 - z * (1.0 / 110.0)))));
+    let sine = r * series;
+    if half_turns & 1 == 0 { sine } else { -sine }
 }
 
 /// `x` limited to `low ..= high`; `low` for NaN. `f32::clamp` would panic on a bad range.
@@ -196,6 +219,11 @@ mod tests {
             let exact = f64::from(x).sqrt();
             prop_assert!((f64::from(sqrt(x)) / exact - 1.0).abs() < 1e-6);
             prop_assert!((f64::from(inverse_sqrt(x)) * exact - 1.0).abs() < 1e-6);
+        }
+
+        #[test]
+        fn sine_is_close(x in -100.0_f32..100.0) {
+            prop_assert!((f64::from(sin(x)) - f64::from(x).sin()).abs() < 1e-6);
         }
 
         #[test]

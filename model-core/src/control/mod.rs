@@ -24,7 +24,7 @@
 //! Work is done once per PWM period, at its start; the friction at the estimated wall temperature in
 //! the middle of the period before, because an exponential is dear without an FPU.
 
-mod chamber_port;
+pub(crate) mod chamber_port;
 mod contraction;
 mod cycle;
 mod load_observer;
@@ -326,27 +326,7 @@ impl Controller {
     }
 
     fn port(&self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> ChamberPort {
-        let period_s = self.drive.period_s();
-        let volume_m3 = chamber.volume_m3(feedback.length_m);
-        let leaked_kg = if config.leak.leaks() {
-            let Config { leak, gas, ambient, .. } = config;
-            period_s * leak.mass_flow_kg_s(gas, feedback.muscle(), ambient.pressure_pa)
-        } else {
-            0.0
-        };
-        ChamberPort {
-            period_s,
-            pwm_hz: self.drive.pwm_hz(),
-            pressure_pa: feedback.pressure_pa,
-            volume_m3,
-            in_flight_kg: self.drive.in_flight_kg(),
-            leaked_kg,
-            saturated: self.drive.saturated(),
-            inflow_k: config.supply.temperature_k,
-            gas_k: feedback.estimate.gas_k,
-            per_k: self.per_k,
-            gas_constant_j_kg_k: config.gas.gas_constant_j_kg_k,
-        }
+        ChamberPort::new(config, chamber, feedback, &self.drive, self.per_k)
     }
 }
 
