@@ -8,7 +8,7 @@
 use super::bristle::Drag;
 use super::chamber::Chamber;
 use super::closure::Closure;
-use super::end::{End, Ends, Falling};
+use super::end::{End, EndMotion, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
 use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Section, Stirred};
@@ -24,7 +24,8 @@ use super::sensors::{Exposure, Sensors};
 use super::start::Start;
 use super::zones::Stirring;
 use super::{
-    Actuation, BuildError, Diverged, Ledger, Plant, Substeps, Truth, check_gas, check_length,
+    Actuation, BuildError, Diverged, DrivenEnd, Ledger, Plant, Substeps, Truth, check_gas,
+    check_length,
 };
 use thermyo_compute::math;
 use thermyo_scenario::{LoadKind, Scenario};
@@ -78,7 +79,7 @@ struct Constants<C> {
     closure: Closure,
     pull: Pull<C>,
     hysteresis: Hysteresis,
-    isometric: bool,
+    motion: EndMotion,
     ends: Ends,
     softening: Softening,
     pressed: Pressed,
@@ -210,7 +211,7 @@ impl<C: Chamber> Constants<C> {
             zones,
             closure,
             hysteresis: Hysteresis::of(scenario),
-            isometric: scenario.load.kind == LoadKind::Isometric,
+            motion: EndMotion::of(scenario),
             ends: Ends::new(scenario, pull.load_n, chamber.pushes()),
             softening: Softening::new(&scenario.friction),
             pressed: Pressed::new(scenario.friction.pressure_factor),
@@ -454,7 +455,7 @@ impl<C: Chamber> Constants<C> {
     ) -> Drag {
         rates[LENGTH..=BRISTLE].fill(0.0);
         rates[SLIDER..=SLOW].fill(0.0);
-        if self.isometric {
+        if self.motion == EndMotion::Fixed {
             return Drag::default();
         }
         let speed = y[SPEED];
@@ -468,7 +469,10 @@ impl<C: Chamber> Constants<C> {
         let [shortest, longest] = self.pull.stops;
         let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;
         let inside = y[LENGTH] <= shortest && speed >= 0.0 && net >= 0.0;
-        if !(outside || inside) {
+        if let EndMotion::Driven(speed_m_s) = self.motion {
+            rates[LENGTH] = speed_m_s;
+            rates[BRISTLE] = drag.deflection_rate;
+        } else if !(outside || inside) {
             rates[LENGTH] = -speed;
             rates[SPEED] = net * end.per_mass_kg;
             rates[BRISTLE] = drag.deflection_rate;
@@ -491,7 +495,7 @@ impl<C: Chamber> Constants<C> {
 
     /// Drags the slider after a step, and gives its heat to friction and wall.
     fn slide(&self, y: &mut [f64], power: &mut LocalPower, softening: f64) {
-        if self.isometric {
+        if self.motion == EndMotion::Fixed {
             return;
         }
         let slip = &self.hysteresis.slip;
@@ -521,7 +525,7 @@ impl<C: Chamber> Constants<C> {
     fn stop(&self, y: &mut [f64], power: &mut LocalPower) {
         let [shortest, longest] = self.pull.stops;
         let beyond = y[LENGTH] > longest || y[LENGTH] < shortest;
-        if !beyond || self.isometric {
+        if !beyond || self.motion != EndMotion::Free {
             return;
         }
         let (before_pa, before_m3) = self.place(y, power);
@@ -557,7 +561,7 @@ impl<C: Chamber> Constants<C> {
         step: f64,
         falling: Option<Falling>,
     ) -> Option<Falling> {
-        if self.isometric {
+        if self.motion != EndMotion::Free {
             return None;
         }
         let (falling, speed) = self.ends.hang(falling, step, (y[LENGTH], y[SPEED]), acceleration);
@@ -709,7 +713,7 @@ impl<C: Chamber> Constants<C> {
         inner_rates: &mut [f64],
         outer_rates: &mut [f64],
     ) -> f64 {
-        let speed = if self.isometric { 0.0 } else { y[SPEED].abs() };
+        let speed = if self.motion == EndMotion::Fixed { 0.0 } else { y[SPEED].abs() };
         let outer_coefficient = self.outer_w_m2_k + self.outer_per_speed * speed;
         let mut to_ambient = 0.0;
         let temperatures = self.inner(y).iter().zip(self.outer(y));
@@ -932,6 +936,25 @@ impl<C: Chamber + Copy + Send> Full<C> {
             ..Truth::default()
         };
         self.sensors.read(&mut self.truth);
+    }
+}
+
+impl<C: Chamber + Copy + Send> DrivenEnd for Full<C> {
+    fn drive_end(&mut self, speed_m_s: f64) {
+        self.constants.motion = EndMotion::Driven(speed_m_s);
+        self.state[SPEED] = -speed_m_s;
+    }
+
+    fn tension_n(&self) -> f64 {
+        let Self { constants, state, .. } = self;
+        let (pressure, _) = self.place;
+        let softening = constants.softening.factor(self.truth.wall_temperature_k);
+        let end = constants.ends.moving(self.falling);
+        let pressed = constants.pressed.factor(pressure - constants.pull.ambient_pa);
+        let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening, pressed);
+        let creep_n = constants.hysteresis.creep_n(&state[FAST..=SLOW]);
+        let held_n = drag.force + constants.slip_n(state, pressure, softening) + creep_n;
+        constants.pull.force(pressure, state[LENGTH]) - held_n
     }
 }
 

@@ -6,7 +6,7 @@
 
 use super::pull::Pressed;
 use thermyo_compute::math;
-use thermyo_scenario::{PlantKind, Scenario};
+use thermyo_scenario::{Friction, PlantKind, Scenario};
 
 /// Number of creeping arms.
 pub const ARMS: usize = 2;
@@ -89,6 +89,15 @@ impl Hysteresis {
 }
 
 impl Slip {
+    /// Dry friction with its presliding.
+    pub fn coulomb(friction: &Friction) -> Self {
+        Self {
+            force_n: friction.force_n,
+            stiffness_n_m: friction.presliding_stiffness_n_m,
+            pressed: Pressed::new(friction.pressure_factor),
+        }
+    }
+
     /// Force at which it slips \[N\], at a gauge pressure \[Pa\] and a factor for the wall's temperature.
     pub fn limit(&self, gauge_pa: f64, softening: f64) -> f64 {
         softening * self.force_n * self.pressed.factor(gauge_pa)
@@ -121,28 +130,43 @@ impl Slip {
 /// How far an arm's stretch has closed after a time, and what a way within that time adds to it if its
 /// speed was constant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Elapsed([(f64, f64); ARMS]);
+pub struct Elapsed {
+    /// The time \[s\].
+    duration: f64,
+    arms: [(f64, f64); ARMS],
+}
 
 impl Elapsed {
     /// No time.
-    pub const NONE: Self = Self([(1.0, 1.0); ARMS]);
+    pub const NONE: Self = Self { duration: 0.0, arms: [(1.0, 1.0); ARMS] };
 
     pub fn new(hysteresis: &Hysteresis, duration: f64) -> Self {
-        Self(hysteresis.creep.map(|arm| {
+        let arms = hysteresis.creep.map(|arm| {
             let share = duration * arm.per_s;
             let closed = -math::expm1(-share);
             (1.0 - closed, closed / share)
-        }))
+        });
+        Self { duration, arms }
+    }
+
+    /// The time \[s\].
+    pub fn duration(&self) -> f64 {
+        self.duration
     }
 
     /// Stretches \[m\] after a way \[m\].
     pub fn stretches(&self, from: &[f64; ARMS], way: f64) -> [f64; ARMS] {
-        std::array::from_fn(|i| self.0[i].0 * from[i] + self.0[i].1 * way)
+        std::array::from_fn(|i| self.arms[i].0 * from[i] + self.arms[i].1 * way)
     }
 
     /// Slope of the arms' force over that way \[N/m\].
     pub fn slope(&self, hysteresis: &Hysteresis) -> f64 {
-        hysteresis.creep.iter().zip(&self.0).map(|(arm, (_, gain))| arm.stiffness_n_m * gain).sum()
+        hysteresis
+            .creep
+            .iter()
+            .zip(&self.arms)
+            .map(|(arm, (_, gain))| arm.stiffness_n_m * gain)
+            .sum()
     }
 }
 

@@ -15,6 +15,7 @@ mod full;
 pub mod gas;
 pub mod heat;
 pub mod hysteresis;
+pub mod joint;
 mod lag;
 mod line;
 mod local_power;
@@ -29,7 +30,7 @@ mod start;
 mod vessel;
 pub mod zones;
 
-pub use build::{build, build_driven_by_flows};
+pub use build::{build, build_driven_by_flows, build_driven_end};
 use chamber::Chamber;
 use model_core::Command;
 use piping::Piping;
@@ -218,6 +219,15 @@ pub trait Plant: Send {
     fn axial_gas_k(&self) -> Vec<f64>;
 }
 
+/// A muscle, cylinder or table whose end a mechanism moves.
+pub trait DrivenEnd: Plant {
+    /// The length changes at this rate from the next step on \[m/s\]. What held it until then does not
+    /// any more: friction, slip and creep act on the mechanism.
+    fn drive_end(&mut self, speed_m_s: f64);
+    /// Force that pulls the ends together now, friction included; negative where it pushes \[N\].
+    fn tension_n(&self) -> f64;
+}
+
 /// Shortest integration step of a muscle, a thousandth of the usual one: a simulated second takes
 /// minutes \[s\].
 const SHORTEST_STEP_S: f64 = 1.0e-7;
@@ -237,6 +247,8 @@ pub enum BuildError {
         /// The volume \[m3\].
         volume_m3: f64,
     },
+    /// A vessel has no end that a mechanism could move.
+    NoEnd,
     /// The plant is so fast that a run would not end.
     TooFast {
         /// Required integration step, below 1e-7 \[s\].
@@ -255,6 +267,7 @@ impl fmt::Display for BuildError {
                     "the vessel's volume at {time_s} s is {volume_m3} m3; it must be positive"
                 )
             }
+            Self::NoEnd => f.write_str("plant.kind = \"vessel\" has no end that moves"),
             Self::TooFast { asked_s, because } => write!(
                 f,
                 "{because}: it asks for integration steps of {asked_s:.1e} s, at least {SHORTEST_STEP_S:.0e} s are taken"

@@ -8,9 +8,10 @@
 
 use super::chamber::Chamber;
 use super::closure::Closure;
+use super::end::EndMotion;
 use super::flow::Streams;
 use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, Stirred};
-use super::hysteresis::{ARMS, Elapsed, Hysteresis};
+use super::hysteresis::{ARMS, Elapsed, Hysteresis, Slip};
 use super::local_power::LocalPower;
 use super::ode::rk4;
 use super::piping::{Disturbance, Piping};
@@ -18,11 +19,11 @@ use super::pull::{Pressed, Pull, Softening};
 use super::sensors::{Exposure, Sensors};
 use super::start::Start;
 use super::{
-    Actuation, BuildError, Diverged, Ledger, Plant, Substeps, Truth, check_gas, check_length,
-    work_through,
+    Actuation, BuildError, Diverged, DrivenEnd, Ledger, Plant, Substeps, Truth, check_gas,
+    check_length, work_through,
 };
 use thermyo_compute::math;
-use thermyo_scenario::{LoadKind, Scenario};
+use thermyo_scenario::Scenario;
 
 /// Longest integration step \[s\].
 const LONGEST_STEP_S: f64 = 0.002;
@@ -54,7 +55,8 @@ struct Constants<C> {
     closure: Closure,
     pull: Pull<C>,
     hysteresis: Hysteresis,
-    isometric: bool,
+    motion: EndMotion,
+    coulomb: Slip,
     piping: Piping,
     /// The actuation is the mass flows themselves \[kg/s\], not the openings of the valves.
     given_flows: bool,
@@ -141,10 +143,18 @@ impl Play {
     ) -> Place {
         let Constants { pull, hysteresis, .. } = constants;
         let mut place = Place { pressure: w * self.held.power, ..self.held };
-        if constants.isometric {
-            return place;
-        }
         let (memory, from) = (self.memory, place.length);
+        match constants.motion {
+            EndMotion::Free => (),
+            EndMotion::Fixed => return place,
+            EndMotion::Driven(speed_m_s) => {
+                let length = from + speed_m_s * elapsed.duration();
+                let volume = pull.chamber.volume(length);
+                let power = self.power.at(volume);
+                let held = memory.held(hysteresis, elapsed, from, length);
+                return Place { length, volume, power, pressure: w * power, held, ..place };
+            }
+        }
         place.held = memory.held(hysteresis, elapsed, from, from);
         let held_n = place.held.slip_n + place.held.creep_n;
         let excess = pull.force(place.pressure, place.length) - held_n - pull.load_n;
@@ -229,7 +239,8 @@ impl<C: Chamber> Constants<C> {
             substeps: Substeps::ONE,
             closure,
             hysteresis: Hysteresis::of(scenario),
-            isometric: scenario.load.kind == LoadKind::Isometric,
+            motion: EndMotion::of(scenario),
+            coulomb: Slip::coulomb(&scenario.friction),
             piping: Piping::new(scenario, &closure.gas),
             given_flows: false,
             heat: InnerHeat::of_chamber(scenario, diameter_m, gas_m),
@@ -286,6 +297,9 @@ impl<C: Chamber> Constants<C> {
     /// dL/dt while sliding: the balance of forces, differentiated. The drift of friction with the
     /// wall's temperature is left out; it is below 1e-4 of the speed.
     fn speed(&self, place: &Place, w_rate: f64) -> f64 {
+        if let EndMotion::Driven(speed_m_s) = self.motion {
+            return speed_m_s;
+        }
         if !(place.may_contract || place.may_extend) {
             return 0.0;
         }
@@ -320,7 +334,9 @@ impl<C: Chamber> Constants<C> {
         let heat = closure.heat_of_streams(&streams, temperature, convective);
         let outer = self.outer_w_m2_k + self.outer_per_speed * speed;
         let to_ambient = outer * surface * (y[WALL] - self.piping.ambient().1);
-        let friction = friction * speed;
+        // Where a mechanism drives the end, the heat follows from the play.
+        let is_driven = matches!(self.motion, EndMotion::Driven(_));
+        let friction = if is_driven { 0.0 } else { friction * speed };
         let friction_to_wall = self.friction_to_wall * friction;
         let mut rates = [0.0; STATES];
         rates[MASS] = streams.net();
@@ -345,6 +361,8 @@ pub struct Lumped<C> {
     steps: u64,
     state: [f64; STATES],
     play: Play,
+    /// Where a mechanism drives the end: the length at which dry friction is zero \[m\].
+    slider: f64,
     work_j: f64,
     stirred: Stirred,
     film: Film,
@@ -373,6 +391,7 @@ impl<C: Chamber + Copy> Lumped<C> {
             steps: 0,
             state,
             play: Play::begin(length, volume, pressure, exponent),
+            slider: length,
             work_j: 0.0,
             stirred: Stirred::default(),
             film: Film::default(),
@@ -416,7 +435,13 @@ impl<C: Chamber + Copy> Lumped<C> {
         });
         let end = play.place(constants, self.state[W], friction_at(self.state[WALL]), &whole);
         play.held = end;
-        let lost = play.memory.advance(&constants.hysteresis, &whole, [start, middle, end]);
+        let mut lost = play.memory.advance(&constants.hysteresis, &whole, [start, middle, end]);
+        if let EndMotion::Driven(_) = constants.motion {
+            let coulomb_n = friction_at(self.state[WALL]);
+            let (slider, heat) = constants.coulomb.settle(self.slider, end.length, coulomb_n);
+            self.slider = slider;
+            lost += heat;
+        }
         let to_wall = constants.friction_to_wall * lost;
         self.state[FRICTION] += lost;
         self.state[FRICTION_TO_WALL] += to_wall;
@@ -465,14 +490,27 @@ impl<C: Chamber + Copy> Lumped<C> {
             flow_out_kg_s: rates[MASS_OUT],
             gas_temperature_k: temperature,
             wall_temperature_k: state[WALL],
-            friction_n: if constants.isometric {
-                0.0
-            } else {
-                slip_n + excess.clamp(-limit, limit)
+            friction_n: match constants.motion {
+                EndMotion::Fixed => 0.0,
+                EndMotion::Free => slip_n + excess.clamp(-limit, limit),
+                EndMotion::Driven(_) => {
+                    slip_n + constants.coulomb.force(self.slider, place.length, limit)
+                }
             },
             ..Truth::default()
         };
         self.sensors.read(&mut self.truth);
+    }
+}
+
+impl<C: Chamber + Copy + Send> DrivenEnd for Lumped<C> {
+    fn drive_end(&mut self, speed_m_s: f64) {
+        self.constants.motion = EndMotion::Driven(speed_m_s);
+    }
+
+    fn tension_n(&self) -> f64 {
+        let Place { pressure, length, held, .. } = self.play.held;
+        self.constants.pull.force(pressure, length) - held.creep_n - self.truth.friction_n
     }
 }
 

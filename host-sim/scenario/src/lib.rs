@@ -10,6 +10,7 @@ mod declare;
 pub mod document;
 pub mod fault_rules;
 pub mod geometry;
+pub mod joint;
 pub mod key;
 mod number;
 pub mod preset;
