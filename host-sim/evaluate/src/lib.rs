@@ -5,6 +5,7 @@ pub mod control_observed;
 pub mod control_page;
 pub mod estimator;
 pub mod faults;
+pub mod joint;
 pub mod pid;
 pub mod plants;
 pub mod recording;

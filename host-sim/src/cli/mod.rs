@@ -13,6 +13,7 @@ mod fmu;
 mod folded;
 mod init;
 mod interrupt;
+mod joint;
 mod log;
 mod measure;
 mod muscle;
@@ -53,6 +54,7 @@ use thermyo_identify::motion;
 use thermyo_identify::static_map;
 use thermyo_identify::static_map::Readings;
 use thermyo_identify::{IdentifyError, identify_table};
+use thermyo_joint::JointLoaded;
 use thermyo_logs::Logs;
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::board_trace::every_column;
@@ -425,6 +427,9 @@ fn check_command(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
+    if let Some(joint) = joint_in(path, format, err)? {
+        return joint::check(&joint, format, out);
+    }
     let loaded = load(path, format, err)?;
     // Steps that would be too short are found only when the plant is built.
     thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
@@ -433,14 +438,32 @@ fn check_command(
     format.done(out, &both, &thermyo_setup::render(&loaded))
 }
 
-/// Loads a scenario; prints its warnings, and a note if the built-in file is used.
-fn load(path: &Path, format: FormatArgs, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
-    let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
+/// The scenario of a joint, if the file is one.
+fn joint_in(
+    path: &Path,
+    format: FormatArgs,
+    stderr: &mut dyn Write,
+) -> Result<Option<JointLoaded>, Failure> {
+    let loaded = thermyo_joint::load(path)?;
+    if loaded.is_some() {
+        note_shipped(path, format, stderr);
+    }
+    Ok(loaded)
+}
+
+/// Prints a note if the built-in file is used.
+fn note_shipped(path: &Path, format: FormatArgs, stderr: &mut dyn Write) {
     if shipped::instead_of(path).is_some() {
         let path = path.display();
         let note = format!("thermyo: {path} is not here: the one inside this program is used");
         format.note(stderr, &note);
     }
+}
+
+/// Loads a scenario; prints its warnings, and a note if the built-in file is used.
+fn load(path: &Path, format: FormatArgs, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
+    let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
+    note_shipped(path, format, stderr);
     for warning in warnings {
         let _ = writeln!(stderr, "thermyo: warning: {warning}");
     }
@@ -452,6 +475,9 @@ fn run_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
+    if let Some(joint) = joint_in(&args.scenario, args.output.format, stderr)? {
+        return joint::run(&joint, args, stdout, stderr);
+    }
     let loaded = load(&args.scenario, args.output.format, stderr)?;
     let duration_s = loaded.plant.run.duration_s;
     let measured = match &args.measured {
