@@ -73,8 +73,10 @@ fn shared(text: &str) -> String {
 
 fn push(text: &mut String, name: &str, table: &Table, values: &impl Serialize) {
     let values = toml::Table::try_from(values).unwrap_or_default();
-    let _ =
-        write!(text, "{}[{name}]  # {}\n", if text.is_empty() { "" } else { "\n" }, table.meaning);
+    if !text.is_empty() {
+        text.push('\n');
+    }
+    let _ = writeln!(text, "[{name}]  # {}", table.meaning);
     for key in table.keys {
         let _ = match values.get(key.name) {
             Some(value) => writeln!(text, "{} = {value}  # {}", key.name, key.comment()),

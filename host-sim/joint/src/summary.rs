@@ -108,7 +108,10 @@ impl Accumulator {
         for (i, muscle) in telemetry.muscles.iter().enumerate() {
             let plant = &truth.muscles[i];
             self.highest_pa[i] = self.highest_pa[i].max(plant.pressure_pa);
-            let squared = |value: f64| (value - plant.gas_temperature_k).powi(2);
+            let squared = |value: f64| {
+                let error = value - plant.gas_temperature_k;
+                error * error
+            };
             self.estimate_k2[i] += squared(f64::from(muscle.estimate.gas_k));
             self.sensor_k2[i] += squared(row.sensor_gas_k[i]);
             self.found[i] |= muscle.faults.0;

@@ -135,9 +135,7 @@ impl Joint {
     pub fn new(arm: Arm, scenarios: [&Scenario; 2], angle_rad: f64) -> Result<Self, BuildError> {
         let [a, b] = scenarios;
         let step_s = a.run.step_s;
-        let swing = scenarios.map(|scenario| spring_n_m(scenario)).iter().sum::<f64>()
-            * arm.radius_m
-            * arm.radius_m;
+        let swing = scenarios.map(spring_n_m).iter().sum::<f64>() * arm.radius_m * arm.radius_m;
         let bearing = arm.friction_n_m / PRESLIDING_RAD;
         let gravity = arm.gravity_n_m;
         let fastest = ((swing + bearing + gravity) / arm.inertia_kg_m2).sqrt();

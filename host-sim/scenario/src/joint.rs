@@ -41,6 +41,7 @@ table! {
     "joint.controller", "tuning of the joint's controller", believed;
     JointController as joint::JointTuning {
         core reference_rad_s;
+        core reference_speed_rad_s;
         core reference_torque_n_m;
         core stiffness_rate_n_m_rad_s;
         core gain_n_m_rad;
@@ -246,9 +247,10 @@ fn own_tables(text: &str, origin: &Path) -> Result<Own, InputError> {
     })?;
     let mut found = Own::default();
     for (path, table) in &OWN {
-        let parts = path.split('.');
-        let below =
-            parts.fold(Some(root.get_ref()), |table, part| table?.get(part)?.get_ref().as_table());
+        let mut below = Some(root.get_ref());
+        for part in path.split('.') {
+            below = below.and_then(|table| table.get(part)?.get_ref().as_table());
+        }
         for (name, value) in below.into_iter().flatten() {
             let full = format!("{path}.{}", name.get_ref());
             if OWN.iter().any(|(own, _)| *own == full) {

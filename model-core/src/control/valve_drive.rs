@@ -183,7 +183,7 @@ impl FlowDrive {
 }
 
 /// Mass flow of the open valve that moves a mass in this direction \[kg/s\].
-pub(super) fn open_kg_s(config: &Config, mass_kg: f32, muscle: Reservoir) -> f32 {
+pub(crate) fn open_kg_s(config: &Config, mass_kg: f32, muscle: Reservoir) -> f32 {
     let (upstream, downstream) = if mass_kg > 0.0 {
         (config.supply.into(), muscle)
     } else {

@@ -30,18 +30,19 @@ parameters! {
     /// Tuning of the joint's controller.
     "joint": JointTuning {
         reference_rad_s: 30.0, "rad/s", 0.1 to 1.0e3, "natural frequency of the angle's reference";
-        reference_torque_n_m: 3.5, "N m", 1.0e-3 to 1.0e6, "torque that accelerates the reference, at most";
+        reference_speed_rad_s: 4.0, "rad/s", 1.0e-3 to 1.0e3, "fastest speed of the reference";
+        reference_torque_n_m: 2.5, "N m", 1.0e-3 to 1.0e6, "torque that accelerates the reference beside the set point's own acceleration, at most";
         stiffness_rate_n_m_rad_s: 100.0, "N m/(rad s)", 1.0e-3 to 1.0e6, "fastest change of the stiffness";
-        gain_n_m_rad: 15.0, "N m/rad", 0.0 to 1.0e5, "torque per error of the angle, beside the gas's own stiffness";
-        damping_per_s: 20.0, "1/s", 0.0 to 1.0e3, "torque per error of the speed and inertia";
-        integral_n_m_rad_s: 60.0, "N m/(rad s)", 0.0 to 1.0e6, "torque per error of the angle and time";
+        gain_n_m_rad: 12.0, "N m/rad", 0.0 to 1.0e5, "torque per error of the angle, beside the gas's own stiffness";
+        damping_per_s: 15.0, "1/s", 0.0 to 1.0e3, "torque per error of the speed and inertia";
+        integral_n_m_rad_s: 120.0, "N m/(rad s)", 0.0 to 1.0e6, "torque per error of the angle and time";
         integral_limit_n_m: 2.0, "N m", 0.0 to 1.0e6, "most of it, either way";
-        observer_rad_s: 40.0, "rad/s", 0.1 to 1.0e3, "three poles of the observer of speed and disturbance";
-        observer_share: 0.9, "", 0.0 to 1.0, "share of the observed disturbance that is compensated";
+        observer_rad_s: 50.0, "rad/s", 0.1 to 1.0e3, "three poles of the observer of speed and disturbance";
+        observer_share: 0.8, "", 0.0 to 1.0, "share of the observed disturbance that is compensated";
         mass_loop_s: 0.014, "s", 1.0e-3 to 10.0, "time in which the gas masses close an error";
         quiet_n_m: 0.02, "N m", 0.0 to 1.0e3, "torque for which no pulse is given";
-        waits_n_m: 0.12, "N m", 0.0 to 1.0e3, "torque for which a muscle has no pulse in two periods after each other";
-        dead_zone_rad: 0.002, "rad", 0.0 to 1.0, "error of the angle that is left alone at rest";
+        waits_n_m: 0.2, "N m", 0.0 to 1.0e3, "torque for which a muscle has no pulse in two periods after each other";
+        dead_zone_rad: 0.003, "rad", 0.0 to 1.0, "error of the angle that is left alone at rest";
         dead_zone_stiffness: 0.02, "", 0.0 to 1.0, "the same of the stiffness, share of it";
     }
 }

@@ -16,7 +16,7 @@ use super::reference::{Motion, Reference};
 use super::set_point::JointSetPoint;
 use crate::config::Config;
 use crate::control::chamber_port::{ChamberPort, Feedback};
-use crate::control::valve_drive::FlowDrive;
+use crate::control::valve_drive::{FlowDrive, open_kg_s};
 use crate::math::{absolute, limit, sin};
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::hysteresis::{Held, Law};
@@ -28,6 +28,8 @@ const CALM_PERIODS: u8 = 5;
 const HYSTERESIS: f32 = 1.5;
 /// How far a small pulse looks ahead of its period, in periods \[-\].
 const AHEAD: f32 = 0.5;
+/// Share of an open period's gas up to which two periods' fit into one \[-\].
+const FITS: f32 = 0.5;
 /// Dry friction of a bearing builds up over this way: assumed \[rad\].
 const BEARING_RAD: f32 = 0.005;
 
@@ -92,18 +94,29 @@ impl Side {
             let change_m3 = to_m3 - self.given_m3 + missing_m3;
             port.mass_kg(change_pa, change_m3) + port.leaked_kg - port.in_flight_kg
         };
-        let size_kg = absolute(asked_kg(next_pa, next_m3));
+        let first_kg = asked_kg(next_pa, next_m3);
+        let size_kg = absolute(first_kg);
         let waits_kg = port.mass_kg(waits_pa, 0.0);
-        if size_kg < port.mass_kg(quiet_pa, 0.0) || (self.pulsed && size_kg < waits_kg) {
+        let open_kg = port.period_s * open_kg_s(config, first_kg, feedback.muscle());
+        // Two periods' gas fits into one.
+        let fits = size_kg < FITS * open_kg;
+        let waits = self.pulsed && fits && size_kg < waits_kg;
+        if waits || size_kg < port.mass_kg(quiet_pa, 0.0) {
             self.pulsed = false;
             return self.drive.closed();
         }
-        // A small pulse is for the period after it too, in its mean.
-        let ahead = if size_kg < 2.0 * waits_kg { AHEAD } else { 0.0 };
-        let (to_pa, to_m3) = (next_pa + ahead * way_pa, next_m3 + ahead * way_m3);
-        let asked_kg = asked_kg(to_pa, to_m3);
-        (self.given_pa, self.given_m3) = (to_pa, to_m3);
         self.pulsed = true;
+        // A small pulse is for the period after it too, in its mean; one that nearly fills its period lasts.
+        let ahead = if fits && size_kg < 2.0 * waits_kg { AHEAD } else { 0.0 };
+        let (to_pa, to_m3) = (next_pa + ahead * way_pa, next_m3 + ahead * way_m3);
+        let mut asked_kg = asked_kg(to_pa, to_m3);
+        (self.given_pa, self.given_m3) = (to_pa, to_m3);
+        let early_kg = open_kg - size_kg;
+        if !fits && early_kg > 0.0 && early_kg < waits_kg {
+            let sign = if asked_kg > 0.0 { 1.0 } else { -1.0 };
+            asked_kg = sign * open_kg;
+            self.given_pa += sign * waits_pa * early_kg / waits_kg;
+        }
         let room_kg = port.mass_kg(config.working_limit_pa() - port.pressure_pa, 0.0);
         let mass_kg = limit(asked_kg, f32::MIN, limit(room_kg, 0.0, 1.0));
         self.drive.mass(config, mass_kg, feedback.muscle())
@@ -363,7 +376,10 @@ impl JointController {
             + gain_n_m_rad * error_rad
             + self.integral_n_m
             - observer_share * self.observer.disturbance_n_m;
-        let lengths_m = self.mechanism.lengths_m(next.angle_rad);
+        // A pulse is late by the valve's dead time and half of its stroke.
+        let [Measured { config, .. }, _] = muscles;
+        let late_s = config.valve.dead_time_s + 0.5 * config.valve.switch_time_s;
+        let lengths_m = self.mechanism.lengths_m(next.angle_rad + late_s * next.speed_rad_s);
         let mut lines = self.lines;
         for (((line, side), muscle), length_m) in
             lines.iter_mut().zip(&self.sides).zip(muscles).zip(lengths_m)

@@ -7,7 +7,7 @@ use crate::step_counts::StepCounts;
 /// Way from where it was armed, after which the direction is judged: 3 deg \[rad\].
 const JUDGED_RAD: f32 = 0.052;
 /// Torque against which a load may move a healthy joint, share of the torque limit \[-\].
-const LOADED: f32 = 0.125;
+const LOADED: f32 = 0.5;
 /// Part of a rail's way that counts as on a stop \[rad\].
 const STOP_RAD: f32 = 0.02;
 
@@ -131,7 +131,7 @@ impl Guard {
             // From rest the muscles have done the work of the motion, up to that of a load.
             let loaded_n_m = LOADED * self.torque_limit_n_m + 0.5 * now.coulomb_n_m;
             wrong = self.work_j < -loaded_n_m * way_rad;
-            self.confirmed = !wrong;
+            self.confirmed = self.work_j > 0.0;
         }
         let [least_rad, most_rad] = self.stops_rad;
         let free = now.angle_rad > least_rad && now.angle_rad < most_rad;
@@ -157,10 +157,10 @@ mod tests {
         Motions { angle_rad, torque_n_m, coulomb_n_m: 0.6, disturbance_n_m }
     }
 
-    /// Found within 5 deg; a load of a quarter of a newton metre may move it a little.
+    /// Found within 5 deg; a load of half the torque limit may move it.
     #[test]
     fn a_motion_against_the_torque_is_the_wrong_way() {
-        for (torque_n_m, expected) in [(1.5, true), (-1.5, false), (0.5, false)] {
+        for (torque_n_m, expected) in [(2.5, true), (-1.5, false), (2.0, false)] {
             let mut guard = guard();
             let found = (0..500).find_map(|step| {
                 let angle_rad = 0.1 - 0.001 * step as f32;

@@ -423,3 +423,107 @@ impl Joint {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::CODE_MAX;
+
+    /// 120 kPa in both muscles, at angle 0.
+    const HEALTHY: JointSample = JointSample {
+        pressure: [RawCode::Adc(AdcCode(7770)); 2],
+        gas: [RawCode::Adc(AdcCode(15_950)); 2],
+        angle: AdcCode(16_400),
+        emergency_stop: false,
+        heard: true,
+        flooded: false,
+        missed_steps: 0,
+    };
+    const FILLING: JointSetPoint = JointSetPoint::Duty { inlet: [0.5; 2], outlet: [0.0; 2] };
+
+    /// Codes that are alive.
+    fn alive(step: u16) -> JointSample {
+        let code = |code: u16| AdcCode(code + step % 2);
+        JointSample {
+            pressure: [code(7770).into(), code(7770).into()],
+            angle: code(16_400),
+            ..HEALTHY
+        }
+    }
+
+    /// A joint that fills both muscles.
+    fn filling() -> Joint {
+        let mut joint = Joint::new(&JointConfig::default()).unwrap();
+        while joint.step(&HEALTHY).mode == JointMode::StartupCheck {}
+        joint.set(FILLING).unwrap();
+        for step in 0..30 {
+            joint.step(&alive(step));
+        }
+        assert_eq!(joint.step(&alive(0)).mode, JointMode::Duty);
+        joint
+    }
+
+    /// Steps until both vent with that sample. Until then neither does.
+    fn vents_after(joint: &mut Joint, broken: impl Fn(JointSample) -> JointSample) -> Option<u16> {
+        (0..200).find(|step| {
+            let [a, b] = joint.step(&broken(alive(*step))).commands();
+            assert_eq!(a == Command::VENT, b == Command::VENT, "step {step}");
+            a == Command::VENT
+        })
+    }
+
+    #[test]
+    fn what_vents_one_muscle_vents_both_in_the_same_step() {
+        for side in 0..2 {
+            let mut joint = filling();
+            let found = vents_after(&mut joint, |mut sample| {
+                sample.pressure[side] = AdcCode(0).into();
+                sample
+            });
+            assert_eq!(found, Some(9), "muscle {side}");
+            assert!(!joint.is_armed());
+            assert!(matches!(joint.set(FILLING), Err(JointError::Faults(..))));
+        }
+        let stop = |sample| JointSample { emergency_stop: true, ..sample };
+        assert_eq!(vents_after(&mut filling(), stop), Some(0));
+    }
+
+    #[test]
+    fn a_lost_angle_vents_and_stays_latched() {
+        let mut joint = filling();
+        let open = |sample| JointSample { angle: AdcCode(CODE_MAX), ..sample };
+        assert_eq!(vents_after(&mut joint, open), Some(0));
+        let telemetry = joint.step(&HEALTHY);
+        assert_eq!(telemetry.faults, JointFaults::ANGLE_SENSOR);
+        assert!(joint.arm().is_err());
+        joint.clear_faults();
+        assert_eq!(joint.set(FILLING), Err(JointError::NotArmed));
+        assert_eq!(joint.arm(), Ok(()));
+        assert_eq!(joint.set(FILLING), Ok(()));
+    }
+
+    /// Nothing is driven before the sensors are tested, nor after it was disarmed.
+    #[test]
+    fn it_vents_until_it_may_drive() {
+        let mut joint = Joint::new(&JointConfig::default()).unwrap();
+        joint.set(FILLING).unwrap();
+        let first = joint.step(&HEALTHY);
+        assert_eq!(first.mode, JointMode::StartupCheck);
+        assert_eq!(first.commands(), [Command::VENT; 2]);
+        while joint.step(&HEALTHY).mode == JointMode::StartupCheck {}
+        assert_ne!(joint.step(&HEALTHY).commands(), [Command::VENT; 2], "a set point waited");
+        joint.disarm();
+        assert_eq!(joint.step(&HEALTHY).commands(), [Command::VENT; 2]);
+        assert_eq!(joint.set(FILLING), Err(JointError::NotArmed));
+    }
+
+    #[test]
+    fn both_lengths_follow_from_the_angle() {
+        let mut joint = filling();
+        let telemetry = joint.step(&JointSample { angle: AdcCode(23_000), ..HEALTHY });
+        let [a, b] = telemetry.muscles.map(|muscle| muscle.length_m);
+        let way_m = 0.02 * telemetry.angle_rad;
+        assert!((0.4..0.5).contains(&telemetry.angle_rad), "{}", telemetry.angle_rad);
+        assert!((a - 0.27 + way_m).abs() < 1e-6 && (b - 0.27 - way_m).abs() < 1e-6, "{a} {b}");
+    }
+}

@@ -35,7 +35,7 @@ impl Motion {
     }
 }
 
-/// A critically damped follower of second order. A set point that comes with its speed and acceleration is followed
+/// A critically damped follower of second order. It is limited in what it adds to the set point's own acceleration. A set point that comes with its speed and acceleration is followed
 /// without lag.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
@@ -73,9 +73,12 @@ impl Reference {
             + mean_rad_s2;
         let acceleration = pulled / (1.0 + wt * (2.0 + 0.5 * wt));
         let most = tuning.reference_torque_n_m / mechanism.inertia_kg_m2;
-        let speed = now.speed_rad_s + acceleration * period_s;
+        let fastest = tuning.reference_speed_rad_s;
+        let speed = limit(now.speed_rad_s + acceleration * period_s, -fastest, fastest);
+        let acceleration = (speed - now.speed_rad_s) / period_s;
         // Gaining speed is limited, braking is not: it must not run past its target.
-        let limited = limit(acceleration, -most, most);
+        // So much beside the set point's own.
+        let limited = limit(acceleration, mean_rad_s2 - most, mean_rad_s2 + most);
         let gains = absolute(speed) > absolute(now.speed_rad_s);
         let acceleration = if gains { limited } else { acceleration };
         let speed_rad_s = now.speed_rad_s + acceleration * period_s;
@@ -124,7 +127,7 @@ mod tests {
         assert!((early.motion.stiffness_n_m_rad - 17.0).abs() < 1e-3, "1 N m/rad a period");
     }
 
-    /// 5 Hz, 3 deg: with its derivatives the error stays below 2 %.
+    /// 5 Hz, 3 deg: with its derivatives the error stays below 3 %.
     #[test]
     fn a_motion_with_its_derivatives_is_followed() {
         let w = 31.4_f64;
@@ -135,11 +138,13 @@ mod tests {
             acceleration_rad_s2: (-size * w * w * (w * t).sin()) as f32,
             stiffness_n_m_rad: 14.0,
         };
+        let mut worst = 0.0_f64;
         for periods in [90, 95, 100, 105] {
             let (reference, _) = run(wanted, periods);
             let expected = size * (w * 0.01 * f64::from(periods)).sin();
             let error = f64::from(reference.motion.angle_rad) - expected;
-            assert!(error.abs() < 0.02 * size, "{error} rad after {periods}");
+            worst = worst.max(error.abs());
         }
+        assert!((1e-3..0.03).contains(&(worst / size)), "{worst} rad");
     }
 }
