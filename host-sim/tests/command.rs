@@ -424,6 +424,39 @@ fn check_and_replay_take_json_and_quiet() {
     }
 }
 
+/// Good and bad input of a joint: the scenario of its results is the one that ran.
+#[test]
+fn a_joint_runs_and_leaves_what_it_ran() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[run]\nduration_s = 0.3\n[plant]\nmodel = \"lumped\"\n[joint]\ngravity_n_m = 2\n\
+                [joint.b.muscle]\nbladder_stiffness_n_m = 700\n[believed.joint]\ngravity_n_m = 3\n";
+    let file = scenario(folder.path(), text);
+    let run = |file: &str, name: &str| {
+        let out = folder.path().join(name);
+        let output = thermyo(&["run", file, "--json", "--quiet", "--out", out.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(json["faults"], serde_json::json!([[], [], []]));
+        assert!(out.join("report.html").exists() && out.join("summary.json").exists());
+        fs::read_to_string(out.join("joint_trace.csv")).unwrap()
+    };
+    let first = run(&file, "first");
+    let header = first.lines().next().unwrap();
+    assert!(header.starts_with("time_s,angle_rad,angle_reference_rad,stiffness_n_m_rad,"));
+    assert_eq!(first.lines().count(), 32);
+    let again = folder.path().join("first/scenario.toml").display().to_string();
+    assert_eq!(first, run(&again, "again"));
+    let bad = scenario(folder.path(), "[joint]\nradius_m = 0.2\n");
+    for arguments in
+        [vec!["run", &bad], vec!["check", &bad], vec!["run", &bad, "--board", "emulated"]]
+    {
+        let output = thermyo(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        let said = stderr_of(&output);
+        assert!(said.contains("joint.mid_length_a_m") && said.lines().count() == 1, "{said}");
+    }
+}
+
 /// Ctrl-C, as a terminal sends it.
 #[cfg(unix)]
 #[test]

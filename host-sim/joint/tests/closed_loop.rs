@@ -27,7 +27,7 @@ fn a_step_arrives_with_its_stiffness_and_rests() {
         let settled = &rows[1500..];
         let worst = settled.iter().map(|row| (row.truth.angle_rad.to_degrees() - 20.0).abs());
         let worst = worst.fold(0.0, f64::max);
-        assert!((1e-3..0.4).contains(&worst), "{model}: {worst} deg");
+        assert!((1e-3..0.5).contains(&worst), "{model}: {worst} deg");
         let off = settled.iter().map(|row| (row.stiffness_n_m_rad / 16.0 - 1.0).abs());
         let off = off.fold(0.0, f64::max);
         assert!((1e-5..0.05).contains(&off), "{model}: {off}");
@@ -77,8 +77,9 @@ fn an_angle_that_goes_the_wrong_way_is_found_within_five_degrees() {
 fn a_torn_tendon_vents_both() {
     let loaded = loaded("model = \"lumped\"\n[joint]\n");
     let rows = run(&loaded, 2.0, |t| Inputs { torn: [t > 1.0, false], ..still(0.0, 14.0) });
-    let vented = rows.iter().find(|row| row.telemetry.faults.intersects(JointFaults::TORQUE));
+    // It also goes the wrong way, if it has not moved before.
+    let vented = rows.iter().find(|row| row.telemetry.faults != JointFaults::NONE);
     let vented = vented.unwrap_or_else(|| panic!("{:?}", rows.last()));
-    assert!((1.1..1.3).contains(&vented.time_s), "{}", vented.time_s);
+    assert!((1.0..1.2).contains(&vented.time_s), "{}", vented.time_s);
     assert_eq!(vented.telemetry.commands(), [Command::VENT; 2]);
 }

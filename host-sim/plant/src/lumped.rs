@@ -133,6 +133,21 @@ impl Play {
         Self { held, memory, guess: length, power: LocalPower::new(-exponent, volume) }
     }
 
+    /// The place for w where a mechanism moves the end from the length held, at a rate \[m/s\].
+    fn driven<C: Chamber>(
+        &mut self,
+        constants: &Constants<C>,
+        w: f64,
+        speed_m_s: f64,
+        elapsed: &Elapsed,
+    ) -> Place {
+        let length = self.held.length + speed_m_s * elapsed.duration();
+        let volume = constants.pull.chamber.volume(length);
+        let power = self.power.at(volume);
+        let held = self.memory.held(&constants.hysteresis, elapsed, self.held.length, length);
+        Place { length, volume, power, pressure: w * power, held, ..self.held }
+    }
+
     /// Length for w and the friction force \[N\], from the length held, that time after.
     fn place<C: Chamber>(
         &mut self,
@@ -147,13 +162,7 @@ impl Play {
         match constants.motion {
             EndMotion::Free => (),
             EndMotion::Fixed => return place,
-            EndMotion::Driven(speed_m_s) => {
-                let length = from + speed_m_s * elapsed.duration();
-                let volume = pull.chamber.volume(length);
-                let power = self.power.at(volume);
-                let held = memory.held(hysteresis, elapsed, from, length);
-                return Place { length, volume, power, pressure: w * power, held, ..place };
-            }
+            EndMotion::Driven(speed) => return self.driven(constants, w, speed, elapsed),
         }
         place.held = memory.held(hysteresis, elapsed, from, from);
         let held_n = place.held.slip_n + place.held.creep_n;
