@@ -70,7 +70,10 @@ fn record(
     let file = out.file("joint_trace.csv")?;
     let unwritable = |error: io::Error| out.unwritable("joint_trace.csv", &error);
     let mut rows = Rows::new(file, &COLUMNS.join(",")).map_err(unwritable)?;
-    let bar = Bar::new((loaded.muscles[0].plant.run.duration_s * 1000.0) as u64, args.output.format.quiet);
+    let bar = Bar::new(
+        (loaded.muscles[0].plant.run.duration_s * 1000.0) as u64,
+        args.output.format.quiet,
+    );
     interrupt::watch();
     let result = thermyo_joint::run(loaded, &mut |row: &Row| {
         rows.push(&cells_text(row.cells()))?;
