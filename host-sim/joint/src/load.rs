@@ -180,7 +180,7 @@ fn muscle(joint: &JointDocument, own: &Document, length_m: f64) -> Result<Loaded
     Ok(held)
 }
 
-/// What the core refuses of the mechanism, as the plant has it and as the core is configured; and set points beyond
+/// Checks the mechanism by the core's rules, as the plant has it and as the core is configured, and set points against
 /// the stops.
 fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputError> {
     let [a, b] = &loaded.muscles;

@@ -48,7 +48,7 @@ impl std::error::Error for RunError {}
 /// Inputs of a step from outside.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inputs {
-    /// What the joint is to do from the next step on.
+    /// Set point from the next step on.
     pub set_point: JointSetPoint,
     /// External torque \[N m\].
     pub load_n_m: f64,

@@ -70,7 +70,7 @@ pub struct ArmLedger {
     pub energy_j: f64,
     /// Work of the tendons of muscles a and b on the arm.
     pub tendon_work_j: [f64; 2],
-    /// What muscles pushed with along slack tendons, and the arm did not get.
+    /// Work with which muscles pushed along slack tendons, and that the arm did not get.
     pub slack_work_j: [f64; 2],
     /// Work of the external torque.
     pub external_work_j: f64,

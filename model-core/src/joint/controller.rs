@@ -44,7 +44,7 @@ struct Side {
     /// Pressure \[Pa\] and volume \[m3\] for which the gas has been given.
     given_pa: f32,
     given_m3: f32,
-    /// Those of the reference at the end of the period before.
+    /// Pressure and volume of the reference at the end of the period before.
     reference_pa: f32,
     reference_m3: f32,
     /// The last period had a pulse.

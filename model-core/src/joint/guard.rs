@@ -67,7 +67,7 @@ impl core::fmt::Display for JointFaults {
     }
 }
 
-/// What is known of the joint in one step.
+/// State of the joint in one step.
 #[derive(Debug, Clone, Copy)]
 pub struct Motions {
     /// Measured angle \[rad\].
