@@ -80,11 +80,11 @@ impl PageRecorder {
             .panel(
                 Panel::new(Axis::new("Torque", "N m"))
                     .height(140.0)
-                    .line("muscles", Colour::Measured, time, self.column("torque_n_m"))
+                    .line("muscles", Colour::Green, time, self.column("torque_n_m"))
                     .line("load", Colour::Orange, time, self.column("load_n_m"))
                     .line(
                         "disturbance (core)",
-                        Colour::Estimate,
+                        Colour::Purple,
                         time,
                         self.column("disturbance_n_m"),
                     ),
