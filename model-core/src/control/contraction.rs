@@ -480,7 +480,7 @@ mod tests {
     }
 
     fn started(config: &Config, feedback: &Feedback) -> ContractionLoop {
-        let gains = Gains::new(&config, PERIOD_S);
+        let gains = Gains::new(config, PERIOD_S);
         ContractionLoop::new(config, &gains, &muscle(), feedback, LOAD_N, 1.0)
     }
 

@@ -185,7 +185,7 @@ mod tests {
             let lines = lines(angle, held);
             let found = allocate(RADIUS_M, &lines, [torque, stiffness], MOST_PA);
             for (line, gauge_pa) in lines.iter().zip(found.gauge_pa) {
-                prop_assert!(gauge_pa >= 0.0 && gauge_pa <= 5.5e5, "{found:?}");
+                prop_assert!((0.0..=5.5e5).contains(&gauge_pa), "{found:?}");
                 prop_assert!(line.area_m2 * gauge_pa >= line.held_n - 0.5, "{found:?}");
             }
             let given = torque_n_m(RADIUS_M, &lines, found.gauge_pa);

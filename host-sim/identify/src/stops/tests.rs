@@ -33,8 +33,8 @@ const STEP_S: f64 = 0.01;
 const LENGTH_M: f64 = 0.26;
 
 fn held() -> Config {
-    let mut config = Config::default();
-    config.load = Load::Isometric { length_m: LENGTH_M as f32 };
+    let load = Load::Isometric { length_m: LENGTH_M as f32 };
+    let mut config = Config { load, ..Config::default() };
     // The gas in fittings and tube is as warm as the rest here.
     if let ChamberConfig::Muscle(muscle) = &mut config.chamber {
         muscle.dead_volume_m3 = 0.0;

@@ -168,7 +168,7 @@ mod tests {
         let difference = compared.differences["pressure_pa"];
         assert_eq!(difference, Difference { mean: 3.0, rms: 3.0, max: 3.0 });
         assert!(
-            text(&[compared.clone()], UnitSystem::Practical)
+            text(std::slice::from_ref(&compared), UnitSystem::Practical)
                 .contains("pressure_pa            RMS 0.00300 kPa")
         );
         assert!(text(&[compared], UnitSystem::Si).contains("pressure_pa            RMS 3.00 Pa"));
