@@ -266,7 +266,9 @@ impl Estimator {
             self.end_interval(measurement);
         } else if self.interval.steps >= FIRST_PART {
             let parts = self.coefficients.counts.parts_per_step;
-            let hurried = left <= self.pending.work.parts() / parts + SPARE_STEPS;
+            // Not a quotient: the optimiser cannot see that `parts` is never 0.
+            let spared = left.saturating_sub(SPARE_STEPS);
+            let hurried = spared.saturating_mul(parts) <= self.pending.work.parts();
             if hurried || !(measurement.busy || moves || exchanges) {
                 for _ in 0..parts {
                     self.work();
