@@ -415,7 +415,7 @@ impl JointController {
     /// One period of the integral.
     fn learn(&mut self, error_rad: f32) {
         let saturated = self.sides.iter().any(|side| side.drive.saturated());
-        if !(saturated || self.limited) {
+        if !saturated {
             let gained_n_m = self.tuning.integral_n_m_rad_s * self.period_s * error_rad;
             let most_n_m = self.tuning.integral_limit_n_m;
             self.integral_n_m = limit(self.integral_n_m + gained_n_m, -most_n_m, most_n_m);
