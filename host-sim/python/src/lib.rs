@@ -5,7 +5,6 @@
 mod board;
 mod core;
 mod error;
-mod experiments;
 mod identify;
 mod muscle;
 mod run;
