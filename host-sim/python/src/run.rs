@@ -52,7 +52,7 @@ pub fn results(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
     let module = MODULE.get_or_try_init(py, || {
         let code = CString::new(include_str!("results.py"))?;
-        let module = PyModule::from_code(py, &code, c"thermyo/results.py", c"thermyo")?;
+        let module = PyModule::from_code(py, &code, c"thermyo/results.py", c"thermyo.results")?;
         let units = PyDict::new(py);
         for name in COLUMNS {
             let Unit { symbol, factor } = Unit::of_column(name);
